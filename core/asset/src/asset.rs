@@ -20,16 +20,23 @@ pub struct Asset {
     pub name: String,
     /// All nodes of the file, parents first. "Joint" indices everywhere else refer to it.
     pub skeleton: Arc<Skeleton>,
+    /// Meshes, which `instances` place; several may show the same one.
     pub meshes: Vec<Arc<Mesh>>,
+    /// Skins of `instances`.
     pub skins: Vec<Skin>,
     /// Mesh instances: the mesh, its node and its skin.
     pub instances: Vec<MeshInstance>,
     /// model-from-model of every placement of the whole character, which is evaluated once for all of them. Empty: where it is cast.
     pub placements: Arc<[Affine3A]>,
+    /// Materials of primitives.
     pub materials: Vec<Material>,
+    /// Images of textures.
     pub images: Vec<Arc<Image>>,
+    /// Cameras of the file, each on a joint.
     pub cameras: Vec<AssetCamera>,
+    /// Lights of the file, each on a joint.
     pub lights: Vec<AssetLight>,
+    /// Animation clips; times begin at the clip's own 0 s.
     pub clips: Vec<Arc<Clip>>,
     /// Named faces, each name once.
     pub expressions: Vec<Expression>,
@@ -69,10 +76,13 @@ pub struct Origin {
 /// Something an importer guessed or left out; `place` is an element path or byte offset (`materials[2]`).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
+    /// Element path or byte offset in the file; may be empty.
     pub place: String,
+    /// The guess or what was left out, in a sentence.
     pub text: String,
 }
 
+/// Joints that deform meshes, with their inverse bind matrices.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Skin {
     /// Skeleton joint of each skin joint.
@@ -81,9 +91,12 @@ pub struct Skin {
     pub inverse_bind: Vec<Mat4>,
 }
 
+/// A mesh at a joint of the skeleton.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeshInstance {
+    /// Joint whose transform places the mesh, where no skin does.
     pub joint: u32,
+    /// Index into the asset's meshes.
     pub mesh: u32,
     /// The skin. If there is one, the node's own transform is ignored (glTF 2.0 §3.7.3.3).
     pub skin: Option<u32>,

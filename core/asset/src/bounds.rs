@@ -8,18 +8,23 @@ use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec3A};
 /// Axis-aligned box; empty where `min > max`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
+    /// Smallest coordinates.
     pub min: Vec3,
+    /// Largest coordinates.
     pub max: Vec3,
 }
 
 impl Aabb {
+    /// The box of no points: its union with another one is the other.
     pub const EMPTY: Aabb = Aabb { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
+    /// Whether it has no points.
     #[inline]
     pub fn is_empty(&self) -> bool {
         !self.min.cmple(self.max).all()
     }
 
+    /// The smallest box around points.
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Aabb {
         let mut all = Aabb::EMPTY;
         points.into_iter().for_each(|p| all.add(p));
@@ -34,6 +39,7 @@ impl Aabb {
         }
     }
 
+    /// The smallest box around both.
     #[inline]
     pub fn union(self, other: Aabb) -> Aabb {
         Aabb { min: self.min.min(other.min), max: self.max.max(other.max) }
@@ -64,6 +70,7 @@ impl Aabb {
         Aabb { min: (moved - reach).into(), max: (moved + reach).into() }
     }
 
+    /// Its eight vertices.
     #[inline]
     pub fn corners(&self) -> [Vec3; 8] {
         std::array::from_fn(|i| {
@@ -79,11 +86,14 @@ impl Aabb {
 /// A box in world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DAabb {
+    /// Smallest coordinates, metres.
     pub min: DVec3,
+    /// Largest coordinates, metres.
     pub max: DVec3,
 }
 
 impl DAabb {
+    /// The box of no points.
     pub const EMPTY: DAabb = DAabb { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
 
     /// Points that are not finite add nothing.
@@ -94,6 +104,7 @@ impl DAabb {
         }
     }
 
+    /// Whether it has no points.
     pub fn is_empty(&self) -> bool {
         !self.min.cmple(self.max).all()
     }
@@ -112,6 +123,7 @@ impl DAabb {
 /// The reach of one mesh instance from the joints that move it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InstanceBounds {
+    /// The boxes, one for each joint that moves vertices.
     pub parts: Vec<BoundsPart>,
     /// (primitive, vertex) of the vertices that reach farthest from each joint in 14 directions: with them posed, a still
     /// image of the instance is framed more closely than by boxes, and all but exactly. Sorted. Empty where morphs move them,
@@ -119,6 +131,7 @@ pub struct InstanceBounds {
     pub outline: Vec<(u32, u32)>,
 }
 
+/// The vertices that one joint moves.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BoundsPart {
     /// Joint of the asset's skeleton.

@@ -7,56 +7,78 @@ use glam::{Vec2, Vec4};
 /// A named face: `happy`, `aa`, `blink`. Its weight is 0..=1; at 1 it adds its binds to the morph weights.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Expression {
+    /// Name in the file.
     pub name: String,
     /// All or nothing: a weight above 0.5 is 1, any other 0.
     pub binary: bool,
+    /// The kind of expression, which says what it excludes.
     pub group: ExpressionGroup,
+    /// Morph targets that it moves.
     pub morphs: Vec<MorphBind>,
+    /// Colors that it changes.
     pub colors: Vec<ColorBind>,
+    /// Textures that it moves.
     pub uvs: Vec<UvBind>,
     /// The effect on expressions of the other groups while its own weight is above 0.
     pub over_mouth: Override,
+    /// Its effect on expressions of the group blink.
     pub over_blink: Override,
+    /// Its effect on expressions of the group gaze.
     pub over_gaze: Override,
 }
 
 /// Adds `weight` (at full expression) to one morph target of one mesh instance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MorphBind {
+    /// Index into the asset's instances.
     pub instance: u32,
+    /// Number of the morph target.
     pub target: u32,
+    /// Weight of the target at the full expression.
     pub weight: f32,
 }
 
 /// Takes one color of a material towards `to`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColorBind {
+    /// Index into the asset's materials.
     pub material: u32,
+    /// Which of the material's colors.
     pub color: MaterialColor,
     /// Linear; alpha counts for the base color alone.
     pub to: Vec4,
 }
 
+/// A color of a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MaterialColor {
+    /// Base color.
     Base,
+    /// Emitted light.
     Emission,
+    /// Color in the shade of a toon material.
     Shade,
+    /// Factor of the matcap of a toon material.
     Matcap,
+    /// Light at the rim of a toon material.
     Rim,
 }
 
 /// Takes offset and scale of all textures of a material towards these.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UvBind {
+    /// Index into the asset's materials.
     pub material: u32,
+    /// Offset of the texture coordinates at the full expression.
     pub offset: Vec2,
+    /// Scale of the texture coordinates at the full expression.
     pub scale: Vec2,
 }
 
 /// Kinds of expressions that programs make by themselves, and that others can hold down.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ExpressionGroup {
+    /// None of the kinds above.
     #[default]
     Other,
     /// aa, ih, ou, ee, oh.
@@ -79,8 +101,10 @@ impl ExpressionGroup {
     }
 }
 
+/// How an expression weakens those of another group while it is on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Override {
+    /// The other stays as it is.
     #[default]
     None,
     /// The others are 0 while its weight is above 0.

@@ -14,14 +14,19 @@ pub const GAZE: [&str; 4] = ["gazeLeft", "gazeRight", "gazeUp", "gazeDown"];
 pub struct Eyes {
     /// Position of the eyes in the head joint's space, metres.
     pub offset_from_head: Vec3,
+    /// Joints or expressions.
     pub moved_by: EyesMovedBy,
     /// Towards the nose, away from it, down and up.
     pub inner: RangeMap,
+    /// Turn away from the nose.
     pub outer: RangeMap,
+    /// Turn downwards.
     pub down: RangeMap,
+    /// Turn upwards.
     pub up: RangeMap,
 }
 
+/// The parts of a character that move the eyes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum EyesMovedBy {
     /// The bones `leftEye` and `rightEye`; a [`RangeMap`]'s output is an angle.

@@ -14,8 +14,11 @@ pub trait ImageSource: Debug + Send + Sync {
 
 /// An image of a sequence that cannot be had.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 pub enum ImageSourceError {
+    /// There is no image of this number.
     Missing(usize),
+    /// The `file` cannot be decoded, because of `what`.
     Undecodable { file: String, what: String },
 }
 
@@ -44,7 +47,9 @@ pub struct ImageSequence {
 /// The images of one texture.
 #[derive(Clone, Debug)]
 pub struct ImageStream {
+    /// Texture of the material that shows it.
     pub slot: TextureSlot,
+    /// The images, decoded when they are shown.
     pub pictures: Arc<dyn ImageSource>,
     /// Content hashes, one per image: equal hashes are equal images.
     pub hashes: Vec<ContentHash>,
@@ -53,13 +58,19 @@ pub struct ImageStream {
 /// The textures of a material, by the words of glTF. As numbers, those of [`choreo_motion::MaterialProperty`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum TextureSlot {
+    /// Base color and alpha.
     BaseColor,
+    /// Roughness in green, metallic in blue.
     MetallicRoughness,
+    /// Normal map.
     Normal,
+    /// Occlusion in red.
     Occlusion,
+    /// Emitted light.
     Emissive,
     /// The reflection map of Blinn–Phong and Phong materials.
     Specular,
+    /// Color of the specular reflection.
     SpecularColor,
 }
 

@@ -3,6 +3,8 @@
 //! Everything is in choreo's convention: metres, +Y up, right-handed, counter-clockwise front faces,
 //! texture v pointing down (glTF). Colors are linear unless a field states sRGB.
 
+#![warn(missing_docs)]
+
 mod animated_materials;
 mod asset;
 mod asset_bounds;

@@ -5,8 +5,11 @@ use glam::Vec3;
 /// A light of the file: shines along its joint's −Z.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AssetLight {
+    /// Name in the file.
     pub name: String,
+    /// Joint that carries it.
     pub joint: u32,
+    /// The light; it shines along −Z of its joint.
     pub light: Light,
 }
 
@@ -14,8 +17,11 @@ pub struct AssetLight {
 /// (lux for directional, candela for point and spot).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Light {
+    /// The shape of its light.
     pub kind: LightKind,
+    /// Linear color, 1 = white.
     pub color: Vec3,
+    /// Lux of directional lights, candela of others.
     pub intensity: f32,
     /// Metres; `None` = unlimited. Point and spot only.
     pub range: Option<f32>,
@@ -24,11 +30,15 @@ pub struct Light {
 /// The type of a light, with the parameters that only this type has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LightKind {
+    /// Parallel rays, as of the sun.
     Directional,
+    /// Rays in all directions from a point.
     Point,
     /// Half angles in radians, `0 ≤ inner < outer ≤ π/2`.
     Spot {
+        /// The light is full within this angle from the axis.
         inner: f32,
+        /// There is no light beyond this angle from the axis.
         outer: f32,
     },
 }

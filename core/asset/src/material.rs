@@ -9,8 +9,10 @@ use choreo_motion::Time;
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
+/// How alpha is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum AlphaMode {
+    /// Alpha has no effect.
     #[default]
     Opaque,
     /// Fragments with alpha below the cutoff are discarded.
@@ -19,6 +21,7 @@ pub enum AlphaMode {
     Blend,
 }
 
+/// Shading model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Shading {
     /// glTF 2.0 Appendix B (GGX, Smith, Schlick), with KHR_materials_specular.
@@ -28,29 +31,38 @@ pub enum Shading {
     BlinnPhong,
     /// Like Blinn–Phong, but the highlight falls off from the mirrored light's direction (Phong 1975).
     Phong,
+    /// The base color as it is, without light.
     Unlit,
     /// Two colors with a boundary between: [`Toon`]. Vertex colors do not count.
     Toon,
 }
 
+/// How a surface looks. Colors are linear; factors multiply their textures.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
+    /// Name in the file.
     pub name: String,
+    /// Shading model.
     pub shading: Shading,
     /// Linear RGBA factor.
     pub base_color: Vec4,
     /// sRGB color, linear alpha.
     pub base_color_texture: Option<TextureRef>,
+    /// 0 for dielectrics, 1 for metals.
     pub metallic: f32,
+    /// 0 for a mirror, 1 for matte.
     pub roughness: f32,
     /// G roughness, B metallic, linear.
     pub metallic_roughness_texture: Option<TextureRef>,
+    /// Normal map in tangent space, +Y up.
     pub normal_texture: Option<TextureRef>,
+    /// Factor of the normal map's x and y.
     pub normal_scale: f32,
     /// How deep the surface lies where the normal texture's alpha is 0, in widths of the texture; 0: that alpha means nothing.
     pub relief: f32,
     /// R, linear.
     pub occlusion_texture: Option<TextureRef>,
+    /// How much the occlusion texture darkens, 0 to 1.
     pub occlusion_strength: f32,
     /// Linear, emissive strength already multiplied in.
     pub emissive: Vec3,
@@ -58,6 +70,7 @@ pub struct Material {
     pub emissive_texture: Option<TextureRef>,
     /// KHR_materials_specular factor; A of the texture.
     pub specular: f32,
+    /// Strength of the specular reflection in alpha.
     pub specular_texture: Option<TextureRef>,
     /// KHR_materials_specular color, or the Blinn–Phong specular color.
     pub specular_color: Vec3,
@@ -69,7 +82,9 @@ pub struct Material {
     pub reflection: Option<Box<Reflection>>,
     /// Read where the shading is [`Shading::Toon`]; defaults where it is missing.
     pub toon: Option<Arc<Toon>>,
+    /// How alpha is drawn.
     pub alpha_mode: AlphaMode,
+    /// Both faces are drawn.
     pub double_sided: bool,
     /// All its textures move, of every shading but [`Shading::Toon`], which has a motion of its own.
     pub uv_motion: Option<UvMotion>,
@@ -111,7 +126,9 @@ pub struct LineStyle {
 /// Frames of a texture in columns and rows, from the top left, row by row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameStrip {
+    /// Number of images in a row.
     pub columns: u32,
+    /// Number of rows.
     pub rows: u32,
     /// How many of them there are; at most columns · rows.
     pub count: u32,

@@ -9,25 +9,32 @@ use glam::Vec3;
 pub struct MaterialLayers {
     /// Share of the surface under a clear coat of index 1.5; R of the texture.
     pub clearcoat: f32,
+    /// Strength of the clear coat in red.
     pub clearcoat_texture: Option<TextureRef>,
     /// G of the texture.
     pub clearcoat_roughness: f32,
+    /// Roughness of the clear coat in green.
     pub clearcoat_roughness_texture: Option<TextureRef>,
     /// The normal map of the coat alone; without it the coat is as smooth as the mesh, whatever normal map the surface below
     /// has.
     pub clearcoat_normal_texture: Option<TextureRef>,
+    /// Factor of the clear coat's normal map.
     pub clearcoat_normal_scale: f32,
     /// Linear color of the fibres' sheen; black: none. RGB of the texture, sRGB.
     pub sheen_color: Vec3,
+    /// Color of the sheen.
     pub sheen_color_texture: Option<TextureRef>,
     /// A of the texture.
     pub sheen_roughness: f32,
+    /// Roughness of the sheen in alpha.
     pub sheen_roughness_texture: Option<TextureRef>,
     /// Share of the light that is let through instead of scattered back; R of the texture.
     pub transmission: f32,
+    /// Share of transmitted light in red.
     pub transmission_texture: Option<TextureRef>,
     /// Metres of the mesh's own space that light goes through below the surface; 0: a thin wall. G of the texture.
     pub thickness: f32,
+    /// Thickness in green.
     pub thickness_texture: Option<TextureRef>,
     /// Index of refraction of the volume: what lies behind is seen displaced where there is one, and 1 bends nothing.
     pub ior: f32,
@@ -35,25 +42,31 @@ pub struct MaterialLayers {
     pub dispersion: f32,
     /// Metres after which white light has the attenuation color; infinite: clear.
     pub attenuation_distance: f32,
+    /// Color that white light has after the attenuation distance, linear.
     pub attenuation_color: Vec3,
     /// Share of the surface under a thin film; R of the texture.
     pub iridescence: f32,
+    /// Strength of the iridescence in red.
     pub iridescence_texture: Option<TextureRef>,
     /// Index of refraction of the film.
     pub iridescence_ior: f32,
     /// Nanometres, where the texture's G is 0 and where it is 1; without a texture the second.
     pub iridescence_thickness: [f32; 2],
+    /// Thickness of the film in green.
     pub iridescence_thickness_texture: Option<TextureRef>,
     /// How far highlights are drawn out along a direction, 0 to 1; RG of the texture: that direction, B: times this.
     pub anisotropy: f32,
     /// Radians from the tangent towards the bitangent.
     pub anisotropy_rotation: f32,
+    /// Direction in red and green, strength in blue.
     pub anisotropy_texture: Option<TextureRef>,
     /// Share of the diffuse light that comes out on the other side; A of the texture.
     pub diffuse_transmission: f32,
+    /// Share of diffusely transmitted light in alpha.
     pub diffuse_transmission_texture: Option<TextureRef>,
     /// Linear; its texture is sRGB.
     pub diffuse_transmission_color: Vec3,
+    /// Color of diffusely transmitted light.
     pub diffuse_transmission_color_texture: Option<TextureRef>,
 }
 

@@ -19,6 +19,7 @@ pub struct PosedInstance {
 /// Vertices in the primitive's order; `indices` of the primitive apply.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PosedPrimitive {
+    /// World space, metres.
     pub positions: Vec<DVec3>,
     /// Unit (zero where the surface has collapsed); empty where the primitive has none.
     pub normals: Vec<DVec3>,
@@ -27,7 +28,9 @@ pub struct PosedPrimitive {
 /// The placement and copy that are posed: the first placement of a copy, or the character once without placements.
 #[derive(Clone, Copy)]
 pub enum Standing {
+    /// The first placement of a copy; of none where `None`.
     First(Option<u32>),
+    /// The character once, without placements.
     Once,
 }
 

@@ -25,6 +25,7 @@ enum Slots {
 }
 
 impl Carriers {
+    /// The matrices or dual quaternions of the instance's skin in a pose.
     pub fn new(
         skinning: Skinning,
         asset: &Asset,

@@ -5,9 +5,13 @@ use glam::Affine2;
 /// 8 bits a channel, RGBA, rows from the top. Whether the color channels are sRGB depends on the use.
 #[derive(Clone, Default, PartialEq)]
 pub struct Image {
+    /// Name in the file.
     pub name: String,
+    /// Pixels.
     pub width: u32,
+    /// Pixels.
     pub height: u32,
+    /// Four bytes a pixel, row by row from the top; empty where pixels were not asked for.
     pub rgba: Vec<u8>,
 }
 
@@ -17,19 +21,28 @@ impl std::fmt::Debug for Image {
     }
 }
 
+/// The texture beyond its border.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
+    /// The texture again.
     #[default]
     Repeat,
+    /// The texture again, every other time mirrored.
     MirroredRepeat,
+    /// The pixels of the border.
     ClampToEdge,
 }
 
+/// How a texture is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Sampler {
+    /// The texture beyond its left and right border.
     pub wrap_u: Wrap,
+    /// The texture beyond its upper and lower border.
     pub wrap_v: Wrap,
+    /// Pixels of an enlarged texture are mixed (linear), or the nearest counts.
     pub mag_linear: bool,
+    /// Pixels of a texture that is made smaller are mixed (linear), or the nearest counts.
     pub min_linear: bool,
     /// None: no mipmaps; Some(false): nearest level; Some(true): blend two levels.
     pub mip_linear: Option<bool>,
@@ -47,10 +60,12 @@ impl Default for Sampler {
     }
 }
 
+/// A texture of a material: an image and how it is read.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextureRef {
     /// Index into `Asset::images`.
     pub image: u32,
+    /// How it is read.
     pub sampler: Sampler,
     /// Index of the primitive's uv set: 0 or 1.
     pub uv_set: u8,

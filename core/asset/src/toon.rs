@@ -15,6 +15,7 @@ pub struct Toon {
     pub shading_shift: f32,
     /// R, linear, times `shading_shift_scale`: added to it.
     pub shading_shift_texture: Option<TextureRef>,
+    /// Factor of the shading shift texture.
     pub shading_shift_scale: f32,
     /// How sharp the boundary is, 0 (as wide as the whole ball) to 1 (a line).
     pub shading_toony: f32,
@@ -24,13 +25,17 @@ pub struct Toon {
     pub matcap: Vec3,
     /// sRGB, an image of a lit ball looked up by the normal as the camera sees it.
     pub matcap_texture: Option<TextureRef>,
+    /// Linear color of the rim light.
     pub rim_color: Vec3,
+    /// Exponent of the rim: larger is narrower.
     pub rim_fresnel_power: f32,
+    /// Added to the rim before its exponent.
     pub rim_lift: f32,
     /// sRGB, multiplied into rim and matcap.
     pub rim_texture: Option<TextureRef>,
     /// How much light falls on the rim: 0, it glows by itself; 1, it is lit.
     pub rim_lighting_mix: f32,
+    /// `None`: no outline.
     pub outline: Option<Outline>,
     /// Textures, the matcap aside, that move by themselves.
     pub uv_motion: Option<UvMotion>,
@@ -75,6 +80,7 @@ impl Default for Toon {
 }
 
 impl Toon {
+    /// All its textures.
     pub fn textures(&self) -> [&Option<TextureRef>; 6] {
         let width = self.outline.as_ref().map_or(&None, |o| &o.width_texture);
         [
@@ -117,9 +123,11 @@ impl Toon {
 pub struct Outline {
     /// Metres, or a share of the image's height.
     pub width: f32,
+    /// Width is a share of the image's height, rather than metres.
     pub on_screen: bool,
     /// G, linear, times the width.
     pub width_texture: Option<TextureRef>,
+    /// Linear color.
     pub color: Vec3,
     /// 0: as it is, 1: times the surface's light.
     pub lighting_mix: f32,

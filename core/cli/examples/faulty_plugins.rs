@@ -2,7 +2,7 @@
 
 use choreo_asset::Asset;
 use choreo_plugin::{
-    Effect, EffectPlugin, EffectScene, ExportError, Exporter, Files, Frame, FrameSink, ImportError,
+    Claim, Effect, EffectPlugin, EffectScene, ExportError, Exporter, Files, Frame, FrameSink, ImportError,
     ImportOptions, ImportScope, Importer, Manifest, Overlay, OverlayEffect, Source, VideoInfo,
 };
 use std::io::Write;
@@ -22,6 +22,14 @@ struct Faulty(Manifest);
 impl Importer for Faulty {
     fn manifest(&self) -> &Manifest {
         &self.0
+    }
+
+    /// Panics at short files, whatever they are.
+    fn claim(&self, source: &Source) -> Claim {
+        match source.bytes.len() {
+            0 => panic!("no first byte"),
+            _ => self.0.claim(source),
+        }
     }
 
     fn import(

@@ -6,6 +6,8 @@ const PAGES: &[(&str, &str)] = &[
     ("core/cli/README.md", include_str!("../README.md")),
     ("core/viewer/README.md", include_str!("../pages/viewer.md")),
     ("plugins/README.md", include_str!("../pages/plugins.md")),
+    ("plugins/COMPARISON.md", include_str!("../pages/comparison.md")),
+    ("core/wasm_plugin/README.md", include_str!("../pages/wasm_plugin.md")),
     ("plugins/export-apng/README.md", export_apng::README),
     ("plugins/export-bvh/README.md", export_bvh::README),
     ("plugins/export-csv/README.md", export_csv::files::README),

@@ -9,6 +9,10 @@ use std::process::Command;
 const MOVING: &str = "stage(#{ size: [32, 24], length: 1, fps: 10 });\n\
     cast(\"a\", shape(\"box\")).key(\"position\", [[0, [0, 0, 0]], [1, [1, 0, 0]]]);\n";
 
+/// Reads `.none`.
+const EMPTY: &str = "fn manifest() { #{ name: \"empty\", about: \"a triangle\", extensions: [\"none\"] } }\n\
+    fn load(file) { mesh(#{ positions: [0, 0, 0, 1, 0, 0, 0, 1, 0] }); }\n";
+
 #[test]
 fn panics_of_plugins_are_errors_with_name_and_version() {
     let exe = std::env::current_exe().unwrap();
@@ -33,6 +37,19 @@ fn panics_of_plugins_are_errors_with_name_and_version() {
     assert!(error.contains("the plugin faulty 1.2 has failed: three frames are too many"), "{error}");
     assert_eq!(code, Some(3), "{error}");
     assert!(!Path::new(&dir.path().join("x.faulty")).exists());
+    // Another importer reads a file that this one fails to claim; no one reads the other.
+    write("empty.importer.rhai", EMPTY);
+    write("a.none", "");
+    write("a.unknown", "");
+    let (code, error) = run(&["info", "--plugins", ".", "a.none"]);
+    assert_eq!(code, Some(0), "{error}");
+    let (_, error) = run(&["info", "a.unknown"]);
+    let failed = "the plugin faulty 1.2 has failed: no first byte";
+    assert!(error.contains(&format!("no importer knows this kind of file; {failed}")), "{error}");
+    let out =
+        Command::new(&example).args(["info", "--plugins", ".", "a.none"]).current_dir(dir.path()).output();
+    let told = String::from_utf8_lossy(&out.unwrap().stdout).into_owned();
+    assert!(told.contains(failed), "{told}");
     let (code, error) = run(&["check", "loads.rhai"]);
     assert!(error.contains("loads.rhai:1:"), "{error}");
     assert!(error.contains("the plugin faulty 1.2 has failed: a.faulty has no header"), "{error}");

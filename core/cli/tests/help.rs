@@ -58,6 +58,16 @@ fn commands_rules_and_the_guide_are_found() {
         ("hand over", &["  A hand-over\n", "scripts/guide/src/recipes/hand_over.md"]),
         ("retargeting", &["scripts/guide/src/concepts/retargeting.md"]),
         ("troubleshooting", &["scripts/guide/src/troubleshooting.md"]),
+        (
+            "pass",
+            &[
+                "choreo render --passes",
+                "  Passes with textures of their own\n",
+                "core/wgsl_effect/README.md",
+            ],
+        ),
+        ("plugins in other programs", &["plugins/COMPARISON.md"]),
+        ("wasm plugin", &["core/wasm_plugin/README.md"]),
     ] {
         let run = help(&[term]);
         assert_eq!(run.code, 0, "{term}: {}", run.err);

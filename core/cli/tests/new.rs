@@ -71,7 +71,7 @@ fn sources() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
 }
 
-const HOOKS: [&str; 6] = ["image", "surface", "vertex", "lighting", "shell", "overlay"];
+const HOOKS: [&str; 7] = ["image", "surface", "vertex", "lighting", "shell", "overlay", "shutter"];
 
 /// A crate of each kind and an effect of each hook, members of one workspace, with their own tests.
 #[test]
@@ -106,9 +106,11 @@ fn crates_build_and_pass_their_tests() {
     HOOKS.iter().for_each(|hook| new("effect", &format!("of_{hook}"), &["--hook", hook]));
     let text = tested(dir.path());
     let passed = |tests: usize| text.matches(&format!("test result: ok. {tests} passed")).count();
-    // Of the importer; of the exporter and the seven effects.
-    assert_eq!((passed(3), passed(2)), (1, 8), "{text}");
-    for test in ["a_crest_is_as_high_as_the_parameter", "a_pulse_makes_it_twice_as_wide"] {
+    // Of the importer; of the exporter and the eight effects.
+    assert_eq!((passed(3), passed(2)), (1, 9), "{text}");
+    for test in
+        ["a_crest_is_as_high_as_the_parameter", "a_pulse_makes_it_twice_as_wide", "half_a_turn_is_half"]
+    {
         assert!(text.contains(test), "{text}");
     }
 }

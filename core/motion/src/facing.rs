@@ -19,8 +19,11 @@ pub enum Front {
     /// glTF's convention.
     #[default]
     PlusZ,
+    /// The back, where +Z is the front.
     MinusZ,
+    /// The model's left where +Z is its front.
     PlusX,
+    /// The model's right where +Z is its front.
     MinusX,
 }
 
@@ -29,6 +32,7 @@ impl Front {
     pub const ALL: [(&str, Front); 4] =
         [("+z", Front::PlusZ), ("-z", Front::MinusZ), ("+x", Front::PlusX), ("-x", Front::MinusX)];
 
+    /// The name that scripts give it.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(_, front)| *front == self).map_or("", |(name, _)| name)
     }
@@ -48,6 +52,7 @@ impl Front {
         DQuat::from_rotation_y(self.yaw_rad())
     }
 
+    /// Unit direction in model space.
     pub fn direction(self) -> DVec3 {
         match self {
             Front::PlusZ => DVec3::Z,
@@ -67,7 +72,9 @@ impl Front {
 /// The front of a character, and the evidence for it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Facing {
+    /// The axis that the character faces.
     pub front: Front,
+    /// Parts that show it.
     pub evidence: Vec<FacingEvidence>,
     /// The evidence contradicts itself; +Z is kept.
     pub doubtful: bool,
@@ -76,7 +83,9 @@ pub struct Facing {
 /// A part of a character, and the horizontal unit vector that it shows.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FacingEvidence {
+    /// Toes, eyes, knees, sides or travel.
     pub part: &'static str,
+    /// Horizontal unit vector in model space.
     pub direction: DVec3,
 }
 

@@ -2,6 +2,7 @@
 
 /// A field whose length or value does not fit; the text names the field, what it holds and what it must hold.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the messages name the fields")]
 pub enum InputError {
     Length { field: &'static str, length: usize, expected: usize },
     Value { field: String, value: String, allowed: &'static str },

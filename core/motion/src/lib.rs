@@ -41,6 +41,8 @@
 //! Two clips at once: [`Crossfade`]; many, in any order: [`WeightedBlend`] and, on top, [`AdditiveLayers`]. Names of another skeleton: [`bind_clip`]. `cargo bench -p choreo-motion` measures how
 //! fast and how exact all this is.
 
+#![warn(missing_docs)]
+
 pub mod clip;
 mod compress;
 pub mod contacts;

@@ -66,9 +66,11 @@ fn mirrored_keys(
 
 /// Exchanges left and right in a pose.
 pub struct Mirror<'a> {
+    /// Left and right joints of the skeleton.
     pub map: &'a MirrorMap,
     /// In: as many joints as the map's skeleton.
     pub from: &'a Pose,
+    /// Out: the mirrored pose.
     pub out: &'a mut Pose,
 }
 

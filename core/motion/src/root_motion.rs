@@ -18,7 +18,9 @@ use std::sync::Arc;
 /// The parts of the root's motion that are extracted from the clip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RootParts {
+    /// Along the floor.
     pub horizontal: bool,
+    /// Up and down.
     pub vertical: bool,
     /// `None`: where the clip as a whole turns by more than `LEAST_TURN_RAD`; a walk's hips sway about their way.
     pub yaw: Option<bool>,
@@ -57,10 +59,12 @@ pub struct RootMotion {
     chain: Vec<Link>,
     /// Rotation of the joint in model space at rest.
     rest_rotation: DQuat,
+    /// Parts that are extracted.
     pub parts: RootParts,
     yaw: bool,
     /// Velocity against the floor of a clip that walks on the spot, metres per second of the clip.
     pub treadmill: Option<DVec3>,
+    /// Part of the clip that is played, clip time.
     pub trim: (Time, Time),
 }
 
@@ -109,10 +113,12 @@ impl RootMotion {
         Some(motion)
     }
 
+    /// The root-motion joint.
     pub fn joint(&self) -> u32 {
         self.joint
     }
 
+    /// The clip without the extracted motion.
     pub fn clip(&self) -> &Arc<Clip> {
         &self.clip
     }

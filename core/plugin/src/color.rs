@@ -45,18 +45,26 @@ pub fn bytes(text: &str) -> Option<[u8; 4]> {
     Some([(rgb >> 16) as u8, (rgb >> 8) as u8, *rgb as u8, 255])
 }
 
-/// A linear color as texts write it: `"#rrggbb"`, or its numbers where it is brighter than white.
+/// `#rrggbb` of a linear color, and its CSS name where it has one; `None` where eight bits of sRGB do not hold the color.
 ///
 /// ```
-/// use choreo_plugin::color::written;
-/// assert_eq!((written([0.0, 1.0, 0.0]), written([2.0, 0.0, 0.0])), ("#00ff00".into(), "[2.0, 0.0, 0.0]".into()));
+/// use choreo_plugin::color::{hex, parse};
+/// let of = |text: &str| hex(parse(text).unwrap().truncate().to_array().map(f64::from));
+/// assert_eq!(of("#ff8800"), Some(("#ff8800".into(), None)));
+/// assert_eq!(of("#f00"), Some(("#ff0000".into(), Some("red"))));
+/// assert_eq!(hex([2.0, 1.0, 0.0]), None);
 /// ```
-pub fn written(linear: [f64; 3]) -> String {
-    if linear.iter().any(|c| !(0.0..=1.0).contains(c)) {
-        return format!("{linear:?}");
+pub fn hex(linear: [f64; 3]) -> Option<(String, Option<&'static str>)> {
+    let bytes = linear.map(|c| libm::round(srgb_from_linear(c) * 255.0).clamp(0.0, 255.0) as u8);
+    // A color of a script has been rounded to f32.
+    let same = |(c, byte): (f64, u8)| (c - linear_from_srgb(f64::from(byte) / 255.0)).abs() < 1e-6;
+    if !linear.into_iter().zip(bytes).all(same) {
+        return None;
     }
-    let [r, g, b] = linear.map(|c| libm::round(255.0 * srgb_from_linear(c)) as u8);
-    format!("#{r:02x}{g:02x}{b:02x}")
+    let [r, g, b] = bytes;
+    let value = u32::from_be_bytes([0, r, g, b]);
+    let name = NAMES.iter().find(|(_, known)| *known == value).map(|(name, _)| *name);
+    Some((format!("#{value:06x}"), name))
 }
 
 fn error(message: String) -> OptionError {

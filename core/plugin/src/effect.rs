@@ -193,6 +193,11 @@ impl Effect {
         self.plugin().off(parameters)
     }
 
+    /// Places of the loops in the effect's WGSL: [`EffectPlugin::loops`].
+    pub fn loops(&self) -> &[String] {
+        self.plugin().loops()
+    }
+
     /// Whether single actors can have the effect.
     pub fn applies_to_actors(&self) -> bool {
         match self {

@@ -5,6 +5,13 @@ use glam::{Vec2, Vec3, Vec4};
 
 /// The order of an effect on images and the stage's view transform. The view transform brings scene-linear light to the colors
 /// of a display.
+///
+/// ```
+/// use choreo_plugin::ViewOrder;
+/// // Glow of bright light needs it as it is, before the view transform brings it to the colors of a display.
+/// let glow = ViewOrder::Before;
+/// assert_ne!(glow, ViewOrder::default());
+/// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ViewOrder {

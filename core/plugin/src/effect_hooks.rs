@@ -43,20 +43,68 @@ pub trait EffectPlugin: Send + Sync {
     fn off(&self, _parameters: &[f32]) -> Option<String> {
         None
     }
+
+    /// Places (`my.wgsl:3:5`) of the loops in the effect's WGSL that count their rounds, in [`EffectShader::wgsl`] with
+    /// `effect_round(cost, number)`, in the order of their numbers, which begin at 1. Warnings about endless loops name them.
+    fn loops(&self) -> &[String] {
+        &[]
+    }
 }
 
 /// The function of an effect in WGSL. The CPU renderer calls the same function as a method of the hook's trait. Where a result is NaN or
 /// infinite, or [`endless`](crate::effect::endless), the renderers warn and draw magenta.
+///
+/// ```
+/// use choreo_plugin::glam::{Vec2, Vec4};
+/// use choreo_plugin::{Effect, EffectPlugin, EffectShader, EffectTexture, Manifest, PixelEffect};
+///
+/// /// The image on paper.
+/// #[derive(Clone)]
+/// struct Paper {
+///     manifest: Manifest,
+///     textures: Vec<EffectTexture>,
+/// }
+///
+/// impl EffectPlugin for Paper {
+///     fn manifest(&self) -> &Manifest {
+///         &self.manifest
+///     }
+/// }
+///
+/// impl EffectShader for Paper {
+///     fn wgsl(&self) -> &str {
+///         "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color * paper(uv); }"
+///     }
+///     fn reads_frame(&self) -> bool {
+///         false
+///     }
+///     fn textures(&self) -> &[EffectTexture] {
+///         &self.textures
+///     }
+///     fn with_images(&self, name: &str, images: &[EffectTexture]) -> Option<Effect> {
+///         let mut other = Paper { textures: images.to_vec(), ..self.clone() };
+///         other.manifest.name = name.into();
+///         Some(Effect::pixel(other))
+///     }
+/// }
+///
+/// impl PixelEffect for Paper {
+///     fn pixels(&self, colors: &mut [Vec4], uv: &[Vec2], _: &[f32]) {
+///         colors.iter_mut().zip(uv).for_each(|(color, uv)| *color *= self.textures[0].sample(*uv));
+///     }
+/// }
+///
+/// let gray = |value: u8| EffectTexture::new("paper", [1, 1], &[value, value, value, 255], false).unwrap().of_file(None);
+/// let manifest = Manifest::new("paper", "1", "on paper").texture("paper", "the paper", "paper.png", false);
+/// let effect = Effect::pixel(Paper { manifest, textures: vec![gray(255)] });
+/// assert_eq!((effect.textures().len(), effect.reads_frame(), effect.loops().len()), (1, false, 0));
+/// let darker = effect.shader().unwrap().with_images("paper 2", &[gray(0)]).unwrap();
+/// assert!(darker.manifest().name == "paper 2" && !darker.is_same(&effect) && effect.is_same(&effect.clone()));
+/// ```
 pub trait EffectShader: EffectPlugin {
     /// WGSL source of a function `effect`; the trait of the hook states its form. `N` is [`Manifest::parameter_length`]: 8 for up to 8
     /// numbers. The function may call `NAME(uv)` of its [`EffectShader::textures`].
     fn wgsl(&self) -> &str;
-
-    /// Places (`my.wgsl:3:5`) of the loops in [`EffectShader::wgsl`] that count their rounds with `effect_round(cost, number)`, in the
-    /// order of their numbers, which begin at 1.
-    fn loops(&self) -> &[String] {
-        &[]
-    }
 
     /// Whether the function reads the time, the number of the frame or the size of the image; for effects on images
     /// [`ImageEffect::scene_inputs`] says so. Behind its parameters the CPU's function then gets
@@ -160,6 +208,68 @@ pub trait PixelEffect: EffectShader {
 /// mine.image_row(&EffectImages { now: image, original: image, passes: &[], before: &[], scene: None }, 0, 0, &[], &mut row);
 /// assert_eq!(row, [Vec4::ONE, Vec4::ZERO]);
 /// ```
+///
+/// An effect with passes that have textures, and inputs:
+///
+/// ```
+/// use choreo_plugin::glam::Vec4;
+/// use choreo_plugin::stage::OffScreenActors;
+/// use choreo_plugin::*;
+///
+/// /// The scene one frame ago, half as large, mixed in where something moves.
+/// struct Trail(Manifest, [ImagePass; 2], [String; 1]);
+///
+/// impl EffectPlugin for Trail {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+///     fn loops(&self) -> &[String] {
+///         &self.2
+///     }
+/// }
+///
+/// impl EffectShader for Trail {
+///     fn wgsl(&self) -> &str {
+///         "fn small(at: vec2<i32>, p: array<f32, 8>) …, and fn trail"
+///     }
+/// }
+///
+/// impl ImageEffect for Trail {
+///     fn view_order(&self) -> ViewOrder {
+///         ViewOrder::Before
+///     }
+///     fn named_passes(&self) -> &[ImagePass] {
+///         &self.1
+///     }
+///     fn shrink(&self, pass_number: u32, _: [u32; 2], _: &[f32]) -> u32 {
+///         2 - pass_number
+///     }
+///     fn history(&self, _: &[f32]) -> u32 {
+///         1
+///     }
+///     fn scene_inputs(&self) -> SceneInputs {
+///         SceneInputs { motion: true, ..SceneInputs::default() }
+///     }
+///     fn image_row(&self, images: &EffectImages, y: u32, pass_number: u32, _: &[f32], row: &mut [Vec4]) {
+///         for (x, pixel) in (0..).zip(row) {
+///             let y = y as i32;
+///             *pixel = match (pass_number, images.passes.first().copied().flatten()) {
+///                 (1, Some(small)) => 0.5 * (images.now.at(x, y) + small.at(x / 2, y / 2)),
+///                 _ => images.before.first().unwrap_or(&images.original).at(2 * x, 2 * y),
+///             };
+///         }
+///     }
+/// }
+///
+/// let passes = [ImagePass::new("small", &[]), ImagePass::new("trail", &[0])];
+/// let trail = Effect::image(Trail(Manifest::new("trail", "1", "an example"), passes, ["trail.wgsl:9:5".into()]));
+/// assert_eq!((trail.view_order(), trail.passes(), trail.named_passes().len()), (ViewOrder::Before, 2, 2));
+/// assert_eq!((trail.shrink(0, [64, 64], &[]), trail.history(&[]), trail.loops()[0].as_str()), (2, 1, "trail.wgsl:9:5"));
+/// assert!(trail.scene_inputs().motion && trail.off_screen_actors() == OffScreenActors::All);
+/// assert!(!trail.in_model_space() && !trail.changes_background(&[]));
+/// let image = EffectImage { size: [2, 2], rgba: &[Vec4::ONE; 4] };
+/// assert_eq!(trail.over_image(image, None, &[]), [Vec4::ONE; 4]);
+/// ```
 pub trait ImageEffect: EffectShader {
     /// The side of the view transform on which it runs.
     fn view_order(&self) -> ViewOrder {
@@ -228,6 +338,9 @@ pub trait ImageEffect: EffectShader {
 /// }
 ///
 /// impl SurfaceEffect for Mine {
+///     fn changes_background(&self, _: &[f32]) -> bool {
+///         false
+///     }
 ///     fn surface_inputs(&self, _: &[f32]) -> SurfaceInputs {
 ///         SurfaceInputs { normals: true, ..SurfaceInputs::default() }
 ///     }
@@ -286,6 +399,9 @@ pub trait SurfaceEffect: EffectShader {
 ///     }
 ///     fn reach(&self, _: &[f32]) -> f32 {
 ///         0.1
+///     }
+///     fn in_model_space(&self) -> bool {
+///         false
 ///     }
 ///     /// Ten centimetres thicker.
 ///     fn vertex(&self, sample: &VertexSample, _: &[f32]) -> Vec3 {
@@ -373,6 +489,9 @@ pub trait LightingEffect: EffectShader {
 /// }
 ///
 /// impl OutlineEffect for Ink {
+///     fn wireframe(&self, _: &[f32]) -> Option<Vec3> {
+///         None
+///     }
 ///     fn inverted_hull(&self, _: &[f32]) -> Option<InvertedHull> {
 ///         Some(InvertedHull { width: 2.0, color: Vec3::ZERO, lighting_mix: 0.0 })
 ///     }
@@ -408,6 +527,9 @@ pub trait OutlineEffect: EffectPlugin {
 /// }
 ///
 /// impl OverlayEffect for Names {
+///     fn history(&self, _: &[f32]) -> u32 {
+///         0
+///     }
 ///     fn overlay(&self, scene: &EffectScene, _: &[f32]) -> Overlay {
 ///         let label = |actor: choreo_plugin::ActorInstance| Label {
 ///             at: actor.bounds().max,

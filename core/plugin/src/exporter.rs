@@ -115,6 +115,87 @@ pub trait Exporter: Send + Sync {
 }
 
 /// A file that is being written; see [`Exporter`].
+///
+/// ```
+/// use choreo_plugin::*;
+/// use choreo_plugin::motion::FrameRate;
+/// use std::io::{Read, Write};
+/// use std::num::NonZeroU64;
+///
+/// /// Depth in floats, of any number of frames: each is a piece of its own, so that several machines can make them.
+/// struct Depths(Manifest);
+///
+/// impl Exporter for Depths {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+///     fn one_frame_per_file(&self) -> bool {
+///         false
+///     }
+///     fn wish(&self, _: &ExportOptions) -> Result<FrameWish, ExportError> {
+///         Ok(FrameWish::Scene(Passes { depth: true, ..Passes::default() }))
+///     }
+///     fn notes(&self, info: &VideoInfo) -> Vec<String> {
+///         vec![format!("{} frames a second are not in the file", info.fps.num)]
+///     }
+///     fn head_comes_last(&self) -> bool {
+///         true
+///     }
+///     fn begin(&self, _: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError> {
+///         Ok(Box::new(File { out, frames: 0 }))
+///     }
+///     fn with_provenance(&self, _: &VideoInfo, _: &[u8], _: Box<dyn Write + Send>) -> Result<bool, ExportError> {
+///         Ok(false)
+///     }
+///     fn piece(&self, _: &VideoInfo) -> Option<NonZeroU64> {
+///         NonZeroU64::new(1)
+///     }
+///     fn resume(
+///         &self,
+///         _: &VideoInfo,
+///         states: &[Vec<u8>],
+///         _: &mut dyn Read,
+///         out: Box<dyn Write + Send>,
+///     ) -> Result<Box<dyn FrameSink>, ExportError> {
+///         Ok(Box::new(File { out, frames: states.len() as u32 }))
+///     }
+/// }
+///
+/// struct File {
+///     out: Box<dyn Write + Send>,
+///     frames: u32,
+/// }
+///
+/// impl FrameSink for File {
+///     fn frame(&mut self, _: &Frame) -> Result<(), ExportError> {
+///         Err(ExportError::Format("depths are floats".into()))
+///     }
+///     fn float_frame(&mut self, frame: &FloatFrame) -> Result<(), ExportError> {
+///         self.frames += 1;
+///         Ok(frame.depth.iter().try_for_each(|depth| self.out.write_all(&depth.to_le_bytes()))?)
+///     }
+///     fn mark(&mut self) -> Mark<'_> {
+///         Mark::Settled(Vec::new())
+///     }
+///     fn again(&mut self, _: &[u8]) -> Result<(), ExportError> {
+///         Err(ExportError::Format("no frame stays in the encoder".into()))
+///     }
+///     /// The number of frames stands in front of them.
+///     fn finish(self: Box<Self>) -> Result<Vec<u8>, ExportError> {
+///         Ok(self.frames.to_le_bytes().to_vec())
+///     }
+/// }
+///
+/// let depths = Depths(Manifest::new("depths", "1", "depths as floats").extensions(["depths"]));
+/// let fps = FrameRate { num: 30, den: 1 };
+/// let info = VideoInfo { width: 1, height: 1, fps, frames: 2, provenance: Vec::new(), options: Default::default() };
+/// assert!(depths.wish(&info.options)? != FrameWish::Bytes && depths.head_comes_last() && depths.notes(&info).len() == 1);
+/// let mut file = depths.resume(&info, &[Vec::new()], &mut std::io::empty(), Box::new(Vec::new()))?;
+/// file.float_frame(&FloatFrame { depth: vec![2.5], ..FloatFrame::new([1, 1]) })?;
+/// assert!(matches!(file.mark(), Mark::Settled(state) if state.is_empty()));
+/// assert_eq!(file.finish()?, 2u32.to_le_bytes());
+/// # Ok::<(), ExportError>(())
+/// ```
 pub trait FrameSink: Send {
     /// Writes the next frame.
     fn frame(&mut self, frame: &Frame) -> Result<(), ExportError>;

@@ -138,6 +138,16 @@ pub struct FloatFrame {
 }
 
 /// The names that pixels show, each with its share of the pixel: what Cryptomatte stores.
+///
+/// ```
+/// use choreo_plugin::{IdMatte, IdShare, Passes};
+/// // One pixel, three quarters of which show the second actor.
+/// let share = IdShare { number: 2, share: 0.75 };
+/// let matte = IdMatte { names: vec!["anna".into(), "boris".into()], ranks: vec![vec![share]] };
+/// assert_eq!(matte.names[matte.ranks[0][0].number as usize - 1], "boris");
+/// let passes = Passes { id: true, id_samples: 16, ..Passes::default() };
+/// assert_eq!((passes.reads_inputs(), passes.samples_of_ids(4)), (true, 16));
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct IdMatte {
     /// All names of the scene, shown or not. Several may be equal.

@@ -1,6 +1,6 @@
 //! Files in: an importer turns bytes into an [`Asset`].
 
-use crate::{Manifest, PluginFile};
+use crate::{Manifest, PluginFile, PluginPanic};
 use choreo_asset::Asset;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -58,6 +58,39 @@ pub trait Importer: Send + Sync {
     /// The default compares the magic bytes of the manifest, else its extensions.
     fn claim(&self, source: &Source) -> Claim {
         self.manifest().claim(source)
+    }
+
+    /// [`Importer::claim`], or why it has failed: only importers that run in an engine of their own implement it. The
+    /// [`Registry`](crate::Registry) catches panics of others, and reports them; the other importers answer.
+    ///
+    /// ```
+    /// use choreo_plugin::asset::Asset;
+    /// use choreo_plugin::*;
+    ///
+    /// /// An importer whose code runs in an interpreter.
+    /// struct Interpreted(Manifest);
+    ///
+    /// impl Importer for Interpreted {
+    ///     fn manifest(&self) -> &Manifest {
+    ///         &self.0
+    ///     }
+    ///     fn checked_claim(&self, source: &Source) -> Result<Claim, PluginPanic> {
+    ///         let first = source.bytes.first().ok_or_else(|| PluginPanic::new(&self.0, "no first byte"))?;
+    ///         Ok(if *first == b'#' { Claim::Content(60) } else { Claim::NotMine })
+    ///     }
+    ///     fn import(&self, _: &Source, _: &dyn Files, _: ImportScope, _: &ImportOptions) -> Result<Asset, ImportError> {
+    ///         Ok(Asset::default())
+    ///     }
+    /// }
+    ///
+    /// let mut registry = Registry::default();
+    /// registry.add_importer(Interpreted(Manifest::new("notes", "1", "an example")));
+    /// let source = |bytes: &[u8]| Source { name: "a.notes".into(), bytes: bytes.to_vec().into() };
+    /// assert_eq!(registry.claims(&source(b"# a"))[0].0, Claim::Content(60));
+    /// assert_eq!(registry.failed_claims(&source(b""))[0].to_string(), "the plugin notes 1 has failed: no first byte");
+    /// ```
+    fn checked_claim(&self, source: &Source) -> Result<Claim, PluginPanic> {
+        Ok(self.claim(source))
     }
 
     /// The file that it was read from, where it is no part of the program: what it makes depends on that file too.
@@ -130,6 +163,32 @@ impl Source {
 
 /// The only way for an importer to reach further files (buffers, textures): relative to the source, confined to
 /// the folders that the user gave. Refusals and failures are texts that name the file and why.
+///
+/// ```
+/// use choreo_plugin::Files;
+/// use std::sync::Arc;
+///
+/// /// The files of a test.
+/// struct Palette;
+///
+/// impl Files for Palette {
+///     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String> {
+///         match relative {
+///             "a.pal" => Ok(Arc::new(vec![255, 0, 0])),
+///             other => Err(format!("cannot read \"{other}\": no such file")),
+///         }
+///     }
+///     fn progress(&self, part: f32) -> bool {
+///         part < 1.0
+///     }
+///     fn wants_clip(&self, index: usize, name: &str) -> bool {
+///         index == 0 || name == "Walk"
+///     }
+/// }
+///
+/// assert_eq!(Palette.read("a.pal"), Ok(Arc::new(vec![255, 0, 0])));
+/// assert!(Palette.read("b.pal").is_err() && Palette.progress(0.5) && !Palette.wants_clip(1, "Run"));
+/// ```
 pub trait Files {
     /// Reads a file; the error names it and gives the reason.
     fn read(&self, relative: &str) -> Result<Arc<Vec<u8>>, String>;
@@ -154,7 +213,7 @@ pub trait Files {
 /// ```
 /// use choreo_plugin::ImportScope;
 /// let needs = ImportScope::ALL.both(ImportScope::CLIPS);
-/// assert!(needs.clips && !needs.geometry);
+/// assert!(needs.clips && !needs.geometry && ImportScope::NO_PIXELS.geometry);
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImportScope {
@@ -199,6 +258,12 @@ impl ImportScope {
 pub struct ImportOptions(pub BTreeMap<String, OptionValue>);
 
 /// The same for exporters.
+///
+/// ```
+/// use choreo_plugin::{ExportOptions, OptionValue};
+/// let options = ExportOptions([("digits".to_string(), OptionValue::Number(3.0))].into());
+/// assert_eq!(options.number("digits"), Some(3.0));
+/// ```
 pub type ExportOptions = ImportOptions;
 
 /// The value of an option.

@@ -10,7 +10,7 @@ use crate::{
     SceneFiles, SceneInputs, Shutter, Source, SurfaceInputs, SurfaceSample, VertexSample, VideoInfo,
     ViewOrder,
 };
-use choreo_asset::Asset;
+use choreo_asset::{Asset, Warning};
 use glam::{Vec2, Vec3, Vec4};
 use std::any::Any;
 use std::io::{Read, Write};
@@ -40,13 +40,22 @@ impl std::fmt::Display for PluginPanic {
 impl std::error::Error for PluginPanic {}
 
 impl PluginPanic {
+    /// A panic of the plugin with this manifest.
+    ///
+    /// ```
+    /// use choreo_plugin::{Manifest, PluginPanic};
+    /// let panic = PluginPanic::new(&Manifest::new("iqm", "1.2", "characters"), "index 7 is out of range");
+    /// assert_eq!(panic.to_string(), "the plugin iqm 1.2 has failed: index 7 is out of range");
+    /// ```
+    pub fn new(manifest: &Manifest, text: &str) -> PluginPanic {
+        let Manifest { name, version, .. } = manifest;
+        PluginPanic { plugin: name.clone(), version: version.clone(), text: text.into() }
+    }
+
     /// `payload`: of a caught panic, of the plugin or already with its name.
-    fn new(manifest: &Manifest, payload: &(dyn Any + Send)) -> PluginPanic {
-        payload.downcast_ref::<PluginPanic>().cloned().unwrap_or_else(|| PluginPanic {
-            plugin: manifest.name.clone(),
-            version: manifest.version.clone(),
-            text: panic_text(payload).to_string(),
-        })
+    fn caught(manifest: &Manifest, payload: &(dyn Any + Send)) -> PluginPanic {
+        let known = payload.downcast_ref::<PluginPanic>().cloned();
+        known.unwrap_or_else(|| PluginPanic::new(manifest, panic_text(payload)))
     }
 }
 
@@ -58,7 +67,7 @@ fn panic_text(payload: &(dyn Any + Send)) -> &str {
 
 /// The call's result, or its panic.
 fn isolated<T>(manifest: &Manifest, call: impl FnOnce() -> T) -> Result<T, PluginPanic> {
-    catch_unwind(AssertUnwindSafe(call)).map_err(|payload| PluginPanic::new(manifest, &*payload))
+    catch_unwind(AssertUnwindSafe(call)).map_err(|payload| PluginPanic::caught(manifest, &*payload))
 }
 
 /// An importer whose panics and faulty assets are import errors, and whose assets say who made them.
@@ -71,7 +80,11 @@ impl Importer for IsolatedImporter {
 
     /// A claim that fails claims nothing.
     fn claim(&self, source: &Source) -> Claim {
-        isolated(self.manifest(), || self.0.claim(source)).unwrap_or(Claim::NotMine)
+        self.checked_claim(source).unwrap_or(Claim::NotMine)
+    }
+
+    fn checked_claim(&self, source: &Source) -> Result<Claim, PluginPanic> {
+        isolated(self.manifest(), || self.0.checked_claim(source))?
     }
 
     fn file(&self) -> Option<&PluginFile> {
@@ -99,6 +112,44 @@ impl Importer for IsolatedImporter {
             let Manifest { name, version, .. } = manifest;
             fault(place, format!("the plugin {name} {version} has made a faulty asset: {what}"))
         })
+    }
+}
+
+/// An importer that reads a file which others have failed to claim: its assets have warnings about them.
+pub(crate) struct AfterFailures {
+    pub importer: Arc<dyn Importer>,
+    pub failures: Vec<PluginPanic>,
+}
+
+/// The failure of a claim in a sentence.
+pub(crate) fn failed_claim(panic: &PluginPanic) -> String {
+    format!("{panic} (when it was asked whether the file is its own; the other importers were asked)")
+}
+
+impl Importer for AfterFailures {
+    fn manifest(&self) -> &Manifest {
+        self.importer.manifest()
+    }
+
+    fn claim(&self, source: &Source) -> Claim {
+        self.importer.claim(source)
+    }
+
+    fn file(&self) -> Option<&PluginFile> {
+        self.importer.file()
+    }
+
+    fn import(
+        &self,
+        source: &Source,
+        files: &dyn Files,
+        needs: ImportScope,
+        options: &ImportOptions,
+    ) -> Result<Asset, ImportError> {
+        let mut asset = self.importer.import(source, files, needs, options)?;
+        let warning = |panic| Warning { place: String::new(), text: failed_claim(panic) };
+        asset.warnings.extend(self.failures.iter().map(warning));
+        Ok(asset)
     }
 }
 
@@ -254,13 +305,13 @@ impl<T: EffectPlugin + ?Sized> EffectPlugin for Isolated<T> {
     forward! {
         fn file(&self) -> Option<&PluginFile>;
         fn off(&self, parameters: &[f32]) -> Option<String>;
+        fn loops(&self) -> &[String];
     }
 }
 
 impl<T: EffectShader + ?Sized> EffectShader for Isolated<T> {
     forward! {
         fn wgsl(&self) -> &str;
-        fn loops(&self) -> &[String];
         fn reads_frame(&self) -> bool;
         fn textures(&self) -> &[EffectTexture];
         fn with_images(&self, name: &str, images: &[EffectTexture]) -> Option<Effect>;
@@ -350,6 +401,10 @@ mod tests {
         fn manifest(&self) -> &Manifest {
             &self.0
         }
+        fn claim(&self, source: &Source) -> Claim {
+            assert!(source.name != "claim.x", "no such claim");
+            self.0.claim(source)
+        }
         fn import(
             &self,
             _: &Source,
@@ -415,6 +470,53 @@ mod tests {
 
     fn faulty() -> Faulty {
         Faulty(Manifest::new("faulty", "1.2", "fails").extensions(["x"]))
+    }
+
+    /// Reads every file.
+    struct Good(Manifest);
+
+    impl Importer for Good {
+        fn manifest(&self) -> &Manifest {
+            &self.0
+        }
+        fn import(
+            &self,
+            _: &Source,
+            _: &dyn Files,
+            _: ImportScope,
+            _: &ImportOptions,
+        ) -> Result<Asset, ImportError> {
+            Ok(Asset::default())
+        }
+    }
+
+    #[test]
+    fn a_panic_of_a_claim_is_reported_and_another_importer_reads_the_file() {
+        let mut registry = Registry::default();
+        registry.add_importer(faulty());
+        let source = Source { name: "claim.x".into(), bytes: Arc::default() };
+        let import = |registry: &Registry| {
+            registry.import(&source, &NoFiles, ImportScope::ALL, &ImportOptions::default(), None)
+        };
+        let panic = "the plugin faulty 1.2 has failed: no such claim";
+        assert_eq!(
+            registry.failed_claims(&source).iter().map(ToString::to_string).collect::<Vec<_>>(),
+            [panic]
+        );
+        let error = import(&registry).err().unwrap();
+        assert!(
+            error.what.starts_with(&format!("no importer knows this kind of file; {panic} (when")),
+            "{error}"
+        );
+        registry.add_importer(Good(Manifest::new("good", "2", "reads").extensions(["x"])));
+        let asset = import(&registry).unwrap();
+        assert_eq!(asset.origin.importer, "good 2");
+        assert_eq!(asset.warnings.len(), 1);
+        assert!(asset.warnings[0].text.starts_with(panic), "{:?}", asset.warnings);
+        // It fails for that file alone.
+        let other = Source { name: "a.x".into(), ..source };
+        assert!(registry.failed_claims(&other).is_empty());
+        assert_eq!(registry.importer_for(&other, None).unwrap().manifest().name, "good");
     }
 
     #[test]

@@ -37,6 +37,13 @@ pub struct Manifest {
 }
 
 /// A plugin's own file: with its contents, scripts that use it know when it has changed.
+///
+/// ```
+/// use choreo_plugin::{BesideFile, PluginFile};
+/// let ramp = BesideFile { name: "ramp.png".into(), path: "/looks/ramp.png".into(), bytes: Err("no such file".into()) };
+/// let file = PluginFile { path: "/looks/toon.wgsl".into(), bytes: (*b"// effect: toon").into(), beside: vec![ramp] };
+/// assert!(file.bytes.starts_with(b"// effect") && file.beside[0].bytes.is_err());
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PluginFile {
     /// Canonical.
@@ -59,6 +66,21 @@ pub struct BesideFile {
 }
 
 /// One option or effect parameter.
+///
+/// ```
+/// use choreo_plugin::{Manifest, OptionSpec, OptionValue};
+/// let manifest = Manifest::new("rain", "1", "drops")
+///     .integer("drops", "how many", 100, 0..=1000)
+///     .curve("fall", "speed over time", &[[0.0, 1.0], [1.0, 4.0]], 0.0..=9.0)
+///     .unit("m/s");
+/// let drops: &OptionSpec = manifest.option("drops")?;
+/// assert!(drops.accepts(&OptionValue::Number(7.0)) && !drops.accepts(&OptionValue::Number(7.5)));
+/// assert_eq!((manifest.options[1].unit.as_str(), manifest.has_extension("rain")), ("m/s", false));
+/// // As numbers of an effect: one for the drops, sixteen samples of the curve.
+/// assert_eq!((manifest.options[1].number_count(), manifest.first_number(1), manifest.parameter_length()), (16, 1, 20));
+/// assert_eq!((manifest.options[1].number_of("fall_15"), manifest.options[0].number_of("fall")), (Some(15), None));
+/// # Ok::<(), choreo_plugin::OptionError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct OptionSpec {
     /// Name in scripts and on the command line.

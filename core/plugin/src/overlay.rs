@@ -7,6 +7,31 @@ use choreo_stage::{ActorState, EffectTarget, Snapshot, Stage};
 use glam::{DAffine3, DVec3, Vec4};
 
 /// Input of an effect that draws an overlay: the stage, and its state at a time.
+///
+/// ```
+/// use choreo_plugin::asset::Asset;
+/// use choreo_plugin::glam::{DVec3, Vec4};
+/// use choreo_plugin::motion::{Time, Transform};
+/// use choreo_plugin::stage::Stage;
+/// use choreo_plugin::{AssetBuilder, EffectScene, Triangle};
+/// use std::sync::Arc;
+///
+/// let mut builder = AssetBuilder::default();
+/// let root = builder.joint("root", None, Transform::IDENTITY)?;
+/// builder.joint("tip", Some(root), Transform { translation: DVec3::Y.as_vec3(), ..Transform::IDENTITY })?;
+/// let mut stage = Stage::default();
+/// stage.cast("stick", Arc::new(builder.finish("stick")?));
+/// let snapshot = stage.at(Time::ZERO)?;
+/// let before = [snapshot.clone()];
+/// let scene = EffectScene { stage: &stage, snapshot: &snapshot, before: &before, on: &[] };
+/// let stick = scene.instances().next().unwrap();
+/// assert_eq!((stick.bones(), stick.joint(1)), (vec![(0, None), (1, Some(0))], Some(DVec3::Y)));
+/// assert_eq!(scene.earlier(&stick, 1).and_then(|then| then.joint(1)), Some(DVec3::Y));
+/// // From a bone to the one above it.
+/// let flag = Triangle { vertices: [DVec3::ZERO, DVec3::Y, DVec3::X], color: Vec4::ONE };
+/// assert_eq!(flag.vertices[1], stick.joint(1).unwrap());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Copy)]
 pub struct EffectScene<'a> {
     /// The stage.

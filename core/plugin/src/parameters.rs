@@ -27,6 +27,11 @@ const CURVE: [&str; CURVE_SAMPLES] =
     ["_0", "_1", "_2", "_3", "_4", "_5", "_6", "_7", "_8", "_9", "_10", "_11", "_12", "_13", "_14", "_15"];
 
 /// Whether keys `[x, y]` are a curve: 1 to [`MAX_CURVE_KEYS`] of them, x from 0 to 1 and growing, y finite.
+///
+/// ```
+/// use choreo_plugin::parameters::is_curve;
+/// assert!(is_curve(&[[0.0, 5.0], [1.0, -5.0]]) && !is_curve(&[[1.0, 0.0], [0.5, 0.0]]) && !is_curve(&[]));
+/// ```
 pub fn is_curve(keys: &[[f64; 2]]) -> bool {
     (1..=MAX_CURVE_KEYS).contains(&keys.len())
         && keys.iter().all(|[x, y]| (0.0..=1.0).contains(x) && y.is_finite())

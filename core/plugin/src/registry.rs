@@ -1,10 +1,12 @@
 //! All plugins known to the program.
 
-use crate::isolated::{IsolatedExporter, IsolatedImporter, IsolatedSceneExporter, isolated_effect};
+use crate::isolated::{
+    AfterFailures, IsolatedExporter, IsolatedImporter, IsolatedSceneExporter, failed_claim, isolated_effect,
+};
 use crate::suggest::{did_you_mean, list};
 use crate::{
     Claim, Effect, EffectTexture, Exporter, Files, ImportError, ImportOptions, ImportScope, Importer,
-    LazyEffect, OptionKind, PluginError, SceneExporter, Source,
+    LazyEffect, OptionKind, PluginError, PluginPanic, SceneExporter, Source,
 };
 use choreo_asset::Asset;
 use choreo_stage::{EffectImageUse, EffectUse, Stage};
@@ -33,6 +35,70 @@ const IMPORTERS: &str = ".importer.";
 /// let mut registry = Registry::default();
 /// registry.add_effect(Effect::outline(Nothing(Manifest::new("nothing", "1", "changes nothing"))));
 /// assert_eq!(registry.effect_names().collect::<Vec<_>>(), ["nothing"]);
+/// ```
+///
+/// All kinds, and plugins that are looked for:
+///
+/// ```
+/// use choreo_plugin::asset::Asset;
+/// use choreo_plugin::*;
+/// use std::io::Write;
+/// use std::sync::Arc;
+///
+/// struct Mine(Manifest);
+///
+/// impl Importer for Mine {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+///     fn import(&self, _: &Source, _: &dyn Files, _: ImportScope, _: &ImportOptions) -> Result<Asset, ImportError> {
+///         Ok(Asset::default())
+///     }
+/// }
+///
+/// impl Exporter for Mine {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+///     fn one_frame_per_file(&self) -> bool {
+///         false
+///     }
+///     fn begin(&self, _: &VideoInfo, _: Box<dyn Write + Send>) -> Result<Box<dyn FrameSink>, ExportError> {
+///         Err(ExportError::Format("not written yet".into()))
+///     }
+/// }
+///
+/// impl SceneExporter for Mine {
+///     fn manifest(&self) -> &Manifest {
+///         &self.0
+///     }
+///     fn export(&self, _: &ExportedScene, _: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
+///         Ok(Vec::new())
+///     }
+/// }
+///
+/// let mine = || Mine(Manifest::new("mine", "1", "an example").extensions(["mine"]));
+/// let mut registry = Registry::default();
+/// registry.add_importer(mine());
+/// registry.add_shared_importer(Arc::new(mine()));
+/// registry.add_exporter(mine());
+/// registry.add_scene_exporter(mine());
+/// registry.add_shared_scene_exporter(Arc::new(mine()));
+/// let fault = PluginError { text: "glow.wgsl:3:5: unknown type".into(), files: Vec::new() };
+/// registry.add_lazy_effect(Arc::new(LazyEffect::new("glow", move || Err(fault))));
+/// registry.add_faulty("plugins/a.importer.rhai".into(), "no function load");
+/// // Of each name the last one counts.
+/// assert_eq!((registry.importers().len(), registry.exporters().len(), registry.scene_exporters().len()), (1, 1, 1));
+/// assert_eq!(registry.replaced()[0], "the importer mine takes the place of another of this name");
+/// assert!(registry.exporter_for("a.mine").is_some() && registry.scene_exporter_for("a.MINE").is_some());
+/// let source = Source { name: "a.mine".into(), bytes: Default::default() };
+/// assert_eq!(registry.claims(&source)[0].0, Claim::Extension);
+/// assert!(registry.failed_claims(&source).is_empty());
+/// // An effect of a file is compiled when it is used; what is faulty is named where something is not found.
+/// assert!(registry.use_effect("glow").is_err() && registry.use_effect("glw").is_ok_and(|found| found.is_none()));
+/// assert_eq!(registry.faulty_hint(".importer."), "\nno plugin: plugins/a.importer.rhai: no function load");
+/// assert!(registry.effects().is_empty() && registry.settled().effects().is_empty());
+/// assert!(registry.settled_for([&stage::Stage::default()]).effect("glow").is_none());
 /// ```
 #[derive(Clone, Default)]
 pub struct Registry {
@@ -213,13 +279,29 @@ impl Registry {
     /// Every importer's claim on a file, that of the reader first. Greater claims come first; of equal ones those
     /// whose manifest has the file's extension; then those added later, so that a user's own plugin wins over ours.
     pub fn claims(&self, source: &Source) -> Vec<(Claim, &Arc<dyn Importer>)> {
-        let extension = source.extension();
-        let mut claims: Vec<_> = self.importers.iter().map(|i| (i.claim(source), i)).rev().collect();
-        claims.sort_by_key(|(claim, i)| std::cmp::Reverse((*claim, i.manifest().has_extension(&extension))));
-        claims
+        self.ask(source).0
     }
 
-    /// The importer that reads the file ([`Registry::claims`]), or the one named.
+    /// The importers that have failed when they were asked whether the file is their own. They claim nothing.
+    pub fn failed_claims(&self, source: &Source) -> Vec<PluginPanic> {
+        self.ask(source).1
+    }
+
+    fn ask(&self, source: &Source) -> (Vec<(Claim, &Arc<dyn Importer>)>, Vec<PluginPanic>) {
+        let (extension, mut failures) = (source.extension(), Vec::new());
+        let mut claim = |importer: &Arc<dyn Importer>| {
+            importer.checked_claim(source).unwrap_or_else(|panic| {
+                failures.push(panic);
+                Claim::NotMine
+            })
+        };
+        let mut claims: Vec<_> = self.importers.iter().map(|i| (claim(i), i)).rev().collect();
+        claims.sort_by_key(|(claim, i)| std::cmp::Reverse((*claim, i.manifest().has_extension(&extension))));
+        (claims, failures)
+    }
+
+    /// The importer that reads the file ([`Registry::claims`]), or the one named. Its assets have a warning about each importer that has
+    /// failed to claim the file.
     ///
     /// # Errors
     /// No importer claims the file, or none has the name.
@@ -234,7 +316,7 @@ impl Registry {
         &self,
         source: &Source,
         named: Option<&str>,
-    ) -> Result<&Arc<dyn Importer>, ImportError> {
+    ) -> Result<Arc<dyn Importer>, ImportError> {
         let names = || self.importers.iter().map(|i| i.manifest().name.as_str());
         let error = |what: String, hint: String| ImportError {
             file: source.name.clone(),
@@ -243,15 +325,24 @@ impl Registry {
             hint: Some(hint),
         };
         if let Some(named) = named {
-            return self.importers.iter().rfind(|i| i.manifest().name == named).ok_or_else(|| {
+            return self.importers.iter().rfind(|i| i.manifest().name == named).cloned().ok_or_else(|| {
                 let what = format!("unknown importer \"{named}\"{}", did_you_mean(named, names()));
                 error(what, format!("importers: {}{}", list(names(), 30), self.faulty_hint(IMPORTERS)))
             });
         }
-        match self.claims(source).first() {
-            Some((claim, importer)) if *claim > Claim::NotMine => Ok(importer),
+        let (claims, failures) = self.ask(source);
+        match claims.first() {
+            Some((claim, importer)) if *claim > Claim::NotMine => {
+                let importer = Arc::clone(importer);
+                Ok(match failures.is_empty() {
+                    true => importer,
+                    false => Arc::new(AfterFailures { importer, failures }),
+                })
+            }
             _ => Err(error(
-                "no importer knows this kind of file".into(),
+                failures.iter().fold("no importer knows this kind of file".to_string(), |what, panic| {
+                    format!("{what}; {}", failed_claim(panic))
+                }),
                 format!(
                     "known importers: {}; name one with #{{ importer: … }}{}",
                     list(names(), 30),

@@ -93,6 +93,22 @@ pub struct ExportedScene {
 }
 
 /// Poses of a scene at any time, of hidden actors too. Clones can be used on several threads.
+///
+/// ```
+/// use choreo_plugin::motion::Time;
+/// use choreo_plugin::stage::Stage;
+/// use choreo_plugin::{ExportDeviation, ExportedScene, MemoryFiles, SceneEvaluator, SceneFiles};
+/// # use std::sync::Arc;
+/// let scene = ExportedScene::new("a.rhai", Arc::new(Stage::default()));
+/// let mut evaluator: SceneEvaluator = scene.evaluator();
+/// assert!(evaluator.at(Time::from_secs(0.5))?.actors.is_empty());
+/// // An exporter that samples reports its largest error, for the summary.
+/// let worst = ExportDeviation { metres: 0.001, actor: "anna".into(), joint: "hand".into(), time: Time::from_secs(0.5) };
+/// let mut files = MemoryFiles::default();
+/// files.deviation(worst.clone());
+/// assert_eq!(files.deviation, Some(worst));
+/// # Ok::<(), choreo_plugin::stage::StageError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct SceneEvaluator(Source);
 

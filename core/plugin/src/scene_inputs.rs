@@ -115,6 +115,16 @@ impl EffectFrame {
 
 /// Images of the scene that a [`crate::Hook::Image`] function reads, each of the size of the frame. Opaque and cut-out triangles
 /// are in them, without outlines, lines, points, overlays and 2D layers; one sample a pixel, in its middle.
+///
+/// ```
+/// use choreo_plugin::glam::Vec4;
+/// use choreo_plugin::{EffectFrame, EffectImage, SceneImages};
+/// let surface = [Vec4::new(0.0, 0.0, 1.0, 2.5), SceneImages::NO_SURFACE];
+/// let rows = EffectFrame { time: 1.5, ..EffectFrame::default() }.rows();
+/// let scene = SceneImages { surface: Some(EffectImage { size: [2, 1], rgba: &surface }), motion: None, rows: &rows };
+/// let depth = |x| scene.surface.map(|image| image.at(x, 0).w);
+/// assert_eq!((depth(0), depth(1), scene.rows[0].x), (Some(2.5), Some(1e9), 1.5));
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct SceneImages<'a> {
     /// World normal in xyz and depth in w: metres before the camera along its view. [`SceneImages::NO_SURFACE`] where nothing is.

@@ -9,6 +9,15 @@ pub(crate) const BLOCK: usize = 1024;
 const LONGEST: usize = 1024;
 
 /// A type of numbers in texts: `f32`, `f64`, `i32` or `u32`.
+///
+/// ```
+/// use choreo_plugin::{TextNumber, TextNumbers};
+/// fn three<T: TextNumber>(text: &str) -> Result<[T; 3], usize> {
+///     let mut numbers = TextNumbers::new(text.as_bytes(), 0);
+///     Ok([numbers.next()?, numbers.next()?, numbers.next()?])
+/// }
+/// assert_eq!((three::<f32>("1 2.5 -3"), three::<u32>("1 2 x")), (Ok([1.0, 2.5, -3.0]), Err(4)));
+/// ```
 pub trait TextNumber: Copy + private::Number {}
 
 mod private {

@@ -1,6 +1,7 @@
-//! Faults of effects: results that are no numbers, and loops that do not end. Both become magenta, and a warning names the effect and
-//! the first pixel. CPU reference of effect_faults.wgsl.
+//! Faults of effects: results that are no numbers, and loops that do not end. Pixels become magenta, other results are left out, and a warning
+//! names the effect and the first pixel, or the part. CPU reference of effect_faults.wgsl.
 
+use crate::plan::Plan;
 use choreo_plugin::effect::endless_loop;
 use choreo_plugin::{Effect, MAX_EFFECT_STEPS};
 use glam::{Vec3, Vec4};
@@ -19,7 +20,7 @@ const OF_VERTEX: u32 = u32::MAX - 1;
 
 /// A fault of a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Fault {
+pub enum Fault {
     NotFinite,
     /// The number of the loop, from 1; 0 for none.
     Endless(u32),
@@ -28,7 +29,7 @@ pub(crate) enum Fault {
 impl Fault {
     /// The fault of a result, if it has one.
     #[inline(always)]
-    pub fn of(value: Vec4) -> Option<Fault> {
+    pub(crate) fn of(value: Vec4) -> Option<Fault> {
         if value.is_finite() {
             return None;
         }
@@ -36,21 +37,58 @@ impl Fault {
     }
 }
 
-/// The place of a fault.
+/// The place of a fault. Pixels come first, row by row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum FaultPlace {
-    /// Column and row.
-    Pixel([i32; 2]),
+pub enum FaultPlace {
+    Pixel { row: u32, column: u32 },
     Vertex,
+    Outline,
+    Wireframe,
+    Shutter,
+    Line,
+    Triangle,
+    Lattice,
+    Label,
 }
 
 impl FaultPlace {
-    /// Pixels row by row, then vertices.
-    fn packed(self) -> u32 {
-        match self {
-            FaultPlace::Pixel([x, y]) => (y.max(0) as u32) << 16 | x.max(0) as u32 & 0xffff,
-            FaultPlace::Vertex => OF_VERTEX,
-        }
+    pub(crate) fn pixel([x, y]: [i32; 2]) -> FaultPlace {
+        FaultPlace::Pixel { row: y.max(0) as u32, column: x.max(0) as u32 }
+    }
+
+    /// The place in a sentence, and the consequence.
+    fn told(self) -> (String, &'static str) {
+        let (place, consequence) = match self {
+            FaultPlace::Pixel { row, column } => {
+                return (format!("at pixel ({column}, {row})"), "such pixels are magenta");
+            }
+            FaultPlace::Vertex => ("at a vertex", "such vertices stay in their places"),
+            FaultPlace::Outline => ("for the outline", "none is drawn"),
+            FaultPlace::Wireframe => ("for the edges", "none are drawn"),
+            FaultPlace::Shutter => ("for the shutter", "there is no motion blur"),
+            FaultPlace::Line => ("for a line or point", "such lines are not drawn"),
+            FaultPlace::Triangle => ("for a triangle", "such triangles are not drawn"),
+            FaultPlace::Lattice => ("for a grid", "such grids are not drawn"),
+            FaultPlace::Label => ("for a label", "such labels are not drawn"),
+        };
+        (place.into(), consequence)
+    }
+}
+
+/// A fault that was found when a frame was planned, the same for both devices.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PlanFault {
+    /// Name of the effect.
+    pub effect: String,
+    pub fault: Fault,
+    pub place: FaultPlace,
+}
+
+impl PlanFault {
+    /// The fault of a result that is computed for both devices, if it has one.
+    pub(crate) fn of(effect: &Effect, result: &[f32], place: FaultPlace) -> Option<PlanFault> {
+        let fault = result.iter().find_map(|value| Fault::of(Vec4::splat(*value)))?;
+        Some(PlanFault { effect: effect.manifest().name.clone(), fault, place })
     }
 }
 
@@ -60,8 +98,8 @@ pub(crate) struct EffectFaults(Mutex<Seen>);
 
 #[derive(Default)]
 struct Seen {
-    /// The first place of each fault, packed.
-    found: BTreeMap<(String, Fault), u32>,
+    /// The first place of each fault.
+    found: BTreeMap<(String, Fault), FaultPlace>,
     /// Faults that warnings were given for.
     reported: BTreeSet<(String, Fault)>,
 }
@@ -69,20 +107,27 @@ struct Seen {
 impl EffectFaults {
     /// Records a fault; of several places the first pixel stays.
     pub fn record(&self, effect: &Effect, fault: Fault, place: FaultPlace) {
-        self.record_packed(effect, fault, place.packed());
+        self.record_of(&effect.manifest().name, fault, place);
     }
 
-    fn record_packed(&self, effect: &Effect, fault: Fault, place: u32) {
+    fn record_of(&self, effect: &str, fault: Fault, place: FaultPlace) {
         let mut seen = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let first = seen.found.entry((effect.manifest().name.clone(), fault)).or_insert(place);
+        let first = seen.found.entry((effect.to_string(), fault)).or_insert(place);
         *first = place.min(*first);
+    }
+
+    /// Records the faults that were found when a frame and its parts were planned.
+    pub fn record_plan(&self, plan: &Plan) {
+        for found in std::iter::once(plan).chain(plan.sub_plans()).flat_map(|part| &part.effect_faults) {
+            self.record_of(&found.effect, found.fault, found.place);
+        }
     }
 
     /// Magenta in place of faulty colors, which are recorded with their pixels.
     pub fn checked(&self, effect: &Effect, colors: &mut [Vec4], pixel: impl Fn(usize) -> [i32; 2]) {
         for (i, color) in colors.iter_mut().enumerate() {
             if let Some(fault) = Fault::of(*color) {
-                self.record(effect, fault, FaultPlace::Pixel(pixel(i)));
+                self.record(effect, fault, FaultPlace::pixel(pixel(i)));
                 *color = MAGENTA;
             }
         }
@@ -103,8 +148,12 @@ impl EffectFaults {
                 return;
             };
             let fault = if number == 0 { Fault::NotFinite } else { Fault::Endless(number) };
-            let moved = if place == OF_VERTEX { place } else { place + (at[1] << 16) + at[0] };
-            self.record_packed(effect, fault, moved);
+            let (row, column) = (place >> 16, place & 0xffff);
+            let place = match place {
+                OF_VERTEX => FaultPlace::Vertex,
+                _ => FaultPlace::Pixel { row: row + at[1], column: column + at[0] },
+            };
+            self.record(effect, fault, place);
         }
     }
 
@@ -122,23 +171,20 @@ impl EffectFaults {
     }
 }
 
-fn warning(name: &str, fault: Fault, place: u32, effects: &[Effect]) -> String {
-    let (at, result) = match place {
-        OF_VERTEX => ("a vertex".to_string(), "such vertices stay in their places"),
-        place => (format!("pixel ({}, {})", place & 0xffff, place >> 16), "such pixels are magenta"),
-    };
+fn warning(name: &str, fault: Fault, place: FaultPlace, effects: &[Effect]) -> String {
+    let (place, consequence) = place.told();
     let effect = effects.iter().find(|e| e.manifest().name == name);
-    let loops = effect.and_then(|e| e.shader()).map_or(&[][..], |shader| shader.loops());
+    let loops = effect.map_or(&[][..], Effect::loops);
     match fault {
         Fault::NotFinite => {
-            format!("warning: effect \"{name}\": the result at {at} is NaN or infinite; {result}")
+            format!("warning: effect \"{name}\": the result {place} is NaN or infinite; {consequence}")
         }
         Fault::Endless(number) => {
-            let place = loops.get((number as usize).wrapping_sub(1));
-            let of_loop = place.map_or_else(String::new, |place| format!("{place}: "));
-            let what = if place.is_some() { "this loop" } else { "a call" };
+            let at = loops.get((number as usize).wrapping_sub(1));
+            let of_loop = at.map_or_else(String::new, |at| format!("{at}: "));
+            let what = if at.is_some() { "this loop" } else { "a call" };
             format!(
-                "{of_loop}warning: effect \"{name}\": {what} takes more than {MAX_EFFECT_STEPS} steps at {at}; {result}"
+                "{of_loop}warning: effect \"{name}\": {what} takes more than {MAX_EFFECT_STEPS} steps {place}; {consequence}"
             )
         }
     }

@@ -161,6 +161,114 @@ fn faults_are_magenta_and_named_on_both_devices() {
     }
 }
 
+/// Name, hook, what the function gives, its body, faulty where `p[0]` is ½, the warning, whether the image is that without the effect.
+type PartCase = (&'static str, &'static str, &'static str, &'static str, &'static str, bool);
+
+/// Results that are computed for both devices when a frame is planned.
+const PARTS: &[PartCase] = &[
+    (
+        "hull",
+        "// hook: shell",
+        "fn effect(p: array<f32, 8>) -> Shell",
+        "return Shell(9.0, vec3(1.0, 0.0, sqrt(-p[0])), 0.0);",
+        "the result for the outline is NaN or infinite; none is drawn",
+        true,
+    ),
+    (
+        "wide",
+        "// hook: shell",
+        "fn effect(p: array<f32, 8>) -> Shell",
+        "return Shell(9.0 / (0.5 - p[0]), vec3(1.0, 0.0, 0.0), 0.0);",
+        "",
+        false,
+    ),
+    (
+        "width",
+        "// hook: shell",
+        "fn effect(p: array<f32, 8>) -> Shell",
+        "return Shell(9.0 + sqrt(-p[0]), vec3(1.0, 0.0, 0.0), 0.0);",
+        "the result for the outline is NaN or infinite; none is drawn",
+        true,
+    ),
+    (
+        "edges",
+        "// hook: shell",
+        "fn effect(p: array<f32, 8>) -> Edges",
+        "return Edges(vec3(1.0, sqrt(-p[0]), 0.0));",
+        "the result for the edges is NaN or infinite; none are drawn",
+        true,
+    ),
+    (
+        "blur",
+        "// hook: shutter",
+        "fn effect(p: array<f32, 8>) -> Shutter",
+        "return Shutter(4u, 180.0 * sqrt(-p[0]), 0.5);",
+        "the result for the shutter is NaN or infinite; there is no motion blur",
+        true,
+    ),
+    (
+        "lines",
+        "// hook: overlay\n// count: 3",
+        "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line",
+        "let bad = select(0.0, sqrt(-p[0]), index == 1u);\nreturn Line(vec3(f32(index) * 0.1 + bad, -1.0, 0.0), vec3(f32(index) * 0.1, 1.0, 0.0), 2.0, vec4(1.0, 0.0, 0.0, 1.0));",
+        "the result for a line or point is NaN or infinite; such lines are not drawn",
+        false,
+    ),
+    (
+        "fan",
+        "// hook: overlay\n// count: 3",
+        "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Triangle",
+        "return Triangle(vec3(0.0), vec3(1.0, 0.0, 0.0), vec3(0.0, 1.0, 0.0), vec4(1.0, 0.0, 0.0, 1.0 + sqrt(-p[0])));",
+        "the result for a triangle is NaN or infinite; such triangles are not drawn",
+        true,
+    ),
+    (
+        "slow_hull",
+        "// hook: shell",
+        "fn effect(p: array<f32, 8>) -> Shell",
+        "var x = 0.0; loop { x += 1.0; if x > 3.0 && abs(p[0] - 0.5) > 0.2 { break; } }\nreturn Shell(9.0, vec3(x, 0.0, 0.0), 0.0);",
+        "this loop takes more than 100000 steps for the outline; none is drawn",
+        true,
+    ),
+];
+
+#[test]
+fn faults_of_planned_results_are_named_on_both_devices() {
+    let text = |(name, head, gives, body, ..): &PartCase| {
+        format!("// effect: {name}\n{head}\n// param bad = 0 in 0..1: ½ = faulty\n{gives} {{\n{body}\n}}\n")
+    };
+    let effects: Vec<Effect> = PARTS
+        .iter()
+        .map(|case| WgslEffect::from_text("my.wgsl", &text(case)).unwrap_or_else(|e| panic!("{e}")).into())
+        .collect();
+    let mut devices: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(&effects))];
+    let gpu = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() });
+    devices.extend(gpu.map(|gpu| Box::new(gpu) as Box<dyn Renderer>));
+    let scene = |name: &str, bad: f64| {
+        let mut scene = Scene::ortho(2.0);
+        scene.add(&asset(vec![cube(0.5)], vec![matte(Vec4::ONE)], vec![]), DAffine3::IDENTITY);
+        use_effect(&mut scene, name, &[("bad", bad)], &[]);
+        scene
+    };
+    for device in &mut devices {
+        device.set_effects(&effects).unwrap();
+        let plain = drawn(&mut **device, &scene("unknown", 0.0), &effects, 1).0;
+        for (name, _, _, _, warning, nothing) in PARTS {
+            let (good, notes) = drawn(&mut **device, &scene(name, 0.0), &effects, 1);
+            assert_eq!(notes, Vec::<String>::new(), "{name}");
+            // Blur of what rests is the same image.
+            assert!(*name == "blur" || good.rgba != plain.rgba, "{name} shows");
+            let (bad, notes) = drawn(&mut **device, &scene(name, 0.5), &effects, 1);
+            let loops = if warning.starts_with("this loop") { "my.wgsl:5:14: " } else { "" };
+            let known = format!("{loops}warning: effect \"{name}\": {warning}");
+            let known = if warning.is_empty() { Vec::new() } else { vec![known] };
+            assert_eq!(notes, known, "{name}");
+            assert_eq!(bad.rgba == plain.rgba, *nothing, "{name}");
+            assert!(drawn(&mut **device, &scene(name, 0.5), &effects, 1).1.is_empty(), "{name}: once");
+        }
+    }
+}
+
 /// A shader that does not look for NaN is found, and one that records nothing.
 #[test]
 fn a_device_without_the_check_is_found() {

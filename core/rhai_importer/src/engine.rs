@@ -1,7 +1,7 @@
 //! The sandbox of an importer: no files, no clock, no modules; limits on steps, seconds and memory.
 
 use crate::budget::{Budget, Refused, refuse};
-use crate::{bytes, numbers};
+use crate::{bytes, numbers, quaternions};
 use choreo_sandbox::SizeLimits;
 use rhai::packages::{
     BasicArrayPackage, BasicMapPackage, BitFieldPackage, CorePackage, LogicPackage, MoreStringPackage,
@@ -67,6 +67,7 @@ pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
     maths(&mut engine);
     bytes::register(&mut engine);
     numbers::register(&mut engine, budget);
+    quaternions::register(&mut engine, budget);
     engine
 }
 

@@ -18,6 +18,7 @@ mod manifest;
 mod numbers;
 mod on_use;
 mod posed;
+mod quaternions;
 mod scene;
 mod script_error;
 

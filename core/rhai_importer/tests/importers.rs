@@ -488,3 +488,48 @@ fn morphs_parts_normal_maps_cameras_and_lights() {
         assert!(error.contains(message), "{code}: {error}");
     }
 }
+
+/// Against glam's own rotations in f64.
+#[test]
+fn rotations_are_quaternions_of_radians() {
+    use glam::{DQuat, DVec3, EulerRot};
+    let values = |code: &str| -> Vec<f64> {
+        let asset = body(&format!(
+            "for v in {code} {{ warn(\"\", `${{v}}`); }} points(#{{ positions: [0, 0, 0] }});"
+        ));
+        asset.unwrap().warnings.iter().filter_map(|w| w.text.parse().ok()).collect()
+    };
+    let near = |code: &str, expected: &[f64]| {
+        let got = values(code);
+        assert_eq!(got.len(), expected.len(), "{code}: {got:?}");
+        let far = got.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(far < 1e-14, "{code}: {got:?}, not {expected:?}");
+    };
+    let (x, y, z) = (0.3, -0.7, 1.9);
+    let axis = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, -2.0) / 3.0, 2.2);
+    near("quaternion([2, 4, -4], 2.2)", &axis.to_array());
+    // Fixed axes, x first: Z · Y · X. glam names them from the left.
+    let xyz = DQuat::from_euler(EulerRot::ZYX, z, y, x);
+    near("quaternions(\"xyz\", [0.3, -0.7, 1.9])", &xyz.to_array());
+    let zxy = DQuat::from_euler(EulerRot::YXZ, y, x, z);
+    near("quaternions(\"zxy\", numbers([0.3, -0.7, 1.9]))", &zxy.to_array());
+    let both = [xyz.to_array(), DQuat::IDENTITY.to_array()].concat();
+    near("quaternions(\"xyz\", [0.3, -0.7, 1.9, 0, 0, 0])", &both);
+    let (a, b) = ("quaternion([2, 4, -4], 2.2)", "quaternions(\"xyz\", [0.3, -0.7, 1.9])");
+    near(&format!("product({a}, {b})"), &(axis * xyz).to_array());
+    near(&format!("inverse({a})"), &axis.inverse().to_array());
+    let turned = [axis * DVec3::X, axis * DVec3::new(1.0, 2.0, 3.0)].map(|v| v.to_array()).concat();
+    near(&format!("turned({a}, [1, 0, 0, 1, 2, 3])"), &turned);
+    near("turned(quaternion([0, 0, 1], radians(90)), [1, 0, 0])", &[0.0, 1.0, 0.0]);
+    assert!(fails("quaternion([0, 0, 0], 1.0);").contains("the axis needs a length"));
+    assert!(
+        fails("quaternions(\"xxy\", [0, 0, 0]);").contains("the letters x, y and z, as \"xyz\", got \"xxy\"")
+    );
+    assert!(fails("quaternions(\"xyz\", [0, 0]);").contains("3 numbers, or rows of 3 numbers, are needed"));
+    assert!(
+        fails("product([0, 0, 0, 1, 0, 0, 0, 1], numbers([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1]));")
+            .contains("one list has 2 rows, the other 3")
+    );
+    // What is not found has the place -1.
+    near("[file.bytes.find(\"\\x05\"), file.bytes.find(\"q\", 2)]", &[4.0, -1.0]);
+}

@@ -4,7 +4,7 @@ use crate::api::defs;
 use crate::def::Def;
 use crate::suggest::distance;
 use crate::synonyms::{self, letters, mathematics, of_topic, of_words, terms};
-pub use crate::synonyms::{Answer, Call, examples, is_in};
+pub use crate::synonyms::{Answer, Call, examples, is_about, is_in};
 
 /// Each topic of the table of synonyms: its terms, and what answers them.
 pub fn topics() -> impl Iterator<Item = (&'static [&'static str], Answer)> {

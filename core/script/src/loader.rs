@@ -250,7 +250,7 @@ impl Loader {
         }
         let stamp = found.and_then(|f| FileStamp::of(&f.path));
         let (source, importer) = match found {
-            None => (Source { name: name.to_string(), bytes: Arc::default() }, self.built_in(name)?),
+            None => (Source { name: name.to_string(), bytes: Arc::default() }, self.built_in(name)?.clone()),
             Some(found) => {
                 import.set_bytes(std::fs::metadata(&found.path).map_or(0, |m| m.len()));
                 let bytes = self.folders.read(found, name)?;
@@ -265,7 +265,7 @@ impl Loader {
         let options = choice.complete(importer.manifest()).map_err(from_option)?;
         let needs = choice.needs.map_or(self.needs, |n| self.needs.both(n));
         let made = Making {
-            importer,
+            importer: &importer,
             options: &options,
             compress: choice.compress,
             clips: &choice.clips,

@@ -4,13 +4,15 @@
 use crate::viewport::ViewEvaluators;
 use crate::{Scene, ViewOverrides, ViewportCamera};
 use choreo_motion::Time;
-use choreo_plugin::{Effect, Frame};
+use choreo_plugin::{Effect, Frame, PluginPanic};
 use choreo_render::plan::Draw;
 use choreo_render::plan::motion_blur::{plan_alone, plan_with};
 use choreo_render::renderer::CreatedCounts;
 use choreo_render::{DeviceInfo, DeviceUsage, PlanOptions, RenderError, Renderer, SceneResources};
 use choreo_stage::{Snapshot, StageError};
+use std::any::Any;
 use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -64,6 +66,23 @@ pub enum FrameError {
     Stage(#[from] StageError),
     #[error(transparent)]
     Render(#[from] RenderError),
+    /// A panic of an effect.
+    #[error(transparent)]
+    Plugin(PluginPanic),
+    /// A panic of the program itself.
+    #[error("the program itself failed on this frame; please report it with the files: {0}")]
+    Program(String),
+}
+
+impl FrameError {
+    fn of_panic(panic: &(dyn Any + Send)) -> FrameError {
+        if let Some(panic) = panic.downcast_ref::<PluginPanic>() {
+            return FrameError::Plugin(panic.clone());
+        }
+        let text = panic.downcast_ref::<String>().map(String::as_str);
+        let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("no message");
+        FrameError::Program(text.to_string())
+    }
 }
 
 /// A rendered frame, or why it could not be rendered.
@@ -206,7 +225,9 @@ struct RenderState {
 
 impl RenderState {
     fn new(start: StartRenderer) -> RenderState {
-        let (renderer, notes) = match start() {
+        let started = catch_unwind(AssertUnwindSafe(start));
+        let started = started.unwrap_or_else(|panic| Err(FrameError::of_panic(&*panic).to_string()));
+        let (renderer, notes) = match started {
             Ok((renderer, note)) => (Ok(renderer), note.into_iter().collect()),
             Err(why) => (Err(why), Vec::new()),
         };
@@ -221,7 +242,11 @@ impl RenderState {
 
     fn paint(&mut self, request: &FrameRequest, shaders: bool, spare: Option<Frame>) -> FrameReply {
         let mut notes = std::mem::take(&mut self.notes);
-        let result = self.picture(request, shaders, spare, &mut notes);
+        let drawn = catch_unwind(AssertUnwindSafe(|| self.picture(request, shaders, spare, &mut notes)));
+        let result = drawn.unwrap_or_else(|panic| {
+            self.begin_anew();
+            Err(FrameError::of_panic(&*panic))
+        });
         let (mut work, mut held) = (CreatedCounts::default(), DeviceUsage::default());
         if let Ok(renderer) = &mut self.renderer {
             notes.extend(renderer.take_notes());
@@ -229,6 +254,16 @@ impl RenderState {
         }
         let FrameRequest { ticket, view, .. } = *request;
         FrameReply { ticket, view, result, work, held, notes }
+    }
+
+    /// After a panic, which may have come in the middle of anything: frames that are begun are dropped, and evaluators, effects and
+    /// resources are made and handed over again with the next frame.
+    fn begin_anew(&mut self) {
+        (self.views, self.effects, self.resources) = (ViewEvaluators::default(), Vec::new(), None);
+        if let Ok(renderer) = &mut self.renderer {
+            // An empty queue ends the loop, and so does a renderer that fails, too.
+            while catch_unwind(AssertUnwindSafe(|| renderer.collect(None).is_ok())).unwrap_or(false) {}
+        }
     }
 
     fn picture(

@@ -1,7 +1,9 @@
 //! A scene that changes under one's hands: what is done again, what is not, and what a mistake leaves in place.
 
 use choreo_motion::Time;
-use choreo_plugin::{Effect, Frame, Registry};
+use choreo_plugin::{
+    Effect, EffectPlugin, EffectShader, Frame, Manifest, PixelEffect, Registry, Shutter, ShutterEffect,
+};
 use choreo_render::renderer::CreatedCounts;
 use choreo_render::vulkan::{GpuOptions, SteadyRenderer};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, RenderError, Renderer};
@@ -46,6 +48,15 @@ impl Place {
         source(&mut made);
         let session = Session::new(made, &registry(), true).unwrap();
         Place { folder, session }
+    }
+
+    /// A place with further plugins of the program.
+    fn with(plugins: impl FnOnce(&mut Registry)) -> Place {
+        let place = Place::new(|_| ());
+        let mut registry = registry();
+        plugins(&mut registry);
+        let session = Session::new(SceneSource::new(place.folder.path().join("a.rhai")), &registry, true);
+        Place { session: session.unwrap(), ..place }
     }
 
     fn at(&self, name: &str) -> PathBuf {
@@ -364,6 +375,74 @@ fn a_painter_whose_renderer_does_not_start_says_so_each_time() {
         assert_eq!(
             studio.paint(&scene, 0.0).result.err().map(|e| e.to_string()).as_deref(),
             Some("Vulkan is not available: planted")
+        );
+    }
+}
+
+/// An effect of a crate that panics from an amount on, where the image is drawn or where the frame is planned.
+struct Fragile(Manifest);
+
+impl Fragile {
+    fn new(name: &str) -> Fragile {
+        Fragile(Manifest::new(name, "1.2", "panics").number("amount", "how much", 0.0, 0.0..=1.0))
+    }
+}
+
+impl EffectPlugin for Fragile {
+    fn manifest(&self) -> &Manifest {
+        &self.0
+    }
+}
+
+impl EffectShader for Fragile {
+    fn wgsl(&self) -> &str {
+        "fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> { return color; }"
+    }
+}
+
+impl PixelEffect for Fragile {
+    fn pixels(&self, _: &mut [glam::Vec4], _: &[glam::Vec2], parameters: &[f32]) {
+        assert!(parameters[0] < 0.5, "too much: {}", parameters[0]);
+    }
+}
+
+impl ShutterEffect for Fragile {
+    fn shutter(&self, parameters: &[f32]) -> Option<Shutter> {
+        assert!(parameters[0] < 0.5, "too much: {}", parameters[0]);
+        None
+    }
+}
+
+#[test]
+fn an_effect_that_panics_leaves_the_renderer_at_work() {
+    let mut place = Place::with(|registry| {
+        registry.add_effect(Effect::pixel(Fragile::new("drawn")));
+        registry.add_effect(Effect::shutter(Fragile::new("planned")));
+    });
+    let studio = Studio::new(|| Ok(Box::new(CpuRenderer::new(&[]))));
+    for name in ["drawn", "planned"] {
+        let script = |amount: f64| format!("{SCRIPT}\neffect(\"{name}\", #{{ amount: {amount} }});\n");
+        place.write("a.rhai", &script(0.25));
+        let before = studio.paint(&good(place.session.build(BTreeSet::new())), 1.0);
+        place.write("a.rhai", &script(0.75));
+        let scene = good(place.session.build(BTreeSet::new()));
+        for _ in 0..3 {
+            let reply = studio.paint(&scene, 1.0);
+            let error = reply.result.err().map(|e| e.to_string());
+            assert_eq!(error, Some(format!("the plugin {name} 1.2 has failed: too much: 0.75")));
+        }
+        place.write("a.rhai", &script(0.25));
+        let after = studio.paint(&good(place.session.build(BTreeSet::new())), 1.0);
+        assert!(frame(&after).rgba == frame(&before).rgba);
+    }
+    // A renderer that panics when it starts is an error of each frame.
+    let studio = Studio::new(|| panic!("no driver"));
+    let scene = good(place.session.build(BTreeSet::new()));
+    for _ in 0..2 {
+        let error = studio.paint(&scene, 0.0).result.err().map(|e| e.to_string());
+        assert!(
+            error.as_deref().is_some_and(|e| e.ends_with("report it with the files: no driver")),
+            "{error:?}"
         );
     }
 }

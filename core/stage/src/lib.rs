@@ -21,6 +21,7 @@ mod placed;
 mod pose;
 mod properties;
 mod root_motion;
+#[warn(missing_docs)]
 mod snapshot;
 mod springs;
 mod stage;

@@ -12,29 +12,39 @@ use glam::DVec2;
 use glam::{Affine3A, DAffine3, DVec3, Mat3, Vec3, Vec4};
 use std::sync::Arc;
 
+/// Everything of a stage at one time.
 #[derive(Clone, Debug, Default)]
 pub struct Snapshot {
+    /// Stage time.
     pub time: Time,
     /// Index-aligned with `Stage::actors`.
     pub actors: Vec<ActorState>,
+    /// The camera that is on.
     pub camera: CameraState,
+    /// The camera before it, while that dissolves.
     pub dissolve: Option<Dissolve>,
     /// World space, only those that shine (intensity > 0).
     pub lights: Vec<LightState>,
+    /// Light from all around; `None` without a sky.
     pub sky: Option<SkyState>,
     /// The visible ones, in painter's order.
     pub layers_2d: Vec<Layer2dState>,
+    /// Behind everything, where no sky is shown.
     pub background: Background,
-    /// Hemisphere light from above and below, linear.
+    /// Hemisphere light from above, linear, candela per square metre.
     pub ambient_up: Vec3,
+    /// Hemisphere light from below, linear, candela per square metre.
     pub ambient_down: Vec3,
     /// Effects on at this time, in the order of `Stage::effects`.
     pub effects: Vec<EffectState>,
 }
 
+/// An actor at one time.
 #[derive(Clone, Debug)]
 pub struct ActorState {
+    /// Whether it and all that it is attached to are visible.
     pub visible: bool,
+    /// Transform of its model into the world, metres.
     pub world_from_model: DAffine3,
     /// The space that the actor is placed in: of its parent, or the world.
     pub world_from_parent: DAffine3,
@@ -43,6 +53,7 @@ pub struct ActorState {
     pub model_from_joint: Vec<Affine3A>,
     /// One list per mesh instance of the asset; empty lists where the mesh has no morph targets.
     pub morph_weights: Vec<Vec<f32>>,
+    /// Multiplies every base color, linear RGBA.
     pub tint: Vec4,
     /// Line width that replaces the material's.
     pub line_width: Option<f32>,
@@ -90,18 +101,21 @@ impl Default for ActorState {
     }
 }
 
+/// A camera at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CameraState {
     /// Index into `Stage::cameras`; `None` = the framing camera of a stage without any.
     pub camera: Option<usize>,
     /// Rotation and position only, no scale: looks along −Z.
     pub world_from_view: DAffine3,
+    /// How it projects.
     pub projection: Projection,
 }
 
 /// The image of the camera before the last cut, which goes over into that of `Snapshot::camera`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dissolve {
+    /// The camera before the cut.
     pub camera: CameraState,
     /// Effects on in its image.
     pub effects: Vec<EffectState>,
@@ -109,12 +123,16 @@ pub struct Dissolve {
     pub share: f32,
 }
 
+/// A light that shines at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightState {
+    /// Type, color and intensity.
     pub light: Light,
+    /// World, metres; of no effect for directional lights.
     pub position: DVec3,
-    /// Unit.
+    /// Unit vector in the world, along which it shines.
     pub direction: Vec3,
+    /// `None`: it casts no shadows.
     pub shadow: Option<Shadow>,
     /// See `crate::stage::StageLight::attenuation`.
     pub attenuation: Option<[f32; 3]>,
@@ -123,9 +141,13 @@ pub struct LightState {
 /// A sky at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkyState {
+    /// Radiance from all directions.
     pub panorama: Arc<Panorama>,
+    /// Radians about +Y, counter-clockwise from above.
     pub turn: f64,
+    /// Times the panorama's radiance.
     pub strength: f32,
+    /// Whether it is seen behind everything.
     pub background: bool,
 }
 
@@ -143,9 +165,11 @@ pub struct EffectState {
 pub struct Layer2dState {
     /// Index into `Stage::flats`.
     pub layer_2d: usize,
+    /// Position of its anchor, as fractions of the image from the top left.
     pub at: DVec2,
     /// Above 0, at most 1.
     pub opacity: f32,
+    /// Times its size, about its anchor.
     pub scale: f64,
     /// Words that replace those of the content.
     pub words: Option<String>,
@@ -156,6 +180,7 @@ pub struct Layer2dState {
 pub struct ChangedMaterial {
     /// Index into `Asset::materials`.
     pub material: u32,
+    /// The material at the time.
     pub now: Material,
 }
 

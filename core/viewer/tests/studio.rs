@@ -8,7 +8,7 @@ use choreo_plugin::Source;
 use screen::{Running, Screen, Shot, assert_quiet, until};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 
 const SCRIPT: &str = r##"stage(#{ size: [320, 180], length: 0.1, background: "#204060" });
@@ -98,6 +98,38 @@ fn plugins_of_another_program_work_in_its_command_line_and_its_viewer() {
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
     assert_quiet(folder.path());
+    survives_a_panic(&programs, folder.path(), &screen);
+}
+
+/// An effect of the program that panics is an error of its frames, in both of them; the viewer draws the next version of the script.
+fn survives_a_panic(programs: &Path, folder: &Path, screen: &Screen) {
+    let script = folder.join("f.rhai");
+    let faulty = SCRIPT.replace("negative", "fragile");
+    fs::write(&script, &faulty).unwrap();
+    let studio = |args: &[&str]| {
+        let mut command = Command::new(programs.join("studio"));
+        command.args(args).current_dir(folder).env("DISPLAY", &screen.display).env_remove("WAYLAND_DISPLAY");
+        command.env("XDG_STATE_HOME", folder.join("state"));
+        command
+    };
+    let output =
+        studio(&["render", "f.rhai", "-o", "f.png", "--at", "0", "--device", "cpu"]).output().unwrap();
+    let told = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(told.contains("the plugin fragile 3 has failed: there is no film in the camera"), "{told}");
+    let said = fs::File::create(folder.join("failed.txt")).unwrap();
+    let mut viewer = Running(studio(&["view", "f.rhai"]).stdout(Stdio::null()).stderr(said).spawn().unwrap());
+    let window = screen.window_named("studio");
+    until("the panic", || {
+        fs::read_to_string(folder.join("failed.txt")).unwrap().contains("no film").then_some(())
+    });
+    screen.save(&window, "studio_fragile.png");
+    assert!(viewer.0.try_wait().unwrap().is_none(), "the viewer is still there");
+    fs::write(&script, faulty.replace("effect(\"fragile\");", "")).unwrap();
+    until("the image without the effect", || {
+        (screen.shot(&window).count([0x20, 0x40, 0x60]) > 20_000).then_some(())
+    });
+    screen.key(&window, "ctrl+q");
+    assert_eq!(until("the end", || viewer.0.try_wait().unwrap()).code(), Some(0));
 }
 
 /// Files of a package of plugins that are files.

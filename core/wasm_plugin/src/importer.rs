@@ -6,7 +6,8 @@ use crate::host::{Answer, Ask, Host, serve};
 use choreo_asset::Asset;
 use choreo_plugin::transfer::{ImportReply, ImportRequest, to_bytes};
 use choreo_plugin::{
-    Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, PluginFile, Source,
+    Claim, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, PluginFile, PluginPanic,
+    Source,
 };
 use std::convert::Infallible;
 
@@ -58,13 +59,18 @@ impl Importer for WasmImporter {
 
     /// One that fails claims nothing.
     fn claim(&self, source: &Source) -> Claim {
+        self.checked_claim(source).unwrap_or(Claim::NotMine)
+    }
+
+    fn checked_claim(&self, source: &Source) -> Result<Claim, PluginPanic> {
         if !self.has_claim {
-            return self.manifest.claim(source);
+            return Ok(self.manifest.claim(source));
         }
         let request = WasmImporter::request(source, ImportScope::ALL, &ImportOptions::default());
         let limits = Limits { time: Limits::FEW.time, ..Limits::for_file(source.bytes.len()) };
         let host = Host::with_file(source.bytes.clone());
-        self.plugin.call("choreo_claim", &request, host, limits).unwrap_or(Claim::NotMine)
+        let claim = self.plugin.call("choreo_claim", &request, host, limits);
+        claim.map_err(|error| PluginPanic::new(&self.manifest, &error.to_string()))
     }
 
     fn import(

@@ -4,7 +4,7 @@ use crate::WasmError;
 use choreo_asset::Asset;
 use choreo_plugin::{
     Claim, ExportError, ExportedScene, Files, ImportError, ImportOptions, ImportScope, Importer, LazyPlugin,
-    Manifest, PluginError, PluginFile, SceneExporter, SceneFiles, Source,
+    Manifest, PluginError, PluginFile, PluginPanic, SceneExporter, SceneFiles, Source,
 };
 use std::sync::Arc;
 
@@ -66,9 +66,13 @@ impl Importer for OnUse<dyn Importer> {
 
     /// Files that do not look like the plugin's by its manifest are none of its own: it is not compiled to be asked about them.
     fn claim(&self, source: &Source) -> Claim {
+        self.checked_claim(source).unwrap_or(Claim::NotMine)
+    }
+
+    fn checked_claim(&self, source: &Source) -> Result<Claim, PluginPanic> {
         match self.manifest.claim(source) {
-            Claim::NotMine => Claim::NotMine,
-            claim => self.get().map_or(claim, |importer| importer.claim(source)),
+            Claim::NotMine => Ok(Claim::NotMine),
+            claim => self.get().map_or(Ok(claim), |importer| importer.checked_claim(source)),
         }
     }
 

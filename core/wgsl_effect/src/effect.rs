@@ -138,15 +138,15 @@ impl WgslEffect {
         })
     }
 
-    /// Calls a function that has no arguments but the parameters; `None` where it takes more than its steps.
-    fn call(&self, parameters: &[f32]) -> Option<[f32; 5]> {
+    /// Calls a function that has no arguments but the parameters; [`endless`] where it takes more than its steps.
+    fn call(&self, parameters: &[f32]) -> [f32; 5] {
         let program = &self.code().program;
         let mut machine = Machine::<1>::new(program, parameters);
-        machine.run(program, 1, &Textures(&self.textures)).ok()?;
-        if machine.endless != [0] {
-            return None;
+        let ran = machine.run(program, 1, &Textures(&self.textures));
+        match ran.is_ok() && machine.endless == [0] {
+            true => [0, 1, 2, 3, 4].map(|i| machine.float(program, 0, i)),
+            false => [endless(machine.endless[0]); 5],
         }
-        Some([0, 1, 2, 3, 4].map(|i| machine.float(program, 0, i)))
     }
 
     /// The functions of a shader around the effect's, for hooks whose parameters the numbers of the frame may follow.
@@ -259,15 +259,15 @@ impl EffectPlugin for WgslEffect {
         let off = self.head.off.as_ref().filter(|off| parameters.get(off.index) == Some(&off.value))?;
         Some(format!("{} is {}", off.name, off.value))
     }
+
+    fn loops(&self) -> &[String] {
+        &self.loops
+    }
 }
 
 impl EffectShader for WgslEffect {
     fn wgsl(&self) -> &str {
         &self.text.wgsl
-    }
-
-    fn loops(&self) -> &[String] {
-        &self.loops
     }
 
     fn reads_frame(&self) -> bool {
@@ -445,26 +445,27 @@ impl LightingEffect for WgslEffect {
 }
 
 impl OutlineEffect for WgslEffect {
-    /// The hull, unless its numbers are not finite or it takes more than its steps.
+    /// The hull. The caller finds numbers that are not finite.
     fn inverted_hull(&self, parameters: &[f32]) -> Option<InvertedHull> {
         if self.code().output != Output::Hull {
             return None;
         }
-        let [width, r, g, b, lighting_mix] = self.call(parameters)?;
+        let [width, r, g, b, lighting_mix] = self.call(parameters);
         let hull = InvertedHull {
-            width: width.min(MAX_WIDTH),
+            // Without `min`, which makes a number of NaN.
+            width: if width > MAX_WIDTH { MAX_WIDTH } else { width },
             color: Vec3::new(r, g, b),
             lighting_mix: lighting_mix.clamp(0.0, 1.0),
         };
-        (width > 0.0 && hull.color.is_finite() && lighting_mix.is_finite()).then_some(hull)
+        (width.is_nan() || width > 0.0).then_some(hull)
     }
 
     fn wireframe(&self, parameters: &[f32]) -> Option<Vec3> {
         if self.code().output != Output::Edges {
             return None;
         }
-        let [r, g, b, ..] = self.call(parameters)?;
-        Some(Vec3::new(r, g, b)).filter(|color| color.is_finite())
+        let [r, g, b, ..] = self.call(parameters);
+        Some(Vec3::new(r, g, b))
     }
 }
 
@@ -487,7 +488,7 @@ impl OverlayEffect for WgslEffect {
 
 impl ShutterEffect for WgslEffect {
     fn shutter(&self, parameters: &[f32]) -> Option<Shutter> {
-        let [samples, degrees, before, ..] = self.call(parameters)?;
+        let [samples, degrees, before, ..] = self.call(parameters);
         Some(Shutter { samples: samples.to_bits(), open: f64::from(degrees) / 360.0, before: before.into() })
     }
 }

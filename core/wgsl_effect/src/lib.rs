@@ -33,7 +33,7 @@ mod typed_parameters;
 
 pub use effect::{ENDING, TextureImage, WgslEffect};
 pub use error::EffectError;
-pub use head::{files, hook_named, is_meant, name, word as hook_word};
+pub use head::{files, hook_named, hooks, is_meant, name, word as hook_word};
 
 /// The page of the documentation.
 pub const README: &str = include_str!("../README.md");

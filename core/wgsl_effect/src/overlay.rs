@@ -6,6 +6,7 @@ use crate::head::{Head, JointLine};
 use crate::machine::Machine;
 use crate::program::{MAX_STEPS, Program};
 use choreo_asset::{Asset, DAabb};
+use choreo_plugin::effect::endless;
 use choreo_plugin::suggest::did_you_mean;
 use choreo_plugin::{ActorInstance, EffectScene, EffectTexture, Lattice, Overlay, Stroke, Triangle};
 use glam::{DVec3, Vec4};
@@ -99,6 +100,7 @@ impl Drawing<'_> {
                 _ => {
                     made.steps += MAX_STEPS;
                     made.too_long += 1;
+                    self.add_faulty(endless(machine.endless[0]), made);
                 }
             }
         }
@@ -111,7 +113,7 @@ impl Drawing<'_> {
         let color = |i: u32| Vec4::new(f(i), f(i + 1), f(i + 2), f(i + 3).clamp(0.0, 1.0));
         if !(0..self.program.entry().result.count).all(|i| f(i).is_finite()) {
             made.not_finite += 1;
-            return;
+            return self.add_faulty(f32::NAN, made);
         }
         match self.output {
             Output::Triangles => {
@@ -134,6 +136,24 @@ impl Drawing<'_> {
         }
     }
 
+    /// Adds a part whose color is a fault, which the renderers report.
+    fn add_faulty(&self, fault: f32, made: &mut Made) {
+        let (color, zero) = (Vec4::splat(fault), DVec3::ZERO);
+        match self.output {
+            Output::Triangles => made.out.triangles.push(Triangle { vertices: [zero; 3], color }),
+            Output::Lattices => made.out.lattices.push(Lattice {
+                origin: zero,
+                along: [DVec3::X, DVec3::Z],
+                cell: 1.0,
+                every: 1,
+                widths: [0.0; 2],
+                color,
+                fade: 1.0,
+            }),
+            _ => made.out.strokes.push(Stroke { from: zero, to: zero, width: 0.0, color }),
+        }
+    }
+
     fn finished(&self, made: Made) -> Overlay {
         let Made { mut out, steps, asked, not_finite, too_long, full } = made;
         let what = match self.output {
@@ -149,7 +169,8 @@ impl Drawing<'_> {
         say(not_finite, "have numbers that are not finite".into());
         say(too_long, format!("take more than {MAX_STEPS} steps each"));
         if full {
-            let drawn = out.strokes.len() + out.triangles.len() + out.lattices.len();
+            let made = out.strokes.len() + out.triangles.len() + out.lattices.len();
+            let drawn = made - (not_finite + too_long) as usize;
             let most = Overlay::MOST;
             out.left_out.push(format!(
                 "{drawn} of {asked} {what} are drawn, made in {steps} steps; a frame has at most {most} in {MAX_FRAME_STEPS} steps"

@@ -2,8 +2,8 @@
 
 use choreo_plugin::effect::endless_loop;
 use choreo_plugin::{
-    EffectImage, EffectImages, EffectPlugin, EffectShader, ImageEffect, LightSample, LightingEffect,
-    PixelEffect, SurfaceEffect, SurfaceSample, VertexEffect, VertexSample,
+    EffectImage, EffectImages, EffectPlugin, ImageEffect, LightSample, LightingEffect, PixelEffect,
+    SurfaceEffect, SurfaceSample, VertexEffect, VertexSample,
 };
 use choreo_wgsl_effect::WgslEffect;
 use glam::{Vec2, Vec3, Vec4};

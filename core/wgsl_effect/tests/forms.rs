@@ -2,6 +2,7 @@
 
 use choreo_asset::*;
 use choreo_motion::{Skeleton, Time, Transform};
+use choreo_plugin::effect::endless_loop;
 use choreo_plugin::{EffectScene, Hook, InvertedHull, OutlineEffect, Overlay, OverlayEffect};
 use choreo_stage::*;
 use choreo_wgsl_effect::WgslEffect;
@@ -184,17 +185,20 @@ fn what_cannot_be_drawn_is_said() {
     let scene = seen(&[(&body(&[]), DAffine3::IDENTITY)]);
     let made = |body: &str, n: f32| scene.draw(&overlay("// count: n", LINE, body), &[n, 0.0]);
     let bad = made("return Line(vec3(0.0), vec3(1.0 / f32(index % 2u)), 1.0, vec4(1.0));", 10.0);
+    // Renderers report the lines whose color is a fault.
+    let faulty = |made: &Overlay| made.strokes.iter().filter(|s| !s.color.is_finite()).count();
     assert_eq!(
-        (bad.strokes.len(), &bad.left_out[..]),
-        (5, &["5 of 10 lines have numbers that are not finite".into()][..])
+        (bad.strokes.len(), faulty(&bad), &bad.left_out[..]),
+        (10, 5, &["5 of 10 lines have numbers that are not finite".into()][..])
     );
     // Endless from a place on that no trial looks at.
     let ends = "var x = 0.0; loop { x += 1.0; if x > 9.0 && body.time < 1.2 || body.time > 2.0 { break; } }\nreturn Line(vec3(x), vec3(0.0), 1.0, vec4(1.0));";
     let slow = made(ends, 3.0);
     assert_eq!(
-        (slow.strokes.len(), &slow.left_out[..]),
-        (0, &["3 of 3 lines take more than 100000 steps each".into()][..])
+        (slow.strokes.len(), faulty(&slow), &slow.left_out[..]),
+        (3, 3, &["3 of 3 lines take more than 100000 steps each".into()][..])
     );
+    assert_eq!(slow.strokes.iter().find_map(|s| endless_loop(s.color.x)), Some(1));
     let slow = made(ends, 1000.0);
     assert_eq!(slow.left_out.len(), 2, "{:?}", slow.left_out);
     assert!(
@@ -223,8 +227,12 @@ fn hulls_and_edges() {
     assert_eq!(hull.inverted_hull(&[0.0; 8]), None);
     let edges = shell("Edges", "return Edges(vec3(p[width], 1.0, 0.5));");
     assert_eq!((edges.inverted_hull(&p), edges.wireframe(&p)), (None, Some(Vec3::new(3.0, 1.0, 0.5))));
+    // Renderers find and report numbers that are not finite.
     let bad = shell("Shell", "return Shell(2.0, vec3(0.0, 1.0 / (p[width] - 3.0), 0.0), 0.0);");
-    assert_eq!((bad.inverted_hull(&p), bad.inverted_hull(&[1.0; 8]).is_some()), (None, true));
+    assert_eq!(bad.inverted_hull(&p).map(|hull| hull.color.y), Some(f32::INFINITY));
+    assert!(bad.inverted_hull(&[1.0; 8]).is_some_and(|hull| hull.color.is_finite()));
+    let bad = shell("Shell", "return Shell(sqrt(2.0 - p[width]), vec3(0.0), 0.0);");
+    assert!(bad.inverted_hull(&p).is_some_and(|hull| hull.width.is_nan()));
 }
 
 #[test]
@@ -284,6 +292,6 @@ fn the_examples_of_the_readme_are_effects() {
     use Hook::*;
     assert_eq!(
         hooks.collect::<Vec<_>>(),
-        [Pixel, Surface, Lighting, Vertex, Image, Image, Vertex, Image, Overlay, Outline]
+        [Pixel, Surface, Lighting, Vertex, Image, Image, Vertex, Image, Overlay, Outline, Shutter]
     );
 }

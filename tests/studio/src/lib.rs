@@ -3,7 +3,8 @@
 use choreo::App;
 use choreo_plugin::asset::Asset;
 use choreo_plugin::{
-    AssetBuilder, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, MeshData, Source,
+    AssetBuilder, Effect, EffectPlugin, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest,
+    MeshData, Shutter, ShutterEffect, Source,
 };
 use choreo_wgsl_effect::WgslEffect;
 use std::sync::LazyLock;
@@ -15,6 +16,7 @@ pub fn app() -> App {
     app.version = env!("CARGO_PKG_VERSION");
     app.registry.add_importer(Triangles);
     app.registry.add_effect(WgslEffect::from_text("negative.wgsl", NEGATIVE).expect("an effect"));
+    app.registry.add_effect(Effect::shutter(Fragile));
     app.defaults = "[render]\nsize = \"48x36\"\n".into();
     app
 }
@@ -55,6 +57,23 @@ impl Importer for Triangles {
             builder.mesh(MeshData { positions, ..MeshData::default() }).map_err(|e| error(e.to_string()))?;
         }
         builder.finish(&source.name).map_err(|e| error(e.to_string()))
+    }
+}
+
+static FRAGILE: LazyLock<Manifest> = LazyLock::new(|| Manifest::new("fragile", "3", "panics"));
+
+/// A faulty effect: the program reports it and goes on.
+struct Fragile;
+
+impl EffectPlugin for Fragile {
+    fn manifest(&self) -> &Manifest {
+        &FRAGILE
+    }
+}
+
+impl ShutterEffect for Fragile {
+    fn shutter(&self, _: &[f32]) -> Option<Shutter> {
+        panic!("there is no film in the camera")
     }
 }
 

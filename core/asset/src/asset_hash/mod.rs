@@ -94,6 +94,7 @@ impl Material {
         hash_of(|w| self.write_content(w, &of))
     }
 
+    /// Writes everything that decides how the material looks. `image_hash` gives the content of an image by its index.
     pub fn write_content(&self, w: &mut Writer, image_hash: &dyn Fn(u32) -> Option<ContentHash>) {
         // One list of more than 80 lines: a new field does not compile until it is hashed or left out here.
         let Material {
@@ -473,6 +474,7 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
 
 /// Types that both assets and stages contain.
 impl Writer {
+    /// Writes how values between keys are found.
     pub fn interpolation(&mut self, interpolation: Interpolation) {
         self.tag(match interpolation {
             Interpolation::Step => 0,
@@ -481,6 +483,7 @@ impl Writer {
         });
     }
 
+    /// Writes a camera's projection.
     pub fn projection(&mut self, projection: &Projection) {
         match projection {
             Projection::Perspective { yfov, near, far } => {
@@ -498,6 +501,7 @@ impl Writer {
         }
     }
 
+    /// Writes a light.
     pub fn light(&mut self, light: &Light) {
         let (number, parameters) = light.kind.hashed();
         self.tag(number);

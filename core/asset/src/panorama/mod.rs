@@ -10,6 +10,7 @@ use std::fmt;
 /// column is what is seen looking along −Z, columns to the right of it lie to the right.
 #[derive(Clone, PartialEq)]
 pub struct Panorama {
+    /// Name for messages.
     pub name: String,
     width: u32,
     height: u32,
@@ -20,10 +21,11 @@ pub struct Panorama {
 
 /// Error of a panorama's texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 pub enum PanoramaError {
     /// No columns or no rows, or another number of texels than they make.
     Size,
-    /// A texel is negative or not finite.
+    /// The texel in column `x` of row `y` is negative or not finite.
     Texel { x: u32, y: u32 },
 }
 
@@ -55,6 +57,7 @@ impl Panorama {
         Ok(Panorama { name: name.into(), width, height, rgb, hash })
     }
 
+    /// Width and height in pixels.
     pub fn size(&self) -> [u32; 2] {
         [self.width, self.height]
     }

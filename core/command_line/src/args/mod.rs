@@ -661,10 +661,13 @@ pub(crate) enum HookArg {
     Vertex,
     /// A light on a surface
     Lighting,
-    /// A hull around surfaces, or their edges
+    /// A hull around surfaces, or their edges; also called outline
+    #[value(alias = "outline")]
     Shell,
     /// Lines, points or triangles of its own
     Overlay,
+    /// How long the shutter is open: motion blur
+    Shutter,
 }
 
 impl Command {

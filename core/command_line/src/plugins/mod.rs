@@ -20,8 +20,42 @@ fn range(option: &OptionSpec) -> String {
             format!("{}, default {default}", one_of.join(" | "))
         }
         (OptionKind::Color { default }, _) => {
-            format!("{}, default {}", option.allowed(), choreo_plugin::color::written(*default))
+            format!("{}, default {}", option.allowed(), color(*default))
+        }
+        (OptionKind::Curve { default, .. }, _) => {
+            let keys: Vec<String> = default.iter().map(|[x, y]| format!("[{x}, {y}]")).collect();
+            format!("{}, default [{}]", option.allowed(), keys.join(", "))
         }
         _ => format!("{}, default {default}", option.allowed()),
+    }
+}
+
+/// A color as authors write it: sRGB in hexadecimal with its CSS name, or linear numbers that eight bits do not hold.
+fn color(linear: [f64; 3]) -> String {
+    match choreo_plugin::color::hex(linear) {
+        Some((hex, Some(name))) => format!("{hex} ({name})"),
+        Some((hex, None)) => hex,
+        None => format!("rgb({}, {}, {}), linear", linear[0], linear[1], linear[2]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colors_and_curves_are_printed_as_they_are_written() {
+        let linear =
+            |text: &str| choreo_plugin::color::parse(text).unwrap().truncate().to_array().map(f64::from);
+        let m = Manifest::new("m", "1", "")
+            .color("tint", "of it", linear("tomato"))
+            .color("dark", "of it", linear("#123456"))
+            .color("light", "of it", [2.0, 0.5, 0.0])
+            .curve("fall", "over x", &[[0.0, 0.0], [0.5, 0.8], [1.0, 1.0]], 0.0..=1.0);
+        let rows = option_rows(&m);
+        let rows: Vec<&str> = rows.lines().map(|row| row.rsplit(", default ").next().unwrap()).collect();
+        let expected =
+            ["#ff6347 (tomato))", "#123456)", "rgb(2, 0.5, 0), linear)", "[[0, 0], [0.5, 0.8], [1, 1]])"];
+        assert_eq!(rows, expected);
     }
 }

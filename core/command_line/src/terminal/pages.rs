@@ -2,7 +2,7 @@
 //! tables, `choreo help --page NAME` prints one.
 
 use crate::App;
-use choreo_script::help::{Call, is_in};
+use choreo_script::help::{Call, is_about};
 
 /// Path in the sources, and text.
 pub type PageText = (&'static str, &'static str);
@@ -74,7 +74,7 @@ fn in_page((path, text): PageText, term: &str) -> Vec<Call> {
         if let Some(title) = line.strip_prefix('#') {
             heading = title.trim_start_matches('#').trim();
             let first = lines.clone().find(|line| !line.is_empty());
-            if is_in(term, heading) {
+            if is_about(term, heading) {
                 let about = first.filter(|line| !line.starts_with(['#', '|', '`', '!', '[']));
                 let mut call = call(heading, about, heading);
                 if heading == RULES {
@@ -145,6 +145,9 @@ mod tests {
         assert_eq!(found("gap"), [("gap".to_string(), format!("core/cli/README.md, \"{RULES}\""))]);
         assert_eq!(found("allow"), [(RULES.to_string(), format!("core/cli/README.md, \"{RULES}\""))]);
         assert_eq!(find(&app, "allow")[0].details, ["gap: nothing plays"]);
+        let passes = "Passes with textures of their own".to_string();
+        let page = format!("core/wgsl_effect/README.md, \"{passes}\"");
+        assert!(found("pass").contains(&(passes, page)), "{:?}", found("pass"));
         assert_eq!(found("quaggaflux"), []);
     }
 }

@@ -13,12 +13,17 @@ use glam::Affine3A;
 /// The result of two `Sample`, a `Blend` and `LocalToModel` (to the rounding of f32), without storing the
 /// blended pose. It can be run over many characters with the same scratch poses.
 pub struct Crossfade<'a> {
+    /// Skeleton of both clips.
     pub skeleton: &'a Skeleton,
     /// In: transforms of joints that a clip does not animate; as many joints as the skeleton.
     pub rest: &'a Pose,
+    /// Clip at weight 0.
     pub from: &'a Clip,
+    /// Clip time of `from`.
     pub from_time: Time,
+    /// Clip at weight 1.
     pub to: &'a Clip,
+    /// Clip time of `to`.
     pub to_time: Time,
     /// 0..=1: 0 is `from` alone, 1 is `to` alone, exactly.
     pub weight: f32,

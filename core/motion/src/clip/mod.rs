@@ -22,8 +22,10 @@ use packed::Packed;
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
+/// How values between keys are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Interpolation {
+    /// The value of the key before.
     Step,
     /// Translation, scale, weights: lerp. Rotation: shortest-arc slerp.
     Linear,
@@ -31,6 +33,7 @@ pub enum Interpolation {
     CubicSpline,
 }
 
+/// The property of a joint that a curve animates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Path {
     /// 3 floats a key, metres.
@@ -55,6 +58,7 @@ impl Path {
         }
     }
 
+    /// Floats that a value takes.
     pub fn width(self) -> usize {
         match self {
             Path::Translation | Path::Scale => 3,
@@ -72,10 +76,13 @@ impl Path {
 pub struct Curve {
     /// Index into the skeleton that the clip was authored on.
     pub joint: u32,
+    /// The property that it animates.
     pub path: Path,
+    /// How values between keys are found.
     pub interpolation: Interpolation,
     /// Strictly increasing, at least one.
     pub times: Arc<[Time]>,
+    /// [`Curve::stride`] floats a key.
     pub values: Arc<[f32]>,
 }
 
@@ -89,7 +96,9 @@ impl Curve {
 /// The authored weight of a facial expression over time, by the expression's name: whoever plays the clip looks it up among its own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExpressionCurve {
+    /// Name of the expression.
     pub name: String,
+    /// How values between keys are found.
     pub interpolation: Interpolation,
     /// Key times as in [`Curve`].
     pub times: Arc<[Time]>,
@@ -110,7 +119,9 @@ impl ExpressionCurve {
     }
 }
 
+/// Why curves make no clip: a curve and what is wrong with it.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs, reason = "the messages name the fields")]
 pub enum ClipError {
     Curve { curve: usize, joint: u32, path: Path, what: CurveError },
     Property { curve: usize, target: PropertyTarget, what: CurveError },
@@ -133,6 +144,7 @@ impl std::error::Error for ClipError {}
 
 /// Error of a curve.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs, reason = "the messages name the fields")]
 pub enum CurveError {
     NoKeys,
     Values { keys: usize, stride: usize, values: usize },
@@ -188,7 +200,9 @@ impl std::error::Error for CurveError {}
 /// A curve of an expression that is unsound.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExpressionError {
+    /// Name of the expression.
     pub name: String,
+    /// The problem.
     pub what: CurveError,
 }
 
@@ -216,7 +230,9 @@ pub struct CompressionReport {
 /// A checked clip. Times run from zero to `duration`; before the first and after the last key a curve holds its end values.
 #[derive(Clone, Debug, Default)]
 pub struct Clip {
+    /// Name in the file.
     pub name: String,
+    /// Time of the last key.
     pub duration: Time,
     joint_count: usize,
     /// All curves, or those that are not packed.

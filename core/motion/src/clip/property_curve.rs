@@ -21,9 +21,11 @@ pub enum PropertyTarget {
     LightRange(u32),
     /// Half angles of a spot's cone, radians.
     SpotInner(u32),
+    /// Outer half angle of a spot's cone, radians.
     SpotOuter(u32),
     /// Linear RGBA factor of a material.
     BaseColor(u32),
+    /// A number of a material.
     Material(u32, MaterialProperty),
 }
 
@@ -35,14 +37,21 @@ pub enum MaterialProperty {
     Emissive,
     /// Factor on the file's own strength.
     EmissiveStrength,
+    /// 0 for dielectrics, 1 for metals.
     Metallic,
+    /// 0 for a mirror, 1 for matte.
     Roughness,
+    /// Alpha below which nothing is drawn.
     AlphaCutoff,
+    /// Factor of the normal map's x and y.
     NormalScale,
+    /// How much the occlusion texture darkens.
     OcclusionStrength,
+    /// Offset of the texture coordinates of a texture.
     UvOffset(u8),
     /// Radians.
     UvRotation(u8),
+    /// Scale of the texture coordinates of a texture.
     UvScale(u8),
 }
 
@@ -76,10 +85,13 @@ impl PropertyTarget {
 /// Keys of one property. `values.len() == times.len() * target.width() * (3 if CubicSpline else 1)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PropertyCurve {
+    /// The property that it animates.
     pub target: PropertyTarget,
+    /// How values between keys are found.
     pub interpolation: Interpolation,
     /// Strictly increasing, at least one.
     pub times: Arc<[Time]>,
+    /// Numbers of the target, key after key.
     pub values: Arc<[f32]>,
 }
 

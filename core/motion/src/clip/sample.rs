@@ -15,6 +15,7 @@ use crate::time::Time;
 ///
 /// At the time of a key the pose equals that key bit for bit, except for the sign of a quaternion and the normalization of CUBICSPLINE.
 pub struct Sample<'a> {
+    /// The clip that is evaluated.
     pub clip: &'a Clip,
     /// Clip time; before the first and after the last key the end values hold.
     pub time: Time,

@@ -26,7 +26,9 @@ use grid::Grid;
 use pack::pack;
 use std::sync::Arc;
 
+/// Why a clip cannot be compressed; the message has the numbers.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs, reason = "the messages name the fields")]
 pub enum CompressError {
     Tolerance(f64),
     Joints { clip: String, joints: usize, expected: usize },

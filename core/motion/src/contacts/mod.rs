@@ -67,6 +67,7 @@ impl ContactThresholds {
 /// The joints of one foot, ankle and toe, of which the lower one counts.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Foot {
+    /// Indices into the skeleton's joints.
     pub joints: Vec<u32>,
 }
 
@@ -74,10 +75,13 @@ pub struct Foot {
 /// beginning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ContactInterval {
+    /// Clip time at which it touches the floor.
     pub from: Time,
+    /// Clip time at which it leaves the floor.
     pub to: Time,
 }
 
+/// When feet of a clip are on the floor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contacts {
     /// Contact intervals by foot, in the order of time.

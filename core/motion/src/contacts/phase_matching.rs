@@ -220,10 +220,12 @@ impl PhaseMatchedFade {
         None
     }
 
+    /// Stage time at which the fade begins.
     pub fn start(&self) -> Time {
         self.start
     }
 
+    /// Stage time at which the fade ends.
     pub fn end(&self) -> Time {
         self.start + self.fade
     }

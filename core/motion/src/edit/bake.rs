@@ -17,10 +17,14 @@ pub struct BakeDeviation {
     pub scale: f64,
 }
 
+/// A clip that would become too large.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BakeError {
+    /// Name of the clip.
     pub clip: String,
+    /// Keys a second that were asked for.
     pub fps: f64,
+    /// Numbers that the clip would have.
     pub floats: u128,
 }
 

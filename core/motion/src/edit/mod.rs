@@ -18,7 +18,9 @@ use crate::time::Time;
 
 pub use offset::{Offset, offset_in_parent};
 
+/// Why a clip cannot be changed so; the message has the numbers.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs, reason = "the messages name the fields")]
 pub enum EditError {
     Cut { clip: String, from: f64, until: f64, duration: f64 },
     Speed { clip: String, factor: f64 },

@@ -31,13 +31,17 @@ pub enum KeptTimes {
 /// Result of a reduction. Errors are in metres of the model, of any joint's position and of a point 10 cm from it along each axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ReductionReport {
+    /// Keys of all curves, before and after.
     pub keys: [usize; 2],
     /// Bytes of key times and values, before and after; times that curves share count once.
     pub bytes: [usize; 2],
+    /// The largest error, metres.
     pub worst_m: f64,
 }
 
+/// Why keys cannot be left out; the message has the numbers.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs, reason = "the messages name the fields")]
 pub enum ReduceError {
     Tolerance(f64),
     Joints { clip: String, joints: usize, expected: usize },

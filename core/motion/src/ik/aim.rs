@@ -7,6 +7,7 @@ use std::f64::consts::PI;
 /// A joint of an [`Aim`], from the root outwards.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AimJoint {
+    /// Position, in the common space.
     pub position: DVec3,
     /// How much of the turn this joint takes, beside the others'; ≥ 0, finite.
     pub share: f64,
@@ -19,6 +20,7 @@ pub struct Aim<'a> {
     pub joints: &'a mut [AimJoint],
     /// Direction in which the last joint points now.
     pub forward: DVec3,
+    /// The point to point at, in the common space.
     pub target: DVec3,
     /// The last joint turns at most this far, radians, 0..=π. Beyond, the turn fades out until the target is straight behind, so
     /// that one that passes behind does not whip it from side to side.

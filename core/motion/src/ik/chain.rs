@@ -13,15 +13,18 @@ pub struct ChainBone {
     pub rest: DQuat,
     /// Offset from this joint to the next, or to the end, in the bone's space; metres.
     pub offset: DVec3,
+    /// How far the joint may turn from rest.
     pub limit: Limit,
 }
 
 /// Bones from the root outwards; positions are in the space of `origin`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chain {
+    /// Position of the first joint.
     pub origin: DVec3,
     /// Rotation of the first bone's parent.
     pub parent: DQuat,
+    /// The bones, from the root outwards.
     pub bones: Vec<ChainBone>,
 }
 
@@ -42,6 +45,7 @@ pub enum Solver {
 pub struct ChainResult {
     /// Distance from the end to the target, metres.
     pub distance: f64,
+    /// Rounds that it took.
     pub iterations: usize,
 }
 
@@ -70,6 +74,7 @@ impl Chain {
         positions.last().copied().unwrap_or(self.origin)
     }
 
+    /// Position of the end.
     pub fn end(&self) -> DVec3 {
         let (mut at, mut rotation) = (self.origin, self.parent);
         for bone in &self.bones {

@@ -7,7 +7,9 @@ use std::f64::consts::PI;
 
 /// Angles in radians; axes are unit vectors in the joint's own space at rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 pub enum Limit {
+    /// It turns as it likes.
     #[default]
     Free,
     /// A ball joint: `axis` (usually along the bone) tilts by at most `swing`, and the joint turns about it by `twist.0`..=`twist.1`.

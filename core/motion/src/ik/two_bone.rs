@@ -18,6 +18,7 @@ pub struct TwoBone {
     pub middle: DVec3,
     /// Hand or foot.
     pub end: DVec3,
+    /// Target of the end.
     pub target: DVec3,
     /// A point that the elbow bends towards. One in line with start and target gives no direction.
     pub pole: Option<DVec3>,
@@ -40,9 +41,13 @@ const STAYING: [f64; 2] = [-0.951, -0.9945];
 /// How the two bones are turned in the space of the positions, each about its own start, and where the end comes to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TwoBoneSolution {
+    /// Turn of the first joint.
     pub start: DQuat,
+    /// Turn of the middle joint.
     pub middle: DQuat,
+    /// Position of the middle joint then.
     pub new_middle: DVec3,
+    /// Position of the end then.
     pub new_end: DVec3,
 }
 

@@ -12,8 +12,10 @@ pub struct Planar {
 }
 
 impl Planar {
+    /// Neither turned nor moved.
     pub const IDENTITY: Planar = Planar { translation: DVec3::ZERO, yaw: 0.0 };
 
+    /// The turn about +Y.
     pub fn rotation(self) -> DQuat {
         DQuat::from_rotation_y(self.yaw)
     }
@@ -24,6 +26,7 @@ impl Planar {
         Planar { translation: self.translation + turned, yaw: self.yaw + other.yaw }
     }
 
+    /// The way back.
     pub fn inverse(self) -> Planar {
         Planar { translation: turned(-self.translation, -self.yaw), yaw: -self.yaw }
     }

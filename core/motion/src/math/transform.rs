@@ -5,15 +5,20 @@ use glam::{Affine3A, Mat4, Quat, Vec3};
 /// `parent_from_local = T · R · S`. The rotation is a unit quaternion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Transform {
+    /// Position in the parent's space, metres.
     pub translation: Vec3,
+    /// Unit quaternion x y z w.
     pub rotation: Quat,
+    /// Factors along the own axes.
     pub scale: Vec3,
 }
 
 impl Transform {
+    /// Changes nothing.
     pub const IDENTITY: Transform =
         Transform { translation: Vec3::ZERO, rotation: Quat::IDENTITY, scale: Vec3::ONE };
 
+    /// The same as an affine matrix.
     pub fn to_affine(self) -> Affine3A {
         Affine3A::from_scale_rotation_translation(self.scale, self.rotation, self.translation)
     }
@@ -24,6 +29,7 @@ impl Transform {
         Transform { translation, rotation: rotation.normalize(), scale }
     }
 
+    /// Whether all numbers are finite.
     pub fn is_finite(&self) -> bool {
         self.translation.is_finite() && self.rotation.is_finite() && self.scale.is_finite()
     }

@@ -28,6 +28,7 @@ struct Delta {
 const NONE: Delta = Delta { rotation: DVec3::ZERO, translation: DVec3::ZERO, scale: DVec3::ONE };
 
 impl AdditiveLayers {
+    /// Begins a frame without layers.
     pub fn start(&mut self, joints: usize) {
         self.joints.clear();
         self.joints.resize(joints, NONE);

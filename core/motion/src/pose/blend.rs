@@ -13,12 +13,15 @@ use std::marker::PhantomData;
 
 /// `out = from` at weight 0, `to` at weight 1 (exactly), joint by joint. All poses have equally many joints.
 pub struct Blend<'a> {
+    /// Pose at weight 0.
     pub from: &'a Pose,
+    /// Pose at weight 1.
     pub to: &'a Pose,
     /// 0..=1.
     pub weight: f32,
     /// Multiplies the weight, one a joint, 0..=1; `None` = 1.
     pub mask: Option<&'a [f32]>,
+    /// Out: the blended pose.
     pub out: &'a mut Pose,
 }
 
@@ -43,7 +46,9 @@ impl Blend<'_> {
 
 /// Blends in place: `pose` moves towards `to` by the weight.
 pub struct BlendOnto<'a> {
+    /// The pose that moves, input and output.
     pub pose: &'a mut Pose,
+    /// Pose at weight 1.
     pub to: &'a Pose,
     /// 0..=1.
     pub weight: f32,
@@ -63,6 +68,7 @@ impl BlendOnto<'_> {
         )
     }
 
+    /// Allocates nothing.
     pub fn run(&mut self) {
         self.run_on(Level::best());
     }

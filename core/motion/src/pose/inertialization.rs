@@ -76,6 +76,7 @@ impl DecayingOffset {
 pub struct Inertialization {
     /// Rotation vectors, translations, scales.
     joints: Vec<[DecayingOffset; 3]>,
+    /// How long the offsets last.
     pub duration: Time,
 }
 
@@ -132,6 +133,7 @@ impl Inertialization {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct WeightInertialization {
     weights: Vec<DecayingOffset>,
+    /// How long the offsets last.
     pub duration: Time,
 }
 

@@ -10,6 +10,7 @@ use glam::Affine3A;
 
 /// `model_from_joint[i] = model_from_joint[parent(i)] * pose[i]`.
 pub struct LocalToModel<'a> {
+    /// Parents of the joints.
     pub skeleton: &'a Skeleton,
     /// In: as many joints as the skeleton.
     pub pose: &'a Pose,
@@ -27,6 +28,7 @@ impl LocalToModel<'_> {
         ])
     }
 
+    /// Allocates nothing.
     pub fn run(&mut self) {
         self.run_on(Level::best());
     }

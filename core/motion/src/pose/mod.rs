@@ -58,6 +58,7 @@ impl Pose {
         self.len
     }
 
+    /// Whether it has no joints.
     pub fn is_empty(&self) -> bool {
         self.len == 0
     }

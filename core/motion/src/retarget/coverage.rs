@@ -43,6 +43,7 @@ pub(super) struct Partners {
 }
 
 impl Coverage {
+    /// Moved joints of the source that joints of the target follow.
     pub fn followed(&self) -> usize {
         self.moved - self.left_out.len()
     }

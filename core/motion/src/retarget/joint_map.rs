@@ -19,6 +19,7 @@ pub enum MatchedBy {
 }
 
 impl MatchedBy {
+    /// The words of reports.
     pub fn as_str(self) -> &'static str {
         match self {
             MatchedBy::Given => "as given",
@@ -118,6 +119,7 @@ impl JointMap {
         self.sources.len()
     }
 
+    /// Whether no joint follows another.
     pub fn is_empty(&self) -> bool {
         self.sources.iter().all(Option::is_none)
     }
@@ -127,6 +129,7 @@ impl JointMap {
         self.sources.get(joint as usize).copied().flatten().map(|(source, _)| source)
     }
 
+    /// How the source joint of a target joint was found.
     pub fn how(&self, joint: u32) -> Option<MatchedBy> {
         self.sources.get(joint as usize).copied().flatten().map(|(_, how)| how)
     }

@@ -46,15 +46,18 @@ pub enum Translations {
     Hips,
     /// All that follow a joint, by as much as that moves from its rest, times the scale.
     All,
+    /// No translation.
     None,
 }
 
+/// How a clip is brought to another skeleton.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RetargetOptions {
     /// Target joint → source joint, or none.
     pub joints: BTreeMap<u32, Option<u32>>,
     /// Metres of the target a metre of the source; the ratio of the legs' lengths where `None`.
     pub scale: Option<f64>,
+    /// Joints whose translations are retargeted.
     pub translations: Translations,
     /// Whether the hips are raised and lowered so that feet stay on the floor.
     pub floor: bool,
@@ -147,6 +150,7 @@ impl Side {
 }
 
 impl<'a> Retarget<'a> {
+    /// Finds the joints that belong together, and the scale between the skeletons.
     pub fn new(from: &'a Skeleton, to: &'a Skeleton, options: RetargetOptions) -> Retarget<'a> {
         let (mut source, mut target) = (Side::of(from), Side::of(to));
         let map = JointMap::new([from, to], [&source.human, &target.human], &options.joints);
@@ -172,6 +176,7 @@ impl<'a> Retarget<'a> {
         Retarget { from, to, map, options, source, target, scale, yaw, yaw_degrees, aligned, follow, hips }
     }
 
+    /// Which joint follows which.
     pub fn map(&self) -> &JointMap {
         &self.map
     }

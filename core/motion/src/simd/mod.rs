@@ -28,6 +28,7 @@ use portable::Array;
 /// How kernels run. The result is the same, bit for bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
+    /// Plain Rust, on any processor.
     Portable,
     /// Falls back to `Portable` where the processor lacks it, or in skinning FMA.
     Avx2,

@@ -14,6 +14,7 @@ macro_rules! bones {
     ($(($variant:ident, $spec:literal, $ours:literal, $parent:ident)),* $(,)?) => {
         /// A bone of a human body, as VRM 1.0 has them.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        #[allow(missing_docs, reason = "the variants are VRM's names")]
         pub enum HumanBone { $($variant),* }
 
         impl HumanBone {
@@ -147,7 +148,9 @@ pub struct Humanoid {
     t_pose: Option<Arc<[Transform]>>,
 }
 
+/// Why joints are no humanoid; the message has the names.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs, reason = "the messages name the fields")]
 pub enum HumanoidError {
     Twice { joint: u32, first: &'static str, second: &'static str },
     Again { bone: &'static str, first: u32, second: u32 },

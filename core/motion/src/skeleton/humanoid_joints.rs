@@ -38,10 +38,12 @@ impl HumanoidJoints {
         human
     }
 
+    /// The joint of a bone of the human body, by its name as in VRM.
     pub fn joint(&self, name: &str) -> Option<u32> {
         self.joints.get(name).copied()
     }
 
+    /// All joints by the name of their bone.
     pub fn joints(&self) -> &BTreeMap<String, u32> {
         &self.joints
     }
@@ -51,6 +53,7 @@ impl HumanoidJoints {
         &self.spine
     }
 
+    /// Joints above the trunk, up to the head.
     pub fn neck(&self) -> &[u32] {
         &self.neck
     }

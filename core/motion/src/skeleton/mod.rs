@@ -22,7 +22,9 @@ pub struct Skeleton {
     humanoid: Option<Arc<Humanoid>>,
 }
 
+/// Why joints make no skeleton; the message has the names.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(missing_docs, reason = "the messages name the fields")]
 pub enum SkeletonError {
     Lengths { names: usize, parents: usize, rest: usize },
     NotParentFirst { joint: usize, name: String, parent: u32 },
@@ -96,18 +98,23 @@ impl Skeleton {
         self.humanoid.as_deref()
     }
 
+    /// Number of joints.
     pub fn len(&self) -> usize {
         self.names.len()
     }
+    /// Whether it has no joints.
     pub fn is_empty(&self) -> bool {
         self.names.is_empty()
     }
+    /// Name of each joint.
     pub fn names(&self) -> &[String] {
         &self.names
     }
+    /// Parent of each joint, before it in the order; `None` for roots.
     pub fn parents(&self) -> &[Option<u32>] {
         &self.parents
     }
+    /// Local transform of each joint at rest.
     pub fn rest(&self) -> &[Transform] {
         &self.rest
     }

@@ -2,13 +2,17 @@
 
 use crate::skeleton::joint_names::humanoid_name;
 
+/// A side of the body, as its owner has it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Side {
+    /// The owner's left.
     Left,
+    /// The owner's right.
     Right,
 }
 
 impl Side {
+    /// The opposite side.
     pub fn other(self) -> Side {
         match self {
             Side::Left => Side::Right,

@@ -8,8 +8,10 @@ use crate::skeleton::sides::{Side, side_of};
 use glam::{DQuat, DVec3, Quat, Vec3};
 use std::collections::BTreeMap;
 
+/// Why a skeleton cannot be mirrored.
 #[derive(Clone, Debug, PartialEq)]
 pub enum MirrorError {
+    /// No two joints are named as left and right.
     NoPairs,
 }
 
@@ -94,6 +96,7 @@ impl MirrorMap {
         Ok(MirrorMap { joints, rest: skeleton.rest().to_vec(), axis, unpaired, asymmetry })
     }
 
+    /// Number of joints of the skeleton.
     pub fn joint_count(&self) -> usize {
         self.joints.len()
     }

@@ -17,6 +17,7 @@ use glam::{Affine3A, DQuat, Mat3A, Vec3, Vec3A};
 pub struct DualQuaternion(pub [[f32; 4]; 2]);
 
 impl DualQuaternion {
+    /// No motion.
     pub const IDENTITY: DualQuaternion = DualQuaternion([[0.0, 0.0, 0.0, 1.0], [0.0; 4]]);
 }
 
@@ -42,10 +43,13 @@ pub struct DualQuaternionSkinning<'a> {
     pub joint_indices: &'a [u16],
     /// `influences` a vertex, sum 1.
     pub joint_weights: &'a [f32],
+    /// Model space at bind time, metres.
     pub positions: &'a [Vec3],
     /// One per position, or none.
     pub normals: &'a [Vec3],
+    /// Out: one per position.
     pub out_positions: &'a mut [Vec3],
+    /// Out: one per normal.
     pub out_normals: &'a mut [Vec3],
 }
 

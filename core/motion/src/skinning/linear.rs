@@ -9,11 +9,13 @@ use glam::{Affine3A, Mat4, Vec3};
 
 /// Skin matrices: `out[i] = model_from_joint[joints[i]] * inverse_bind[i]`, model from the mesh at bind time.
 pub struct SkinMatrices<'a> {
+    /// Input: one per joint of the skeleton.
     pub model_from_joint: &'a [Affine3A],
     /// Skeleton joint of each skin joint.
     pub joints: &'a [u32],
     /// joint-from-mesh at bind time; the last row is taken as 0 0 0 1 (glTF 2.0 §3.7.3.1). Empty = identities.
     pub inverse_bind: &'a [Mat4],
+    /// Out: one per skin joint.
     pub out: &'a mut [Affine3A],
 }
 
@@ -29,6 +31,7 @@ impl SkinMatrices<'_> {
         InputError::check_joints(indices, "SkinMatrices.joints", self.model_from_joint.len())
     }
 
+    /// Allocates nothing.
     pub fn run(&mut self) {
         for (i, (joint, out)) in self.joints.iter().zip(self.out.iter_mut()).enumerate() {
             let joint = self.model_from_joint[*joint as usize];
@@ -72,10 +75,13 @@ pub struct LinearSkinning<'a> {
     pub joint_indices: &'a [u16],
     /// `influences` a vertex, sum 1.
     pub joint_weights: &'a [f32],
+    /// Model space at bind time, metres.
     pub positions: &'a [Vec3],
     /// One per position, or none.
     pub normals: &'a [Vec3],
+    /// Out: one per position.
     pub out_positions: &'a mut [Vec3],
+    /// Out: one per normal.
     pub out_normals: &'a mut [Vec3],
 }
 

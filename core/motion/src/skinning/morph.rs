@@ -23,6 +23,7 @@ impl Morph<'_> {
         InputError::check_each(self.weights, |w| w.is_finite(), "Morph.weights", "finite")
     }
 
+    /// Adds the targets by their weights.
     pub fn run(&mut self) {
         for (target, weight) in self.targets.iter().zip(self.weights) {
             if *weight != 0.0 {

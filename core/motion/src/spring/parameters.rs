@@ -21,7 +21,9 @@ use glam::Vec3;
 /// All springs of a skeleton. Joint indices are those of the skeleton.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Springs {
+    /// Shapes that tails cannot enter.
     pub colliders: Vec<SpringCollider>,
+    /// The strands.
     pub chains: Vec<SpringChain>,
 }
 
@@ -30,6 +32,7 @@ pub struct Springs {
 pub struct SpringChain {
     /// The file's name for it; may be empty.
     pub name: String,
+    /// The joints of the strand.
     pub joints: Vec<SpringJoint>,
     /// Indices into [`Springs::colliders`], ascending, each once: the file's collider groups, put together.
     pub colliders: Vec<u32>,
@@ -75,14 +78,17 @@ impl Default for SpringJoint {
 /// A collider that tails cannot enter; it moves with a joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpringCollider {
+    /// Joint that carries it.
     pub joint: u32,
+    /// The shape, in the joint's space.
     pub shape: ColliderShape,
 }
 
 /// Shape of a collider in the joint's space, metres before the joint's scale.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 pub enum ColliderShape {
-    /// `inside`: tails are kept within instead of without (extended collider).
+    /// A ball of a `radius` at an `offset`; `inside`: tails are kept within instead of without (extended collider).
     Sphere { offset: Vec3, radius: f32, inside: bool },
     /// Everything within `radius` of the segment from `offset` to `tail`.
     Capsule { offset: Vec3, tail: Vec3, radius: f32, inside: bool },
@@ -93,7 +99,9 @@ pub enum ColliderShape {
 /// A parameter that a solver cannot work with; `place` is a path like `chains[1].joints[0]`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SpringError {
+    /// Path of the parameter.
     pub place: String,
+    /// The problem.
     pub what: String,
 }
 
@@ -107,6 +115,7 @@ impl std::fmt::Display for SpringError {
 impl std::error::Error for SpringError {}
 
 impl Springs {
+    /// Whether nothing swings or is in the way.
     pub fn is_empty(&self) -> bool {
         self.chains.is_empty() && self.colliders.is_empty()
     }

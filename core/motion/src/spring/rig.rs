@@ -20,9 +20,11 @@ pub struct SpringRig {
 /// A joint that swings. Directions are the world's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigBone {
+    /// The joint that is turned.
     pub joint: u32,
     /// End of the stick in the joint's space, metres before its scale.
     pub tail: Vec3,
+    /// How it swings.
     pub spring: SpringBone,
     /// Metres/s².
     pub gravity: DVec3,
@@ -82,18 +84,22 @@ impl SpringRig {
         &self.bones
     }
 
+    /// The bones, to be changed.
     pub fn bones_mut(&mut self) -> impl Iterator<Item = &mut RigBone> {
         self.bones.iter_mut()
     }
 
+    /// Shapes that tails cannot enter.
     pub fn colliders(&self) -> &[SpringCollider] {
         &self.colliders
     }
 
+    /// Number of bones.
     pub fn len(&self) -> usize {
         self.bones.len()
     }
 
+    /// Whether nothing swings.
     pub fn is_empty(&self) -> bool {
         self.bones.is_empty()
     }

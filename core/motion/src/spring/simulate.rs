@@ -16,10 +16,12 @@ pub struct SpringState {
 }
 
 impl SpringState {
+    /// The state of each bone of the rig.
     pub fn bones(&self) -> &[Option<BoneState>] {
         &self.bones
     }
 
+    /// Copies another state, without allocating where there is room.
     pub fn copy_from(&mut self, other: &SpringState) {
         self.bones.clear();
         self.bones.extend_from_slice(&other.bones);
@@ -59,7 +61,9 @@ impl Moved {
 /// Colliders move with their joints as animated. Without a place in the world that can be inverted (a scale of 0) nothing
 /// swings.
 pub struct SpringStep<'a> {
+    /// The springs.
     pub rig: &'a SpringRig,
+    /// Parents and rest pose.
     pub skeleton: &'a Skeleton,
     /// Transform of the model at the end of the step.
     pub world_from_model: DAffine3,
@@ -67,7 +71,9 @@ pub struct SpringStep<'a> {
     pub wind: DVec3,
     /// Length of the step, ≥ 0.
     pub seconds: f64,
+    /// Input and output: where the bones are.
     pub state: &'a mut SpringState,
+    /// Buffers.
     pub scratch: &'a mut SpringScratch,
     /// One a joint: in, as animated at the end of the step; out, with the springs' joints and all below them turned.
     pub model_from_joint: &'a mut [Affine3A],
@@ -86,6 +92,7 @@ impl SpringStep<'_> {
         InputError::check_value(self.wind.is_finite(), "SpringStep.wind", self.wind, "finite")
     }
 
+    /// Does the step.
     pub fn run(&mut self) {
         let joints = self.skeleton.len().min(self.model_from_joint.len());
         self.state.bones.resize(self.rig.bones().len(), None);

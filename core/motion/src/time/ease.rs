@@ -5,8 +5,10 @@
 //! `cubic-bezier` (CSS Easing Functions Level 2, §2.3).
 
 use crate::input_error::InputError;
+/// How a weight goes from 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Ease {
+    /// Equal to the share of the time.
     #[default]
     Linear,
     /// 3w² − 2w³
@@ -41,6 +43,7 @@ pub enum Shape {
 }
 
 impl Shape {
+    /// All shapes by the names that scripts give them.
     pub const ALL: [(&'static str, Shape); 7] = [
         ("sine", Shape::Sine),
         ("quad", Shape::Quad),

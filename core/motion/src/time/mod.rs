@@ -11,9 +11,13 @@ use std::ops::{Add, AddAssign, Neg, Sub, SubAssign};
 pub struct Time(pub i64);
 
 impl Time {
+    /// A multiple of all usual frame and sample rates.
     pub const TICKS_PER_SECOND: i64 = 705_600_000;
+    /// The beginning.
     pub const ZERO: Time = Time(0);
+    /// The earliest time.
     pub const MIN: Time = Time(i64::MIN);
+    /// The latest time.
     pub const MAX: Time = Time(i64::MAX);
 
     /// Nearest tick; NaN gives zero and infinities saturate (callers that must refuse them check first).
@@ -21,6 +25,7 @@ impl Time {
         Time((secs * Self::TICKS_PER_SECOND as f64).round() as i64)
     }
 
+    /// Seconds.
     #[inline(always)]
     pub fn as_secs(self) -> f64 {
         self.0 as f64 / Self::TICKS_PER_SECOND as f64
@@ -107,6 +112,7 @@ fn ratio(number: f64) -> Option<FrameRate> {
 /// Why a number is no frame rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameRateError {
+    /// Outside of 0.001 to 1000.
     Range,
     /// Video files hold such a ratio.
     Ratio,
@@ -129,7 +135,9 @@ impl std::error::Error for FrameRateError {}
 /// Frames per second as a ratio: 30 is 30/1, 29.97 is 30000/1001.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct FrameRate {
+    /// Numerator.
     pub num: u32,
+    /// Denominator.
     pub den: u32,
 }
 
@@ -154,6 +162,7 @@ impl FrameRate {
         ratio(fps).ok_or(FrameRateError::Ratio)
     }
 
+    /// Frames a second.
     pub fn as_fps(self) -> f64 {
         f64::from(self.num) / f64::from(self.den)
     }

@@ -3,10 +3,12 @@
 use crate::input_error::InputError;
 use crate::time::Time;
 
+/// The continuation after the end of a clip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Repeat {
     /// Played once, then the last pose is held.
     Once,
+    /// The start follows again.
     #[default]
     Loop,
     /// There and back again, for ever.
@@ -20,6 +22,7 @@ pub struct Playback {
     pub speed: f64,
     /// The part of the clip that is played. Empty or reversed: its start is held.
     pub trim: (Time, Time),
+    /// The continuation after the end.
     pub repeat: Repeat,
 }
 

@@ -7,6 +7,24 @@ use std::collections::HashMap;
 /// Gives each face vertex of the index list its own value of one attribute. A vertex keeps its place for the
 /// first value it gets; further values get copies appended, so that the file's vertex order stays.
 /// `value_of` sees the primitive as far as it is split: positions of face vertices stay. `store` writes a value to a vertex.
+///
+/// ```
+/// use choreo_plugin::{MeshData, build, glam::Vec2};
+/// // Two triangles that share two vertices, and do not share texture coordinates.
+/// let positions = vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0];
+/// let data = MeshData { positions, indices: vec![0, 1, 2, 2, 1, 3], ..MeshData::default() };
+/// let mut primitive = build::primitive(&data)?;
+/// let uvs: Vec<Vec2> = (0..6).map(|i| Vec2::new(i as f32, 0.0)).collect();
+/// primitive.uvs[0] = vec![Vec2::ZERO; 4];
+/// build::normals::split_vertices(
+///     &mut primitive,
+///     |_, face_vertex| uvs[face_vertex],
+///     |uv| uv.to_array().map(f32::to_bits),
+///     |p, vertex, uv| p.uvs[0][vertex] = uv,
+/// );
+/// assert_eq!((primitive.positions.len(), primitive.indices.len()), (6, 6));
+/// # Ok::<(), choreo_plugin::BuildError>(())
+/// ```
 pub fn split_vertices<K: std::hash::Hash + Eq, V: Copy>(
     primitive: &mut Primitive,
     value_of: impl Fn(&Primitive, usize) -> V,
@@ -72,6 +90,15 @@ fn of_triangle(positions: &[Vec3], triangle: &[u32]) -> Vec3 {
 }
 
 /// Gives vertices whose normal has length zero that of a triangle that uses them. Lines and points lose such normals.
+///
+/// ```
+/// use choreo_plugin::{MeshData, build, glam::Vec3};
+/// let positions = vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+/// let mut primitive = build::primitive(&MeshData { positions, normals: vec![0.0; 9], ..MeshData::default() })?;
+/// build::normals::replace_zero(&mut primitive);
+/// assert_eq!(primitive.normals, [Vec3::Z; 3]);
+/// # Ok::<(), choreo_plugin::BuildError>(())
+/// ```
 pub fn replace_zero(p: &mut Primitive) {
     if p.normals.iter().all(|n| *n != Vec3::ZERO) {
         return;
@@ -114,6 +141,15 @@ pub fn flat(p: &mut Primitive) {
 }
 
 /// Writes one tangent a face vertex into the vertices.
+///
+/// ```
+/// use choreo_plugin::{MeshData, build, glam::Vec4};
+/// let positions = vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+/// let mut primitive = build::primitive(&MeshData { positions, ..MeshData::default() })?;
+/// build::normals::apply_tangents(&mut primitive, &[Vec4::new(1.0, 0.0, 0.0, -1.0); 3]);
+/// assert_eq!(primitive.tangents, [Vec4::new(1.0, 0.0, 0.0, -1.0); 3]);
+/// # Ok::<(), choreo_plugin::BuildError>(())
+/// ```
 pub fn apply_tangents(p: &mut Primitive, tangents: &[Vec4]) {
     p.tangents = vec![Vec4::new(1.0, 0.0, 0.0, 1.0); p.positions.len()];
     split_vertices(

@@ -14,6 +14,20 @@ use glam::{Vec2, Vec3, Vec4};
 use std::collections::HashMap;
 
 /// Adds tangents that follow a set of texture coordinates. Vertices that need several are split.
+///
+/// ```
+/// use choreo_plugin::{MeshData, build, glam::Vec3};
+/// let data = MeshData {
+///     positions: vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+///     normals: [0.0, 0.0, 1.0].repeat(3),
+///     uvs: vec![0.0, 1.0, 1.0, 1.0, 0.0, 0.0],
+///     ..MeshData::default()
+/// };
+/// let mut primitive = build::primitive(&data)?;
+/// build::tangents::add(&mut primitive, 0);
+/// assert!(primitive.tangents.iter().all(|tangent| tangent.truncate() == Vec3::X));
+/// # Ok::<(), choreo_plugin::BuildError>(())
+/// ```
 pub fn add(p: &mut Primitive, uv_set: usize) {
     let tangents = triangle_tangents(&p.indices, &p.positions, &p.normals, &p.uvs[uv_set]);
     normals::apply_tangents(p, &tangents);

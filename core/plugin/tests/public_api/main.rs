@@ -2,6 +2,7 @@
 //! difference says whether it breaks plugins that are written already (decision 57). `CHOREO_ACCEPT=1` renews the file.
 
 mod changes;
+mod examples;
 mod source;
 
 use changes::{differences, type_of};
@@ -191,6 +192,66 @@ fn changes_that_break_plugins_are_named() {
         "breaking: gone or changed: m::Size derives Clone\n"
     );
     assert_eq!(changed("pub trait Shape", "pub fn new_one() {}\n\npub trait Shape"), "new: m fn new_one()\n");
+}
+
+#[test]
+fn every_public_item_has_an_example() {
+    let mut examples = examples::Examples::default();
+    examples.folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"));
+    let missing = examples.missing();
+    assert!(missing.is_empty(), "write an example for these items (decision 74): {missing:#?}");
+}
+
+#[test]
+fn items_without_examples_are_found() {
+    let missing = |text: &str| {
+        let mut examples = examples::Examples::default();
+        examples.text(text);
+        examples.missing().into_iter().map(str::to_string).collect::<Vec<_>>().join(", ")
+    };
+    let source = "
+/// A size.
+///
+/// ```
+/// let size = Size { width: 2 };
+/// assert_eq!(size.grown(1).width, 3);
+/// ```
+pub struct Size {
+    pub width: u32,
+}
+
+impl Size {
+    /// Larger.
+    pub fn grown(self, by: u32) -> Size {
+        todo!()
+    }
+    fn private(&self) {}
+}
+
+/// A form.
+pub trait Shape {
+    /// Square metres.
+    fn area(&self) -> f32;
+}
+
+/// Reads it.
+#[doc(hidden)]
+pub fn hidden() {}
+
+pub const MOST: usize = 3;
+
+#[cfg(test)]
+mod tests {
+    pub fn unseen() {}
+}
+";
+    assert_eq!(missing(source), "trait Shape, method Shape::area");
+    assert_eq!(
+        missing(&source.replace("size.grown(1).width", "size.width + 1")),
+        "method Size::grown, trait Shape, method Shape::area"
+    );
+    let shown = "/// A form.\n///\n/// ```\n/// # struct Ball; impl Shape for Ball { fn area(&self) -> f32 { 1.0 } }\n/// ```";
+    assert_eq!(missing(&source.replace("/// A form.", shown)), "");
 }
 
 /// The crates that an author's plugin is built with.

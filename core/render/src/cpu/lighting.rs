@@ -120,7 +120,7 @@ impl Fragment<'_> {
     /// Records the fault of a visible pixel.
     pub(crate) fn record(&self, faults: &EffectFaults, (effect, fault): (u8, Fault), pixel: [i32; 2]) {
         if let Some((effect, _)) = self.surface.iter().chain(&self.lighting).nth(effect as usize) {
-            faults.record(effect, fault, FaultPlace::Pixel(pixel));
+            faults.record(effect, fault, FaultPlace::pixel(pixel));
         }
     }
 }

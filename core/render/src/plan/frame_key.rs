@@ -72,6 +72,7 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) ->
         linear,
         skin_once,
         left_out: _,
+        effect_faults: _,
         shutter_motion: _,
         // They follow from instances and lights.
         dirty_rect: _,

@@ -30,6 +30,7 @@ pub mod tiles;
 mod vertex_attributes;
 
 use crate::affine::Affine3x4;
+use crate::effect_faults::PlanFault;
 use crate::layers_2d::LayerImage;
 use crate::plan::dirty_rect::DirtyRect;
 use crate::plan::light_clusters::LightClusters;
@@ -142,6 +143,8 @@ pub struct Plan {
     /// Whether vertices are pre-skinned; see `crate::commands::preskin`.
     pub skin_once: SkinOnce,
     pub left_out: Vec<LeftOut>,
+    /// Faults of effects whose results the plan holds: outlines, edges, the shutter, overlays.
+    pub effect_faults: Vec<PlanFault>,
 }
 
 impl Plan {

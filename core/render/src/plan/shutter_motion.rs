@@ -198,7 +198,8 @@ impl Shown<'_> {
             return Some("an effect changes");
         }
         if uses(stage, a, options.effects).any(|(effect, ..)| effect.hook() == Hook::Overlay) {
-            let drawn = |s: &Snapshot| overlays(stage, s, &View::new(&s.camera, options.size), options).0;
+            let drawn =
+                |s: &Snapshot| overlays(stage, s, &View::new(&s.camera, options.size), options).overlay;
             if history_of(stage, a, options.effects, Hook::Overlay) > 0 || drawn(a) != drawn(b) {
                 return Some("what an effect draws over the scene changes");
             }

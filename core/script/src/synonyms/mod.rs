@@ -103,6 +103,25 @@ pub fn is_in(term: &str, text: &str) -> bool {
     wanted.peek().is_some() && wanted.all(|word| all.contains(&word))
 }
 
+/// Whether a text has all words of a term, as [`is_in`], each in the singular or the plural.
+pub fn is_about(term: &str, text: &str) -> bool {
+    let all: Vec<String> = words(text).map(singular).collect();
+    let mut wanted = words(term).map(singular).peekable();
+    wanted.peek().is_some() && wanted.all(|word| all.contains(&word))
+}
+
+/// A word without the ending of a plural; the same for both numbers, though not always a word.
+fn singular(word: String) -> String {
+    let stem = ["sses", "xes", "ches", "shes"].iter().find(|ending| word.ends_with(*ending));
+    match stem {
+        Some(_) => word[..word.len() - 2].to_string(),
+        None if word.len() > 3 && word.ends_with('s') && !word.ends_with("ss") => {
+            word[..word.len() - 1].into()
+        }
+        None => word,
+    }
+}
+
 fn topic(term: &str) -> Option<&'static Topic> {
     let wanted = letters(term);
     TOPICS.iter().find(|topic| topic.terms.iter().any(|known| letters(known) == wanted))

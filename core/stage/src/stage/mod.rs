@@ -36,19 +36,27 @@ use choreo_motion::{FrameRate, Time};
 use glam::{Vec3, Vec4};
 use std::sync::Arc;
 
+/// Everything that a script puts on stage: actors with their cues, cameras, lights, effects.
+#[warn(missing_docs)]
 #[derive(Clone, Debug, Default)]
 pub struct Stage {
+    /// Size, length, background and the like.
     pub settings: Settings,
+    /// Numbers of iterative solvers.
     pub solvers: SolverSettings,
+    /// Assets on stage; the index is their id.
     pub actors: Vec<Actor>,
+    /// Cameras of the script; the first is on until the first cut.
     pub cameras: Vec<Camera>,
     /// The camera that is on from each time, sorted by time. Before the first cut the first camera is on.
     pub cuts: Vec<Cut>,
+    /// Lights of the script; those of files belong to actors.
     pub lights: Vec<StageLight>,
     /// Light from all around; a stage with it and no light of its own has no default sun.
     pub sky: Option<Sky>,
     /// 2D layers in painter's order.
     pub layers_2d: Vec<Layer2d>,
+    /// Effects in use, in the order in which they run.
     pub effects: Vec<EffectUse>,
     /// Named times. They change no image.
     pub markers: Vec<(String, Time)>,
@@ -58,24 +66,35 @@ pub struct Stage {
     pub warnings: Vec<String>,
 }
 
+/// Settings of a stage as a whole.
+#[warn(missing_docs)]
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Pixels, 1..=16384 each.
     pub size: [u32; 2],
+    /// Frames per second.
     pub fps: FrameRate,
+    /// Stage time at which it ends.
     pub length: Time,
+    /// Behind everything, where no sky is shown.
     pub background: Background,
-    /// Light from everywhere, a hemisphere: its luminance from above and from below, linear, in candela per square metre.
+    /// Light from everywhere, a hemisphere: its luminance from above, linear, in candela per square metre.
     pub ambient_up: Vec3,
+    /// The same from below.
     pub ambient_down: Vec3,
     /// Stops: 1 doubles the light that the camera takes in.
     pub exposure: f32,
+    /// The curve from scene-linear light to the colors of a display.
     pub view_transform: ViewTransform,
     /// MSAA samples, 1 or 4; `None` leaves it to the command line's default.
     pub samples: Option<u32>,
+    /// Edges where alpha is cut off.
     pub cutouts: Cutouts,
+    /// Order in which transparent surfaces are blended.
     pub transparency: Transparency,
+    /// When opaque surfaces are lit.
     pub pipeline: Pipeline,
+    /// Whether vertices are pre-skinned.
     pub skin_once: SkinOnce,
     /// Small copies may be drawn by simplified meshes.
     pub levels_of_detail: bool,
@@ -142,6 +161,7 @@ pub enum Pipeline {
     Deferred,
 }
 
+/// The background of the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Background {
     /// Linear RGBA.
@@ -183,6 +203,10 @@ impl Default for Settings {
 
 /// A callback of the script, a pure function of the time.
 pub trait FrameHook: Send + Sync + std::fmt::Debug {
+    /// The changes at a time.
+    ///
+    /// # Errors
+    /// The callback has failed.
     fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError>;
 
     /// Text that distinguishes this hook from others (source text and captured values), for [`Stage::content_hash`].
@@ -191,6 +215,7 @@ pub trait FrameHook: Send + Sync + std::fmt::Debug {
     }
 }
 
+/// Why a stage cannot be evaluated at a time.
 #[derive(Clone, Debug)]
 pub enum StageError {
     /// A script callback failed; the error's text is complete, with file and line.

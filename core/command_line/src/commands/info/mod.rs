@@ -150,6 +150,7 @@ fn facts(asset: &Asset, importer: (String, String)) -> Facts {
 fn text(t: &mut Page, asset: &Asset, facts: &Facts, joints: bool) {
     let texts = scene::texts(asset);
     t.line(format_args!("{}: {} ({})", asset.name, facts.importer.0, facts.importer.1));
+    t.line(format_args!("importer   {}", asset.origin.importer));
     if !asset.origin.format.is_empty() {
         let is_warned = asset.warnings.iter().any(|w| w.text.starts_with("the format has no unit"));
         let guessed = asset.origin.unit_is_assumed && is_warned;
@@ -332,6 +333,7 @@ fn facts_json(asset: &Asset, facts: &Facts, joints: bool) -> Value {
     let mut value = json!({
         "file": asset.name,
         "importer": facts.importer.0,
+        "importer_version": asset.origin.importer.rsplit(' ').next(),
         "origin": {
             "format": asset.origin.format, "writer": asset.origin.writer,
             "metres_per_unit": asset.origin.metres_per_unit, "unit_is_assumed": asset.origin.unit_is_assumed, "up": asset.origin.up,

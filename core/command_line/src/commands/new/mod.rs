@@ -87,6 +87,7 @@ fn hook_text(hook: Option<HookArg>) -> &'static str {
         HookArg::Lighting => include_str!("hooks/lighting.wgsl"),
         HookArg::Shell => include_str!("hooks/shell.wgsl"),
         HookArg::Overlay => include_str!("hooks/overlay.wgsl"),
+        HookArg::Shutter => include_str!("hooks/shutter.wgsl"),
     }
 }
 
@@ -208,6 +209,7 @@ fn hook_crate(hook: HookArg, name: &str) -> [(String, String); 3] {
         HookArg::Lighting => ("Lighting", include_str!("crate_tests/lighting.txt")),
         HookArg::Shell => ("Outline", include_str!("crate_tests/shell.txt")),
         HookArg::Overlay => ("Overlay", include_str!("crate_tests/overlay.txt")),
+        HookArg::Shutter => ("Shutter", include_str!("crate_tests/shutter.txt")),
     };
     let named = |text: &str| text.replace("TEST", test).replace("HOOK", kind).replace("NAME", name);
     [
@@ -325,4 +327,23 @@ fn create(into: &Path, name: &Path, text: &str) -> Result<(), WriteError> {
     let name = Path::new(name.file_name().unwrap_or_default());
     let mut file = folder.create_new(name).map_err(|e| WriteError::at(folder.path().join(name), e))?;
     Ok(file.write_all(text.as_bytes())?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_plugin::Hook;
+    use choreo_wgsl_effect::WgslEffect;
+    use clap::ValueEnum;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn every_hook_has_its_template() {
+        let templates = HookArg::value_variants().iter().map(|hook| {
+            let text = hook_text(Some(*hook)).replace("NAME", "mine");
+            WgslEffect::from_text("mine.wgsl", &text).unwrap_or_else(|e| panic!("{hook:?}: {e}")).hook()
+        });
+        assert_eq!(templates.collect::<BTreeSet<Hook>>(), choreo_wgsl_effect::hooks().collect());
+        assert_eq!(HookArg::from_str("outline", true), Ok(HookArg::Shell));
+    }
 }

@@ -127,7 +127,10 @@ fn claims(file: &Path, registry: &Registry, as_json: bool) -> Result<(), Failure
                 json!({ "importer": i.manifest().name, "claim": kind, "score": score })
             })
             .collect();
-        return print_json(&json!({ "file": source.name, "read_by": reader, "claims": all }));
+        let failed: Vec<String> = registry.failed_claims(&source).iter().map(ToString::to_string).collect();
+        return print_json(
+            &json!({ "file": source.name, "read_by": reader, "claims": all, "failed": failed }),
+        );
     }
     let mut text = Page::default();
     match reader {
@@ -136,6 +139,9 @@ fn claims(file: &Path, registry: &Registry, as_json: bool) -> Result<(), Failure
     }
     for (claim, importer) in &claims {
         text.line(format_args!("  {:<12} {claim}", importer.manifest().name));
+    }
+    for panic in registry.failed_claims(&source) {
+        text.line(format_args!("  {panic}"));
     }
     print(text.as_str())
 }
@@ -153,7 +159,10 @@ fn option_json(option: &OptionSpec) -> Value {
         OptionKind::Text { default, one_of } => {
             json!({ "kind": "text", "default": default, "one_of": one_of })
         }
-        OptionKind::Color { default } => json!({ "kind": "color", "default": default }),
+        OptionKind::Color { default } => {
+            let srgb = choreo_plugin::color::hex(*default).map(|(hex, _)| hex);
+            json!({ "kind": "color", "default": default, "default_srgb": srgb })
+        }
         OptionKind::Vector { default, min, max } => {
             json!({ "kind": "vector", "default": default, "min": min, "max": max })
         }

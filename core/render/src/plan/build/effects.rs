@@ -1,5 +1,6 @@
 //! Effects in a plan: full-screen passes, and functions in the scene's shaders.
 
+use crate::effect_faults::{FaultPlace, PlanFault};
 use crate::plan::build::Planner;
 use crate::plan::build::scene_inputs::frame_times;
 use crate::plan::options::PlanOptions;
@@ -105,11 +106,33 @@ pub(crate) fn uses<'a>(
 
 /// Shutter of the last active effect that sets one.
 pub(crate) fn exposure_of(stage: &Stage, snapshot: &Snapshot, effects: &[Effect]) -> Option<Shutter> {
-    let exposures = uses(stage, snapshot, effects).filter_map(|(effect, _, state)| match effect {
-        Effect::Shutter(shutter) => shutter.shutter(&effect_parameters(effect, &state.parameters)),
+    let last = shutters(stage, snapshot, effects).last().map(|(_, shutter)| shutter);
+    last.filter(|s| s.samples > 1 && s.open > 0.0 && s.open.is_finite() && s.before.is_finite())
+}
+
+/// The shutters of the active effects that set one.
+fn shutters<'a>(
+    stage: &'a Stage,
+    snapshot: &'a Snapshot,
+    effects: &'a [Effect],
+) -> impl Iterator<Item = (&'a Effect, Shutter)> {
+    uses(stage, snapshot, effects).filter_map(|(effect, _, state)| match effect {
+        Effect::Shutter(shutter) => {
+            Some((effect, shutter.shutter(&effect_parameters(effect, &state.parameters))?))
+        }
         _ => None,
-    });
-    exposures.last().filter(|e| e.samples > 1 && e.open > 0.0)
+    })
+}
+
+/// Faults of the active effects on the shutter.
+pub(super) fn shutter_faults<'a>(
+    stage: &'a Stage,
+    snapshot: &'a Snapshot,
+    effects: &'a [Effect],
+) -> impl Iterator<Item = PlanFault> {
+    shutters(stage, snapshot, effects).filter_map(|(effect, shutter)| {
+        PlanFault::of(effect, &[shutter.open as f32, shutter.before as f32], FaultPlace::Shutter)
+    })
 }
 
 /// Number of earlier frames that the active effects of a hook read.

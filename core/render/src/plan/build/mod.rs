@@ -19,10 +19,11 @@ pub(crate) mod skins;
 mod transparency;
 
 use crate::affine::Affine3x4;
+use crate::effect_faults::PlanFault;
 use crate::layers_2d::compose_layers;
 use crate::plan::build::display::{Display, background, keep_light};
 use crate::plan::build::effects::{
-    SceneEffect, add_frame_numbers, background_effects, post_passes, scene_effects,
+    SceneEffect, add_frame_numbers, background_effects, post_passes, scene_effects, shutter_faults,
 };
 use crate::plan::build::items::{DrawItem, sort};
 use crate::plan::build::lights::{plan_lights, plan_sky};
@@ -30,7 +31,7 @@ use crate::plan::build::lod::ActorLevels;
 use crate::plan::build::mesh::MeshContext;
 use crate::plan::build::outlines::{OutlineKey, SurfaceLine, effect_lines};
 use crate::plan::build::overdraw::OverdrawEstimate;
-use crate::plan::build::overlay::overlays;
+use crate::plan::build::overlay::{DrawnOverlays, overlays};
 use crate::plan::build::scene_inputs::{FrameBefore, effect_frame, frame_times, inputs_of};
 use crate::plan::build::shadow_casters::ShadowCaster;
 use crate::plan::build::skins::SkinMatrices;
@@ -61,6 +62,7 @@ impl Plan {
         let (mut lights, mut shadows, dark_lights) = plan_lights(&snapshot.lights, &view);
         let many_lights = light_clusters::sort(&mut lights, &mut shadows);
         let display = Display::new(stage, snapshot, options);
+        let mut effect_faults = Vec::new();
         let mut planner = Planner {
             resources,
             display,
@@ -83,7 +85,8 @@ impl Plan {
             casters: Vec::new(),
             receivers: Vec::new(),
             overdraw: OverdrawEstimate::of(stage.settings.pipeline, options),
-            effect_lines: effect_lines(stage, snapshot, options),
+            effect_lines: effect_lines(stage, snapshot, options, &mut effect_faults),
+            effect_faults,
             scene_effects: scene_effects(stage, snapshot, options),
             before: options.moved_from.map(|before| FrameBefore::new(before, options.size)),
             outline_materials: Vec::new(),
@@ -140,6 +143,8 @@ struct Planner<'a> {
     /// Outlines and wireframes of effects, and what has them (empty: everything).
     effect_lines: Vec<(SurfaceLine, Vec<EffectTarget>)>,
     scene_effects: Vec<SceneEffect>,
+    /// Faults of effects that were found so far.
+    effect_faults: Vec<PlanFault>,
     /// Set if an effect reads motion.
     before: Option<FrameBefore<'a>>,
     /// Index into `material_overrides` of each outline material made so far.
@@ -233,7 +238,10 @@ impl<'a> Planner<'a> {
         let light_clusters = (lit && self.facts.many_lights && !options.no_light_clusters)
             .then(|| LightClusters::new(&lights, &self.view, options.size));
         let deferred = self.deferred(&mut draws, (lights.len(), light_clusters.as_ref()));
-        let (overlay, labels, overlay_left_out) = overlays(stage, snapshot, &self.view, options);
+        let DrawnOverlays { overlay, labels, left_out: overlay_left_out, faults } =
+            overlays(stage, snapshot, &self.view, options);
+        self.effect_faults.extend(faults);
+        self.effect_faults.extend(shutter_faults(stage, snapshot, options.effects));
         let [layers_behind, layers_in_front] = compose_layers(stage, snapshot, &labels, options.size);
         let (mut post, mut effects_left_out) = post_passes(stage, snapshot, options);
         self.display.add_pass(&mut post, options);
@@ -304,6 +312,7 @@ impl<'a> Planner<'a> {
             linear: false,
             skin_once: stage.settings.skin_once,
             left_out,
+            effect_faults: self.effect_faults,
         }
     }
 }

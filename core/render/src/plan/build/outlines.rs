@@ -1,5 +1,6 @@
 //! Outlines (inverted hulls) and wireframes, of toon materials and of effects.
 
+use crate::effect_faults::{FaultPlace, PlanFault};
 use crate::plan::build::Planner;
 use crate::plan::build::effects::{effect_parameters, uses};
 use crate::plan::build::items::{DrawItem, DrawPhase};
@@ -9,7 +10,7 @@ use crate::plan::{Features, PipelineKey, TopologyKey};
 use crate::scene_resources::material::{MaterialResource, TOON_SLOT};
 use crate::scene_resources::{PrimitiveEntry, PrimitiveResource};
 use choreo_asset::Outline;
-use choreo_plugin::Effect;
+use choreo_plugin::{Effect, InvertedHull};
 use choreo_stage::{EffectTarget, Snapshot, Stage};
 use glam::Vec3;
 use std::sync::Arc;
@@ -41,17 +42,28 @@ impl SurfaceLine {
     }
 }
 
-/// Outlines and wireframes of the active effects, and what has them.
+/// Outlines and wireframes of the active effects, and what has them; faulty ones are reported.
 pub(super) fn effect_lines(
     stage: &Stage,
     snapshot: &Snapshot,
     options: &PlanOptions,
+    faults: &mut Vec<PlanFault>,
 ) -> Vec<(SurfaceLine, Vec<EffectTarget>)> {
     let mut out = Vec::new();
+    let mut is_good = |effect, result: &[f32], place| {
+        let fault = PlanFault::of(effect, result, place);
+        faults.extend(fault.clone());
+        fault.is_none()
+    };
     for (effect, used, state) in uses(stage, snapshot, options.effects) {
         let Effect::Outline(lines) = effect else { continue };
         let parameters = effect_parameters(effect, &state.parameters);
-        if let Some(shell) = lines.inverted_hull(&parameters).filter(|s| s.width > 0.0) {
+        let mut good_hull = |hull: &InvertedHull| {
+            let Vec3 { x, y, z } = hull.color;
+            is_good(effect, &[hull.width, x, y, z, hull.lighting_mix], FaultPlace::Outline)
+        };
+        let hull = lines.inverted_hull(&parameters).filter(|hull| good_hull(hull));
+        if let Some(shell) = hull.filter(|hull| hull.width > 0.0) {
             let outline = Outline {
                 width: shell.width / options.size[1].max(1) as f32,
                 on_screen: true,
@@ -61,9 +73,9 @@ pub(super) fn effect_lines(
             };
             out.push((SurfaceLine::Outline(outline), used.on.clone()));
         }
-        out.extend(
-            lines.wireframe(&parameters).map(|color| (SurfaceLine::Wireframe(color), used.on.clone())),
-        );
+        let edges = lines.wireframe(&parameters);
+        let edges = edges.filter(|color| is_good(effect, &color.to_array(), FaultPlace::Wireframe));
+        out.extend(edges.map(|color| (SurfaceLine::Wireframe(color), used.on.clone())));
     }
     out
 }

@@ -1,5 +1,6 @@
 //! Triangles, lines, points and grids of effects as triangles on the screen, the same for both renderers.
 
+use crate::effect_faults::{FaultPlace, PlanFault};
 use crate::layers_2d::ScreenLabel;
 use crate::plan::build::effects::{effect_parameters, uses};
 use crate::plan::options::PlanOptions;
@@ -11,19 +12,30 @@ use glam::{DVec3, Vec2, Vec4, Vec4Swizzles};
 /// Largest number of labels: nobody could read more.
 const MOST_LABELS: usize = 2_000;
 
+/// The overlays of a frame.
+#[derive(Default)]
+pub(crate) struct DrawnOverlays {
+    pub overlay: PlanOverlay,
+    pub labels: Vec<ScreenLabel>,
+    pub left_out: Vec<LeftOut>,
+    pub faults: Vec<PlanFault>,
+}
+
 pub(crate) fn overlays(
     stage: &Stage,
     snapshot: &Snapshot,
     view: &View,
     options: &PlanOptions,
-) -> (PlanOverlay, Vec<ScreenLabel>, Vec<LeftOut>) {
-    let (mut overlay, mut labels, mut left_out) = (PlanOverlay::default(), Vec::new(), Vec::new());
+) -> DrawnOverlays {
+    let mut all = DrawnOverlays::default();
+    let DrawnOverlays { overlay, labels, left_out, faults } = &mut all;
     let size = Vec2::new(options.size[0] as f32, options.size[1] as f32);
     for (effect, used, state) in uses(stage, snapshot, options.effects) {
         let Effect::Overlay(drawing) = effect else { continue };
         let parameters = effect_parameters(effect, &state.parameters);
         let mut drawn = drawing
             .overlay(&EffectScene { stage, snapshot, before: options.before, on: &used.on }, &parameters);
+        leave_out_faulty(effect, &mut drawn, faults);
         // Six vertices of 64 bytes for each stroke: 38 MB.
         let most = Overlay::MOST;
         let counts = [("lines and points", drawn.strokes.len()), ("triangles", drawn.triangles.len())];
@@ -49,7 +61,31 @@ pub(crate) fn overlays(
             });
         }
     }
-    (overlay, labels, left_out)
+    all
+}
+
+/// Takes parts whose numbers are not finite out of an overlay, and reports one fault for each kind.
+fn leave_out_faulty(effect: &Effect, drawn: &mut Overlay, faults: &mut Vec<PlanFault>) {
+    let mut is_good = |result: &[f32], places: &[DVec3], place: FaultPlace| {
+        let far = places.iter().all(|place| place.is_finite());
+        let fault = PlanFault::of(effect, result, place);
+        let fault = fault.or_else(|| PlanFault::of(effect, &[f32::NAN], place).filter(|_| !far));
+        let good = fault.is_none();
+        faults.extend(fault.filter(|fault| !faults.contains(fault)));
+        good
+    };
+    let with = |color: Vec4, other: [f32; 3]| {
+        let [r, g, b, a] = color.to_array();
+        [r, g, b, a, other[0], other[1], other[2]]
+    };
+    drawn.strokes.retain(|s| is_good(&with(s.color, [s.width, 0.0, 0.0]), &[s.from, s.to], FaultPlace::Line));
+    drawn.triangles.retain(|t| is_good(&t.color.to_array(), &t.vertices, FaultPlace::Triangle));
+    drawn.lattices.retain(|l| {
+        let lengths = DVec3::new(l.cell, l.fade, 0.0);
+        let places = [l.origin, l.along[0], l.along[1], lengths];
+        is_good(&with(l.color, [l.widths[0], l.widths[1], 0.0]), &places, FaultPlace::Lattice)
+    });
+    drawn.labels.retain(|l| is_good(&with(l.color, [l.size, l.beside, 0.0]), &[l.at], FaultPlace::Label));
 }
 
 /// A label at its position in the image; `None` outside of it.

@@ -1,0 +1,120 @@
+//! Rotations for importers: quaternions x y z w from axes and angles, products, and turned vectors, many at a time. Angles are radians.
+
+use crate::budget::{Budget, Refused, refuse};
+use crate::numbers::{self, Numbers};
+use glam::{DQuat, DVec3};
+use rhai::{Array, Dynamic, Engine};
+
+/// Rows of numbers, all of them or one for all.
+struct Rows<const N: usize>(Vec<[f64; N]>);
+
+impl<const N: usize> Rows<N> {
+    fn read(value: &Dynamic, what: &str) -> Result<Rows<N>, Refused> {
+        let numbers = numbers::read(value);
+        let wrong = || refuse(format!("{what}: {N} numbers, or rows of {N} numbers, are needed"));
+        let numbers = numbers.filter(|all| !all.is_empty()).ok_or_else(wrong)?;
+        let (rows, []) = numbers.as_chunks::<N>() else { return Err(wrong()) };
+        Ok(Rows(rows.to_vec()))
+    }
+
+    fn row(&self, number: usize) -> [f64; N] {
+        self.0[if self.0.len() == 1 { 0 } else { number }]
+    }
+}
+
+impl Rows<4> {
+    fn quaternion(&self, number: usize) -> DQuat {
+        DQuat::from_array(self.row(number))
+    }
+}
+
+/// Numbers of the rows of two lists together; one row counts for all of the other list.
+fn common(a: usize, b: usize, what: &str) -> Result<usize, Refused> {
+    match a == b || a == 1 || b == 1 {
+        true => Ok(a.max(b)),
+        false => Err(refuse(format!("{what}: one list has {a} rows, the other {b}"))),
+    }
+}
+
+fn made<const N: usize>(
+    budget: &Budget,
+    count: usize,
+    row: impl Fn(usize) -> [f64; N],
+) -> Result<Numbers, Refused> {
+    let share = budget.share(8 * N * count)?;
+    Ok(Numbers::new((0..count).flat_map(row).collect(), share))
+}
+
+/// A turn about a unit axis.
+fn about(axis: DVec3, radians: f64) -> DQuat {
+    let (sin, cos) = libm::sincos(0.5 * radians);
+    let v = axis * sin;
+    DQuat::from_xyzw(v.x, v.y, v.z, cos)
+}
+
+/// About an axis of any length.
+fn about_axis(budget: &Budget, axis: Array, radians: f64) -> Result<Numbers, Refused> {
+    let axis = DVec3::from_array(Rows::<3>::read(&axis.into(), "quaternion")?.row(0));
+    let length = axis.length();
+    if !(length > 0.0 && length.is_finite() && radians.is_finite()) {
+        return Err(refuse("quaternion(axis, radians): the axis needs a length, the angle must be finite"));
+    }
+    made(budget, 1, |_| about(axis / length, radians).to_array())
+}
+
+/// Turns about fixed axes, in the order of the letters; `angles` are x y z, whatever the order is.
+fn euler(budget: &Budget, order: &str, angles: &Dynamic) -> Result<Numbers, Refused> {
+    let axis = |letter: char| "xyz".find(letter);
+    let axes: Option<Vec<usize>> = order.chars().map(axis).collect();
+    let axes = axes.filter(|axes| axes.len() == 3 && (0..3).all(|axis| axes.contains(&axis)));
+    let axes = axes.ok_or_else(|| {
+        refuse(format!("quaternions: the order is the letters x, y and z, as \"xyz\", got \"{order}\""))
+    })?;
+    let angles = Rows::<3>::read(angles, "quaternions")?;
+    made(budget, angles.0.len(), |number| {
+        let row = angles.row(number);
+        let turn = axes.iter().fold(DQuat::IDENTITY, |so_far, axis| {
+            let mut unit = [0.0; 3];
+            unit[*axis] = 1.0;
+            about(DVec3::from_array(unit), row[*axis]) * so_far
+        });
+        turn.to_array()
+    })
+}
+
+/// First the turns `b`, then the turns `a`: a joint in its parent's space, then its parent.
+fn product(budget: &Budget, a: &Dynamic, b: &Dynamic) -> Result<Numbers, Refused> {
+    let (a, b) = (Rows::<4>::read(a, "product")?, Rows::<4>::read(b, "product")?);
+    let count = common(a.0.len(), b.0.len(), "product")?;
+    made(budget, count, |number| (a.quaternion(number) * b.quaternion(number)).to_array())
+}
+
+/// The turns backwards, of unit quaternions.
+fn inverse(budget: &Budget, turns: &Dynamic) -> Result<Numbers, Refused> {
+    let turns = Rows::<4>::read(turns, "inverse")?;
+    made(budget, turns.0.len(), |number| turns.quaternion(number).conjugate().to_array())
+}
+
+/// Vectors, turned by unit quaternions.
+fn turned(budget: &Budget, turns: &Dynamic, vectors: &Dynamic) -> Result<Numbers, Refused> {
+    let (turns, vectors) = (Rows::<4>::read(turns, "turned")?, Rows::<3>::read(vectors, "turned")?);
+    let count = common(turns.0.len(), vectors.0.len(), "turned")?;
+    made(budget, count, |number| {
+        (turns.quaternion(number) * DVec3::from_array(vectors.row(number))).to_array()
+    })
+}
+
+pub fn register(engine: &mut Engine, budget: &Budget) {
+    let b = budget.clone();
+    engine.register_fn("quaternion", move |axis: Array, radians: f64| about_axis(&b, axis, radians));
+    let b = budget.clone();
+    engine.register_fn("quaternion", move |axis: Array, radians: i64| about_axis(&b, axis, radians as f64));
+    let b = budget.clone();
+    engine.register_fn("quaternions", move |order: &str, angles: Dynamic| euler(&b, order, &angles));
+    let b = budget.clone();
+    engine.register_fn("product", move |first: Dynamic, second: Dynamic| product(&b, &first, &second));
+    let b = budget.clone();
+    engine.register_fn("inverse", move |turns: Dynamic| inverse(&b, &turns));
+    let b = budget.clone();
+    engine.register_fn("turned", move |turns: Dynamic, vectors: Dynamic| turned(&b, &turns, &vectors));
+}
