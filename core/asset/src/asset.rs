@@ -10,7 +10,7 @@ use crate::mesh::Mesh;
 use crate::texture::Image;
 use choreo_motion::spring::parameters::Springs;
 use choreo_motion::{Clip, Front, Skeleton};
-use glam::{Affine3A, Mat4};
+use glam::{Affine3A, Mat4, Vec3};
 use std::sync::Arc;
 
 /// One imported file, shared by every actor cast from it.
@@ -36,6 +36,8 @@ pub struct Asset {
     pub cameras: Vec<AssetCamera>,
     /// Lights of the file, each on a joint.
     pub lights: Vec<AssetLight>,
+    /// Light from all sides, linear RGB: a white surface in it is as bright. It is that of the stage, unless the script gives another.
+    pub ambient: Vec3,
     /// Animation clips; times begin at the clip's own 0 s.
     pub clips: Vec<Arc<Clip>>,
     /// Named faces, each name once.

@@ -47,5 +47,5 @@ pub use posed_mesh::{PosedInstance, PosedPrimitive, Standing, posed_meshes_by, p
 pub use reflection::Reflection;
 pub use skinning::{Carriers, widen};
 pub use srgb::{linear_from_srgb, linear_from_srgb_f32, srgb_from_linear};
-pub use texture::{Image, Sampler, TextureRef, Wrap};
+pub use texture::{Image, ImageFile, ImageFileFormat, Sampler, TextureRef, Wrap};
 pub use toon::{Outline, Toon, UvMotion};

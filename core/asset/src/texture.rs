@@ -1,6 +1,7 @@
 //! Images, and how materials sample them.
 
 use glam::Affine2;
+use std::sync::Arc;
 
 /// 8 bits a channel, RGBA, rows from the top. Whether the color channels are sRGB depends on the use.
 #[derive(Clone, Default, PartialEq)]
@@ -13,6 +14,49 @@ pub struct Image {
     pub height: u32,
     /// Four bytes a pixel, row by row from the top; empty where pixels were not asked for.
     pub rgba: Vec<u8>,
+    /// The file that the pixels were decoded from, where an importer was asked to keep it; `None` for pixels that were made or changed.
+    pub file: Option<ImageFile>,
+}
+
+/// An image as a file of a common format.
+#[derive(Clone, PartialEq, Eq)]
+pub struct ImageFile {
+    pub format: ImageFileFormat,
+    pub bytes: Arc<Vec<u8>>,
+}
+
+/// Formats of image files that other programs read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ImageFileFormat {
+    Png,
+    Jpeg,
+    WebP,
+}
+
+impl ImageFileFormat {
+    /// Extension of file names, without the dot.
+    pub fn extension(self) -> &'static str {
+        match self {
+            ImageFileFormat::Png => "png",
+            ImageFileFormat::Jpeg => "jpg",
+            ImageFileFormat::WebP => "webp",
+        }
+    }
+
+    /// Media type (RFC 6838).
+    pub fn media_type(self) -> &'static str {
+        match self {
+            ImageFileFormat::Png => "image/png",
+            ImageFileFormat::Jpeg => "image/jpeg",
+            ImageFileFormat::WebP => "image/webp",
+        }
+    }
+}
+
+impl std::fmt::Debug for ImageFile {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "ImageFile({:?}, {} bytes)", self.format, self.bytes.len())
+    }
 }
 
 impl std::fmt::Debug for Image {

@@ -210,3 +210,69 @@ fn a_bvh_file_moves_as_its_actor_did() {
     println!("{} positions, at most {worst:.1e} m off", truth.len());
     assert!(truth.len() > 75 * 15 && worst < 4e-6, "{worst}");
 }
+
+/// An editor written with OpenTimelineIO itself: what it has read and written again has the same cuts, and those that it has moved are moved.
+#[test]
+fn cuts_come_back_through_opentimelineio() {
+    let dir = folder();
+    let d = dir.path();
+    let Some(python) = python_with("opentimelineio", "OpenTimelineIO==0.18.1") else { return };
+    std::fs::write(d.join("a.rhai"), format!("{TALK}{CUTS}")).unwrap();
+    std::fs::write(d.join("b.rhai"), format!("{TALK}cuts(\"edit.otio\");\n")).unwrap();
+    let edl = exported(d, "a.rhai", "a.edl");
+    exported(d, "a.rhai", "a.otio");
+    let edited = |frames: u32| {
+        let code = format!(
+            "import opentimelineio as otio\nt = otio.adapters.read_from_file('a.otio')\n\
+             wide = t.video_tracks()[0][0]\nkept = wide.source_range\n\
+             longer = kept.duration + otio.opentime.RationalTime({frames}, 25)\n\
+             wide.source_range = otio.opentime.TimeRange(kept.start_time, longer)\n\
+             otio.adapters.write_to_file(t, 'edit.otio')\n"
+        );
+        let run = std::process::Command::new(&python).args(["-c", &code]).current_dir(d).output().unwrap();
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        exported(d, "b.rhai", "b.edl").replace("b.", "a.")
+    };
+    assert_eq!(edited(0), edl);
+    let later = edited(5);
+    assert!(later.contains("D    010 00:00:01:05 00:00:02:10"), "{later}");
+}
+
+/// Blender's own importer of BVH, whose first frame is 1, has the joints where `choreo export` to CSV has them, at every frame.
+#[test]
+fn blender_has_the_joints_of_a_bvh_file_where_they_were() {
+    let dir = folder();
+    let d = dir.path();
+    let Some(python) = blender() else { return };
+    std::fs::write(d.join("a.rhai"), TALK).unwrap();
+    exported(d, "a.rhai", "a.bvh");
+    let truth = exported(d, "a.rhai", "a.csv");
+    let code = "import bpy, json\nbpy.ops.wm.read_factory_settings(use_empty=True)\nscene = bpy.context.scene\n\
+        bpy.ops.import_anim.bvh(filepath='a.bvh', global_scale=0.01, rotate_mode='QUATERNION')\n\
+        rig = next(o for o in scene.objects if o.type == 'ARMATURE')\nout = {bone.name: [] for bone in rig.pose.bones}\n\
+        for frame in range(75):\n    scene.frame_set(frame + 1)\n    for bone in rig.pose.bones:\n        \
+        x, y, z = rig.matrix_world @ bone.head\n        out[bone.name].append([x, z, -y])\n\
+        print('RESULT ' + json.dumps(out))\n";
+    let run = std::process::Command::new(python).args(["-c", code]).current_dir(d).output().unwrap();
+    let printed = String::from_utf8_lossy(&run.stdout);
+    let result = printed.lines().find_map(|line| line.strip_prefix("RESULT "));
+    let result = result.unwrap_or_else(|| panic!("{printed}{}", String::from_utf8_lossy(&run.stderr)));
+    let bones: serde_json::Value = serde_json::from_str(result).unwrap();
+    let worst = |late: usize| {
+        let (mut worst, mut count) = (0.0f64, 0);
+        for line in truth.lines().skip(1) {
+            let cells: Vec<&str> = line.split(',').collect();
+            let number = |cell: &str| cell.parse::<f64>().unwrap();
+            let frame = (number(cells[0]) * 25.0).round() as usize + late;
+            // End sites are no bones.
+            let Some(found) = bones[cells[2]][frame].as_array() else { continue };
+            let apart = found.iter().zip(&cells[3..]).map(|(a, b)| (a.as_f64().unwrap() - number(b)).powi(2));
+            (worst, count) = (worst.max(apart.sum::<f64>().sqrt()), count + 1);
+        }
+        (worst, count)
+    };
+    let (metres, count) = worst(0);
+    println!("Blender: {count} places, {metres:.1e} m");
+    assert!(count > 75 * 15 && metres < 1e-5, "{count} places, {metres:e} m");
+    assert!(worst(1).0 > 1e-2, "a frame late is not found");
+}

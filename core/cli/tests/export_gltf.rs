@@ -1,30 +1,29 @@
 //! `choreo export -o scene.glb`: the file, imported again, has the scene's joints at times between its frames, and its images; other
 //! programs read it. `cargo test -p choreo --test export_gltf -- --nocapture` prints the table.
 //!
-//! `--ignored` checks all lessons. Blender's importer runs where `CHOREO_BPY` names a Python that has `bpy`.
+//! `--ignored` checks all lessons.
 
 mod common;
+#[path = "common/exported.rs"]
+mod exported;
 #[path = "common/gltf_validator.rs"]
 mod gltf_validator;
-#[path = "common/unhurried.rs"]
-mod unhurried;
 
 use choreo_asset::Asset;
 use choreo_image_diff::{Comparison, compare};
 use choreo_importer_kit_testing::npm::Packages;
 use choreo_motion::Time;
-use choreo_plugin::{ExportedScene, Frame, ImportScope, MemoryFiles, OptionValue};
+use choreo_plugin::{Frame, ImportScope, OptionValue};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
-use choreo_script::{Limits, Loader, run_file, run_text};
+use choreo_script::{Limits, Loader};
 use choreo_stage::{Camera, Cue, Cut, Evaluator, Repeat, Rig, Stage};
 use common::*;
+use exported::*;
 use gltf_validator::validate;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Metres that a joint may be off.
-const TOLERANCE: f64 = 1e-4;
 const SIZE: [u32; 2] = [320, 180];
 
 /// Fades, layers, IK, root motion, callbacks, attached props, several cameras, springs and other characters.
@@ -37,73 +36,13 @@ const LESSONS: [&str; 6] = [
     "38_bodies_and_chains.rhai",
 ];
 
-fn scripts() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts")
+/// What the tests read of an exported glTF file.
+trait Gltf {
+    fn json(&self) -> Value;
+    fn again(&self) -> Stage;
 }
 
-/// All lessons; those in folders of their own have plugins beside them.
-fn lessons() -> Vec<PathBuf> {
-    let mut all = Vec::new();
-    for entry in std::fs::read_dir(scripts()).unwrap().map(|e| e.unwrap().path()) {
-        let inside = entry.join("lesson.rhai");
-        if entry.extension().is_some_and(|e| e == "rhai") {
-            all.push(entry);
-        } else if inside.is_file() {
-            all.push(inside);
-        }
-    }
-    all.sort();
-    assert!(all.len() >= 45, "{all:?}");
-    all
-}
-
-/// The files of an export.
-struct Exported {
-    stage: Arc<Stage>,
-    files: MemoryFiles,
-    folder: tempfile::TempDir,
-}
-
-impl Exported {
-    fn of(stage: Stage, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
-        let registry = choreo::registry();
-        let exporter = registry.scene_exporter_for(&format!("out.{extension}")).unwrap();
-        let mut scene = ExportedScene::new("scene.rhai", Arc::new(stage));
-        scene.extension = extension.into();
-        scene.options = exporter.manifest().complete(&scene.options).unwrap();
-        for (name, value) in options {
-            scene.options.0.insert((*name).into(), value.clone());
-        }
-        let mut files = MemoryFiles::default();
-        exporter.export(&scene, &mut files).unwrap();
-        let folder = tempfile::tempdir().unwrap();
-        let exported = Exported { stage: scene.stage, files, folder };
-        exported.write(extension);
-        exported
-    }
-
-    fn lesson(name: &Path, extension: &str) -> Exported {
-        let stage = run_file(name, &choreo::registry(), &unhurried::unhurried());
-        Exported::of(stage.unwrap_or_else(|e| panic!("{}: {e:?}", name.display())).stage, extension, &[])
-    }
-
-    fn script(text: &str, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
-        let run = run_text("scene.rhai", text, &scripts(), &choreo::registry(), &unhurried::unhurried());
-        Exported::of(run.unwrap_or_else(|e| panic!("{e:?}")).stage, extension, options)
-    }
-
-    fn write(&self, extension: &str) {
-        std::fs::write(self.folder.path().join(format!("out.{extension}")), &self.files.main).unwrap();
-        for (ending, bytes) in &self.files.beside {
-            std::fs::write(self.folder.path().join(format!("out{ending}")), bytes).unwrap();
-        }
-    }
-
-    fn path(&self) -> PathBuf {
-        let mut all = std::fs::read_dir(self.folder.path()).unwrap().map(|e| e.unwrap().path());
-        all.find(|p| p.extension().is_some_and(|e| e == "glb" || e == "gltf")).unwrap()
-    }
-
+impl Gltf for Exported {
     /// The JSON of the file.
     fn json(&self) -> Value {
         let main = &self.files.main;
@@ -184,9 +123,7 @@ fn worst(exported: &Exported) -> (f64, String) {
     let joints = Joints::of(exported);
     let (mut one, mut other) = (Evaluator::new(stage.clone()), Evaluator::new(again).posing_hidden());
     let mut worst = (0.0, String::new());
-    let length = stage.settings.length.as_secs();
-    for i in 0..20 {
-        let time = Time::from_secs(length * (f64::from(i) + 0.377) / 20.0);
+    for time in times_between_frames(stage).into_iter().map(Time::from_secs) {
         let (truth, found) = (one.at(time).unwrap(), other.at(time).unwrap());
         for ((actor, state), first) in stage.actors.iter().zip(&truth.actors).zip(&joints.actors) {
             // An actor with placements has them instead of joints.
@@ -239,7 +176,7 @@ fn is_same(c: &Comparison) -> bool {
 #[test]
 fn joints_of_lessons_are_where_they_were_between_frames_too() {
     for name in LESSONS {
-        let exported = Exported::lesson(&scripts().join(name), "glb");
+        let exported = Exported::lesson(&scripts().join(name), "glb", &[]);
         let (metres, place) = worst(&exported);
         let stated = exported.files.deviation.clone().unwrap();
         println!(
@@ -249,26 +186,6 @@ fn joints_of_lessons_are_where_they_were_between_frames_too() {
         assert!(metres < TOLERANCE && stated.metres < TOLERANCE, "{name}: {metres:e} m, {place}; {stated:?}");
     }
 }
-
-/// A tenth of a second in which an actor is not seen, a loop, a fade, a texture that spins, a camera that zooms, a cut, and a lamp that
-/// goes on.
-const SCENE: &str = r##"
-    stage(#{ size: [320, 180], fps: 24, length: 3.0, background: "#203040" });
-    let m = load("choreo:mannequin", #{ color: "coral" });
-    let anna = cast("anna", m).at(-0.6, 0, 0);
-    anna.play(m.clip("Walk")).until(1.3).then(m.clip("Wave"), #{ fade: 0.4 });
-    let ben = cast("ben", load("choreo:mannequin", #{ color: "teal" })).at(0.6, 0, 0).tint("#ffd0d0");
-    ben.play(m.clip("Run"), #{ speed: 0.7 });
-    ben.key("visible", [[0.0, true], [1.0, false], [1.1, true]]);
-    let box = cast("box", shape("box", #{ size: 0.3, checker: "white", color: "navy" }));
-    box.attach(anna.joint("RightHand"));
-    cast("wheel", shape("quad", #{ size: 0.7, checker: "gold", color: "maroon", spin: 90.0 })).at(-1.5, 0.2, 0);
-    camera("wide").fov(40).at(0, 1.2, 4).look_at([0, 0.9, 0]).key("fov", [[0, 40], [1.5, 25]]);
-    camera("side").at(3, 1.5, 2.5).look_at([0, 0.9, 0]).cut(2.0);
-    sun(#{ direction: [-1, -2, -1] });
-    let lamp = point(#{ position: [1, 2, 1], color: "#ffcc88" }).key("intensity", [[0, 0], [2, 12]]);
-    ambient("white", 0.3);
-"##;
 
 #[test]
 fn the_images_of_the_file_are_those_of_the_scene() {
@@ -322,7 +239,7 @@ fn planted_faults_are_found() {
     let (metres, place) = worst(&exported);
     println!("late keys: {metres:.1e} m, {place}");
     assert!(metres > 2.0 * TOLERANCE, "late keys are not found: {metres:e} m");
-    exported.write("gltf");
+    exported.write(&exported.files.main);
     // Two joints of a skin in the wrong order: joints are where they were, vertices are not.
     let mut wrong = json.clone();
     wrong["skins"][0]["joints"].as_array_mut().unwrap().swap(3, 14);
@@ -330,6 +247,61 @@ fn planted_faults_are_found() {
     let c = images(&exported, 0.35).0;
     println!("joints in the wrong order: {c}");
     assert!(!is_same(&c), "joints in the wrong order are not found: {c}");
+}
+
+/// A script with four images from files, one of which is changed; the files, and the bytes of the unchanged ones.
+fn pictures() -> (tempfile::TempDir, [Vec<u8>; 3]) {
+    let dir = tempfile::tempdir().unwrap();
+    let image = image::RgbImage::from_fn(32, 16, |x, y| image::Rgb([(8 * x) as u8, (16 * y) as u8, 99]));
+    let names = ["a.png", "b.jpg", "c.webp"];
+    names.iter().for_each(|name| image.save(dir.path().join(name)).unwrap());
+    let mut text = String::from("stage(#{ length: 0.1 });\n");
+    for name in names {
+        text += &format!("cast(\"{name}\", shape(\"quad\", #{{ image: image(\"{name}\") }}));\n");
+    }
+    text += "cast(\"holes\", shape(\"quad\", #{ image: image(\"a.png\"), opacity_map: image(\"b.jpg\") }));\n\
+             sun(); camera(\"c\").at(0, 0, 3);\n";
+    std::fs::write(dir.path().join("s.rhai"), text).unwrap();
+    let bytes = names.map(|name| read(dir.path(), name));
+    (dir, bytes)
+}
+
+/// Where an image is used unchanged, its file is.
+#[test]
+fn files_of_images_stay_as_they_are() {
+    let (dir, originals) = pictures();
+    let d = dir.path();
+    for (output, endings) in [
+        ("s.gltf", ["s_0.png", "s_1.jpg", "s_2.webp", "s_3.png"]),
+        // usd-core and packages know no WebP.
+        ("s.usda", ["s_0.png", "s_1.jpg", "s_2.png", "s_3.png"]),
+    ] {
+        let run = choreo(d, &["export", "s.rhai", "-o", output]);
+        assert_eq!(run.code, 0, "{}", run.err);
+        for (number, ending) in endings.iter().enumerate() {
+            let written = read(d, ending);
+            let same = originals.get(number).is_some_and(|original| *original == written);
+            assert_eq!(same, number < 2 || ending.ends_with("webp"), "{ending} of {output}");
+            // What is made anew has the same size, and holes where it was given some.
+            let image = image::load_from_memory(&written).unwrap();
+            assert_eq!((image.width(), image.height()), (32, 16));
+            assert_eq!(image.color().has_alpha(), number == 3, "{ending} of {output}");
+        }
+        endings.iter().for_each(|ending| std::fs::remove_file(d.join(ending)).unwrap());
+    }
+    for output in ["s.glb", "t.gltf"] {
+        assert_eq!(choreo(d, &["export", "s.rhai", "-o", output]).code, 0);
+    }
+    validate(&[d.join("s.glb"), d.join("t.gltf")]);
+    let glb = read(d, "s.glb");
+    let is_there = |original: &Vec<u8>| glb.windows(original.len()).any(|part| part == original);
+    assert!(originals.iter().all(is_there));
+    // The images of the file are those of the scene, WebP too.
+    let again = import(&d.join("s.glb"));
+    let sizes: Vec<(u32, u32)> = again.images.iter().map(|image| (image.width, image.height)).collect();
+    assert_eq!(sizes, [(32, 16); 4]);
+    // A render keeps no file beside the pixels.
+    assert!(again.images.iter().all(|image| image.file.is_none()));
 }
 
 #[test]
@@ -347,7 +319,7 @@ fn each_actor_can_have_an_animation() {
 #[test]
 fn a_larger_tolerance_has_fewer_bytes_and_is_kept() {
     let sizes = [1e-5, 1e-4, 1e-2].map(|tolerance| {
-        let exported = Exported::script(SCENE, "glb", &[("tolerance", OptionValue::Number(tolerance))]);
+        let exported = Exported::script(SCENE, "glb", &exported::tolerance(tolerance));
         let (metres, place) = worst(&exported);
         println!("{tolerance} m: {} bytes, {metres:.1e} m, {place}", exported.files.main.len());
         assert!(metres <= tolerance, "{tolerance} m: {metres:e} m, {place}");
@@ -444,7 +416,7 @@ fn the_summary_states_the_largest_error_and_what_is_left_out() {
 fn the_khronos_validator_has_nothing_to_say() {
     let exported: Vec<Exported> = ["20_materials.rhai", "31_glass.rhai", "41_projections.rhai"]
         .iter()
-        .map(|name| Exported::lesson(&scripts().join(name), "glb"))
+        .map(|name| Exported::lesson(&scripts().join(name), "glb", &[]))
         .chain([Exported::script(SCENE, "gltf", &[])])
         .collect();
     validate(&exported.iter().map(Exported::path).collect::<Vec<PathBuf>>());
@@ -453,8 +425,7 @@ fn the_khronos_validator_has_nothing_to_say() {
 /// The largest distance of a joint in three.js from where it is in the scene, `late` seconds later; metres, and where.
 fn worst_in_three(three: &Packages, exported: &Exported, late: f64) -> (f64, String) {
     let stage = &exported.stage;
-    let length = stage.settings.length.as_secs();
-    let times: Vec<f64> = (0..20).map(|i| length * (f64::from(i) + 0.377) / 20.0).collect();
+    let times = times_between_frames(stage);
     let file = exported.folder.path().join("times.json");
     std::fs::write(&file, serde_json::to_string(&times).unwrap()).unwrap();
     let text = three.run("three.mjs", include_str!("common/three.mjs"), &[&exported.path(), &file]);
@@ -488,7 +459,7 @@ fn worst_in_three(three: &Packages, exported: &Exported, late: f64) -> (f64, Str
 fn three_js_has_the_joints_where_they_were() {
     let packages = ["three@0.187.0"];
     let Some(three) = Packages::install(env!("CARGO_TARGET_TMPDIR"), "three", &packages) else { return };
-    let lesson = |name: &str| Exported::lesson(&scripts().join(name), "glb");
+    let lesson = |name: &str| Exported::lesson(&scripts().join(name), "glb", &[]);
     for exported in
         [lesson("01_first_dance.rhai"), lesson("12_together.rhai"), Exported::script(SCENE, "glb", &[])]
     {
@@ -503,14 +474,10 @@ fn three_js_has_the_joints_where_they_were() {
 /// Blender's importer makes bones of joints: the same places, by another program.
 #[test]
 fn blender_has_the_joints_where_they_were() {
-    let Some(python) = std::env::var_os("CHOREO_BPY") else {
-        println!("SKIP 1: CHOREO_BPY names no Python that has bpy");
-        return;
-    };
-    let exported = Exported::lesson(&scripts().join("01_first_dance.rhai"), "glb");
+    let Some(python) = blender() else { return };
+    let exported = Exported::lesson(&scripts().join("01_first_dance.rhai"), "glb", &[]);
     let stage = &exported.stage;
-    let times: Vec<f64> =
-        (0..20).map(|i| stage.settings.length.as_secs() * (f64::from(i) + 0.377) / 20.0).collect();
+    let times = times_between_frames(stage);
     let actors: Vec<&str> = stage.actors.iter().map(|a| a.name.as_str()).collect();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/blender.py");
     let mut blender = std::process::Command::new(python);
@@ -560,7 +527,7 @@ fn all_lessons() {
             validate(&[out]);
             continue;
         }
-        let exported = Exported::lesson(&path, "glb");
+        let exported = Exported::lesson(&path, "glb", &[]);
         let (metres, place) = worst(&exported);
         let (c, own, again) = images(&exported, 0.45);
         keep(&name, [&own, &again]);

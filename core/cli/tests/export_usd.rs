@@ -1,28 +1,24 @@
 //! `choreo export -o scene.usdc`: usd-core reads the file without warnings, its validators have nothing to say, and joints, vertices, blend
 //! shapes and cameras are where the scene has them. `cargo test -p choreo --test export_usd -- --nocapture` prints the table.
 //!
-//! `--ignored` checks all lessons. Blender's importer runs where `CHOREO_BPY` names a Python that has `bpy`.
+//! `--ignored` checks all lessons.
 
 mod common;
-#[path = "common/unhurried.rs"]
-mod unhurried;
+#[path = "common/exported.rs"]
+mod exported;
 
 use choreo_asset::{Projection, Topology};
 use choreo_motion::Time;
-use choreo_plugin::{ExportedScene, MemoryFiles, OptionValue};
-use choreo_script::{run_file, run_text};
 use choreo_stage::{ActorState, Evaluator, Snapshot, Stage};
 use common::*;
+use exported::*;
 use glam::{DAffine3, DMat4, DVec3};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
-use std::sync::Arc;
 
 /// Metres that a joint may be off at a frame where the tolerance is as large.
 const AT_FRAMES: f64 = 1e-5;
-/// The default tolerance, for times between frames.
-const TOLERANCE: f64 = 1e-4;
 
 /// The version whose validators were looked at.
 const USD: &str = "usd-core==26.5";
@@ -38,78 +34,36 @@ const LESSONS: [&str; 7] = [
     "38_bodies_and_chains.rhai",
 ];
 
-fn scripts() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts")
+/// What usd-core finds in an exported file.
+trait Usd {
+    fn read(&self, python: &Path, times: &[Time]) -> Value;
 }
 
-/// The files of an export.
-struct Exported {
-    stage: Arc<Stage>,
-    files: MemoryFiles,
-    folder: tempfile::TempDir,
-    extension: String,
-}
-
-impl Exported {
-    fn of(stage: Stage, extension: &str, tolerance: f64) -> Exported {
-        let registry = choreo::registry();
-        let exporter = registry.scene_exporter_for(&format!("out.{extension}")).unwrap();
-        let mut scene = ExportedScene::new("scene.rhai", Arc::new(stage));
-        scene.extension = extension.into();
-        scene.options = exporter.manifest().complete(&scene.options).unwrap();
-        scene.options.0.insert("tolerance".into(), OptionValue::Number(tolerance));
-        let mut files = MemoryFiles::default();
-        exporter.export(&scene, &mut files).unwrap();
-        let folder = tempfile::tempdir().unwrap();
-        let exported = Exported { stage: scene.stage, files, folder, extension: extension.into() };
-        exported.write(&exported.files.main);
-        exported
-    }
-
-    fn lesson(path: &Path, extension: &str, tolerance: f64) -> Exported {
-        let stage = run_file(path, &choreo::registry(), &unhurried::unhurried());
-        Exported::of(
-            stage.unwrap_or_else(|e| panic!("{}: {e:?}", path.display())).stage,
-            extension,
-            tolerance,
-        )
-    }
-
-    fn script(text: &str, extension: &str, tolerance: f64) -> Exported {
-        let run = run_text("scene.rhai", text, &scripts(), &choreo::registry(), &unhurried::unhurried());
-        Exported::of(run.unwrap_or_else(|e| panic!("{e:?}")).stage, extension, tolerance)
-    }
-
-    fn path(&self) -> PathBuf {
-        self.folder.path().join(format!("out.{}", self.extension))
-    }
-
-    fn write(&self, main: &[u8]) {
-        std::fs::write(self.path(), main).unwrap();
-        for (ending, bytes) in &self.files.beside {
-            std::fs::write(self.folder.path().join(format!("out{ending}")), bytes).unwrap();
-        }
-    }
-
-    /// What usd-core has at some times; it must have no warning.
+impl Usd for Exported {
+    /// What usd-core has at some times.
     fn read(&self, python: &Path, times: &[Time]) -> Value {
         let rate = self.stage.settings.fps;
         let per_second = f64::from(rate.num) / f64::from(rate.den);
         let codes: Vec<f64> = times.iter().map(|time| time.as_secs() * per_second).collect();
-        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/usd.py");
-        let codes = serde_json::to_string(&codes).unwrap();
-        let run = Command::new(python).arg(script).arg(self.path()).arg(codes).output().unwrap();
-        let (text, warnings) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
-        let result = text.lines().find_map(|line| line.strip_prefix("RESULT "));
-        let result = result.unwrap_or_else(|| panic!("{text}{warnings}"));
-        assert!(warnings.trim().is_empty(), "usd-core warns: {warnings}");
-        let mut value: Value = serde_json::from_str(result).unwrap();
-        // The strength of a normal map other than 1 is in its scale and bias.
-        let problems = value["problems"].as_array_mut().unwrap();
-        problems.retain(|problem| !problem.as_str().unwrap().starts_with("NonCompliantBiasAndScale"));
-        assert!(problems.is_empty(), "{problems:?}");
-        value
+        read_by_usd_core(python, &self.path(), &codes)
     }
+}
+
+/// What usd-core has in a file at some time codes; it must have no warning, and its validators nothing to say.
+fn read_by_usd_core(python: &Path, path: &Path, codes: &[f64]) -> Value {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/usd.py");
+    let codes = serde_json::to_string(codes).unwrap();
+    let run = Command::new(python).arg(script).arg(path).arg(codes).output().unwrap();
+    let (text, warnings) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
+    let result = text.lines().find_map(|line| line.strip_prefix("RESULT "));
+    let result = result.unwrap_or_else(|| panic!("{text}{warnings}"));
+    assert!(warnings.trim().is_empty(), "usd-core warns: {warnings}");
+    let mut value: Value = serde_json::from_str(result).unwrap();
+    // The strength of a normal map other than 1 is in its scale and bias.
+    let problems = value["problems"].as_array_mut().unwrap();
+    problems.retain(|problem| !problem.as_str().unwrap().starts_with("NonCompliantBiasAndScale"));
+    assert!(problems.is_empty(), "{problems:?}");
+    value
 }
 
 fn numbers(value: &Value) -> Vec<f64> {
@@ -231,7 +185,7 @@ fn frames(stage: &Stage, count: u64) -> Vec<Time> {
 fn joints_and_vertices_of_lessons_are_where_they_were() {
     let Some(python) = python_with("pxr", USD) else { return };
     for name in LESSONS {
-        let exported = Exported::lesson(&scripts().join(name), "usdc", AT_FRAMES);
+        let exported = Exported::lesson(&scripts().join(name), "usdc", &tolerance(AT_FRAMES));
         let times = frames(&exported.stage, 8);
         let read = exported.read(&python, &times);
         let [joints, points] = compared(&exported, &read, &times);
@@ -249,36 +203,15 @@ fn joints_and_vertices_of_lessons_are_where_they_were() {
     }
 }
 
-/// A tenth of a second in which an actor is not seen, a loop, a fade, a texture that spins, a camera that zooms, a cut, and a lamp that
-/// goes on.
-const SCENE: &str = r##"
-    stage(#{ size: [320, 180], fps: 24, length: 3.0, background: "#203040" });
-    let m = load("choreo:mannequin", #{ color: "coral" });
-    let anna = cast("anna", m).at(-0.6, 0, 0);
-    anna.play(m.clip("Walk")).until(1.3).then(m.clip("Wave"), #{ fade: 0.4 });
-    let ben = cast("ben", load("choreo:mannequin", #{ color: "teal" })).at(0.6, 0, 0).tint("#ffd0d0");
-    ben.play(m.clip("Run"), #{ speed: 0.7 });
-    ben.key("visible", [[0.0, true], [1.0, false], [1.1, true]]);
-    let box = cast("box", shape("box", #{ size: 0.3, checker: "white", color: "navy" }));
-    box.attach(anna.joint("RightHand"));
-    cast("wheel", shape("quad", #{ size: 0.7, checker: "gold", color: "maroon", spin: 90.0 })).at(-1.5, 0.2, 0);
-    camera("wide").fov(40).at(0, 1.2, 4).look_at([0, 0.9, 0]).key("fov", [[0, 40], [1.5, 25]]);
-    camera("side").at(3, 1.5, 2.5).look_at([0, 0.9, 0]).cut(2.0);
-    sun(#{ direction: [-1, -2, -1] });
-    let lamp = point(#{ position: [1, 2, 1], color: "#ffcc88" }).key("intensity", [[0, 0], [2, 12]]);
-    ambient("white", 0.3);
-"##;
-
 /// Joints are where they were at times between frames, too, in all three kinds of files.
 #[test]
 fn text_crate_files_and_packages_hold_the_same_scene() {
     let Some(python) = python_with("pxr", USD) else { return };
     let mut known: Option<Value> = None;
     for extension in ["usda", "usdc", "usdz"] {
-        let exported = Exported::script(SCENE, extension, TOLERANCE);
-        let length = exported.stage.settings.length.as_secs();
+        let exported = Exported::script(SCENE, extension, &[]);
         let times: Vec<Time> =
-            (0..20).map(|i| Time::from_secs(length * (f64::from(i) + 0.377) / 20.0)).collect();
+            times_between_frames(&exported.stage).into_iter().map(Time::from_secs).collect();
         let mut read = exported.read(&python, &times);
         let [joints, points] = compared(&exported, &read, &times);
         println!("{extension}: {:.1e} m, {}; vertices {:.1e} m", joints.metres, joints.place, points.metres);
@@ -328,7 +261,7 @@ fn cameras(exported: &Exported, read: &Value, times: &[Time]) {
 #[test]
 fn planted_faults_are_found() {
     let Some(python) = python_with("pxr", USD) else { return };
-    let exported = Exported::script(SCENE, "usda", TOLERANCE);
+    let exported = Exported::script(SCENE, "usda", &[]);
     let times = frames(&exported.stage, 6);
     let worst = |text: &str| {
         exported.write(text.as_bytes());
@@ -381,12 +314,9 @@ fn planted_faults_are_found() {
 /// Blender's importer makes bones of joints and shape keys of blend shapes: the same places, by another program.
 #[test]
 fn blender_has_the_joints_where_they_were() {
-    let Some(python) = std::env::var_os("CHOREO_BPY") else {
-        println!("SKIP 1: CHOREO_BPY names no Python that has bpy");
-        return;
-    };
+    let Some(python) = blender() else { return };
     for (lesson, extension) in [("01_first_dance.rhai", "usdc"), ("19_faces.rhai", "usdz")] {
-        let exported = Exported::lesson(&scripts().join(lesson), extension, AT_FRAMES);
+        let exported = Exported::lesson(&scripts().join(lesson), extension, &tolerance(AT_FRAMES));
         let stage = &exported.stage;
         let last = stage.settings.fps.frames_in(stage.settings.length) as usize;
         let frames: Vec<usize> = (0..20).map(|i| i * (last - 1) / 19).collect();
@@ -429,7 +359,7 @@ fn blender_has_the_joints_where_they_were() {
 #[test]
 fn the_same_scene_has_the_same_bytes() {
     for extension in ["usda", "usdc", "usdz"] {
-        let [one, other] = [(); 2].map(|()| Exported::script(SCENE, extension, TOLERANCE).files);
+        let [one, other] = [(); 2].map(|()| Exported::script(SCENE, extension, &[]).files);
         assert_eq!((one.main, one.beside), (other.main, other.beside), "{extension}");
     }
 }
@@ -465,12 +395,22 @@ fn the_summary_states_the_largest_error_and_what_is_left_out() {
 fn all_lessons() {
     let Some(python) = python_with("pxr", USD) else { return };
     let mut wrong = Vec::new();
-    let mut all: Vec<PathBuf> = std::fs::read_dir(scripts()).unwrap().map(|e| e.unwrap().path()).collect();
-    all.retain(|path| path.extension().is_some_and(|e| e == "rhai"));
-    all.sort();
-    for path in all {
-        let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        let exported = Exported::lesson(&path, "usdc", TOLERANCE);
+    for path in lessons() {
+        let name = path.strip_prefix(scripts()).unwrap().display().to_string();
+        if name.ends_with("lesson.rhai") {
+            // The program finds the plugins.
+            let dir = tempfile::tempdir().unwrap();
+            let out = dir.path().join("out.usdc");
+            let args = ["export", "lesson.rhai", "--json", "-o", out.to_str().unwrap()];
+            let run = choreo(path.parent().unwrap(), &args);
+            assert_eq!(run.code, 0, "{}", run.err);
+            let printed: Value = serde_json::from_str(&run.out).unwrap();
+            println!("{name}: it states {}", printed["worst_error"]);
+            assert!(printed["worst_error"]["metres"].as_f64().unwrap() < TOLERANCE);
+            read_by_usd_core(&python, &out, &[0.0]);
+            continue;
+        }
+        let exported = Exported::lesson(&path, "usdc", &[]);
         let times = frames(&exported.stage, 5);
         let read = exported.read(&python, &times);
         let [joints, points] = compared(&exported, &read, &times);

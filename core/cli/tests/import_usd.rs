@@ -1,28 +1,25 @@
 //! USD files by our exporter, by usd-core and by Blender: joints and vertices are where usd-core has them.
 
 mod common;
-#[path = "common/unhurried.rs"]
-mod unhurried;
+#[path = "common/exported.rs"]
+mod exported;
 
-use choreo_asset::Asset;
+use choreo_asset::{Asset, Projection};
 use choreo_motion::Time;
-use choreo_plugin::{ExportedScene, ImportScope, MemoryFiles, OptionValue};
-use choreo_script::{Limits, Loader, run_file};
-use choreo_stage::{Cue, Evaluator, Repeat, Stage};
+use choreo_plugin::ImportScope;
+use choreo_script::{Limits, Loader};
+use choreo_stage::{Camera, Cue, Evaluator, Repeat, Rig, Stage};
 use common::*;
+use exported::*;
 use glam::{DMat4, DVec3};
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
 
 const USD: &str = "usd-core==26.5";
 /// Metres between what is imported and what usd-core has.
 const SAME: f64 = 1e-5;
-
-fn scripts() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts")
-}
 
 fn import(path: &Path) -> Arc<Asset> {
     let registry = choreo::registry();
@@ -102,23 +99,40 @@ fn farthest(asset: &Arc<Asset>, truth: &Value, secs: f64) -> (f64, usize) {
     (worst, count)
 }
 
-fn exported(name: &str, extension: &str) -> (tempfile::TempDir, PathBuf) {
-    let registry = choreo::registry();
-    let exporter = registry.scene_exporter_for(&format!("out.{extension}")).unwrap();
-    let stage = run_file(&scripts().join(name), &registry, &unhurried::unhurried()).unwrap().stage;
-    let mut scene = ExportedScene::new("scene.rhai", Arc::new(stage));
-    scene.extension = extension.into();
-    scene.options = exporter.manifest().complete(&scene.options).unwrap();
-    scene.options.0.insert("tolerance".into(), OptionValue::Number(1e-4));
-    let mut files = MemoryFiles::default();
-    exporter.export(&scene, &mut files).unwrap();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join(format!("out.{extension}"));
-    std::fs::write(&path, &files.main).unwrap();
-    for (ending, bytes) in &files.beside {
-        std::fs::write(folder.path().join(format!("out{ending}")), bytes).unwrap();
-    }
-    (folder, path)
+/// The largest difference of the camera's matrix (metres) and angle (radians) from usd-core's at a time code, and of the lights' numbers from
+/// closed forms of what `usd_write.py` wrote; `late` seconds later.
+fn lens_and_lights(asset: &Arc<Asset>, truth: &Value, code: f64, late: f64) -> [f64; 2] {
+    let mut stage = Stage::clone(&staged(asset));
+    stage.cameras.push(Camera::new("", Rig::File { actor: 0, camera: 0 }));
+    let snapshot = stage.at(Time::from_secs((code - 1.0) / 24.0 + late)).unwrap();
+    let camera = &truth["cameras"]["lens"];
+    let world: Vec<f64> =
+        camera["world"][0].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    let world = DMat4::from_cols_slice(&world);
+    // +Z up and centimetres become +Y up and metres.
+    let upright = |v: DVec3| DVec3::new(v.x, v.z, -v.y);
+    let view = snapshot.camera.world_from_view;
+    let apart = [
+        view.translation.distance(upright(world.w_axis.truncate()) * 0.01),
+        (view.matrix3.z_axis - upright(world.z_axis.truncate().normalize())).length(),
+        (view.matrix3.y_axis - upright(world.y_axis.truncate().normalize())).length(),
+    ];
+    let Projection::Perspective { yfov, .. } = snapshot.camera.projection else { panic!("no perspective") };
+    let angle = (f64::from(yfov) - camera["yfov"][0].as_f64().unwrap()).abs();
+    let lens = apart.into_iter().fold(angle, f64::max);
+    let share = (code - 1.0) / 24.0;
+    let [panel, disk, spot] = [0, 1, 2].map(|index| snapshot.lights[index].light);
+    let outer = spot.kind.cone().unwrap()[1];
+    let off = [
+        // 2 m × 0.5 m; a disk that is normalized has its intensity; a sphere four times.
+        f64::from(panel.intensity) / (10.0 + 20.0 * share) - 1.0,
+        f64::from(panel.color.y) - (1.0 - 0.5 * share),
+        f64::from(panel.color.z) - (1.0 - share),
+        f64::from(disk.intensity) / 7.0 - 1.0,
+        f64::from(spot.intensity) / 4.0 - 1.0,
+        f64::from(outer) - (20.0 + 24.0 * share).to_radians(),
+    ];
+    [lens, off.into_iter().map(f64::abs).fold(0.0, f64::max)]
 }
 
 #[test]
@@ -130,7 +144,8 @@ fn our_own_files_have_their_vertices_where_usd_core_has_them() {
         ("19_faces.rhai", "usdz"),
         ("20_materials.rhai", "usdc"),
     ] {
-        let (_folder, path) = exported(name, extension);
+        let exported = Exported::lesson(&scripts().join(name), extension, &[]);
+        let path = exported.path();
         let asset = import(&path);
         let truth = read(&python, &path, &[37.0]);
         let secs = 37.0 / truth["rate"].as_f64().unwrap();
@@ -155,13 +170,20 @@ fn files_by_usd_core_are_read_in_all_formats() {
         let asset = import(&path);
         let warnings: Vec<String> =
             asset.warnings.iter().map(|w| format!("{}: {}", w.place, w.text)).collect();
-        assert_eq!(warnings, ["/world/panel: is a RectLight, which is left out"], "{name}");
+        let said = ["/world/panel: is a RectLight", "/world/disk: is a DiskLight"];
+        assert_eq!(warnings, said.map(|light| format!("{light}, which shines from its middle")), "{name}");
         for code in [1.0, 7.5, 25.0] {
             let truth = read(&python, &path, &[code]);
             let (metres, count) = farthest(&asset, &truth, (code - 1.0) / 24.0);
             println!("{name} at {code}: {count} vertices, {metres:.1e} m");
             assert!(count >= 36 && metres < SAME, "{name} at {code}: {metres:e} m of {count}");
+            let [lens, lights] = lens_and_lights(&asset, &truth, code, 0.0);
+            println!("{name} at {code}: the lens {lens:.1e}, lights {lights:.1e}");
+            assert!(lens < 1e-4 && lights < 1e-4, "{name} at {code}: {lens:e}, {lights:e}");
+            let late = lens_and_lights(&asset, &truth, code, if code < 13.0 { 0.1 } else { -0.1 });
+            assert!(late.iter().all(|off| *off > 1e-3), "a late lens or light is not found: {late:?}");
         }
+        assert!((asset.ambient - glam::Vec3::new(0.2, 0.1, 0.4)).length() < 1e-6, "{}", asset.ambient);
         assert_eq!(asset.materials[0].base_color_texture.as_ref().map(|t| t.uv_set), Some(0));
         assert_eq!((asset.images.len(), asset.images[0].width), (1, 2));
         assert_eq!(asset.meshes.iter().map(|m| m.primitives.len()).max(), Some(2), "parts of a mesh");
@@ -169,13 +191,28 @@ fn files_by_usd_core_are_read_in_all_formats() {
 }
 
 #[test]
-fn files_by_blender_are_read() {
-    let (Some(python), Some(blender)) = (python_with("pxr", USD), std::env::var_os("CHOREO_BPY")) else {
-        println!("SKIP 1: CHOREO_BPY names no Python that has bpy");
-        return;
+fn a_dome_is_the_ambient_light_unless_the_script_gives_another() {
+    let folder = tempfile::tempdir().unwrap();
+    let dome = "#usda 1.0\ndef DomeLight \"sky\" {\n color3f inputs:color = (0.5, 1, 0.25)\n float inputs:intensity = 0.4\n}\n";
+    std::fs::write(folder.path().join("a.usda"), dome).unwrap();
+    let ambient = |more: &str| {
+        let text = format!("stage(#{{ length: 1.0 }}); cast(\"a\", load(\"a.usda\")){more};");
+        let run =
+            choreo_script::run_text("s.rhai", &text, folder.path(), &choreo::registry(), &Default::default());
+        let settings = run.unwrap_or_else(|e| panic!("{e:?}")).stage.settings;
+        [settings.ambient_up, settings.ambient_down]
     };
-    let (folder, path) = exported("01_first_dance.rhai", "usdc");
-    let again = folder.path().join("blender.usdc");
+    let [default, file] = [Stage::default().settings.ambient_up, glam::Vec3::new(0.2, 0.4, 0.1)];
+    assert_eq!(ambient(""), [file; 2]);
+    assert_eq!(ambient("; ambient(\"white\", 0.3)"), [glam::Vec3::splat(0.3); 2]);
+    assert_eq!(ambient(".file_lights(false)")[0], default);
+}
+
+#[test]
+fn files_by_blender_are_read() {
+    let (Some(python), Some(blender)) = (python_with("pxr", USD), blender()) else { return };
+    let exported = Exported::lesson(&scripts().join("01_first_dance.rhai"), "usdc", &[]);
+    let (path, again) = (exported.path(), exported.folder.path().join("blender.usdc"));
     let code = "import bpy, sys\nbpy.ops.wm.read_factory_settings(use_empty=True)\nbpy.context.scene.render.fps = 30\n\
                 bpy.ops.wm.usd_import(filepath=sys.argv[1])\nbpy.context.scene.frame_end = 60\n\
                 bpy.ops.wm.usd_export(filepath=sys.argv[2], export_animation=True)";

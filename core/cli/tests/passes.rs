@@ -64,6 +64,55 @@ fn openexr_reads_what_closed_forms_say() {
     assert_eq!(run.code, 0, "{}{}", run.out, run.err);
 }
 
+/// OpenImageIO finds the channels of OpenEXR's own library, with the same numbers.
+#[test]
+fn openimageio_reads_the_same() {
+    let (Some(openexr), Some(openimageio)) =
+        (python_with("OpenEXR", "OpenEXR==3.4.4"), python_with("OpenImageIO", "OpenImageIO==3.2.2.0"))
+    else {
+        return;
+    };
+    let folder = folder_with_scene();
+    let d = folder.path();
+    let all = "color,depth,normal,motion,albedo,id";
+    for (output, options) in [
+        ("half.exr", ["--export", "compression=zip"]),
+        ("float.exr", ["--export", "pixels=float"]),
+        ("rows.exr", ["--export", "compression=zips"]),
+        ("plain.exr", ["--export", "compression=none"]),
+    ] {
+        assert!(rendered(d, "cpu", output, &[&["--passes", all][..], &options].concat()));
+    }
+    let files = ["half.exr", "float.exr", "rows.exr", "plain.exr"];
+    let run = |python: &Path, code: &str| {
+        let mut command = Command::new(python);
+        let run = finished(command.current_dir(d).args(["-c", code]).args(files).output().unwrap());
+        assert_eq!(run.code, 0, "{}{}", run.out, run.err);
+        run.out
+    };
+    run(
+        &openexr,
+        "import sys, numpy, OpenEXR\nfor name in sys.argv[1:]:\n    \
+         part = OpenEXR.File(name, separate_channels=True).parts[0]\n    \
+         numpy.savez(name + '.npz', **{k: c.pixels.astype('f4') for k, c in part.channels.items()})\n",
+    );
+    let out = run(
+        &openimageio,
+        "import sys, numpy, OpenImageIO as oiio\nfor name in sys.argv[1:]:\n    image = oiio.ImageBuf(name)\n    \
+         assert not image.has_error, image.geterror()\n    spec = image.spec()\n    \
+         pixels = image.get_pixels(oiio.FLOAT)\n    known = numpy.load(name + '.npz')\n    \
+         assert sorted(spec.channelnames) == sorted(known.files), (spec.channelnames, known.files)\n    \
+         for i, channel in enumerate(spec.channelnames):\n        \
+         assert numpy.array_equal(pixels[..., i].view('u4'), known[channel].view('u4')), (name, channel)\n        \
+         assert not numpy.array_equal(pixels[1:, :, i], known[channel][:-1]) or pixels[..., i].std() == 0, 'a row off is found'\n    \
+         manifests = [a.value for a in spec.extra_attribs if a.name.endswith('/manifest')]\n    \
+         assert len(manifests) == 2 and 'box' in ''.join(manifests), manifests\n    \
+         print(name, len(spec.channelnames), 'channels')\n",
+    );
+    println!("{out}");
+    assert_eq!(out.lines().count(), 4, "{out}");
+}
+
 #[test]
 fn a_stopped_sequence_goes_on_with_the_images_that_lack() {
     let folder = folder_with_scene();

@@ -266,7 +266,7 @@ fn planted_faults_are_found() {
     for image in &mut upside_down.images {
         let mut rows: Vec<&[u8]> = image.rgba.chunks_exact(4 * image.width as usize).collect();
         rows.reverse();
-        *image = Arc::new(Image { rgba: rows.concat(), ..Image::clone(image) });
+        *image = Arc::new(Image { rgba: rows.concat(), file: None, ..Image::clone(image) });
     }
     let (right, _) = stage_of(asset);
     let (wrong, _) = stage_of(Arc::new(upside_down));

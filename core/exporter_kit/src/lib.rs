@@ -1,9 +1,12 @@
-//! Parts that scene exporters share: the timeline as curves with a stated error, images as PNG, transforms of texture coordinates.
+//! Parts that scene exporters share: the timeline as curves with a stated error, images as files, transforms of texture coordinates,
+//! and words for what formats have no place for.
 
 pub mod bake;
 mod images;
+pub mod losses;
+mod parallel;
 mod uv;
 
 pub use bake::{Baked, Series, Style, bake};
-pub use images::png_of;
+pub use images::ImageFiles;
 pub use uv::UvParts;

@@ -3,7 +3,7 @@
 use crate::budget::Notes;
 use crate::ktx2;
 use crate::problem::{Problem, Result};
-use choreo_asset::Image;
+use choreo_asset::{Image, ImageFile, ImageFileFormat};
 use choreo_plugin::{Files, ImportScope};
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, ImageResult};
 use std::io::Cursor;
@@ -64,7 +64,13 @@ impl<B: AsRef<[u8]>> Encoded<B> {
 
     /// The image with its size from the header and without pixels.
     fn without_pixels(&self) -> Image {
-        Image { name: self.name.clone(), width: self.width, height: self.height, rgba: Vec::new() }
+        Image {
+            name: self.name.clone(),
+            width: self.width,
+            height: self.height,
+            rgba: Vec::new(),
+            file: None,
+        }
     }
 
     /// Decodes to 8-bit RGBA. Needs nothing of the file, so images can be decoded beside the rest of the import.
@@ -74,7 +80,24 @@ impl<B: AsRef<[u8]>> Encoded<B> {
         };
         let (format, width, height) = (self.format, self.width, self.height);
         let rgba = decoded(self.bytes.as_ref(), &Header { format, width, height }, &fail)?;
-        Ok(Arc::new(Image { name: self.name.clone(), width, height, rgba }))
+        Ok(Arc::new(Image { name: self.name.clone(), width, height, rgba, file: None }))
+    }
+
+    /// Decodes to 8-bit RGBA, and keeps the file beside the pixels where its format is one that other programs read.
+    pub fn decode_with_file(&self) -> Result<Arc<Image>> {
+        let image = self.decode()?;
+        let Some(format) = self.file_format() else { return Ok(image) };
+        let file = Some(ImageFile { format, bytes: Arc::new(self.bytes.as_ref().to_vec()) });
+        Ok(Arc::new(Image { file, ..Arc::unwrap_or_clone(image) }))
+    }
+
+    fn file_format(&self) -> Option<ImageFileFormat> {
+        match self.format {
+            Format::Plain(ImageFormat::Png) => Some(ImageFileFormat::Png),
+            Format::Plain(ImageFormat::Jpeg) => Some(ImageFileFormat::Jpeg),
+            Format::Plain(ImageFormat::WebP) => Some(ImageFileFormat::WebP),
+            _ => None,
+        }
     }
 }
 
@@ -209,7 +232,10 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
             let at = next.fetch_add(1, Ordering::Relaxed);
             let (Some(entry), Some(slot)) = (entries.get(at), slots.get(at)) else { return };
             // Each number is given out once, so the slot is empty.
-            let _ = slot.set(entry.decode());
+            let _ = slot.set(match needs.image_files {
+                true => entry.decode_with_file(),
+                false => entry.decode(),
+            });
             // Nobody listens any more where `rest` has panicked.
             let _ = done.send(entry.pixels());
         }
@@ -264,7 +290,13 @@ pub fn or_white<B>(
     let white = |(result, entry): (Result<Arc<Image>>, &Encoded<B>)| match result {
         Err(problem) if problem.what != CANCELLED => {
             notes.warn(problem.place, format!("{}; white is used", problem.what));
-            Ok(Arc::new(Image { name: entry.name.clone(), width: 1, height: 1, rgba: vec![255; 4] }))
+            Ok(Arc::new(Image {
+                name: entry.name.clone(),
+                width: 1,
+                height: 1,
+                rgba: vec![255; 4],
+                file: None,
+            }))
         }
         other => other,
     };

@@ -11,6 +11,7 @@ pub mod parts;
 pub mod polygon;
 pub mod problem;
 pub mod progress;
+pub mod rows;
 pub mod search;
 pub mod smooth;
 pub mod tangents;

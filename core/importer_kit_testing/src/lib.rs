@@ -1,5 +1,5 @@
 //! Shared by the tests of importers and exporters: sample files, companions that are counted, what every asset must be, damaged files,
-//! tests in a process of their own, packages from npm, and assimp's command line as a second opinion. A dependency of tests only.
+//! tests in a process of their own, packages from npm and PyPI, and assimp's command line as a second opinion. A dependency of tests only.
 
 pub mod alone;
 pub mod assimp;
@@ -7,6 +7,7 @@ pub mod damage;
 pub mod export;
 pub mod npm;
 pub mod pose;
+pub mod pypi;
 pub mod sound;
 pub mod wasm;
 
@@ -34,7 +35,7 @@ pub fn assets(cases: usize) -> Option<PathBuf> {
 pub struct Companions {
     pub folder: Option<PathBuf>,
     /// Held in memory, by name.
-    pub files: Vec<(&'static str, Vec<u8>)>,
+    pub files: Vec<(String, Vec<u8>)>,
     pub reads: AtomicUsize,
     /// The only clip that is played; `None`: all.
     pub played: Option<&'static str>,
@@ -49,7 +50,8 @@ impl Companions {
         Companions { folder: Some(folder.into()), ..Companions::default() }
     }
 
-    pub fn of(files: Vec<(&'static str, Vec<u8>)>) -> Companions {
+    pub fn of<N: Into<String>>(files: Vec<(N, Vec<u8>)>) -> Companions {
+        let files = files.into_iter().map(|(name, bytes)| (name.into(), bytes)).collect();
         Companions { files, ..Companions::default() }
     }
 

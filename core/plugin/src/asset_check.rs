@@ -87,6 +87,9 @@ fn places(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault> {
     for (i, camera) in asset.cameras.iter().enumerate() {
         in_range(&|| format!("cameras[{i}]"), "joint", camera.joint, joints)?;
     }
+    if !asset.ambient.is_finite() || asset.ambient.min_element() < 0.0 {
+        return Err(fault("ambient".into(), "must be finite and not negative"));
+    }
     for (i, light) in asset.lights.iter().enumerate() {
         in_range(&|| format!("lights[{i}]"), "joint", light.joint, joints)?;
         if !light.light.color.is_finite() || !light.light.intensity.is_finite() {

@@ -225,14 +225,19 @@ pub struct ImportScope {
     pub textures: bool,
     /// The pixels of these images. Otherwise their `rgba` is empty and nothing is decoded; their headers are read all the same.
     pub pixels: bool,
+    /// The files that these images were decoded from ([`Image::file`](crate::asset::Image::file)), for an export that writes them unchanged.
+    pub image_files: bool,
 }
 
 impl ImportScope {
-    /// Everything.
-    pub const ALL: ImportScope = ImportScope { geometry: true, clips: true, textures: true, pixels: true };
+    /// Everything that is drawn.
+    pub const ALL: ImportScope =
+        ImportScope { geometry: true, clips: true, textures: true, pixels: true, image_files: false };
+    /// Everything that is drawn, and the files of its images.
+    pub const WITH_IMAGE_FILES: ImportScope = ImportScope { image_files: true, ..ImportScope::ALL };
     /// Clips alone.
     pub const CLIPS: ImportScope =
-        ImportScope { geometry: false, clips: true, textures: false, pixels: false };
+        ImportScope { geometry: false, clips: true, textures: false, pixels: false, image_files: false };
     /// Everything but pixels, to describe a scene without drawing it.
     pub const NO_PIXELS: ImportScope = ImportScope { pixels: false, ..ImportScope::ALL };
 
@@ -243,6 +248,7 @@ impl ImportScope {
             clips: self.clips && other.clips,
             textures: self.textures && other.textures,
             pixels: self.pixels && other.pixels,
+            image_files: self.image_files && other.image_files,
         }
     }
 }

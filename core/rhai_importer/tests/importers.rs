@@ -350,7 +350,8 @@ fn memory_is_counted_and_bounded() {
 fn nothing_is_decoded_that_nobody_needs() {
     let importer = importer(TRI);
     let options = importer.manifest().complete(&ImportOptions::default()).unwrap();
-    let clips = ImportScope { geometry: false, clips: true, textures: false, pixels: false };
+    let clips =
+        ImportScope { geometry: false, clips: true, textures: false, pixels: false, image_files: false };
     let asset = importer.import(&source("a.tri", &tri_bytes()), &Beside, clips, &options).unwrap();
     assert!(asset.meshes.is_empty());
 }

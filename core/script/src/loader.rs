@@ -137,6 +137,11 @@ impl Loader {
         &self.folders
     }
 
+    /// The parts of files that the caller will use.
+    pub(crate) fn needs(&self) -> ImportScope {
+        self.needs
+    }
+
     pub fn registry(&self) -> &Registry {
         &self.registry
     }

@@ -100,7 +100,8 @@ fn equal_geometry_is_equal_whatever_it_is_painted_with() {
 
 #[test]
 fn materials_of_two_files_are_one_where_their_images_are() {
-    let image = |v: u8| Arc::new(Image { name: format!("{v}"), width: 1, height: 1, rgba: vec![v; 4] });
+    let image =
+        |v: u8| Arc::new(Image { name: format!("{v}"), width: 1, height: 1, rgba: vec![v; 4], file: None });
     let textured = |image: u32| {
         let texture =
             TextureRef { image, sampler: Sampler::default(), uv_set: 0, uv_transform: Affine2::IDENTITY };

@@ -25,7 +25,8 @@ fn load(name: &str) -> Option<Arc<Asset>> {
         return None;
     };
     let source = Source { name: name.to_string(), bytes: Arc::new(bytes) };
-    let needs = ImportScope { geometry: true, clips: true, textures: false, pixels: false };
+    let needs =
+        ImportScope { geometry: true, clips: true, textures: false, pixels: false, image_files: false };
     let importer = import_gltf::GltfImporter::new();
     Some(Arc::new(importer.import(&source, &NoFiles, needs, &ImportOptions::default()).unwrap()))
 }

@@ -8,11 +8,12 @@ use crate::meshes;
 use crate::textures::Textures;
 use choreo_exporter_kit::bake::signals::{MaterialPart, Quantity, material_now};
 use choreo_exporter_kit::bake::{Baked, rig};
+use choreo_exporter_kit::losses::Losses;
+use choreo_plugin::asset::widen;
 use choreo_plugin::asset::{Asset, MeshInstance};
 use choreo_plugin::glam::{Affine3A, Quat, Vec3};
 use choreo_plugin::motion::{Path, Transform};
 use choreo_plugin::stage::{Actor, Property, Stage};
-use choreo_plugin::{ExportError, asset::widen};
 use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -29,7 +30,7 @@ pub struct Parts<'a> {
     pub meshes: BTreeMap<MeshKey, Option<Index>>,
     /// Extensions in use, beside those of materials.
     pub extensions: BTreeSet<&'static str>,
-    pub losses: BTreeSet<&'static str>,
+    pub losses: Losses,
     /// Materials of their own, which are animated: (actor, material) and the document's index.
     pub animated: Vec<((usize, u32), Index)>,
 }
@@ -58,14 +59,9 @@ impl<'a> Parts<'a> {
     }
 
     /// Adds an actor that is seen at some time.
-    pub fn actor(
-        &mut self,
-        stage: &'a Stage,
-        baked: &Baked<'_>,
-        index: usize,
-    ) -> Result<ActorNodes, ExportError> {
+    pub fn actor(&mut self, stage: &'a Stage, baked: &Baked<'_>, index: usize) -> ActorNodes {
         let actor = &stage.actors[index];
-        let materials = self.actor_materials(actor, baked, index)?;
+        let materials = self.actor_materials(actor, baked, index);
         let still = baked.still_rig(actor, index);
         let root = self.push(Node { name: actor.name.clone(), ..node_at(&still[0]) });
         self.at_root(root);
@@ -81,8 +77,8 @@ impl<'a> Parts<'a> {
         let mut moves = moves.filter(|track| track.joint > 0 || matches!(track.path, Path::Weights(_)));
         let rigid = actor.asset.instances.iter().all(|i| i.skin.is_none());
         if !actor.asset.placements.is_empty() && rigid && moves.next().is_none() {
-            self.placed_meshes(actor, &still, copies, &materials, &mut out)?;
-            return Ok(out);
+            self.placed_meshes(actor, &still, copies, &materials, &mut out);
+            return out;
         }
         let places: Vec<Affine3A> = actor.asset.first_placements(copies).collect();
         let copies = copies.filter(|_| actor.asset.placements.is_empty());
@@ -98,21 +94,16 @@ impl<'a> Parts<'a> {
             };
             let base = self.joints(&actor.asset, &still, above);
             out.characters.push(base);
-            self.instances(actor, base, copies, &materials, &mut out)?;
+            self.instances(actor, base, copies, &materials, &mut out);
         }
         if actor.file_lights && actor.asset.placements.is_empty() {
             self.file_lights(&actor.asset, out.characters[0]);
         }
-        Ok(out)
+        out
     }
 
     /// The document's materials of an actor's asset, and the one for primitives that have none.
-    fn actor_materials(
-        &mut self,
-        actor: &'a Actor,
-        baked: &Baked<'_>,
-        index: usize,
-    ) -> Result<Vec<Option<Index>>, ExportError> {
+    fn actor_materials(&mut self, actor: &'a Actor, baked: &Baked<'_>, index: usize) -> Vec<Option<Index>> {
         let asset = &*actor.asset;
         let state = &baked.first.actors[index];
         let mut out = Vec::with_capacity(asset.materials.len() + 1);
@@ -129,8 +120,8 @@ impl<'a> Parts<'a> {
                     now.emissive = Vec3::splat(brightest);
                 }
             }
-            let Parts { materials, buffer, textures, .. } = self;
-            let added = materials.add(buffer, textures, asset, &now, (own, uvs_of(asset, material)))?;
+            let Parts { materials, textures, .. } = self;
+            let added = materials.add(textures, asset, &now, (own, uvs_of(asset, material)));
             if own {
                 self.animated.push(((index, material), added));
             }
@@ -141,12 +132,12 @@ impl<'a> Parts<'a> {
             true => None,
             false => {
                 let plain = choreo_plugin::asset::Material { base_color: tint, ..Default::default() };
-                let Parts { materials, buffer, textures, .. } = self;
-                Some(materials.add(buffer, textures, asset, &plain, (false, [false; 2]))?)
+                let Parts { materials, textures, .. } = self;
+                Some(materials.add(textures, asset, &plain, (false, [false; 2])))
             }
         };
         out.push(none);
-        Ok(out)
+        out
     }
 
     /// The joints of one character, below a node; the index of the first.
@@ -171,7 +162,7 @@ impl<'a> Parts<'a> {
         copies: Option<u32>,
         materials: &[Option<Index>],
         out: &mut ActorNodes,
-    ) -> Result<(), ExportError> {
+    ) {
         let asset = &actor.asset;
         let mut skins: BTreeMap<u32, Index> = BTreeMap::new();
         for (number, instance) in asset.instances.iter().enumerate() {
@@ -214,7 +205,6 @@ impl<'a> Parts<'a> {
             self.document.nodes[node as usize] = weighted(Node { mesh: Some(mesh), ..of }, instance);
             out.meshes[number].push(node);
         }
-        Ok(())
     }
 
     /// The document's mesh of an instance: of those primitives that follow its skin, or of the others.
@@ -279,7 +269,7 @@ impl<'a> Parts<'a> {
         count: Option<u32>,
         materials: &[Option<Index>],
         out: &mut ActorNodes,
-    ) -> Result<(), ExportError> {
+    ) {
         let asset = &actor.asset;
         let mut model: Vec<Affine3A> = Vec::with_capacity(asset.skeleton.len());
         for (local, parent) in still[1..].iter().zip(asset.skeleton.parents()) {
@@ -294,7 +284,6 @@ impl<'a> Parts<'a> {
             let name = asset.meshes[instance.mesh as usize].name.clone();
             out.meshes[number].extend(self.copies(name, out.root, mesh, &all));
         }
-        Ok(())
     }
 
     fn file_lights(&mut self, asset: &Asset, base: Index) {

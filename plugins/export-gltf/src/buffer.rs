@@ -6,6 +6,7 @@ use choreo_plugin::asset::ContentHash;
 use choreo_plugin::asset::hash::hash_of;
 use std::collections::BTreeMap;
 use std::io::{Result, Write};
+use std::sync::Arc;
 
 /// Component types and buffer targets of glTF.
 pub const U8: u16 = 5121;
@@ -76,7 +77,7 @@ impl<'a> Buffer<'a> {
     }
 
     /// A view of bytes that are no numbers: an image.
-    pub fn bytes(&mut self, bytes: Vec<u8>) -> Index {
+    pub fn bytes(&mut self, bytes: Arc<Vec<u8>>) -> Index {
         self.add(bytes.len() as u64, None, Box::new(move |out| out.write_all(&bytes)))
     }
 

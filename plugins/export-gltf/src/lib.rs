@@ -8,7 +8,6 @@ mod clips;
 mod container;
 mod document;
 mod lights;
-mod losses;
 mod materials;
 mod meshes;
 mod textures;
@@ -16,11 +15,12 @@ mod textures;
 use actors::Parts;
 use animations::Nodes;
 use choreo_exporter_kit::bake::{self, Style, check};
+use choreo_exporter_kit::losses;
+use choreo_plugin::motion::Skinning;
 use choreo_plugin::{ExportError, ExportedScene, Manifest, SceneExporter, SceneFiles};
 use document::Scene;
 use serde_json::json;
 use std::sync::LazyLock;
-use textures::Textures;
 
 /// The page of the documentation.
 pub const README: &str = include_str!("../README.md");
@@ -74,7 +74,7 @@ fn export_timeline(
     let baked = bake::bake(scene, tolerance, Style::Separate)?;
     files.deviation(check::worst(scene, &baked, &check::SINGLE_SECONDS)?);
     let mut parts = parts_of(scene);
-    let nodes = nodes(&mut parts, scene, &baked)?;
+    let nodes = nodes(&mut parts, scene, &baked);
     animations::add(&mut parts, &scene.stage, baked, &nodes, split);
     write(scene, parts, files)
 }
@@ -90,33 +90,33 @@ fn export_clips(
     files.deviation(worst);
     let baked = bake::bake(&at_rest, tolerance, Style::Separate)?;
     let mut parts = parts_of(scene);
-    let nodes = nodes(&mut parts, &at_rest, &baked)?;
+    let nodes = nodes(&mut parts, &at_rest, &baked);
     clips::add(&mut parts, &clips, of_clips, &nodes.actors);
     write(scene, parts, files)
 }
 
 fn parts_of<'a>(scene: &ExportedScene) -> Parts<'a> {
-    let beside = (scene.extension == "gltf").then_some(&*scene.stem);
-    let mut parts = Parts { textures: Textures::new(beside), ..Parts::default() };
+    let mut parts = Parts::default();
     parts.document.scenes.push(Scene { name: scene.stem.clone(), ..Scene::default() });
     parts
 }
 
 /// The nodes of actors, shots and lights.
-fn nodes<'a>(
-    parts: &mut Parts<'a>,
-    scene: &'a ExportedScene,
-    baked: &bake::Baked<'_>,
-) -> Result<Nodes, ExportError> {
+fn nodes<'a>(parts: &mut Parts<'a>, scene: &'a ExportedScene, baked: &bake::Baked<'_>) -> Nodes {
     let stage = &*scene.stage;
     let mut nodes = Nodes { actors: Vec::new(), shots: Vec::new(), lights: Vec::new() };
     for (index, motion) in baked.motions.iter().enumerate() {
-        nodes.actors.push((!motion.hidden).then(|| parts.actor(stage, baked, index)).transpose()?);
+        nodes.actors.push((!motion.hidden).then(|| parts.actor(stage, baked, index)));
     }
     nodes.shots = cameras::of_stage(parts, stage, baked);
     nodes.lights = lights::of_stage(parts, stage, baked);
     losses::of_stage(stage, &mut parts.losses);
-    Ok(nodes)
+    let own = [
+        (stage.actors.iter().any(|a| a.skinning == Skinning::DualQuaternion), "dual quaternion skinning"),
+        (stage.actors.iter().any(|a| !a.shadow.cast || !a.shadow.receive), "actors without shadows"),
+    ];
+    losses::add(&own, &mut parts.losses);
+    nodes
 }
 
 fn write(
@@ -125,8 +125,9 @@ fn write(
     files: &mut dyn SceneFiles,
 ) -> Result<Vec<String>, ExportError> {
     let beside = scene.extension == "gltf";
-    let note = losses::note(&parts.losses.union(&parts.materials.losses).copied().collect());
-    let Parts { mut document, buffer, textures, materials, lights, mut extensions, .. } = parts;
+    let all = parts.losses.union(&parts.materials.losses).copied().collect();
+    let note = losses::note("glTF", "background and ambient light", &all);
+    let Parts { mut document, mut buffer, textures, materials, lights, mut extensions, .. } = parts;
     let provenance: serde_json::Map<String, serde_json::Value> =
         scene.provenance.iter().map(|(keyword, text)| (keyword.clone(), text.clone().into())).collect();
     let generator = format!("choreo export-gltf {}", MANIFEST.version);
@@ -136,16 +137,20 @@ fn write(
     if textures.transformed {
         extensions.insert("KHR_texture_transform");
     }
+    if textures.webp {
+        extensions.insert("EXT_texture_webp");
+        document.extensions_required.push("EXT_texture_webp");
+    }
     if !lights.list.is_empty() {
         extensions.insert("KHR_lights_punctual");
         document.extensions = Some(json!({ "KHR_lights_punctual": { "lights": lights.list } }));
     }
     document.extensions_used = extensions.into_iter().collect();
-    if beside {
-        textures.write_beside(files)?;
-    }
-    (document.images, document.samplers, document.textures) =
-        (textures.images, textures.samplers, textures.textures);
+    document.images = match beside {
+        true => textures.beside(&scene.stem, files)?,
+        false => textures.in_buffer(&mut buffer)?,
+    };
+    (document.samplers, document.textures) = (textures.samplers, textures.textures);
     match beside {
         true => container::write_gltf(document, buffer, &scene.stem, files)?,
         false => container::write_glb(document, buffer, files)?,

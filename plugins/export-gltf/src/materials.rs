@@ -1,9 +1,8 @@
 //! Materials with the extensions that choreo reads (glTF 2.0, §3.9; KHR_materials_*).
 
-use crate::buffer::Buffer;
 use crate::document::Index;
 use crate::textures::Textures;
-use choreo_plugin::ExportError;
+use choreo_exporter_kit::losses::{self, Losses};
 use choreo_plugin::asset::{AlphaMode, Asset, Material, MaterialLayers, Shading, TextureRef};
 use choreo_plugin::glam::{Vec3, Vec4};
 use serde_json::{Map, Value, json};
@@ -18,7 +17,7 @@ pub struct Materials {
     /// Extensions in use.
     pub extensions: BTreeSet<&'static str>,
     /// Parts of materials that glTF has no words for, once each.
-    pub losses: BTreeSet<&'static str>,
+    pub losses: Losses,
     known: BTreeMap<String, Index>,
 }
 
@@ -27,29 +26,28 @@ impl Materials {
     /// coordinates that its primitives have; textures of others are left out.
     pub fn add(
         &mut self,
-        buffer: &mut Buffer<'_>,
         textures: &mut Textures,
         asset: &Asset,
         material: &Material,
         (own, uvs): (bool, [bool; 2]),
-    ) -> Result<Index, ExportError> {
+    ) -> Index {
         textures.animated = own;
         let losses = &mut self.losses;
-        let mut writer = Writer { buffer, textures, asset, uvs, extensions: Map::new(), losses };
-        let value = writer.material(material)?;
+        let mut writer = Writer { textures, asset, uvs, extensions: Map::new(), losses };
+        let value = writer.material(material);
         for name in USED.iter().filter(|name| value["extensions"].get(**name).is_some()) {
             self.extensions.insert(name);
         }
         let text = value.to_string();
         if let Some(known) = self.known.get(&text).filter(|_| !own) {
-            return Ok(*known);
+            return *known;
         }
         let index = self.list.len() as Index;
         self.list.push(value);
         if !own {
             self.known.insert(text, index);
         }
-        Ok(index)
+        index
     }
 }
 
@@ -68,13 +66,12 @@ const USED: [&str; 12] = [
     "KHR_materials_volume",
 ];
 
-struct Writer<'w, 'b> {
-    buffer: &'w mut Buffer<'b>,
+struct Writer<'w> {
     textures: &'w mut Textures,
     asset: &'w Asset,
     uvs: [bool; 2],
     extensions: Map<String, Value>,
-    losses: &'w mut BTreeSet<&'static str>,
+    losses: &'w mut Losses,
 }
 
 /// A part of the JSON that leaves out what has its default.
@@ -101,45 +98,36 @@ impl Object {
     }
 }
 
-impl Writer<'_, '_> {
-    fn info(&mut self, texture: &Option<TextureRef>) -> Result<Option<Map<String, Value>>, ExportError> {
+impl Writer<'_> {
+    fn info(&mut self, texture: &Option<TextureRef>) -> Option<Map<String, Value>> {
         let readable = |t: &&TextureRef| self.uvs.get(usize::from(t.uv_set)).is_some_and(|has| *has);
-        match texture.as_ref().filter(readable) {
-            Some(texture) => self.textures.info(self.buffer, self.asset, texture),
-            None => Ok(None),
-        }
+        let texture = texture.as_ref().filter(readable)?;
+        self.textures.info(self.asset, texture)
     }
 
     /// A texture that has a further number.
-    fn scaled(
-        &mut self,
-        texture: &Option<TextureRef>,
-        name: &str,
-        value: f32,
-    ) -> Result<Option<Map<String, Value>>, ExportError> {
-        let info = self.info(texture)?;
-        Ok(info.map(|mut info| {
-            if value != 1.0 {
-                info.insert(name.into(), value.into());
-            }
-            info
-        }))
+    fn scaled(&mut self, texture: &Option<TextureRef>, name: &str, value: f32) -> Option<Map<String, Value>> {
+        let mut info = self.info(texture)?;
+        if value != 1.0 {
+            info.insert(name.into(), value.into());
+        }
+        Some(info)
     }
 
-    fn material(&mut self, m: &Material) -> Result<Value, ExportError> {
+    fn material(&mut self, m: &Material) -> Value {
         let mut out = Object::default();
         out.0.insert("name".into(), m.name.clone().into());
-        let pbr = self.metallic_roughness(m)?;
+        let pbr = self.metallic_roughness(m);
         out.0.insert("pbrMetallicRoughness".into(), pbr.0.into());
-        out.put("normalTexture", self.scaled(&m.normal_texture, "scale", m.normal_scale)?);
+        out.put("normalTexture", self.scaled(&m.normal_texture, "scale", m.normal_scale));
         out.put(
             "occlusionTexture",
-            self.scaled(&m.occlusion_texture, "strength", m.occlusion_strength.clamp(0.0, 1.0))?,
+            self.scaled(&m.occlusion_texture, "strength", m.occlusion_strength.clamp(0.0, 1.0)),
         );
         let emissive = m.emissive.max(Vec3::ZERO);
         let strength = emissive.max_element().max(1.0);
         out.color("emissiveFactor", emissive / strength, Vec3::ZERO);
-        out.put("emissiveTexture", self.info(&m.emissive_texture)?);
+        out.put("emissiveTexture", self.info(&m.emissive_texture));
         if strength > 1.0 {
             let value = json!({ "emissiveStrength": strength });
             self.extensions.insert("KHR_materials_emissive_strength".into(), value);
@@ -155,22 +143,22 @@ impl Writer<'_, '_> {
         if m.double_sided {
             out.0.insert("doubleSided".into(), true.into());
         }
-        self.shading(m)?;
+        self.shading(m);
         self.note_losses(m);
         let extensions = std::mem::take(&mut self.extensions);
         if !extensions.is_empty() {
             out.0.insert("extensions".into(), extensions.into());
         }
-        Ok(out.0.into())
+        out.0.into()
     }
 
-    fn metallic_roughness(&mut self, m: &Material) -> Result<Object, ExportError> {
+    fn metallic_roughness(&mut self, m: &Material) -> Object {
         let mut pbr = Object::default();
         let color = m.base_color.clamp(Vec4::ZERO, Vec4::ONE);
         if color != Vec4::ONE {
             pbr.0.insert("baseColorFactor".into(), json!(color.to_array()));
         }
-        pbr.put("baseColorTexture", self.info(&m.base_color_texture)?);
+        pbr.put("baseColorTexture", self.info(&m.base_color_texture));
         let (metallic, roughness) = match m.shading {
             Shading::MetallicRoughness => (m.metallic, m.roughness),
             Shading::BlinnPhong | Shading::Phong => (0.0, m.mirror_roughness()),
@@ -179,12 +167,12 @@ impl Writer<'_, '_> {
         pbr.number("metallicFactor", metallic.clamp(0.0, 1.0), 1.0);
         pbr.number("roughnessFactor", roughness.clamp(0.0, 1.0), 1.0);
         if m.shading == Shading::MetallicRoughness {
-            pbr.put("metallicRoughnessTexture", self.info(&m.metallic_roughness_texture)?);
+            pbr.put("metallicRoughnessTexture", self.info(&m.metallic_roughness_texture));
         }
-        Ok(pbr)
+        pbr
     }
 
-    fn shading(&mut self, m: &Material) -> Result<(), ExportError> {
+    fn shading(&mut self, m: &Material) {
         match m.shading {
             Shading::MetallicRoughness => {
                 let layers = m.layers.as_deref();
@@ -196,35 +184,35 @@ impl Writer<'_, '_> {
                 let color = if f0 > 0.0 && ior != 1.5 { m.specular_color / unit } else { m.specular_color };
                 // Rounding of the division is no color.
                 let white = (color - Vec3::ONE).abs().max_element() < 1e-6 || f0 == 0.0;
-                self.specular(m, m.specular, if white { Vec3::ONE } else { color })?;
+                self.specular(m, m.specular, if white { Vec3::ONE } else { color });
                 if ior != 1.5 {
                     self.extensions.insert("KHR_materials_ior".into(), json!({ "ior": ior }));
                 }
-                layers.map_or(Ok(()), |layers| self.layers(layers))
+                if let Some(layers) = layers {
+                    self.layers(layers);
+                }
             }
             Shading::BlinnPhong | Shading::Phong => {
                 self.losses.insert("Phong highlights (written as roughness)");
                 // The color of a highlight is no reflectance: that of a plastic, tinted.
-                self.specular(m, 1.0, m.specular_color)
+                self.specular(m, 1.0, m.specular_color);
             }
             Shading::Unlit | Shading::Toon => {
                 if m.shading == Shading::Toon {
                     self.losses.insert("toon shading (written as unlit)");
                 }
                 self.extensions.insert("KHR_materials_unlit".into(), json!({}));
-                Ok(())
             }
         }
     }
 
-    fn specular(&mut self, m: &Material, factor: f32, color: Vec3) -> Result<(), ExportError> {
+    fn specular(&mut self, m: &Material, factor: f32, color: Vec3) {
         let mut specular = Object::default();
         specular.number("specularFactor", factor.clamp(0.0, 1.0), 1.0);
         specular.color("specularColorFactor", color.max(Vec3::ZERO), Vec3::ONE);
-        specular.put("specularTexture", self.info(&m.specular_texture)?);
-        specular.put("specularColorTexture", self.info(&m.specular_color_texture)?);
+        specular.put("specularTexture", self.info(&m.specular_texture));
+        specular.put("specularColorTexture", self.info(&m.specular_color_texture));
         self.extend("KHR_materials_specular", specular);
-        Ok(())
     }
 
     /// Adds an extension that has something to say.
@@ -234,14 +222,14 @@ impl Writer<'_, '_> {
         }
     }
 
-    fn layers(&mut self, l: &MaterialLayers) -> Result<(), ExportError> {
+    fn layers(&mut self, l: &MaterialLayers) {
         let mut coat = Object::default();
         if l.clearcoat > 0.0 {
             coat.number("clearcoatFactor", l.clearcoat, 0.0);
             coat.number("clearcoatRoughnessFactor", l.clearcoat_roughness, 0.0);
-            coat.put("clearcoatTexture", self.info(&l.clearcoat_texture)?);
-            coat.put("clearcoatRoughnessTexture", self.info(&l.clearcoat_roughness_texture)?);
-            let normal = self.scaled(&l.clearcoat_normal_texture, "scale", l.clearcoat_normal_scale)?;
+            coat.put("clearcoatTexture", self.info(&l.clearcoat_texture));
+            coat.put("clearcoatRoughnessTexture", self.info(&l.clearcoat_roughness_texture));
+            let normal = self.scaled(&l.clearcoat_normal_texture, "scale", l.clearcoat_normal_scale);
             coat.put("clearcoatNormalTexture", normal);
         }
         self.extend("KHR_materials_clearcoat", coat);
@@ -249,29 +237,29 @@ impl Writer<'_, '_> {
         if l.sheen_color != Vec3::ZERO {
             sheen.color("sheenColorFactor", l.sheen_color, Vec3::ZERO);
             sheen.number("sheenRoughnessFactor", l.sheen_roughness, 0.0);
-            sheen.put("sheenColorTexture", self.info(&l.sheen_color_texture)?);
-            sheen.put("sheenRoughnessTexture", self.info(&l.sheen_roughness_texture)?);
+            sheen.put("sheenColorTexture", self.info(&l.sheen_color_texture));
+            sheen.put("sheenRoughnessTexture", self.info(&l.sheen_roughness_texture));
         }
         self.extend("KHR_materials_sheen", sheen);
         let mut transmission = Object::default();
         transmission.number("transmissionFactor", l.transmission, 0.0);
         if l.transmission > 0.0 {
-            transmission.put("transmissionTexture", self.info(&l.transmission_texture)?);
+            transmission.put("transmissionTexture", self.info(&l.transmission_texture));
         }
         self.extend("KHR_materials_transmission", transmission);
-        self.volume(l)?;
-        self.thin(l)
+        self.volume(l);
+        self.thin(l);
     }
 
-    fn volume(&mut self, l: &MaterialLayers) -> Result<(), ExportError> {
+    fn volume(&mut self, l: &MaterialLayers) {
         // A volume shows only where the surface lets light in.
         if l.transmission <= 0.0 && l.diffuse_transmission <= 0.0 {
-            return Ok(());
+            return;
         }
         let mut volume = Object::default();
         if l.thickness > 0.0 {
             volume.number("thicknessFactor", l.thickness, 0.0);
-            volume.put("thicknessTexture", self.info(&l.thickness_texture)?);
+            volume.put("thicknessTexture", self.info(&l.thickness_texture));
             if l.attenuation_distance > 0.0 && l.attenuation_distance.is_finite() {
                 volume.number("attenuationDistance", l.attenuation_distance, f32::INFINITY);
                 volume.color("attenuationColor", l.attenuation_color.clamp(Vec3::ZERO, Vec3::ONE), Vec3::ONE);
@@ -282,19 +270,18 @@ impl Writer<'_, '_> {
         let mut dispersion = Object::default();
         dispersion.number("dispersion", if is_thick { l.dispersion } else { 0.0 }, 0.0);
         self.extend("KHR_materials_dispersion", dispersion);
-        Ok(())
     }
 
     /// Thin films, brushed metal and light from behind.
-    fn thin(&mut self, l: &MaterialLayers) -> Result<(), ExportError> {
+    fn thin(&mut self, l: &MaterialLayers) {
         let mut film = Object::default();
         if l.iridescence > 0.0 {
             let [least, most] = l.iridescence_thickness;
             film.number("iridescenceFactor", l.iridescence, 0.0);
             film.number("iridescenceIor", l.iridescence_ior, 1.3);
             film.number("iridescenceThicknessMaximum", most, 400.0);
-            film.put("iridescenceTexture", self.info(&l.iridescence_texture)?);
-            let thickness = self.info(&l.iridescence_thickness_texture)?;
+            film.put("iridescenceTexture", self.info(&l.iridescence_texture));
+            let thickness = self.info(&l.iridescence_thickness_texture);
             if thickness.is_some() {
                 film.number("iridescenceThicknessMinimum", least, 100.0);
             }
@@ -305,33 +292,23 @@ impl Writer<'_, '_> {
         if l.anisotropy != 0.0 {
             brushed.number("anisotropyStrength", l.anisotropy, 0.0);
             brushed.number("anisotropyRotation", l.anisotropy_rotation, 0.0);
-            brushed.put("anisotropyTexture", self.info(&l.anisotropy_texture)?);
+            brushed.put("anisotropyTexture", self.info(&l.anisotropy_texture));
         }
         self.extend("KHR_materials_anisotropy", brushed);
         let mut leaf = Object::default();
         if l.diffuse_transmission > 0.0 {
             leaf.number("diffuseTransmissionFactor", l.diffuse_transmission, 0.0);
-            leaf.put("diffuseTransmissionTexture", self.info(&l.diffuse_transmission_texture)?);
+            leaf.put("diffuseTransmissionTexture", self.info(&l.diffuse_transmission_texture));
             leaf.color("diffuseTransmissionColorFactor", l.diffuse_transmission_color, Vec3::ONE);
-            let color = self.info(&l.diffuse_transmission_color_texture)?;
+            let color = self.info(&l.diffuse_transmission_color_texture);
             leaf.put("diffuseTransmissionColorTexture", color);
         }
         self.extend("KHR_materials_diffuse_transmission", leaf);
-        Ok(())
     }
 
     fn note_losses(&mut self, m: &Material) {
-        for (lost, what) in [
-            (m.relief != 0.0, "relief of normal maps"),
-            (m.sequence.is_some(), "image sequences"),
-            (m.line_style.is_some(), "line widths"),
-            (m.triplanar.is_some(), "triplanar textures"),
-            (m.mirrors().is_some(), "reflection maps"),
-            (m.shading != Shading::MetallicRoughness && m.layers.is_some(), "layers of materials"),
-        ] {
-            if lost {
-                self.losses.insert(what);
-            }
-        }
+        losses::of_material(m, self.losses);
+        let lost = m.shading != Shading::MetallicRoughness && m.layers.is_some();
+        losses::add(&[(lost, "layers of materials")], self.losses);
     }
 }

@@ -1,59 +1,63 @@
-//! Textures: images as PNG, each content once, and samplers (glTF 2.0, §3.8).
+//! Textures: images, each content once, and samplers (glTF 2.0, §3.8; EXT_texture_webp).
 
 use crate::buffer::Buffer;
 use crate::container::percent_encoded;
 use crate::document::Index;
-use choreo_exporter_kit::{UvParts, png_of};
-use choreo_plugin::asset::{Asset, ContentHash, Image, Sampler, TextureRef, Wrap};
+use choreo_exporter_kit::{ImageFiles, UvParts};
+use choreo_plugin::asset::{Asset, ImageFileFormat, Sampler, TextureRef, Wrap};
 use choreo_plugin::glam::Affine2;
 use choreo_plugin::{ExportError, SceneFiles};
 use serde_json::{Map, Value, json};
-use std::collections::BTreeMap;
 
-#[derive(Default)]
+/// Formats of images in glTF.
+const FORMATS: &[ImageFileFormat] = &[ImageFileFormat::Png, ImageFileFormat::Jpeg, ImageFileFormat::WebP];
+
 pub struct Textures {
-    pub images: Vec<Value>,
+    images: ImageFiles,
     pub samplers: Vec<Value>,
     pub textures: Vec<Value>,
     /// Whether some texture has a transform.
     pub transformed: bool,
+    /// Whether some image is WebP.
+    pub webp: bool,
     /// Textures get a transform even if it changes nothing, because an animation names it.
     pub animated: bool,
-    known: BTreeMap<ContentHash, Index>,
-    /// Images by the address of what holds them, so that each is hashed once.
-    hashed: BTreeMap<usize, Index>,
     /// (image, sampler) of each texture.
-    pairs: Vec<(Index, Index)>,
+    pairs: Vec<(usize, Index)>,
     kinds: Vec<Sampler>,
-    /// Images that lie beside the JSON, with the endings of their names.
-    beside: Vec<(String, Vec<u8>)>,
-    /// The stem of names beside the JSON; `None`: images are in the buffer.
-    stem: Option<String>,
+}
+
+impl Default for Textures {
+    fn default() -> Textures {
+        Textures {
+            images: ImageFiles::new(FORMATS),
+            samplers: Vec::new(),
+            textures: Vec::new(),
+            transformed: false,
+            webp: false,
+            animated: false,
+            pairs: Vec::new(),
+            kinds: Vec::new(),
+        }
+    }
 }
 
 impl Textures {
-    /// `stem`: of the files beside the JSON; without it all is in the buffer.
-    pub fn new(stem: Option<&str>) -> Textures {
-        Textures { stem: stem.map(str::to_string), ..Textures::default() }
-    }
-
     /// A textureInfo; `None` where the asset has no such image.
-    pub fn info(
-        &mut self,
-        buffer: &mut Buffer<'_>,
-        asset: &Asset,
-        texture: &TextureRef,
-    ) -> Result<Option<Map<String, Value>>, ExportError> {
-        let Some(image) = asset.images.get(texture.image as usize) else { return Ok(None) };
-        if image.width == 0 || image.height == 0 {
-            return Ok(None);
-        }
-        let image = self.image(buffer, image)?;
+    pub fn info(&mut self, asset: &Asset, texture: &TextureRef) -> Option<Map<String, Value>> {
+        let image = asset.images.get(texture.image as usize).filter(|i| i.width > 0 && i.height > 0)?;
+        let image = self.images.number(image);
         let sampler = self.sampler(texture.sampler);
         let pair = (image, sampler);
         let index = self.pairs.iter().position(|known| *known == pair).unwrap_or_else(|| {
             self.pairs.push(pair);
-            self.textures.push(json!({ "sampler": sampler, "source": image }));
+            self.textures.push(match self.images.format(image) {
+                ImageFileFormat::WebP => {
+                    self.webp = true;
+                    json!({ "sampler": sampler, "extensions": { "EXT_texture_webp": { "source": image } } })
+                }
+                _ => json!({ "sampler": sampler, "source": image }),
+            });
             self.pairs.len() - 1
         });
         let mut info = Map::new();
@@ -66,41 +70,7 @@ impl Textures {
             let transform = uv_json(&UvParts::of(&texture.uv_transform));
             info.insert("extensions".into(), json!({ "KHR_texture_transform": transform }));
         }
-        Ok(Some(info))
-    }
-
-    fn image(
-        &mut self,
-        buffer: &mut Buffer<'_>,
-        image: &std::sync::Arc<Image>,
-    ) -> Result<Index, ExportError> {
-        let address = std::sync::Arc::as_ptr(image) as usize;
-        if let Some(index) = self.hashed.get(&address) {
-            return Ok(*index);
-        }
-        let hash = image.content_hash();
-        let index = match self.known.get(&hash) {
-            Some(index) => *index,
-            None => {
-                let png = png_of(image)?;
-                let index = self.images.len() as Index;
-                self.images.push(match &self.stem {
-                    None => json!({
-                        "name": image.name, "mimeType": "image/png", "bufferView": buffer.bytes(png),
-                    }),
-                    Some(stem) => {
-                        let ending = format!("_{index}.png");
-                        let uri = percent_encoded(&format!("{stem}{ending}"));
-                        self.beside.push((ending, png));
-                        json!({ "name": image.name, "uri": uri })
-                    }
-                });
-                self.known.insert(hash, index);
-                index
-            }
-        };
-        self.hashed.insert(address, index);
-        Ok(index)
+        Some(info)
     }
 
     fn sampler(&mut self, sampler: Sampler) -> Index {
@@ -112,14 +82,34 @@ impl Textures {
         }) as Index
     }
 
-    /// Writes the images that lie beside the JSON.
-    pub fn write_beside(&self, files: &mut dyn SceneFiles) -> Result<(), ExportError> {
-        for (ending, png) in &self.beside {
-            let out = files.beside(ending)?;
-            out.write_all(png)?;
-            out.flush()?;
+    /// Puts the images into the buffer; their JSON.
+    ///
+    /// # Errors
+    /// An image that cannot be written as PNG.
+    pub fn in_buffer(&self, buffer: &mut Buffer<'_>) -> Result<Vec<Value>, ExportError> {
+        let json = |(number, file): (usize, choreo_plugin::asset::ImageFile)| {
+            let media_type = file.format.media_type();
+            let view = buffer.bytes(file.bytes);
+            json!({ "name": self.images.name(number), "mimeType": media_type, "bufferView": view })
+        };
+        Ok(self.images.files()?.into_iter().enumerate().map(json).collect())
+    }
+
+    /// Writes the images beside the JSON, with names that begin with `stem`; their JSON.
+    ///
+    /// # Errors
+    /// An image or a file that cannot be written.
+    pub fn beside(&self, stem: &str, files: &mut dyn SceneFiles) -> Result<Vec<Value>, ExportError> {
+        let mut out = Vec::new();
+        for (number, file) in self.images.files()?.into_iter().enumerate() {
+            let ending = self.images.ending(number);
+            let beside = files.beside(&ending)?;
+            beside.write_all(&file.bytes)?;
+            beside.flush()?;
+            let uri = percent_encoded(&format!("{stem}{ending}"));
+            out.push(json!({ "name": self.images.name(number), "uri": uri }));
         }
-        Ok(())
+        Ok(out)
     }
 }
 

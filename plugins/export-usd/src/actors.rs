@@ -10,7 +10,6 @@ use crate::motion::{self, Sets};
 use choreo_exporter_kit::bake::rig;
 use choreo_exporter_kit::bake::signals::{MaterialPart, Quantity, material_now, set_material_part};
 use choreo_exporter_kit::{Baked, Series};
-use choreo_plugin::ExportError;
 use choreo_plugin::asset::{Material, widen};
 use choreo_plugin::glam::Affine3A;
 use choreo_plugin::motion::{Skinning, Time, Transform};
@@ -36,22 +35,19 @@ pub type KnownAnimations = BTreeMap<usize, String>;
 
 impl<'a> Scene<'a, '_> {
     /// The prim of an actor.
-    ///
-    /// # Errors
-    /// A texture cannot be written.
     pub fn actor(
         &self,
         index: usize,
         name: &str,
         model: &Model<'a>,
         (known, common): (&mut KnownAnimations, &mut Common),
-    ) -> Result<Prim<'a>, ExportError> {
+    ) -> Prim<'a> {
         let actor = &self.stage.actors[index];
         let still = self.baked.still_rig(actor, index);
         let path = format!("{}/{name}", self.path);
         let sets: Vec<_> = self.baked.motions[index].sets.iter().map(|set| &self.sets[*set]).collect();
         let count = self.copies(index, common);
-        let looks = self.looks(index, model, common)?;
+        let looks = self.looks(index, model, common);
         let asset = &actor.asset;
         let mut prim = match asset.placements.is_empty() {
             true => self.body(index, (name, &path), model, (&still, looks, known)),
@@ -90,7 +86,7 @@ impl<'a> Scene<'a, '_> {
                 common.losses.insert("the motion of lights with joints");
             }
         }
-        Ok(prim)
+        prim
     }
 
     /// How many copies are there at the start.
@@ -176,12 +172,7 @@ impl<'a> Scene<'a, '_> {
     }
 
     /// Differences of the actor's materials from those of the model.
-    fn looks(
-        &self,
-        index: usize,
-        model: &Model<'a>,
-        common: &mut Common,
-    ) -> Result<Option<Prim<'a>>, ExportError> {
+    fn looks(&self, index: usize, model: &Model<'a>, common: &mut Common) -> Option<Prim<'a>> {
         let mut looks = Prim::over("materials");
         for (number, of_model) in model.materials.iter().enumerate() {
             let Some(of_model) = of_model else { continue };
@@ -190,12 +181,8 @@ impl<'a> Scene<'a, '_> {
             for state in &states {
                 let material = (number < model.asset.materials.len()).then_some(number as u32);
                 let Common { textures, losses } = &mut *common;
-                networks.push(materials::network(
-                    state,
-                    surroundings(model.asset, material),
-                    textures,
-                    losses,
-                )?);
+                let surroundings = surroundings(model.asset, material);
+                networks.push(materials::network(state, surroundings, textures, losses));
             }
             if networks.iter().any(|network| !network.is_alike(&of_model.network)) {
                 common.losses.insert("materials whose textures or kinds change");
@@ -206,7 +193,7 @@ impl<'a> Scene<'a, '_> {
             differences(&of_model.network, &networks, &times, &mut material);
             looks.children.extend((!material.children.is_empty()).then_some(material));
         }
-        Ok((!looks.children.is_empty()).then_some(looks))
+        (!looks.children.is_empty()).then_some(looks)
     }
 
     /// A material at the times of its keys; once, where it does not change.

@@ -1,7 +1,7 @@
 //! Cameras: one for each shot, with the times of the shot.
 
 use crate::frames::Frames;
-use crate::layer::{FLOAT, FLOAT2, Meta, Prim, Samples, TOKEN, Value};
+use crate::layer::{DOUBLE, FLOAT, FLOAT2, Meta, Prim, STRING, Samples, TOKEN, Value};
 use crate::motion::{animate, place_by_parts, series_samples};
 use crate::names::Names;
 use choreo_exporter_kit::bake::shots::Shot;
@@ -44,6 +44,12 @@ fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a
         about.push(("dissolve".to_string(), Meta::Double(frames.lasting(shot.fading))));
     }
     out.custom = vec![("shot".into(), Meta::Dictionary(about))];
+    // The same as properties that programs such as Blender show, in seconds as glTF has them.
+    out.set(STRING, "userProperties:camera", Value::text(&shot.name));
+    for (name, time) in [("start", shot.from), ("end", shot.to)] {
+        let seconds = frames.of(time) / frames.per_second();
+        out.set(DOUBLE, format!("userProperties:{name}"), Value::one([seconds]));
+    }
     let [position, rotation, lens] = &shot.parts;
     let (near, far) = match shot.projection {
         Projection::Perspective { near, far, .. } => (near, far.unwrap_or(FAR)),

@@ -228,6 +228,11 @@ impl<'a> Prim<'a> {
 }
 
 impl<'a> Attribute<'a> {
+    /// No schema has it: a property of the user's own, which other programs show as such.
+    pub fn is_custom(&self) -> bool {
+        self.name.starts_with("userProperties:")
+    }
+
     pub fn with(&mut self, value: Value<'a>) -> &mut Self {
         self.is_array = matches!(value, Value::Numbers { count: Some(_), .. } | Value::Texts(_));
         self.value = Some(value);

@@ -7,7 +7,6 @@ mod frames;
 mod joints;
 mod layer;
 mod lights;
-mod losses;
 mod materials;
 mod meshes;
 mod model;
@@ -18,6 +17,7 @@ mod textures;
 use actors::KnownAnimations;
 use choreo_exporter_kit::bake::check::{self, AsWritten};
 use choreo_exporter_kit::bake::{self, Baked, Style};
+use choreo_exporter_kit::losses;
 use choreo_plugin::asset::Asset;
 use choreo_plugin::motion::Path;
 use choreo_plugin::stage::Stage;
@@ -75,9 +75,9 @@ impl SceneExporter for UsdExporter {
         baked.sets = sets.iter().map(|set| still_of(set)).collect();
         let mut common = Common::default();
         common.textures.stem = scene.stem.clone();
-        let layer = layer(scene, &baked, &sets, &mut common)?;
+        let layer = layer(scene, &baked, &sets, &mut common);
         write(&scene.extension, &layer, &common, (&scene.stem, files))?;
-        Ok(vec![losses::note(&common.losses)])
+        Ok(vec![losses::note("USD", "the background", &common.losses)])
     }
 }
 
@@ -91,16 +91,11 @@ fn still_of<'a>(set: &bake::tracks::TrackSet<'a>) -> bake::tracks::TrackSet<'a> 
     }
 }
 
-fn layer<'a>(
-    scene: &'a ExportedScene,
-    baked: &Baked<'a>,
-    sets: &Sets<'a>,
-    common: &mut Common,
-) -> Result<Layer<'a>, ExportError> {
+fn layer<'a>(scene: &'a ExportedScene, baked: &Baked<'a>, sets: &Sets<'a>, common: &mut Common) -> Layer<'a> {
     let stage: &Stage = &scene.stage;
     let frames = Frames { start: baked.start, rate: scene.fps };
     let root = names::identifier(&scene.stem);
-    let (models, library) = models(stage, baked, sets, common)?;
+    let (models, library) = models(stage, baked, sets, common);
     let mut top = Prim::new("Xform", root.clone());
     let mut names = Names::default();
     let all = actors::Scene { stage, baked, sets, frames, path: format!("/{root}") };
@@ -111,7 +106,7 @@ fn layer<'a>(
         }
         let name = names.free(&actor.name);
         let model = &models[&(Arc::as_ptr(&actor.asset) as usize)];
-        top.children.push(all.actor(index, &name, model, (&mut known, common))?);
+        top.children.push(all.actor(index, &name, model, (&mut known, common)));
     }
     top.children.extend(cameras::of_stage(stage, baked, frames, &mut names));
     top.children.extend(lights::of_stage(stage, baked, (frames, &mut names), &mut common.losses));
@@ -122,14 +117,14 @@ fn layer<'a>(
     }
     let provenance: Vec<(String, Meta)> =
         scene.provenance.iter().map(|(keyword, text)| (keyword.clone(), Meta::Text(text.clone()))).collect();
-    Ok(Layer {
+    Layer {
         default_prim: root,
         end: frames.of(baked.end),
         frames_per_second: frames.per_second(),
         comment: format!("choreo export-usd {}", MANIFEST.version),
         custom: provenance,
         prims,
-    })
+    }
 }
 
 /// The models of all assets that are seen, by the asset's address.
@@ -138,7 +133,7 @@ fn models<'a>(
     baked: &Baked<'a>,
     sets: &Sets<'a>,
     common: &mut Common,
-) -> Result<(BTreeMap<usize, Model<'a>>, Vec<Prim<'a>>), ExportError> {
+) -> (BTreeMap<usize, Model<'a>>, Vec<Prim<'a>>) {
     let mut rigs: BTreeMap<usize, bool> = BTreeMap::new();
     for (index, actor) in stage.actors.iter().enumerate() {
         let moves = motion::joint_set(baked, sets, index).is_some()
@@ -154,11 +149,11 @@ fn models<'a>(
         let bare = actor.asset.name.rsplit('/').next().unwrap_or_default();
         let name = names.free(bare.split('.').next().filter(|name| !name.is_empty()).unwrap_or("model"));
         let place = format!("/{MODELS}");
-        let (model, prim) = model::model(&actor.asset, &name, (&place, rigs[&address]), common)?;
+        let (model, prim) = model::model(&actor.asset, &name, (&place, rigs[&address]), common);
         out.insert(address, model);
         prims.push(prim);
     }
-    Ok((out, prims))
+    (out, prims)
 }
 
 /// Skins and morph targets need a skeleton.
@@ -176,9 +171,9 @@ fn write(
     if extension == "usdz" {
         return write_package(layer, common, stem, files);
     }
-    for (ending, png) in &common.textures.files {
-        let out = files.beside(ending)?;
-        out.write_all(png)?;
+    for (ending, file) in common.textures.files()? {
+        let out = files.beside(&ending)?;
+        out.write_all(&file.bytes)?;
         out.flush()?;
     }
     let tables_at = if extension == "usda" { 0 } else { binary::tables_at(layer)? };
@@ -214,10 +209,10 @@ fn write_package(
     out.put(&head)?;
     binary::rest(layer, &mut out)?;
     out.end_file();
-    for (ending, png) in &common.textures.files {
-        let (checksum, length) = (crc32fast::hash(png), png.len() as u64);
+    for (ending, file) in common.textures.files()? {
+        let (checksum, length) = (crc32fast::hash(&file.bytes), file.bytes.len() as u64);
         archive.begin(&mut out, zip::Entry { name: format!("{stem}{ending}"), checksum, length })?;
-        out.put(png)?;
+        out.put(&file.bytes)?;
     }
     archive.finish(&mut out)?;
     out.finish()?;

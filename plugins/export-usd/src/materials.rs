@@ -4,10 +4,9 @@ use crate::layer::{
     ASSET, COLOR3F, FLOAT, FLOAT2, FLOAT3, FLOAT4, NORMAL3F, Prim, STRING, TOKEN, Type, Value,
 };
 use crate::textures::Textures;
-use choreo_plugin::ExportError;
+use choreo_exporter_kit::losses::{self, Losses};
 use choreo_plugin::asset::{AlphaMode, Asset, Material, Shading, TextureRef, Wrap};
 use choreo_plugin::glam::{Affine2, Vec3, Vec4};
-use std::collections::BTreeSet;
 
 /// A material's shaders. Materials that differ in numbers alone have the same shaders and inputs.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -73,17 +72,9 @@ impl Reading {
 }
 
 /// The shaders of a material, the surface first.
-///
-/// # Errors
-/// A texture cannot be written.
-pub fn network(
-    m: &Material,
-    of: Surroundings<'_>,
-    textures: &mut Textures,
-    losses: &mut BTreeSet<&'static str>,
-) -> Result<Network, ExportError> {
+pub fn network(m: &Material, of: Surroundings<'_>, textures: &mut Textures, losses: &mut Losses) -> Network {
     let mut builder = Builder { of, textures, surface: Vec::new(), others: Vec::new() };
-    builder.material(m, losses)?;
+    builder.material(m, losses);
     let surface = Shader {
         name: "surface".into(),
         id: "UsdPreviewSurface",
@@ -93,7 +84,7 @@ pub fn network(
     let mut shaders = vec![surface];
     shaders.append(&mut builder.others);
     note_losses(m, losses);
-    Ok(Network { shaders })
+    Network { shaders }
 }
 
 impl Builder<'_> {
@@ -105,10 +96,10 @@ impl Builder<'_> {
         self.surface.push(Input { name, of, value: InputValue::Output(output) });
     }
 
-    fn material(&mut self, m: &Material, losses: &mut BTreeSet<&'static str>) -> Result<(), ExportError> {
+    fn material(&mut self, m: &Material, losses: &mut Losses) {
         let color = m.base_color.clamp(Vec4::ZERO, Vec4::ONE);
         let unlit = matches!(m.shading, Shading::Unlit | Shading::Toon);
-        let base = self.texture("base_color", &m.base_color_texture, Reading::color(color))?;
+        let base = self.texture("base_color", &m.base_color_texture, Reading::color(color));
         let (lit, name) = if unlit { (false, "emissiveColor") } else { (true, "diffuseColor") };
         match &base {
             Some(texture) => {
@@ -131,12 +122,12 @@ impl Builder<'_> {
         } else {
             let emissive = m.emissive.max(Vec3::ZERO);
             let reading = Reading::color(emissive.extend(1.0));
-            match self.texture("emissive", &m.emissive_texture, reading)? {
+            match self.texture("emissive", &m.emissive_texture, reading) {
                 Some(texture) => self.connected("emissiveColor", COLOR3F, format!("{texture}.outputs:rgb")),
                 None => self.input("emissiveColor", COLOR3F, &emissive.to_array()),
             }
         }
-        self.reflection(m, unlit)?;
+        self.reflection(m, unlit);
         let opacity = match m.alpha_mode {
             AlphaMode::Opaque => None,
             AlphaMode::Mask(cutoff) => Some(cutoff),
@@ -155,18 +146,17 @@ impl Builder<'_> {
         }
         let s = m.normal_scale;
         let reading = Reading::raw(Vec4::new(2.0 * s, 2.0 * s, 2.0, 1.0), Vec4::new(-s, -s, -1.0, 0.0));
-        if let Some(texture) = self.texture("normal", &m.normal_texture, reading)? {
+        if let Some(texture) = self.texture("normal", &m.normal_texture, reading) {
             self.connected("normal", NORMAL3F, format!("{texture}.outputs:rgb"));
         }
         let s = m.occlusion_strength.clamp(0.0, 1.0);
         let reading = Reading::raw(Vec4::splat(s), Vec4::splat(1.0 - s));
-        if let Some(texture) = self.texture("occlusion", &m.occlusion_texture, reading)? {
+        if let Some(texture) = self.texture("occlusion", &m.occlusion_texture, reading) {
             self.connected("occlusion", FLOAT, format!("{texture}.outputs:r"));
         }
-        Ok(())
     }
 
-    fn reflection(&mut self, m: &Material, unlit: bool) -> Result<(), ExportError> {
+    fn reflection(&mut self, m: &Material, unlit: bool) {
         let (metallic, roughness) = match m.shading {
             Shading::MetallicRoughness => (m.metallic.clamp(0.0, 1.0), m.roughness.clamp(0.0, 1.0)),
             Shading::BlinnPhong | Shading::Phong => (0.0, m.mirror_roughness().clamp(0.0, 1.0)),
@@ -175,7 +165,7 @@ impl Builder<'_> {
         let texture =
             m.metallic_roughness_texture.clone().filter(|_| m.shading == Shading::MetallicRoughness);
         let reading = Reading::raw(Vec4::new(1.0, roughness, metallic, 1.0), Vec4::ZERO);
-        match self.texture("metallic_roughness", &texture, reading)? {
+        match self.texture("metallic_roughness", &texture, reading) {
             Some(texture) => {
                 self.connected("metallic", FLOAT, format!("{texture}.outputs:b"));
                 self.connected("roughness", FLOAT, format!("{texture}.outputs:g"));
@@ -195,7 +185,6 @@ impl Builder<'_> {
             self.input("clearcoat", FLOAT, &[coat.clearcoat]);
             self.input("clearcoatRoughness", FLOAT, &[coat.clearcoat_roughness]);
         }
-        Ok(())
     }
 
     /// The name of the shader of a texture; `None` where there is none, or no coordinates for it.
@@ -204,12 +193,12 @@ impl Builder<'_> {
         name: &'static str,
         texture: &Option<TextureRef>,
         reading: Reading,
-    ) -> Result<Option<String>, ExportError> {
+    ) -> Option<String> {
         let has_uvs = |t: &&TextureRef| self.of.uvs.get(usize::from(t.uv_set)).is_some_and(|has| *has);
-        let Some(texture) = texture.as_ref().filter(has_uvs) else { return Ok(None) };
-        let image = self.of.asset.images.get(texture.image as usize).filter(|i| i.width > 0 && i.height > 0);
-        let Some(image) = image else { return Ok(None) };
-        let file = self.textures.path(image)?;
+        let texture = texture.as_ref().filter(has_uvs)?;
+        let image =
+            self.of.asset.images.get(texture.image as usize).filter(|i| i.width > 0 && i.height > 0)?;
+        let file = self.textures.path(image);
         let (reader, primvar) = [("uv", "st"), ("uv1", "st1")][usize::from(texture.uv_set > 0)];
         if !self.others.iter().any(|shader| shader.name == reader) {
             self.reader(reader, "UsdPrimvarReader_float2", primvar, FLOAT2);
@@ -252,7 +241,7 @@ impl Builder<'_> {
             ],
             outputs: vec![("r", FLOAT), ("g", FLOAT), ("b", FLOAT), ("a", FLOAT), ("rgb", FLOAT3)],
         });
-        Ok(Some(name.into()))
+        Some(name.into())
     }
 
     fn reader(&mut self, name: &str, id: &'static str, primvar: &str, of: Type) {
@@ -325,14 +314,10 @@ impl Network {
     }
 }
 
-fn note_losses(m: &Material, losses: &mut BTreeSet<&'static str>) {
+fn note_losses(m: &Material, losses: &mut Losses) {
     let layers = m.layers.as_deref();
-    for (lost, what) in [
-        (m.relief != 0.0, "relief of normal maps"),
-        (m.sequence.is_some(), "image sequences"),
-        (m.line_style.is_some(), "line widths"),
-        (m.triplanar.is_some(), "triplanar textures"),
-        (m.mirrors().is_some(), "reflection maps"),
+    losses::of_material(m, losses);
+    let own = [
         (m.shading == Shading::Toon, "toon shading (written as light of its own)"),
         (m.shading == Shading::Unlit, "surfaces without shading (written as light of its own)"),
         (
@@ -346,11 +331,8 @@ fn note_losses(m: &Material, losses: &mut BTreeSet<&'static str>) {
             m.shading == Shading::MetallicRoughness && (m.specular != 1.0 || m.specular_color != Vec3::ONE),
             "the strength and color of highlights",
         ),
-    ] {
-        if lost {
-            losses.insert(what);
-        }
-    }
+    ];
+    losses::add(&own, losses);
 }
 
 #[cfg(test)]

@@ -7,7 +7,6 @@ use crate::meshes::{self, Binding};
 use crate::names::Names;
 use crate::textures::Textures;
 use choreo_exporter_kit::bake::rig;
-use choreo_plugin::ExportError;
 use choreo_plugin::asset::{Asset, Material, MeshInstance, Primitive, Topology, widen};
 use choreo_plugin::glam::{Affine3A, DMat4};
 use choreo_plugin::motion::Transform;
@@ -54,15 +53,12 @@ struct Maker<'a, 'c> {
 }
 
 /// Makes a model. `has_rig`: some actor moves its joints.
-///
-/// # Errors
-/// A texture cannot be written.
 pub fn model<'a>(
     asset: &'a Arc<Asset>,
     name: &str,
     (parent, has_rig): (&str, bool),
     common: &mut Common,
-) -> Result<(Model<'a>, Prim<'a>), ExportError> {
+) -> (Model<'a>, Prim<'a>) {
     let path = format!("{parent}/{name}");
     let mut maker = Maker {
         asset,
@@ -76,7 +72,7 @@ pub fn model<'a>(
         common,
     };
     let mut prim = Prim::new(if has_rig { "SkelRoot" } else { "Xform" }, name);
-    let looks = maker.looks()?;
+    let looks = maker.looks();
     maker.names.free("materials");
     if let Some(joints) = &maker.joints {
         maker.names.free("skeleton");
@@ -92,7 +88,7 @@ pub fn model<'a>(
         shapes.push(maker.instance(instance, &mut prim.children));
     }
     let joints = maker.joints.map(|joints| joints.paths);
-    Ok((Model { asset, path, joints, shapes, materials: maker.materials }, prim))
+    (Model { asset, path, joints, shapes, materials: maker.materials }, prim)
 }
 
 fn skeleton<'a>(joints: &Joints) -> Prim<'a> {
@@ -119,7 +115,7 @@ pub fn surroundings(asset: &Asset, material: Option<u32>) -> Surroundings<'_> {
 }
 
 impl<'a> Maker<'a, '_> {
-    fn looks(&mut self) -> Result<Prim<'a>, ExportError> {
+    fn looks(&mut self) -> Prim<'a> {
         let mut looks = Prim::new("Scope", "materials");
         let mut names = Names::default();
         let count = self.asset.materials.len() as u32;
@@ -133,13 +129,13 @@ impl<'a> Maker<'a, '_> {
             let material = index.map_or(&default, |index| &self.asset.materials[index as usize]);
             let surroundings = surroundings(self.asset, index);
             let Common { textures, losses } = &mut *self.common;
-            let network = materials::network(material, surroundings, textures, losses)?;
+            let network = materials::network(material, surroundings, textures, losses);
             let name = names.free(if material.name.is_empty() { "material" } else { &material.name });
             let path = format!("{}/materials/{name}", self.path);
             looks.children.push(network.prim(&name, &path, &material.name));
             self.materials.push(Some(ModelMaterial { name, network }));
         }
-        Ok(looks)
+        looks
     }
 
     /// The prims of an instance; the tokens of its morph targets.

@@ -276,20 +276,19 @@ impl<'a> Joints<'a> {
         let list = frames.list(&times);
         let (set, rig, moving) = (self.set.clone(), self.rig.clone(), self.moving.clone());
         let each = move |take: Taker<'_>| {
+            let mut row: Vec<f64> = vec![0.0; count * of.width];
+            if let Some(curves) = set.aligned(path, &times) {
+                return aligned_rows((&rig, &moving), &curves, (of, part), (&mut row, times.len()), take);
+            }
             let mut curves = Vec::new();
             set.add_curves(|times| times.to_vec(), |_, number| number, &mut curves);
             curves.retain(|curve| curve.joint > 0 && curve.path == path);
             let clip = Clip::new(String::new(), rig.len(), curves).map_err(std::io::Error::other)?;
             let mut pose = Pose::rest(&rig);
-            let mut row: Vec<f64> = vec![0.0; count * of.width];
             for time in &times {
                 Sample { clip: &clip, time: *time, pose: &mut pose }.run();
                 for (own, joint) in row.chunks_mut(of.width).zip(moving.iter()) {
-                    let numbers = part(&pose.get(*joint as usize)).map(f64::from);
-                    // Of the two quaternions of a rotation the one nearer to the last: not all programs turn the short way.
-                    let turned: f64 = own.iter().zip(numbers).map(|(a, b)| *a * b).sum();
-                    let sign = if of.is_quaternion() && turned < 0.0 { -1.0 } else { 1.0 };
-                    own.iter_mut().zip(numbers).for_each(|(own, number)| *own = sign * number);
+                    put(of, part(&pose.get(*joint as usize)), own);
                 }
                 take(&row)?;
             }
@@ -298,4 +297,38 @@ impl<'a> Joints<'a> {
         let values = SampleValues::Numbers { count: Some(count), each: Rc::new(each) };
         attribute.sampled(Samples { times: list, values });
     }
+}
+
+/// Rows of curves that all have the same keys; joints without one are at rest.
+fn aligned_rows(
+    (rig, moving): (&Skeleton, &[u32]),
+    curves: &[(u32, Vec<f32>)],
+    (of, part): (Type, fn(&Transform) -> [f32; 4]),
+    (row, keys): (&mut [f64], usize),
+    take: Taker<'_>,
+) -> std::io::Result<()> {
+    for (own, joint) in row.chunks_mut(of.width).zip(moving) {
+        put(of, part(&rig.rest()[*joint as usize]), own);
+    }
+    let places: Vec<Option<usize>> =
+        curves.iter().map(|(joint, _)| moving.iter().position(|own| own == joint)).collect();
+    for key in 0..keys {
+        for ((_, values), place) in curves.iter().zip(&places) {
+            let Some(place) = place else { continue };
+            let mut numbers = [0.0; 4];
+            numbers[..of.width].copy_from_slice(&values[key * of.width..][..of.width]);
+            put(of, numbers, &mut row[place * of.width..][..of.width]);
+        }
+        take(row)?;
+    }
+    Ok(())
+}
+
+/// Puts a part of a transform into a row that has the one before: of the two quaternions of a rotation the nearer one, because not all
+/// programs turn the short way.
+fn put(of: Type, numbers: [f32; 4], own: &mut [f64]) {
+    let numbers = numbers.map(f64::from);
+    let turned: f64 = own.iter().zip(numbers).map(|(a, b)| *a * b).sum();
+    let sign = if of.is_quaternion() && turned < 0.0 { -1.0 } else { 1.0 };
+    own.iter_mut().zip(numbers).for_each(|(own, number)| *own = sign * number);
 }

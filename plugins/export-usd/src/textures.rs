@@ -1,41 +1,39 @@
-//! Images as PNG files beside the layer or in its package, each content once.
+//! Images beside the layer or in its package, each content once.
 
-use choreo_exporter_kit::png_of;
+use choreo_exporter_kit::ImageFiles;
 use choreo_plugin::ExportError;
-use choreo_plugin::asset::{ContentHash, Image};
-use std::collections::BTreeMap;
+use choreo_plugin::asset::{Image, ImageFile, ImageFileFormat};
 use std::sync::Arc;
 
-#[derive(Default)]
+/// Formats of images in packages (the USDZ specification).
+const FORMATS: &[ImageFileFormat] = &[ImageFileFormat::Png, ImageFileFormat::Jpeg];
+
 pub struct Textures {
     /// Stem of the names.
     pub stem: String,
-    /// Ends of names, and bytes.
-    pub files: Vec<(String, Vec<u8>)>,
-    known: BTreeMap<ContentHash, usize>,
-    /// Images by the address of what holds them, so that each is hashed once.
-    hashed: BTreeMap<usize, usize>,
+    images: ImageFiles,
+}
+
+impl Default for Textures {
+    fn default() -> Textures {
+        // Readers take the green and blue of a gray image for black.
+        Textures { stem: String::new(), images: ImageFiles::new(FORMATS).in_color() }
+    }
 }
 
 impl Textures {
     /// The path of an image from the layer.
+    pub fn path(&mut self, image: &Arc<Image>) -> String {
+        let number = self.images.number(image);
+        format!("./{}{}", self.stem, self.images.ending(number))
+    }
+
+    /// Ends of names, and files.
     ///
     /// # Errors
-    /// The image cannot be written as PNG.
-    pub fn path(&mut self, image: &Arc<Image>) -> Result<String, ExportError> {
-        let address = Arc::as_ptr(image) as usize;
-        let index = match self.hashed.get(&address) {
-            Some(index) => *index,
-            None => {
-                let next = self.files.len();
-                let index = *self.known.entry(image.content_hash()).or_insert(next);
-                if index == next {
-                    self.files.push((format!("_{index}.png"), png_of(image)?));
-                }
-                self.hashed.insert(address, index);
-                index
-            }
-        };
-        Ok(format!("./{}{}", self.stem, self.files[index].0))
+    /// An image that cannot be written as PNG.
+    pub fn files(&self) -> Result<Vec<(String, ImageFile)>, ExportError> {
+        let files = self.images.files()?.into_iter().enumerate();
+        Ok(files.map(|(number, file)| (self.images.ending(number), file)).collect())
     }
 }

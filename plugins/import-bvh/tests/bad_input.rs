@@ -146,16 +146,29 @@ fn what_is_not_needed_is_not_made() {
         choreo_importer_kit_testing::import(&BvhImporter, &source("arm.bvh", ARM), &Companions::none(), needs)
             .unwrap()
     };
-    let clips = import(ImportScope { geometry: false, clips: true, textures: false, pixels: false });
+    let clips = import(ImportScope {
+        geometry: false,
+        clips: true,
+        textures: false,
+        pixels: false,
+        image_files: false,
+    });
     assert_eq!(
         (clips.meshes.len(), clips.skins.len(), clips.materials.len(), clips.clips.len()),
         (0, 0, 0, 1)
     );
-    let geometry = import(ImportScope { geometry: true, clips: false, textures: true, pixels: true });
+    let geometry = import(ImportScope {
+        geometry: true,
+        clips: false,
+        textures: true,
+        pixels: true,
+        image_files: false,
+    });
     assert_eq!((geometry.meshes.len(), geometry.clips.len()), (1, 0));
     // Frames are not even looked at.
     let broken = ARM.replace("0 0 0  90 0 0", "no numbers");
-    let needs = ImportScope { geometry: true, clips: false, textures: false, pixels: false };
+    let needs =
+        ImportScope { geometry: true, clips: false, textures: false, pixels: false, image_files: false };
     assert!(
         choreo_importer_kit_testing::import(
             &BvhImporter,

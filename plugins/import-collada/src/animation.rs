@@ -3,6 +3,7 @@
 use crate::bake::{self, Bound, Component};
 use crate::controller::MorphTargets;
 use crate::nodes::Tree;
+use crate::properties::{self, Driven, Objects};
 use crate::sampler::Sampler;
 use crate::xml::{LEFT_OUT, Xml, child, children, descendant, label_of, name_of};
 use crate::xml::{Node, NodeId};
@@ -19,10 +20,17 @@ enum Target {
     Joints(Vec<u32>, usize, Component),
     /// Weight `1` of the morph controller that `0` names.
     Morph(NodeId, usize),
+    /// Numbers of a camera or light.
+    Object(NodeId, Vec<String>),
 }
 
-pub fn read(xml: &Xml<'_>, tree: &Tree<'_>, morphs: &[MorphTargets], file: &str) -> Result<Vec<Arc<Clip>>> {
-    let mut reader = Reader { xml, tree, samplers: HashMap::new(), left_out: BTreeMap::new() };
+pub fn read(
+    xml: &Xml<'_>,
+    tree: &Tree<'_>,
+    (morphs, objects): (&[MorphTargets], &Objects<'_>),
+    file: &str,
+) -> Result<Vec<Arc<Clip>>> {
+    let mut reader = Reader { xml, tree, objects, samplers: HashMap::new(), left_out: BTreeMap::new() };
     let mut out = Vec::new();
     let mut in_clips: Vec<u32> = Vec::new();
     for library in children(xml.root(), "library_animation_clips") {
@@ -73,6 +81,7 @@ pub fn read(xml: &Xml<'_>, tree: &Tree<'_>, morphs: &[MorphTargets], file: &str)
 struct Reader<'x, 'a> {
     xml: &'x Xml<'a>,
     tree: &'x Tree<'a>,
+    objects: &'x Objects<'a>,
     samplers: HashMap<NodeId, Rc<Sampler>>,
     /// Why channels are not used: how many, and the first.
     left_out: BTreeMap<&'static str, (usize, String)>,
@@ -89,6 +98,7 @@ impl<'a> Reader<'_, 'a> {
     ) -> Result<Option<Arc<Clip>>> {
         let mut joints: BTreeMap<u32, Vec<Bound>> = BTreeMap::new();
         let mut weights: BTreeMap<u32, Vec<(usize, Rc<Sampler>)>> = BTreeMap::new();
+        let mut properties: Vec<Driven> = Vec::new();
         let mut before_zero = 0;
         for channel in channels {
             let Some(target) = self.target(*channel) else { continue };
@@ -120,6 +130,15 @@ impl<'a> Reader<'_, 'a> {
                     }
                     weights.entry(controller.get()).or_default().push((index, sampler));
                 }
+                Target::Object(object, names) => {
+                    // Colors of some programs have an alpha.
+                    if sampler.width < names.len() {
+                        let (wanted, width) = (names.len(), sampler.width);
+                        let what = format!("drives {wanted} values, but its keys have {width}");
+                        return Err(self.xml.problem(*channel, what));
+                    }
+                    properties.extend(Driven::all(object, names, &sampler));
+                }
             }
         }
         if before_zero > 0 {
@@ -131,8 +150,11 @@ impl<'a> Reader<'_, 'a> {
                 ),
             );
         }
-        let samplers =
-            || joints.values().flatten().map(|b| &b.sampler).chain(weights.values().flatten().map(|w| &w.1));
+        let samplers = || {
+            let of_nodes =
+                joints.values().flatten().map(|b| &b.sampler).chain(weights.values().flatten().map(|w| &w.1));
+            of_nodes.chain(properties.iter().map(Driven::sampler))
+        };
         let first = || samplers().filter_map(|s| s.times.first().copied()).min();
         let last = || samplers().filter_map(|s| s.times.last().copied()).max();
         let start = start.or_else(first).unwrap_or(Time::ZERO);
@@ -147,10 +169,12 @@ impl<'a> Reader<'_, 'a> {
                 curves.extend(bake::weights(self.xml, morph, samplers, (start, end))?);
             }
         }
-        if curves.is_empty() {
+        let properties = properties::curves(self.xml, self.objects, &properties, (start, end))?;
+        if curves.is_empty() && properties.is_empty() {
             return Ok(None);
         }
         let clip = Clip::new(name.clone(), self.tree.joints.len(), curves);
+        let clip = clip.and_then(|clip| clip.with_properties(properties));
         clip.map(|c| Some(Arc::new(c))).map_err(|e| Problem::new(format!("clip \"{name}\""), e.to_string()))
     }
 
@@ -182,6 +206,14 @@ impl<'a> Reader<'_, 'a> {
         let Some(mut node) = self.xml.node_by_id(first).or(self.xml.by_id(first)) else {
             return self.leave(channel, "for something that is not in the file");
         };
+        if matches!(name_of(node), "camera" | "light") {
+            let of_sid = |n: &Node<'_>| n.attribute("sid").unwrap_or(name_of(*n)) == sid;
+            let names = node.descendants().find(of_sid).and_then(|n| properties::names(n, member));
+            return match names {
+                Some(names) => Some(Target::Object(node.id(), names)),
+                None => self.leave(channel, "for a number of a camera or light that is not read"),
+            };
+        }
         if name_of(node) != "node" {
             return match self.morph(node, member) {
                 Some(target) => Some(target),

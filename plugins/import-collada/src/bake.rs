@@ -16,11 +16,11 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 /// Tolerance: radians for rotations, relative for scales, and for lengths relative to the longest translation of the node.
-const TOLERANCE: f64 = 5e-5;
+pub const TOLERANCE: f64 = 5e-5;
 /// Halvings of an interval between two keys.
-const MAX_DEPTH: u32 = 9;
+pub const MAX_DEPTH: u32 = 9;
 /// Keys one node may come to.
-const MAX_KEYS: usize = 1_000_000;
+pub const MAX_KEYS: usize = 1_000_000;
 
 /// The values of a transform that a channel drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -226,7 +226,7 @@ fn curves(
 }
 
 /// Start, end, and all keys between.
-fn key_times<'s>(samplers: impl Iterator<Item = &'s Sampler>, start: Time, end: Time) -> Vec<Time> {
+pub fn key_times<'s>(samplers: impl Iterator<Item = &'s Sampler>, start: Time, end: Time) -> Vec<Time> {
     let mut times = vec![start, end];
     let mut first = end;
     let mut last = start;
@@ -243,6 +243,22 @@ fn key_times<'s>(samplers: impl Iterator<Item = &'s Sampler>, start: Time, end: 
         times.push(start);
     }
     times
+}
+
+/// Key times, with the tick before each at which a value jumps: it is held until then.
+pub fn held_keys<'s, I: Iterator<Item = &'s Sampler>>(times: &[Time], samplers: impl Fn() -> I) -> Vec<Time> {
+    let mut out: Vec<Time> = Vec::with_capacity(times.len());
+    for time in times {
+        let jumps = |s: &Sampler| {
+            s.times.binary_search(time).is_ok_and(|key| key > 0 && s.interpolation[key - 1] == Between::Step)
+        };
+        let all_step = samplers().all(|s| s.steps().1);
+        if !all_step && samplers().any(jumps) && out.last().is_some_and(|last| *last < *time - Time(1)) {
+            out.push(*time - Time(1));
+        }
+        out.push(*time);
+    }
+    out
 }
 
 /// Adds keys between two times until the straight way is near enough. `middle` is known where the interval is half of one

@@ -9,6 +9,7 @@ mod materials;
 mod meshes;
 mod nodes;
 mod objects;
+mod properties;
 mod sampler;
 mod source;
 mod xml;
@@ -110,8 +111,10 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &Impo
         },
         ..Asset::default()
     };
-    asset.cameras = objects::cameras(&xml, &tree)?;
-    asset.lights = objects::lights(&xml, &tree)?;
+    let (cameras, lights) = (objects::cameras(&xml, &tree)?, objects::lights(&xml, &tree)?);
+    asset.cameras = cameras.iter().map(|camera| camera.object.clone()).collect();
+    asset.lights = lights.iter().map(|light| light.object.clone()).collect();
+    let objects = properties::Objects { cameras, lights, metres };
     let materials = materials::Materials::new(needs.textures, files, srgb);
     let smooth_rad = options.number("smooth").unwrap_or(30.0).to_radians();
     let mut meshes = meshes::Builder::new(&xml, &tree, materials, smooth_rad);
@@ -122,7 +125,7 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &Impo
     asset.materials = materials.list;
     // Images take long: they are decoded beside the clips.
     let clips = || match needs.clips {
-        true => animation::read(&xml, &tree, &morphs, stem(&source.name)),
+        true => animation::read(&xml, &tree, (&morphs, &objects), stem(&source.name)),
         false => Ok(Vec::new()),
     };
     let (images, clips) =

@@ -7,12 +7,115 @@ use choreo_asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
 use choreo_importer_kit::Result;
 use choreo_importer_kit::text::{number, shown};
 use glam::Vec3;
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
+
+/// The ratio of width to height where the file states none.
+const WIDE: f64 = 16.0 / 9.0;
 
 /// Distance in metres at which a light's own attenuation and the renderer's inverse square are made equal.
 const EQUAL_AT: f64 = 5.0;
 
-pub fn cameras(xml: &Xml<'_>, tree: &Tree<'_>) -> Result<Vec<AssetCamera>> {
+/// A camera or light of the asset, with the element of the file that it is an instance of.
+pub struct Object<'a, T> {
+    pub element: Node<'a>,
+    /// Its optics, or its kind of light: the element that holds its numbers.
+    pub numbers_of: Node<'a>,
+    pub object: T,
+}
+
+/// Numbers of a lens or a light, by the names of their elements; a color as `r`, `g` and `b`.
+#[derive(Clone, Debug, Default)]
+pub struct Numbers(BTreeMap<&'static str, f64>);
+
+/// Names of all numbers but those of colors.
+const NAMES: [&str; 12] = [
+    "xfov",
+    "yfov",
+    "xmag",
+    "ymag",
+    "aspect_ratio",
+    "znear",
+    "zfar",
+    "constant_attenuation",
+    "linear_attenuation",
+    "quadratic_attenuation",
+    "falloff_angle",
+    "falloff_exponent",
+];
+
+impl Numbers {
+    pub fn read(xml: &Xml<'_>, parent: Node<'_>) -> Result<Numbers> {
+        let mut out = Numbers::default();
+        for name in NAMES {
+            if let Some(number) = xml.child_number(parent, name)? {
+                out.0.insert(name, number);
+            }
+        }
+        if let Some(color) = child(parent, "color") {
+            out.0.extend(["r", "g", "b"].into_iter().zip(xml.array::<3>(color)?));
+        }
+        Ok(out)
+    }
+
+    pub fn get(&self, name: &str) -> Option<f64> {
+        self.0.get(name).copied()
+    }
+
+    /// Replaces a number; false where there is none of this name.
+    pub fn set(&mut self, name: &str, number: f64) -> bool {
+        let known = NAMES.iter().chain(&["r", "g", "b"]).find(|known| **known == name);
+        known.is_some_and(|known| {
+            self.0.insert(*known, number);
+            true
+        })
+    }
+
+    /// The ratio of width to height.
+    fn aspect(&self) -> Option<f64> {
+        self.get("aspect_ratio").filter(|a| *a > 0.0)
+    }
+
+    /// The full vertical angle of a perspective lens, radians.
+    pub fn angle(&self) -> Option<f64> {
+        let across =
+            |x: f64| 2.0 * libm::atan(libm::tan(x.to_radians() / 2.0) / self.aspect().unwrap_or(WIDE));
+        self.get("yfov").map(f64::to_radians).or_else(|| self.get("xfov").map(across))
+    }
+
+    /// The full height of an orthographic view in units of the file: magnifications are half the extents.
+    pub fn height(&self) -> f64 {
+        let across = |x: f64| 2.0 * x / self.aspect().unwrap_or(WIDE);
+        self.get("ymag").map(|y| 2.0 * y).or_else(|| self.get("xmag").map(across)).unwrap_or(2.0)
+    }
+
+    /// A light of a kind; `None` for one that is not supported. A directional light of color 1 makes a white surface white: π lux. Other
+    /// lights fall off with their attenuation, which becomes an inverse square that is equal at five metres.
+    pub fn light(&self, kind: &str, metres: f64) -> Option<Light> {
+        let value = |name, default: f64| self.get(name).unwrap_or(default);
+        let color = Vec3::from(["r", "g", "b"].map(|name| value(name, 1.0).max(0.0) as f32));
+        let strength = f64::from(color.max_element()).max(1.0);
+        let at = |d: f64| {
+            let squared = value("quadratic_attenuation", 0.0) * d * d;
+            (value("constant_attenuation", 1.0) + value("linear_attenuation", 0.0) * d + squared).max(1e-6)
+        };
+        let candela = PI * EQUAL_AT * EQUAL_AT / at(EQUAL_AT / metres) * strength;
+        let (kind, intensity) = match kind {
+            "directional" => (LightKind::Directional, PI * strength),
+            "point" => (LightKind::Point, candela),
+            "spot" => {
+                // The full angle; the exponent makes a soft edge of it.
+                let outer = (value("falloff_angle", 180.0).to_radians() / 2.0).clamp(0.001, PI / 2.0);
+                let soft = if value("falloff_exponent", 0.0) > 0.0 { 0.5 } else { 0.98 };
+                (LightKind::Spot { inner: (outer * soft) as f32, outer: outer as f32 }, candela)
+            }
+            _ => return None,
+        };
+        Some(Light { kind, color: color / strength as f32, intensity: intensity as f32, range: None })
+    }
+}
+
+pub fn cameras<'a>(xml: &Xml<'a>, tree: &Tree<'a>) -> Result<Vec<Object<'a, AssetCamera>>> {
     let mut out = Vec::new();
     for (joint, node) in (0u32..).zip(tree.joints.iter().map(|j| j.node)) {
         for instance in children(node, "instance_camera") {
@@ -22,77 +125,54 @@ pub fn cameras(xml: &Xml<'_>, tree: &Tree<'_>) -> Result<Vec<AssetCamera>> {
                 xml.warn(camera, "has no optics; it is left out");
                 continue;
             };
-            let metres = tree.convention.metres;
-            let value = |name| xml.child_number(lens, name);
-            let near = value("znear")?.filter(|v| *v > 0.0).map_or(0.05, |v| v * metres);
-            let far = value("zfar")?.map(|v| v * metres).filter(|f| *f > near && f.is_finite());
-            let aspect = value("aspect_ratio")?.filter(|a| *a > 0.0);
-            let from_width = |width: f64, height_of: &dyn Fn(f64, f64) -> f64| -> f64 {
-                let aspect = aspect.unwrap_or_else(|| {
-                    xml.warn(lens, "gives its width without an aspect ratio; 16:9 is used");
-                    16.0 / 9.0
-                });
-                height_of(width, aspect)
-            };
-            let projection = match name_of(lens) {
-                "perspective" => {
-                    let wide = |x: f64, aspect: f64| 2.0 * libm::atan(libm::tan(x / 2.0) / aspect);
-                    let yfov = match (value("yfov")?, value("xfov")?) {
-                        (Some(y), _) => y.to_radians(),
-                        (None, Some(x)) => from_width(x.to_radians(), &wide),
-                        (None, None) => {
-                            xml.warn(lens, "has neither xfov nor yfov; 40 degrees are used");
-                            40f64.to_radians()
-                        }
-                    };
-                    if !(yfov > 0.0 && yfov < PI) {
-                        xml.warn(
-                            lens,
-                            format!(
-                                "sees {:.1} degrees, which no lens does; it is left out",
-                                yfov.to_degrees()
-                            ),
-                        );
-                        continue;
-                    }
-                    Projection::Perspective {
-                        yfov: yfov as f32,
-                        near: near as f32,
-                        far: far.map(|f| f as f32),
-                    }
-                }
-                "orthographic" => {
-                    // Magnifications are half the extents.
-                    let height = match (value("ymag")?, value("xmag")?) {
-                        (Some(y), _) => 2.0 * y,
-                        (None, Some(x)) => from_width(2.0 * x, &|w, aspect| w / aspect),
-                        (None, None) => 2.0,
-                    };
-                    let height = height * metres;
-                    if !(height > 0.0 && height.is_finite()) {
-                        xml.warn(lens, "has no height; it is left out");
-                        continue;
-                    }
-                    Projection::Orthographic {
-                        height: height as f32,
-                        near: near as f32,
-                        far: far.unwrap_or(near + 1000.0) as f32,
-                    }
-                }
-                other => {
-                    xml.warn(lens, format!("is {other}, which is not supported; it is left out"));
-                    continue;
-                }
-            };
-            out.push(AssetCamera { name: name(camera), joint, projection });
+            let Some(projection) = projection(xml, lens, tree.convention.metres)? else { continue };
+            let object = AssetCamera { name: name(camera), joint, projection };
+            out.push(Object { element: camera, numbers_of: lens, object });
         }
     }
     Ok(out)
 }
 
-/// A directional light of color 1 makes a white surface white: π lux. Other lights fall off with their attenuation, which becomes an
-/// inverse square that is equal at five metres.
-pub fn lights(xml: &Xml<'_>, tree: &Tree<'_>) -> Result<Vec<AssetLight>> {
+/// The projection of a lens; `None`, with a warning, for one that is left out.
+fn projection(xml: &Xml<'_>, lens: Node<'_>, metres: f64) -> Result<Option<Projection>> {
+    let numbers = Numbers::read(xml, lens)?;
+    let near = numbers.get("znear").filter(|v| *v > 0.0).map_or(0.05, |v| v * metres);
+    let far = numbers.get("zfar").map(|v| v * metres).filter(|f| *f > near && f.is_finite());
+    let [high, wide] = if name_of(lens) == "orthographic" { ["ymag", "xmag"] } else { ["yfov", "xfov"] };
+    if numbers.get(high).is_none() && numbers.get(wide).is_some() && numbers.aspect().is_none() {
+        xml.warn(lens, "gives its width without an aspect ratio; 16:9 is used");
+    }
+    Ok(match name_of(lens) {
+        "perspective" => {
+            let yfov = numbers.angle().unwrap_or_else(|| {
+                xml.warn(lens, "has neither xfov nor yfov; 40 degrees are used");
+                40f64.to_radians()
+            });
+            if !(yfov > 0.0 && yfov < PI) {
+                let degrees = yfov.to_degrees();
+                xml.warn(lens, format!("sees {degrees:.1} degrees, which no lens does; it is left out"));
+                return Ok(None);
+            }
+            let (near, far) = (near as f32, far.map(|f| f as f32));
+            Some(Projection::Perspective { yfov: yfov as f32, near, far })
+        }
+        "orthographic" => {
+            let height = numbers.height() * metres;
+            if !(height > 0.0 && height.is_finite()) {
+                xml.warn(lens, "has no height; it is left out");
+                return Ok(None);
+            }
+            let far = far.unwrap_or(near + 1000.0) as f32;
+            Some(Projection::Orthographic { height: height as f32, near: near as f32, far })
+        }
+        other => {
+            xml.warn(lens, format!("is {other}, which is not supported; it is left out"));
+            None
+        }
+    })
+}
+
+pub fn lights<'a>(xml: &Xml<'a>, tree: &Tree<'a>) -> Result<Vec<Object<'a, AssetLight>>> {
     let mut out = Vec::new();
     for (joint, node) in (0u32..).zip(tree.joints.iter().map(|j| j.node)) {
         for instance in children(node, "instance_light") {
@@ -101,51 +181,28 @@ pub fn lights(xml: &Xml<'_>, tree: &Tree<'_>) -> Result<Vec<AssetLight>> {
                 xml.warn(light, "has no technique_common; it is left out");
                 continue;
             };
-            let value = |name, default: f64| Result::Ok(xml.child_number(kind, name)?.unwrap_or(default));
-            let color = match child(kind, "color") {
-                Some(c) => Vec3::from(xml.array::<3>(c)?.map(|v| v.max(0.0) as f32)),
-                None => Vec3::ONE,
+            let numbers = Numbers::read(xml, kind)?;
+            let Some(of) = numbers.light(name_of(kind), tree.convention.metres) else {
+                xml.warn(
+                    light,
+                    match name_of(kind) {
+                        "ambient" => "ambient light is not part of a scene here; it is left out".to_string(),
+                        other => format!("is {other}, which is not supported; it is left out"),
+                    },
+                );
+                continue;
             };
-            let strength = f64::from(color.max_element()).max(1.0);
-            let (constant, along, squared) = (
-                value("constant_attenuation", 1.0)?,
-                value("linear_attenuation", 0.0)?,
-                value("quadratic_attenuation", 0.0)?,
-            );
-            let at = |d: f64| (constant + along * d + squared * d * d).max(1e-6);
-            let d = EQUAL_AT / tree.convention.metres;
-            let candela = PI * EQUAL_AT * EQUAL_AT / at(d) * strength;
-            let (kind_of, intensity) = match name_of(kind) {
-                "directional" => (LightKind::Directional, PI * strength),
-                "point" => (LightKind::Point, candela),
-                "spot" => {
-                    // The full angle; the exponent makes a soft edge of it.
-                    let outer = (value("falloff_angle", 180.0)?.to_radians() / 2.0).clamp(0.001, PI / 2.0);
-                    let soft = if value("falloff_exponent", 0.0)? > 0.0 { 0.5 } else { 0.98 };
-                    (LightKind::Spot { inner: (outer * soft) as f32, outer: outer as f32 }, candela)
-                }
-                "ambient" => {
-                    xml.warn(light, "ambient light is not part of a scene here; it is left out");
-                    continue;
-                }
-                other => {
-                    xml.warn(light, format!("is {other}, which is not supported; it is left out"));
-                    continue;
-                }
-            };
-            if !matches!(kind_of, LightKind::Directional) && (along != 0.0 || constant != 0.0) {
+            let fades = |name: &str, default: f64| numbers.get(name).unwrap_or(default) != 0.0;
+            if !of.kind.is_directional()
+                && (fades("linear_attenuation", 0.0) || fades("constant_attenuation", 1.0))
+            {
                 xml.warn(light, "its attenuation becomes an inverse square, equal at 5 m");
             }
-            let light_of = Light {
-                kind: kind_of,
-                color: color / strength as f32,
-                intensity: intensity as f32,
-                range: None,
-            };
-            if !light_of.intensity.is_finite() {
+            if !of.intensity.is_finite() {
                 return Err(xml.problem(light, "its color is not finite"));
             }
-            out.push(AssetLight { name: name(light), joint, light: light_of });
+            let object = AssetLight { name: name(light), joint, light: of };
+            out.push(Object { element: light, numbers_of: kind, object });
         }
     }
     Ok(out)

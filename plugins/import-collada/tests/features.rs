@@ -159,16 +159,29 @@ fn what_is_not_needed_is_not_read() {
     };
     assert_eq!(read(ImportScope::ALL), (1, 1, 1, 1, 1));
     assert_eq!(
-        read(ImportScope { geometry: false, clips: true, textures: false, pixels: false }),
+        read(ImportScope {
+            geometry: false,
+            clips: true,
+            textures: false,
+            pixels: false,
+            image_files: false
+        }),
         (0, 0, 1, 0, 0)
     );
     assert_eq!(
-        read(ImportScope { geometry: true, clips: false, textures: false, pixels: false }),
+        read(ImportScope {
+            geometry: true,
+            clips: false,
+            textures: false,
+            pixels: false,
+            image_files: false
+        }),
         (1, 1, 0, 0, 0)
     );
     // Positions that are no numbers are not even looked at.
     let broken = ARM.replace("0 0 0 100 0 0 200", "zero 0 0 100 0 0 200");
-    let clips = ImportScope { geometry: false, clips: true, textures: false, pixels: false };
+    let clips =
+        ImportScope { geometry: false, clips: true, textures: false, pixels: false, image_files: false };
     assert!(import(&ColladaImporter, &source("arm.dae", broken), &companions(), clips).is_ok());
 }
 

@@ -162,7 +162,8 @@ fn stacked(stack: &str, channels: &str) -> Asset {
         format!("{head}<library_animations><animation>{channels}</animation></library_animations>{tail}")
             .replace(node, stack);
     let files = Companions::none();
-    let needs = ImportScope { geometry: false, clips: true, textures: false, pixels: false };
+    let needs =
+        ImportScope { geometry: false, clips: true, textures: false, pixels: false, image_files: false };
     let asset = import(&ColladaImporter, &source("arm.dae", text), &files, needs);
     asset.unwrap_or_else(|e| panic!("{e}"))
 }

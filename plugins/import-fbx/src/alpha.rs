@@ -38,7 +38,7 @@ mod tests {
 
     fn image(alphas: &[u8]) -> Image {
         let rgba = alphas.iter().flat_map(|a| [1, 2, 3, *a]).collect();
-        Image { name: String::new(), width: alphas.len() as u32, height: 1, rgba }
+        Image { name: String::new(), width: alphas.len() as u32, height: 1, rgba, file: None }
     }
 
     #[test]

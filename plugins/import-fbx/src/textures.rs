@@ -238,7 +238,7 @@ fn combine(recipe: &Recipe, decoded: &[Option<Arc<Image>>]) -> Option<Arc<Image>
             unique.push(n)
         }
     });
-    Some(Arc::new(Image { name: unique.join(" + "), width, height, rgba }))
+    Some(Arc::new(Image { name: unique.join(" + "), width, height, rgba, file: None }))
 }
 
 /// The inverse of T · Rp · R · Rp⁻¹ · Sp · S · Sp⁻¹, of which textures show two axes. By libm from the file's angles.

@@ -297,7 +297,13 @@ fn lamp_and_camera() {
 fn what_is_not_needed_is_not_read() {
     let (whole, files) = flag(ImportScope::ALL);
     assert!(files.reads() > 0);
-    let (clips, files) = flag(ImportScope { geometry: false, clips: true, textures: false, pixels: false });
+    let (clips, files) = flag(ImportScope {
+        geometry: false,
+        clips: true,
+        textures: false,
+        pixels: false,
+        image_files: false,
+    });
     assert_eq!(
         (clips.meshes.len(), clips.instances.len(), clips.skins.len(), clips.images.len()),
         (0, 0, 0, 0)
@@ -305,7 +311,13 @@ fn what_is_not_needed_is_not_read() {
     assert_eq!(files.reads(), 0);
     assert_eq!(clips.skeleton, whole.skeleton);
     assert_eq!(clips.clips[0].curves(), whole.clips[0].curves());
-    let (still, _) = flag(ImportScope { geometry: true, clips: false, textures: false, pixels: false });
+    let (still, _) = flag(ImportScope {
+        geometry: true,
+        clips: false,
+        textures: false,
+        pixels: false,
+        image_files: false,
+    });
     assert_eq!((still.clips.len(), still.images.len()), (0, 0));
     assert_eq!(still.meshes[0].primitives[0].positions, whole.meshes[0].primitives[0].positions);
 }

@@ -27,7 +27,8 @@ fn main() {
             .to_vec(),
         false => given,
     };
-    let nothing = ImportScope { geometry: false, clips: false, textures: false, pixels: false };
+    let nothing =
+        ImportScope { geometry: false, clips: false, textures: false, pixels: false, image_files: false };
     let cases = [
         ("all", ImportScope::ALL),
         ("JSON and nodes only", nothing),

@@ -26,6 +26,7 @@ pub fn convert(glossy: &[Glossy], materials: &mut [Material], images: &mut Vec<A
                 rgba: source.rgba.as_chunks::<4>().0.iter().flat_map(|p| roughness(p[3], *factor)).collect(),
                 width: source.width,
                 height: source.height,
+                file: None,
             };
             images.push(Arc::new(rough));
             made.push((of.image, *factor, images.len() as u32 - 1));
@@ -48,7 +49,13 @@ mod tests {
 
     #[test]
     fn glossiness_is_one_minus_roughness() {
-        let image = Image { name: "sg".into(), width: 2, height: 1, rgba: vec![9, 9, 9, 255, 9, 9, 9, 51] };
+        let image = Image {
+            name: "sg".into(),
+            width: 2,
+            height: 1,
+            rgba: vec![9, 9, 9, 255, 9, 9, 9, 51],
+            file: None,
+        };
         let texture = TextureRef {
             image: 0,
             sampler: Default::default(),

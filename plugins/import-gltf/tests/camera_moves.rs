@@ -1,6 +1,6 @@
 //! A camera move and a lamp that Blender exported (`scripts/models/camera_move.py`), on a stage: where Blender has them, by its own matrices.
 //!
-//! Where `CHOREO_BPY` names a Python that has `bpy`, the file is made anew.
+//! Where Blender (PyPI `bpy`) can be had, the file is made anew.
 
 mod common;
 
@@ -72,17 +72,13 @@ fn a_camera_move_of_blender_is_where_blender_has_it() {
     let models = crate_folder.join("../../scripts/models");
     let sample = [models.join("camera_move.glb"), crate_folder.join("tests/samples/camera_move.json")];
     let mut files: Vec<[PathBuf; 2]> = vec![sample.clone()];
-    match std::env::var_os("CHOREO_BPY") {
-        None => println!("SKIP 1: CHOREO_BPY names no Python that has bpy"),
-        Some(python) => {
-            let made = ["camera_move.glb", "camera_move.json"];
-            let made = made.map(|name| Path::new(env!("CARGO_TARGET_TMPDIR")).join(name));
-            let run =
-                std::process::Command::new(python).arg(models.join("camera_move.py")).args(&made).output();
-            let run = run.unwrap();
-            assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-            files.push(made);
-        }
+    if let Some(python) = choreo_importer_kit_testing::pypi::blender(env!("CARGO_TARGET_TMPDIR")) {
+        let made = ["camera_move.glb", "camera_move.json"];
+        let made = made.map(|name| Path::new(env!("CARGO_TARGET_TMPDIR")).join(name));
+        let run = std::process::Command::new(python).arg(models.join("camera_move.py")).args(&made).output();
+        let run = run.unwrap();
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        files.push(made);
     }
     for [glb, truth] in &files {
         let found = apart(glb, truth, 0.0);

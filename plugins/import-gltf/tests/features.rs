@@ -304,7 +304,7 @@ fn only_what_is_needed_is_decoded() {
     b.json["materials"][0]["normalTexture"] = json!({"index": 0});
     let source = common::source("feature.glb", common::glb_of(&b.json, &b.bin));
     let import = |geometry, clips, textures| {
-        let needs = ImportScope { geometry, clips, textures, pixels: textures };
+        let needs = ImportScope { geometry, clips, textures, pixels: textures, image_files: false };
         GltfImporter::new().import(&source, &common::Nothing, needs, &ImportOptions::default())
     };
     assert!(

@@ -156,7 +156,8 @@ fn all_extensions_that_are_missing_are_named() {
     assert_eq!(error.hint.unwrap(), "convert the textures to PNG, JPEG, WebP or KTX2");
     // Textures that are not requested are no reason to refuse the file.
     let source = common::source("other.glb", common::glb_of(&json, &bin));
-    let needs = ImportScope { geometry: true, clips: false, textures: false, pixels: false };
+    let needs =
+        ImportScope { geometry: true, clips: false, textures: false, pixels: false, image_files: false };
     let asset = GltfImporter::new().import(&source, &common::Nothing, needs, &ImportOptions::default());
     assert!(asset.is_ok());
 }

@@ -192,7 +192,8 @@ fn claims_its_name_alone_and_makes_what_is_needed() {
     for other in ["mannequin", "choreo:mannequin.glb", "choreo:", "a/choreo:mannequin"] {
         assert_eq!(Mannequin.claim(&named(other)), Claim::NotMine, "{other}");
     }
-    let none = ImportScope { geometry: false, clips: false, textures: false, pixels: false };
+    let none =
+        ImportScope { geometry: false, clips: false, textures: false, pixels: false, image_files: false };
     let bare = import_with(&[], none).expect("no options");
     assert!(bare.meshes.is_empty() && bare.clips.is_empty() && bare.skeleton.len() == 55);
 }

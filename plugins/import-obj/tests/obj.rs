@@ -136,8 +136,20 @@ fn what_is_not_needed_is_not_read() {
         (asset.meshes.len(), asset.images.len(), files.reads())
     };
     assert_eq!(read(ImportScope::ALL), (3, 2, 3));
-    assert_eq!(read(ImportScope { geometry: true, clips: true, textures: false, pixels: false }), (3, 0, 1));
-    assert_eq!(read(ImportScope { geometry: false, clips: true, textures: false, pixels: false }), (0, 0, 1));
+    assert_eq!(
+        read(ImportScope { geometry: true, clips: true, textures: false, pixels: false, image_files: false }),
+        (3, 0, 1)
+    );
+    assert_eq!(
+        read(ImportScope {
+            geometry: false,
+            clips: true,
+            textures: false,
+            pixels: false,
+            image_files: false
+        }),
+        (0, 0, 1)
+    );
 }
 
 #[test]

@@ -168,7 +168,8 @@ fn what_is_left_is_said() {
 
 #[test]
 fn what_is_not_needed_is_not_made() {
-    let needs = ImportScope { geometry: false, clips: true, textures: false, pixels: false };
+    let needs =
+        ImportScope { geometry: false, clips: true, textures: false, pixels: false, image_files: false };
     for bytes in [TWO.as_bytes().to_vec(), binary(b"", [0; 4])] {
         let asset = import(&StlImporter, &source("part.stl", bytes), &Companions::none(), needs).unwrap();
         assert_eq!((asset.meshes.len(), asset.materials.len(), asset.instances.len()), (0, 0, 0));

@@ -4,7 +4,7 @@ use crate::layer::Prim;
 use crate::nodes::{Rig, Tree};
 use crate::transforms;
 use choreo_importer_kit::{Budget, Notes, Problem, Result};
-use choreo_motion::{Clip, Curve, Interpolation, Path, Time, Transform};
+use choreo_motion::{Clip, Curve, Interpolation, Path, PropertyCurve, Time, Transform};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -17,11 +17,13 @@ pub struct Clips<'a> {
     pub start: f64,
     pub rate: f64,
     pub curves: Vec<Curve>,
+    /// Of cameras and lights.
+    pub properties: Vec<PropertyCurve>,
 }
 
 impl Clips<'_> {
     /// Key times of time codes; `None` where fewer than two are left.
-    fn times(&self, codes: &[f64]) -> Option<(Vec<f64>, Arc<[Time]>)> {
+    pub fn times(&self, codes: &[f64]) -> Option<(Vec<f64>, Arc<[Time]>)> {
         let mut kept: Vec<f64> = Vec::new();
         let mut times: Vec<Time> = Vec::new();
         for code in codes {
@@ -147,10 +149,11 @@ impl Clips<'_> {
 
     /// The clip of all curves; `None` where nothing moves.
     pub fn finish(self, name: &str, joints: usize) -> Result<Option<Clip>> {
-        if self.curves.is_empty() {
+        if self.curves.is_empty() && self.properties.is_empty() {
             return Ok(None);
         }
         let clip = Clip::new(name.to_string(), joints, self.curves);
+        let clip = clip.and_then(|clip| clip.with_properties(self.properties));
         clip.map(Some).map_err(|e| Problem::new("timeSamples", e.to_string()))
     }
 }

@@ -86,16 +86,13 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope) -> Result<Asse
     let mut tree = Tree::of(&layer)?;
     let skeleton = tree.skeleton()?;
     let metres = layer.metres.unwrap_or(0.01);
-    let mut asset = Asset {
-        name: source.name.clone(),
-        origin: origin(source, &layer, metres),
-        cameras: objects::cameras(&tree, metres, &notes),
-        lights: objects::lights(&tree, metres, &notes),
-        ..Asset::default()
-    };
+    let mut asset =
+        Asset { name: source.name.clone(), origin: origin(source, &layer, metres), ..Asset::default() };
     let start = layer.start.unwrap_or(0.0);
     let rate = layer.rate.filter(|rate| rate.is_finite() && *rate > 0.0).unwrap_or(24.0);
-    let clips = Clips { budget: &budget, notes: &notes, start, rate, curves: Vec::new() };
+    let (curves, properties) = (Vec::new(), Vec::new());
+    let mut clips = Clips { budget: &budget, notes: &notes, start, rate, curves, properties };
+    objects::add(&tree, metres, &mut clips, &mut asset)?;
     let materials = Materials::new(&layer.root, (&packages, &budget, &notes), needs.textures);
     let mut scene = Scene {
         tree: &tree,

@@ -1,28 +1,48 @@
-//! Cameras and lights.
+//! Cameras and lights, and what their time samples change.
 
+use crate::clips::Clips;
 use crate::layer::Prim;
 use crate::nodes::Tree;
-use choreo_asset::{AssetCamera, AssetLight, Light, LightKind, Projection};
-use choreo_importer_kit::Notes;
-use glam::{DVec3, Vec3};
-use std::f64::consts::PI;
+use crate::transforms;
+use choreo_asset::{Asset, AssetCamera, AssetLight, Light, LightKind, Projection};
+use choreo_importer_kit::rows::{Nearness, rows};
+use choreo_importer_kit::{Notes, Result};
+use choreo_motion::{Interpolation, PropertyCurve, PropertyTarget, Time};
+use glam::Vec3;
+use std::f64::consts::{FRAC_PI_2, PI};
 
-pub fn cameras(tree: &Tree<'_>, metres: f64, notes: &Notes) -> Vec<AssetCamera> {
-    let mut out = Vec::new();
-    for node in tree.nodes.iter().filter(|node| node.prim.kind == "Camera") {
-        let prim = node.prim;
-        let number = |name: &str, default: f64| {
-            prim.number(name).filter(|v| v.is_finite() && *v > 0.0).unwrap_or(default)
-        };
-        if prim.attributes.get("focalLength").is_some_and(|a| a.samples.len() > 1) {
-            notes.warn(&node.path, "has a focal length that changes; the first one is read");
-        }
-        let range = prim.numbers("clippingRange").and_then(|v| v.first_chunk::<2>()).copied();
+/// How near keys of an angle come to those of a focal length.
+const NEARNESS: Nearness = Nearness { tolerance: 5e-5, depth: 9, rows: 1_000_000 };
+
+/// A prim at a time code.
+#[derive(Clone, Copy)]
+struct At<'a> {
+    prim: &'a Prim,
+    code: f64,
+}
+
+impl At<'_> {
+    fn numbers(&self, name: &str) -> Vec<f64> {
+        self.prim.attributes.get(name).map(|a| transforms::at(a, self.code)).unwrap_or_default()
+    }
+
+    fn number(&self, name: &str) -> Option<f64> {
+        self.numbers(name).first().copied().filter(|v| v.is_finite())
+    }
+
+    /// An input of a light, by its name of today or that of files before 2022.
+    fn input(&self, name: &str, default: f64) -> f64 {
+        self.number(&format!("inputs:{name}")).or_else(|| self.number(name)).unwrap_or(default)
+    }
+
+    fn projection(&self, metres: f64) -> Projection {
+        let number = |name: &str, default: f64| self.number(name).filter(|v| *v > 0.0).unwrap_or(default);
+        let range = self.numbers("clippingRange").first_chunk::<2>().copied();
         let [near, far] = range.unwrap_or([1.0, 1e6]).map(|v| (v * metres) as f32);
         let near = if near > 0.0 && near.is_finite() { near } else { 0.05 };
         let far = if far > near && far.is_finite() { far } else { near * 1e6 };
         let height = number("verticalAperture", 15.2908);
-        let projection = match prim.text("projection") {
+        match self.prim.text("projection") {
             // Apertures are in tenths of a unit.
             "orthographic" => Projection::Orthographic { height: (0.1 * height * metres) as f32, near, far },
             _ => {
@@ -30,54 +50,195 @@ pub fn cameras(tree: &Tree<'_>, metres: f64, notes: &Notes) -> Vec<AssetCamera> 
                 let far = (far < 0.9e6).then_some(far);
                 Projection::Perspective { yfov: yfov.clamp(1e-3, 3.1) as f32, near, far }
             }
-        };
-        out.push(AssetCamera { name: name_of(prim), joint: node.joint, projection });
+        }
     }
-    out
-}
 
-pub fn lights(tree: &Tree<'_>, metres: f64, notes: &Notes) -> Vec<AssetLight> {
-    let mut out = Vec::new();
-    for node in &tree.nodes {
-        let prim = node.prim;
-        let number = |name: &str, default: f64| {
-            let found = prim.number(&format!("inputs:{name}")).or_else(|| prim.number(name));
-            found.filter(|v| v.is_finite()).unwrap_or(default)
+    fn color(&self) -> Vec3 {
+        let color = ["inputs:color", "color"].map(|name| self.numbers(name));
+        let color = color.iter().find_map(|color| color.first_chunk::<3>());
+        let color = color.map_or(Vec3::ONE, |color| Vec3::from(color.map(|v| v as f32)));
+        if color.is_finite() { color.max(Vec3::ZERO) } else { Vec3::ONE }
+    }
+
+    /// Luminance, or illuminance of a distant light.
+    fn strength(&self) -> f64 {
+        self.input("intensity", 1.0).max(0.0) * libm::exp2(self.input("exposure", 0.0).clamp(-64.0, 64.0))
+    }
+
+    /// The light; `None` for kinds that have no place in an asset. Lights with an extent become points: their intensity is the luminance
+    /// times the area that is seen from in front. Flat ones shine as their cosine does, which a spot of 90 degrees is near.
+    fn light(&self, metres: f64) -> Option<Light> {
+        let length = |name: &str, default: f64| self.input(name, default).abs() * metres;
+        let strength = self.strength();
+        // A normalized light is divided by its surface.
+        let of = |seen: f64, surface: f64| match self.input("normalize", 0.0) != 0.0 {
+            true => strength * seen / surface.max(1e-12),
+            false => strength * seen,
         };
-        let strength =
-            number("intensity", 1.0).max(0.0) * libm::exp2(number("exposure", 0.0).clamp(-64.0, 64.0));
-        let (kind, intensity) = match prim.kind.as_str() {
+        let flat = LightKind::Spot { inner: 0.0, outer: FRAC_PI_2 as f32 };
+        let (kind, intensity) = match self.prim.kind.as_str() {
             "DistantLight" => (LightKind::Directional, strength),
             "SphereLight" => {
-                let radius = number("radius", 0.5) * metres;
-                let is_normalized = number("normalize", 0.0) != 0.0;
-                // Luminance times the disc that is seen; a normalized one is divided by its surface.
-                let candela = if is_normalized { 0.25 * strength } else { strength * PI * radius * radius };
-                let angle = number("shaping:cone:angle", 90.0);
-                let kind = match angle < 90.0 && angle > 0.0 {
-                    true => {
-                        let outer = angle.to_radians() as f32;
-                        let softness = number("shaping:cone:softness", 0.0).clamp(0.0, 1.0) as f32;
-                        LightKind::Spot { inner: (outer * (1.0 - softness)).min(outer * 0.999), outer }
-                    }
-                    false => LightKind::Point,
-                };
-                (kind, candela)
+                let disc = PI * length("radius", 0.5) * length("radius", 0.5);
+                // The surface cancels where a radius of 0 has none.
+                let normalized = self.input("normalize", 0.0) != 0.0;
+                (LightKind::Point, if normalized { 0.25 * strength } else { of(disc, 4.0 * disc) })
             }
-            "DomeLight" | "RectLight" | "DiskLight" | "CylinderLight" | "GeometryLight" | "PortalLight" => {
-                notes.warn(&node.path, format!("is a {}, which is left out", prim.kind));
-                continue;
+            "DiskLight" => {
+                let disc = PI * length("radius", 0.5) * length("radius", 0.5);
+                (flat, of(disc, disc))
             }
-            _ => continue,
+            "RectLight" => {
+                let area = length("width", 1.0) * length("height", 1.0);
+                (flat, of(area, area))
+            }
+            "CylinderLight" => {
+                let side = length("length", 1.0) * length("radius", 0.5);
+                (LightKind::Point, of(2.0 * side, 2.0 * PI * side))
+            }
+            _ => return None,
         };
-        let color = prim.numbers("inputs:color").or_else(|| prim.numbers("color"));
-        let color =
-            color.and_then(|v| v.first_chunk::<3>()).map_or(Vec3::ONE, |v| DVec3::from_array(*v).as_vec3());
+        let angle = self.input("shaping:cone:angle", 90.0);
+        let kind = match angle < 90.0 && angle > 0.0 && !kind.is_directional() {
+            true => {
+                let outer = angle.to_radians() as f32;
+                let softness = self.input("shaping:cone:softness", 0.0).clamp(0.0, 1.0) as f32;
+                LightKind::Spot { inner: (outer * (1.0 - softness)).min(outer * 0.999), outer }
+            }
+            false => kind,
+        };
         let intensity = (intensity as f32).min(f32::MAX);
-        let light = Light { kind, color: color.max(Vec3::ZERO), intensity, range: None };
-        out.push(AssetLight { name: name_of(prim), joint: node.joint, light });
+        Some(Light { kind, color: self.color(), intensity, range: None })
     }
-    out
+}
+
+/// Adds the cameras and lights of a tree, and the curves of what changes about them.
+pub fn add(tree: &Tree<'_>, metres: f64, clips: &mut Clips<'_>, asset: &mut Asset) -> Result<()> {
+    for node in &tree.nodes {
+        let (prim, joint, notes) = (node.prim, node.joint, clips.notes);
+        let at = |code: f64| At { prim, code };
+        let rest = at(clips.start);
+        match prim.kind.as_str() {
+            "Camera" => {
+                let index = asset.cameras.len() as u32;
+                let projection = rest.projection(metres);
+                asset.cameras.push(AssetCamera { name: name_of(prim), joint, projection });
+                let target = match projection {
+                    Projection::Perspective { .. } => PropertyTarget::CameraYfov(index),
+                    Projection::Orthographic { .. } => PropertyTarget::CameraHeight(index),
+                };
+                let row = |code| match at(code).projection(metres) {
+                    Projection::Perspective { yfov, .. } => vec![yfov],
+                    Projection::Orthographic { height, .. } => vec![height],
+                };
+                properties(prim, &["focalLength", "verticalAperture"], &[target], clips, row)?;
+            }
+            "DomeLight" => dome(&rest, &node.path, notes, asset),
+            "GeometryLight" | "PortalLight" | "PluginLight" => {
+                notes.warn(&node.path, format!("is a {}, which is left out", prim.kind));
+            }
+            kind => {
+                let Some(light) = rest.light(metres) else { continue };
+                if matches!(kind, "DiskLight" | "RectLight" | "CylinderLight") {
+                    notes.warn(&node.path, format!("is a {kind}, which shines from its middle"));
+                }
+                let index = asset.lights.len() as u32;
+                asset.lights.push(AssetLight { name: name_of(prim), joint, light });
+                let all = [
+                    PropertyTarget::LightColor(index),
+                    PropertyTarget::LightIntensity(index),
+                    PropertyTarget::SpotInner(index),
+                    PropertyTarget::SpotOuter(index),
+                ];
+                let targets = if light.kind.cone().is_some() { &all[..] } else { &all[..2] };
+                let row = |code| {
+                    let Some(light) = at(code).light(metres) else { return Vec::new() };
+                    let cone = light.kind.cone().into_iter().flatten();
+                    light.color.to_array().into_iter().chain([light.intensity]).chain(cone).collect()
+                };
+                properties(prim, &INPUTS, targets, clips, row)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The attributes that change a light.
+const INPUTS: [&str; 9] = [
+    "inputs:color",
+    "inputs:intensity",
+    "inputs:exposure",
+    "inputs:shaping:cone:angle",
+    "inputs:shaping:cone:softness",
+    "inputs:radius",
+    "inputs:width",
+    "inputs:height",
+    "inputs:length",
+];
+
+/// Light from all sides, of a dome without an image.
+fn dome(at: &At<'_>, path: &str, notes: &Notes, asset: &mut Asset) {
+    let image = ["inputs:texture:file", "texture:file"].map(|name| at.prim.text(name));
+    match image.into_iter().find(|image| !image.is_empty()) {
+        Some(image) => {
+            let file = choreo_importer_kit::text::shown(image.as_bytes());
+            notes.warn(
+                path,
+                format!(
+                    "is a DomeLight with an image, which is left out; sky(\"{file}\") in a script shows it"
+                ),
+            );
+        }
+        None => {
+            let ambient = at.color() * at.strength() as f32;
+            if ambient.is_finite() {
+                asset.ambient = asset.ambient.max(ambient);
+            }
+        }
+    }
+}
+
+/// Adds curves of the targets, whose numbers a row holds one after the other, where an attribute has time samples.
+fn properties(
+    prim: &Prim,
+    attributes: &[&str],
+    targets: &[PropertyTarget],
+    clips: &mut Clips<'_>,
+    row: impl Fn(f64) -> Vec<f32>,
+) -> Result<()> {
+    let samples = attributes.iter().filter_map(|name| prim.attributes.get(*name)).flat_map(|a| &a.samples);
+    let mut codes: Vec<f64> = samples.map(|(code, _)| *code).collect();
+    codes.sort_by(f64::total_cmp);
+    codes.dedup();
+    let Some((_, times)) = clips.times(&codes) else { return Ok(()) };
+    clips.budget.charge(times.len() as u64, 64)?;
+    let (start, rate) = (clips.start, clips.rate);
+    let width: usize = targets.iter().map(|target| target.width()).sum();
+    let made = rows(&times, NEARNESS, |time: Time| {
+        let mut row = row(start + time.as_secs() * rate);
+        // A spot whose cone opens to 90 degrees is none.
+        row.resize(width, FRAC_PI_2 as f32);
+        row
+    });
+    let Some(made) = made else {
+        return Err(format!("{} has more than {} keys", prim.name, NEARNESS.rows).into());
+    };
+    clips.budget.charge(made.len() as u64, 64)?;
+    let mut from = 0;
+    for target in targets {
+        let part = from..from + target.width();
+        from = part.end;
+        if made.iter().all(|(_, row)| row[part.clone()] == made[0].1[part.clone()]) {
+            continue;
+        }
+        clips.properties.push(PropertyCurve {
+            target: *target,
+            interpolation: Interpolation::Linear,
+            times: made.iter().map(|(time, _)| *time).collect(),
+            values: made.iter().flat_map(|(_, row)| &row[part.clone()]).copied().collect(),
+        });
+    }
+    Ok(())
 }
 
 fn name_of(prim: &Prim) -> String {

@@ -214,7 +214,9 @@ fn the_three_kinds_of_files_are_the_same_scene() {
     let [text, binary, package] = ["usda", "usdc", "usdz"].map(|extension| {
         let asset = import_bytes(&UsdImporter, &format!("arm.{extension}"), exported(extension)).unwrap();
         sound::check(extension, &asset);
-        assert_eq!(warnings(&asset), ["/out/ambient: is a DomeLight, which is left out"], "{extension}");
+        assert_eq!(warnings(&asset), [""; 0], "{extension}");
+        // The mean of the default light from above and below.
+        assert!((asset.ambient - glam::Vec3::splat(0.35)).length() < 1e-6, "{}", asset.ambient);
         asset
     });
     for other in [&binary, &package] {
@@ -224,6 +226,16 @@ fn the_three_kinds_of_files_are_the_same_scene() {
         assert_eq!(text.materials, other.materials);
     }
     assert!(text.clips[0].curves().iter().any(|curve| curve.times.len() > 2));
+}
+
+#[test]
+fn an_image_of_a_dome_is_named() {
+    let text = "#usda 1.0\ndef DomeLight \"sky\" {\n asset inputs:texture:file = @./env.exr@\n}\n";
+    let asset = import_bytes(&UsdImporter, "a.usda", text).unwrap();
+    let said =
+        "/sky: is a DomeLight with an image, which is left out; sky(\"env.exr\") in a script shows it";
+    assert_eq!(warnings(&asset), [said]);
+    assert_eq!(asset.ambient, glam::Vec3::ZERO);
 }
 
 #[test]

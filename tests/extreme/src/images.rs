@@ -282,7 +282,7 @@ fn texture() -> TextureRef {
 
 fn image([width, height]: [u32; 2], texel: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Image> {
     let rgba = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| texel(x, y));
-    Arc::new(Image { name: String::new(), width, height, rgba: rgba.collect() })
+    Arc::new(Image { name: String::new(), width, height, rgba: rgba.collect(), file: None })
 }
 
 /// A wall with a texture of one color, against the same without.
@@ -330,8 +330,13 @@ pub fn leaf() -> Stage {
         let (x, y) = (f64::from(i % 32) - 15.5, f64::from(i / 32) - 15.5);
         [40, 160, 60, (127.5 + (11.0 - (x * x + y * y).sqrt()) * 25.0).clamp(0.0, 255.0) as u8]
     };
-    let image =
-        Image { name: "leaf".into(), width: 32, height: 32, rgba: (0..1024).flat_map(texel).collect() };
+    let image = Image {
+        name: "leaf".into(),
+        width: 32,
+        height: 32,
+        rgba: (0..1024).flat_map(texel).collect(),
+        file: None,
+    };
     let texture =
         TextureRef { image: 0, sampler: Sampler::default(), uv_set: 0, uv_transform: Affine2::IDENTITY };
     let material =

@@ -4,8 +4,14 @@ pub mod assimp;
 
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::{Companions, source};
-use choreo_plugin::{ImportError, ImportScope, Importer, OptionValue};
+use choreo_plugin::{
+    ExportedScene, ImportError, ImportScope, Importer, MemoryFiles, OptionValue, SceneExporter,
+};
+use choreo_stage::{Cue, Repeat, Stage};
+use export_usd::UsdExporter;
+use import_usd::UsdImporter;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 pub struct Format {
     pub extension: &'static str,
@@ -35,6 +41,7 @@ pub fn importer(path: &Path) -> Option<&'static dyn Importer> {
     match extension.as_str() {
         "glb" | "gltf" => Some(&import_gltf::GltfImporter),
         "vrm" | "vrma" => Some(&import_vrm::VrmImporter),
+        "usd" | "usda" | "usdc" | "usdz" => Some(&import_usd::UsdImporter),
         _ => FORMATS.iter().find(|f| f.extension == extension).map(|f| f.importer),
     }
 }
@@ -88,4 +95,34 @@ pub fn import_with(
 
 pub fn whole(path: &Path) -> Asset {
     import(path, ImportScope::ALL).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The formats of USD. No sample is of these: they are made of other samples by our exporter, which usd-core verifies.
+pub const USD: [&str; 3] = ["usda", "usdc", "usdz"];
+
+/// An asset as USD, playing its first clip: the file, and its images by name.
+pub fn as_usd(asset: &Arc<Asset>, extension: &str) -> (Vec<u8>, Vec<(String, Vec<u8>)>) {
+    let mut stage = Stage::default();
+    let actor = stage.cast("model", asset.clone());
+    if let Some(clip) = asset.clips.first() {
+        stage.settings.length = clip.duration;
+        stage.play(actor, Cue { repeat: Repeat::Once, ..Cue::new(clip.clone()) });
+    }
+    let mut scene = ExportedScene::new("model", Arc::new(stage));
+    scene.extension = extension.into();
+    scene.options =
+        UsdExporter.manifest().complete(&scene.options).unwrap_or_else(|e| panic!("{}", e.message));
+    let mut files = MemoryFiles::default();
+    UsdExporter.export(&scene, &mut files).unwrap_or_else(|e| panic!("{e}"));
+    let beside = files.beside.into_iter().map(|(ending, bytes)| (format!("out{ending}"), bytes));
+    (files.main, beside.collect())
+}
+
+/// The import of what [`as_usd`] gives.
+pub fn from_usd((bytes, beside): (Vec<u8>, Vec<(String, Vec<u8>)>), extension: &str) -> Asset {
+    let name = format!("out.{extension}");
+    let options = choreo_importer_kit_testing::options(&UsdImporter, &[]);
+    let asset =
+        UsdImporter.import(&source(&name, bytes), &Companions::of(beside), ImportScope::ALL, &options);
+    asset.unwrap_or_else(|e| panic!("{e}"))
 }

@@ -3,8 +3,9 @@
 //! `cargo test --release -p importers --test damage -- --ignored --nocapture`.
 
 use choreo_importer_kit_testing::{Companions, alone, assets, damage};
-use importers::{GLTF_SAMPLES, SAMPLES, gltf_samples, importer, samples};
+use importers::{GLTF_SAMPLES, SAMPLES, USD, as_usd, gltf_samples, importer, samples, whole};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 type Samples = (usize, fn(&Path) -> Vec<PathBuf>);
 const FIVE: Samples = (SAMPLES, samples);
@@ -50,6 +51,44 @@ fn run((count, samples): Samples, cuts: usize, flips: usize, budget_bytes: usize
         slowest.1
     );
     assert!(total.refused > files.len() && total.read > 0);
+}
+
+/// Models as USD, cut off and with bits turned over.
+fn run_usd(cuts: usize, flips: usize) {
+    if alone::elsewhere() {
+        return;
+    }
+    let Some(folder) = assets(1) else { return };
+    let (mut total, mut slowest) = (damage::Outcome::default(), 0.0f64);
+    for name in ["same-model-3-formats/chest_gold.glb", "gltf/SimpleSkin.gltf"] {
+        let asset = Arc::new(whole(&folder.join(name)));
+        for extension in USD {
+            let (bytes, beside) = as_usd(&asset, extension);
+            let beside = Companions::of(beside);
+            let file = format!("out.{extension}");
+            let outcome =
+                damage::run_slice(importer(Path::new(&file)).unwrap(), &file, &bytes, &beside, cuts, flips);
+            total.read += outcome.read;
+            total.refused += outcome.refused;
+            slowest = slowest.max(outcome.slowest_secs);
+        }
+    }
+    println!(
+        "USD: {} damaged copies refused, {} read; the slowest import {slowest:.3} s",
+        total.refused, total.read
+    );
+    assert!(total.refused > 12 && total.read > 0);
+}
+
+#[test]
+fn a_slice_of_usd() {
+    run_usd(8, 24);
+}
+
+#[test]
+#[ignore = "50 cuts and 1,000 flips of six files: minutes, in release"]
+fn all_of_usd() {
+    run_usd(50, 1000);
 }
 
 #[test]

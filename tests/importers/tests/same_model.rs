@@ -3,9 +3,10 @@
 use choreo_asset::Asset;
 use choreo_importer_kit_testing::{assets, pose};
 use glam::{Affine3A, DVec3, Vec3};
-use importers::whole;
+use importers::{USD, as_usd, from_usd, whole};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 fn vertices(asset: &Asset) -> Vec<DVec3> {
     let model = pose::at(asset, None, 0.0);
@@ -101,6 +102,28 @@ fn props_in_three_formats() {
     compare(&folder, &["chest_gold.fbx", "chest_gold.glb"], 1e-5);
 }
 
+/// A model of glTF as USD, in all three kinds of files.
+#[test]
+fn a_chest_in_the_formats_of_usd() {
+    let Some(folder) = assets(1) else { return };
+    let first = Arc::new(whole(&folder.join("same-model-3-formats/chest_gold.glb")));
+    let points = vertices(&first);
+    for extension in USD {
+        let other = from_usd(as_usd(&first, extension), extension);
+        let off = apart(&points, &vertices(&other));
+        println!(
+            "chest_gold.glb as {extension}: {} triangles, points off by {off:.1e} of the size",
+            triangles(&other)
+        );
+        assert_eq!(triangles(&first), triangles(&other), "{extension}");
+        assert!(off < 1e-6, "{extension}: {off}");
+        assert_eq!(first.images.len(), other.images.len(), "{extension}");
+        let mut wrong = vertices(&other);
+        wrong.iter_mut().for_each(|p| p.x *= 1.001);
+        assert!(one_way(&points, &wrong) > 1e-6, "{extension}: a wider chest is not seen");
+    }
+}
+
 /// Joints by name in metres, at a time.
 fn joints(asset: &Asset, secs: f64) -> BTreeMap<String, Affine3A> {
     let clip = (!asset.clips.is_empty()).then_some(0);
@@ -178,6 +201,10 @@ fn moving(format: &str, stated: bool) -> Vec<u8> {
         "bvh" => "HIERARCHY\nROOT n\n{\nOFFSET 0 0 0\nCHANNELS 3 Xposition Yposition Zposition\nEnd Site\n{\nOFFSET 0 1 0\n}\n}\n\
                   MOTION\nFrames: 2\nFrame Time: 1\n0 0 0\n1 0 0\n"
             .to_string(),
+        "usda" => "#usda 1.0\n(\n defaultPrim = \"n\"\n metersPerUnit = 1\n upAxis = \"Y\"\n startTimeCode = 12\n timeCodesPerSecond = 24\n)\n\
+                   def Xform \"n\" {\n double3 xformOp:translate.timeSamples = { 12: (0, 0, 0), 36: (1, 0, 0) }\n \
+                   uniform token[] xformOpOrder = [\"xformOp:translate\"]\n}\n"
+            .to_string(),
         other => panic!("{other}"),
     };
     text.into_bytes()
@@ -187,7 +214,9 @@ fn moving(format: &str, stated: bool) -> Vec<u8> {
 /// in every format. glTF says it for all files: at 0 s (glTF 2.0 §3.11), which `import-gltf` tests.
 #[test]
 fn the_same_motion_starts_at_the_same_time() {
-    for (format, stated) in [("fbx", true), ("fbx", false), ("dae", true), ("dae", false), ("bvh", false)] {
+    for (format, stated) in
+        [("fbx", true), ("fbx", false), ("dae", true), ("dae", false), ("bvh", false), ("usda", true)]
+    {
         let name = format!("a.{format}");
         let importer = importers::importer(Path::new(&name)).unwrap();
         let asset = choreo_importer_kit_testing::import_bytes(importer, &name, moving(format, stated));

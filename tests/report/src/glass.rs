@@ -92,7 +92,7 @@ fn scene(way: usize, wall: f64) -> Result<Scene, String> {
         rgba.extend([code, code, code, 255]);
     }
     let side = TEXELS as u32;
-    asset.images[0] = Arc::new(Image { name: "waves".into(), width: side, height: side, rgba });
+    asset.images[0] = Arc::new(Image { name: "waves".into(), width: side, height: side, rgba, file: None });
     asset.derived = Default::default();
     for actor in &mut actors[1..] {
         let asset = Arc::make_mut(&mut actor.asset);

@@ -44,7 +44,13 @@ fn image() -> Image {
             rgba.extend([v as u8, (255.0 - v) as u8, (v * 0.5) as u8, 255]);
         }
     }
-    Image { name: "waves, checks and noise".into(), width: SIDE as u32, height: SIDE as u32, rgba }
+    Image {
+        name: "waves, checks and noise".into(),
+        width: SIDE as u32,
+        height: SIDE as u32,
+        rgba,
+        file: None,
+    }
 }
 
 /// One cosine along x and y: cycles over the side, and phase.

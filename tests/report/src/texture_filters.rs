@@ -72,7 +72,7 @@ fn ground(registry: &Registry, linear: bool, mip_linear: Option<bool>) -> Result
         rgba.extend([code, code, code, 255]);
     }
     let side = TEXELS as u32;
-    asset.images[0] = Arc::new(Image { name: "waves".into(), width: side, height: side, rgba });
+    asset.images[0] = Arc::new(Image { name: "waves".into(), width: side, height: side, rgba, file: None });
     let texture = asset.materials[0].base_color_texture.as_mut().ok_or("the ground has no texture")?;
     let sampler = &mut texture.sampler;
     (sampler.mag_linear, sampler.min_linear, sampler.mip_linear) = (linear, linear, mip_linear);

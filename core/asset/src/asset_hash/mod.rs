@@ -420,6 +420,7 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
             images: _,
             cameras,
             lights,
+            ambient,
             clips,
             expressions,
             springs,
@@ -469,6 +470,10 @@ pub(crate) fn asset_hash(asset: &Asset) -> ContentHash {
         w.option(eyes, character::eyes);
         // An asset without a given front writes nothing here, so that its hash stays as it was before this field existed.
         front.iter().for_each(|front| w.text(front.name()));
+        if *ambient != glam::Vec3::ZERO {
+            w.text("ambient");
+            w.vec3(*ambient);
+        }
     })
 }
 

@@ -30,7 +30,7 @@ fn part(image: &Image) -> Image {
         let from = (y * image.width) as usize * 4;
         image.rgba[from..from + width as usize * 4].iter().copied()
     };
-    Image { name: image.name.clone(), width, height, rgba: (0..height).flat_map(row).collect() }
+    Image { name: image.name.clone(), width, height, rgba: (0..height).flat_map(row).collect(), file: None }
 }
 
 /// The choice for this image.
@@ -157,7 +157,7 @@ mod tests {
     fn averages_of_codes_are_too_dark_and_ours_are_not() {
         // A checkerboard of black and white: half the light, code 188.
         let pixels = (0..64u32).flat_map(|i| [[0, 0, 0, 255], [255; 4]][((i + i / 8) % 2) as usize]);
-        let image = Image { name: "check".into(), width: 8, height: 8, rgba: pixels.collect() };
+        let image = Image { name: "check".into(), width: 8, height: 8, rgba: pixels.collect(), file: None };
         let exact = exact_level(&image, 4, 4);
         assert!((exact[0][0] - 187.5).abs() < 0.1, "{:?}", exact[0]);
         let choice = mips(&image, 0.01);

@@ -1,6 +1,7 @@
 //! Runs the built program, and makes small inputs for it.
 #![allow(dead_code)]
 
+use choreo_importer_kit_testing::pypi;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -109,22 +110,12 @@ pub fn read(folder: &Path, name: &str) -> Vec<u8> {
     std::fs::read(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
-/// A Python that imports `module`, from an environment in the folder of build outputs that is made once. `None`, with a message, where
-/// there is no Python or no package index.
+/// A Python that imports `module`; `None`, with a message, where it cannot be had.
 pub fn python_with(module: &str, requirement: &str) -> Option<PathBuf> {
-    let name: String = requirement.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("python_{name}"));
-    let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
-    let works = |program: &Path, args: &[&str]| {
-        Command::new(program).args(args).stdin(Stdio::null()).output().is_ok_and(|run| run.status.success())
-    };
-    let imports = format!("import {module}");
-    let made = works(&python, &["-c", &imports])
-        || (works(Path::new("python3"), &["-m", "venv", &folder.display().to_string()])
-            && works(&python, &["-m", "pip", "install", "--quiet", "--retries", "1", requirement])
-            && works(&python, &["-c", &imports]));
-    if !made {
-        println!("SKIP 1: no Python with {requirement}");
-    }
-    made.then_some(python)
+    pypi::python_with(env!("CARGO_TARGET_TMPDIR"), module, requirement)
+}
+
+/// A Python with Blender; `None`, with a message, where it cannot be had.
+pub fn blender() -> Option<PathBuf> {
+    pypi::blender(env!("CARGO_TARGET_TMPDIR"))
 }

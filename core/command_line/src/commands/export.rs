@@ -29,7 +29,7 @@ pub fn run(args: &ExportArgs, plugins: &Registry) -> Result<(), Failure> {
     in_folder(Path::new(&args.output))?;
     let options = options(&args.given(), exporter.manifest())?;
     let fps = args.fps.as_deref().map(values::fps).transpose()?;
-    let opening = Opening { quiet: args.quiet, ..Opening::TO_DRAW };
+    let opening = Opening { quiet: args.quiet, ..Opening::TO_EXPORT };
     let scene = scene::open(&args.scene, &registry, opening)?;
     let mut exported = ExportedScene::new(&scene.name, scene.stage.clone());
     exported.stem = stem(Path::new(&args.output));

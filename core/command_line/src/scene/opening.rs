@@ -18,6 +18,9 @@ pub struct Opening<'a> {
 impl Opening<'_> {
     pub(crate) const TO_DRAW: Opening<'static> =
         Opening { needs: ImportScope::ALL, quiet: false, keep: None, root: None };
+    /// Images keep the files that they were decoded from.
+    pub(crate) const TO_EXPORT: Opening<'static> =
+        Opening { needs: ImportScope::WITH_IMAGE_FILES, quiet: false, keep: None, root: None };
     /// No image is decoded.
     pub(crate) const TO_TELL: Opening<'static> =
         Opening { needs: ImportScope::NO_PIXELS, quiet: false, keep: None, root: None };

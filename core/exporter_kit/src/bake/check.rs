@@ -2,6 +2,7 @@
 
 use crate::bake::tracks::seconds;
 use crate::bake::{Baked, rig};
+use crate::parallel::in_parallel;
 use choreo_plugin::asset::widen;
 use choreo_plugin::motion::{Clip, Path, Pose, Sample, Skeleton, Time, Transform};
 use choreo_plugin::stage::{Actor, Snapshot, StageError};
@@ -42,35 +43,47 @@ pub fn worst(
     // The golden section meets neither frames nor round times.
     let share = |i: i64| (i as f64 + 0.381_966) / count as f64;
     let times: Vec<Time> = (0..count).map(|i| baked.start + Time((length * share(i)) as i64)).collect();
-    let mut evaluator = scene.evaluator();
-    let snapshots =
-        times.iter().map(|time| evaluator.at(*time)).collect::<Result<Vec<Snapshot>, StageError>>()?;
+    let evaluator = scene.evaluator();
+    let snapshots = in_parallel(&times, |time| evaluator.clone().at(*time));
+    let snapshots = snapshots.into_iter().collect::<Result<Vec<Snapshot>, StageError>>()?;
+    let at = || times.iter().copied().zip(&snapshots);
+    let seen: Vec<usize> = (0..stage.actors.len()).filter(|index| !baked.motions[*index].hidden).collect();
+    let of_actors = in_parallel(&seen, |index| worst_of_actor((scene, baked, *index), file, at()));
+    let worst = of_actors.into_iter().reduce(|a, b| if b.metres > a.metres { b } else { a });
+    Ok(worst.unwrap_or_default())
+}
+
+/// The largest distance of a joint of one actor.
+fn worst_of_actor<'s>(
+    (scene, baked, index): (&ExportedScene, &Baked<'_>, usize),
+    file: &AsWritten,
+    snapshots: impl Iterator<Item = (Time, &'s Snapshot)>,
+) -> ExportDeviation {
+    let actor = &scene.stage.actors[index];
     let mut worst = ExportDeviation::default();
-    for (index, actor) in stage.actors.iter().enumerate().filter(|(index, _)| !baked.motions[*index].hidden) {
-        let Some((skeleton, clip)) = written(baked, (actor, index), file) else { continue };
-        let mut pose = Pose::rest(&skeleton);
-        for (time, snapshot) in times.iter().zip(&snapshots) {
-            let state = &snapshot.actors[index];
-            if !state.visible || state.model_from_joint.len() + 1 != skeleton.len() {
-                continue;
-            }
-            skeleton.rest().iter().enumerate().for_each(|(joint, rest)| pose.set(joint, *rest));
-            Sample { clip: &clip, time: *time - baked.start, pose: &mut pose }.run();
-            let places = rig::places(&skeleton, pose.iter());
-            for (joint, place) in places.iter().enumerate() {
-                let truth = match joint.checked_sub(1) {
-                    None => state.world_from_model,
-                    Some(joint) => state.world_from_model * widen(&state.model_from_joint[joint]),
-                };
-                let metres = (place.translation - truth.translation).length();
-                if metres > worst.metres {
-                    let joint = skeleton.names()[joint].clone();
-                    worst = ExportDeviation { metres, actor: actor.name.clone(), joint, time: *time };
-                }
+    let Some((skeleton, clip)) = written(baked, (actor, index), file) else { return worst };
+    let mut pose = Pose::rest(&skeleton);
+    for (time, snapshot) in snapshots {
+        let state = &snapshot.actors[index];
+        if !state.visible || state.model_from_joint.len() + 1 != skeleton.len() {
+            continue;
+        }
+        skeleton.rest().iter().enumerate().for_each(|(joint, rest)| pose.set(joint, *rest));
+        Sample { clip: &clip, time: time - baked.start, pose: &mut pose }.run();
+        let places = rig::places(&skeleton, pose.iter());
+        for (joint, place) in places.iter().enumerate() {
+            let truth = match joint.checked_sub(1) {
+                None => state.world_from_model,
+                Some(joint) => state.world_from_model * widen(&state.model_from_joint[joint]),
+            };
+            let metres = (place.translation - truth.translation).length();
+            if metres > worst.metres {
+                let joint = skeleton.names()[joint].clone();
+                worst = ExportDeviation { metres, actor: actor.name.clone(), joint, time };
             }
         }
     }
-    Ok(worst)
+    worst
 }
 
 /// The rig as a player of the file has it.

@@ -16,11 +16,11 @@ use crate::bake::sample::{Sampled, Sampler};
 use crate::bake::shots::Shot;
 use crate::bake::signals::{CameraPart, Quantity, Signal};
 use crate::bake::tracks::{TrackSet, Values};
+use crate::parallel::in_parallel;
 use choreo_plugin::motion::{Interpolation, Path, Time, Transform};
 use choreo_plugin::stage::{Actor, LightState, Property, Snapshot, Stage, StageError};
 use choreo_plugin::{ExportedScene, glam};
 use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Numbers that rows of samples may hold together; scenes with more are sampled in parts.
 const MOST_NUMBERS: usize = 32 << 20;
@@ -169,7 +169,7 @@ fn sample(
             let reach = if reach.is_finite() { reach } else { 1.0 };
             actors.push(Sampled { actor, pose, offset, joints, reach });
         }
-        let mut sampler = Sampler::new(stage, std::mem::take(&mut signals), actors, tolerance as f32 * 0.5);
+        let sampler = Sampler::new(stage, std::mem::take(&mut signals), actors, tolerance as f32 * 0.5);
         let rows = sampler.rows(&times)?;
         let is_camera = |s: &&Signal| matches!(s.quantity, Quantity::Camera { .. });
         let all: Vec<&sample::Row> = rows.iter().collect();
@@ -196,36 +196,6 @@ fn sample(
         }
     }
     Ok(())
-}
-
-/// The results of a job for each of some things, in order, on as many threads as there are cores.
-fn in_parallel<T: Sync, R: Send>(things: &[T], job: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    if things.len() < 2 {
-        return things.iter().map(job).collect();
-    }
-    let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let next = AtomicUsize::new(0);
-    let work = || {
-        let mut done = Vec::new();
-        while let Some((at, thing)) =
-            Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|at| Some((at, things.get(at)?)))
-        {
-            done.push((at, job(thing)));
-        }
-        done
-    };
-    let mut all: Vec<(usize, R)> = std::thread::scope(|scope| {
-        let others: Vec<_> = (1..cores.min(things.len()))
-            .map_while(|_| std::thread::Builder::new().name("bake".into()).spawn_scoped(scope, work).ok())
-            .collect();
-        let mut all = work();
-        for other in others {
-            all.extend(other.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
-        }
-        all
-    });
-    all.sort_unstable_by_key(|(at, _)| *at);
-    all.into_iter().map(|(_, result)| result).collect()
 }
 
 impl Baked<'_> {

@@ -6,6 +6,7 @@
 use crate::bake::keys;
 use crate::bake::rig::{self, STRIDE, Spaces};
 use crate::bake::signals::{self, Quantity, Signal};
+use crate::parallel::in_parallel;
 use choreo_plugin::ExportedScene;
 use choreo_plugin::motion::Time;
 use choreo_plugin::stage::{Camera, Evaluator, Property, Rig, Snapshot, Stage, StageError};
@@ -36,8 +37,18 @@ pub struct Sampler<'a> {
     pub actors: Vec<Sampled>,
     /// Metres that a joint may be off halfway.
     tolerance: f32,
+}
+
+/// Samples a part of the timeline.
+struct Worker<'s> {
+    sampler: &'s Sampler<'s>,
+    evaluator: Evaluator,
+    snapshot: Snapshot,
     spaces: Spaces,
 }
+
+/// Parts that the timeline is sampled in: more than cores, because some take longer than others.
+const PARTS: usize = 32;
 
 /// Key times of clips that count as places to begin with, at most.
 const MOST_KEYS_A_FRAME: usize = 8;
@@ -56,7 +67,7 @@ impl<'a> Sampler<'a> {
             Some(fewer) => Evaluator::new(Arc::new(fewer)),
             None => Evaluator::new(stage.clone()).posing_hidden(),
         };
-        Sampler { stage, evaluator, signals, actors, tolerance, spaces: Spaces::default() }
+        Sampler { stage, evaluator, signals, actors, tolerance }
     }
 
     /// Numbers of a row.
@@ -65,20 +76,44 @@ impl<'a> Sampler<'a> {
         actors.last().map_or(of_signals, |last| last.offset + last.joints * STRIDE)
     }
 
+    /// Rows at these times, which increase, and where more are needed. Parts of the timeline are sampled on all cores: the rows between two
+    /// of the times depend on nothing else.
+    pub fn rows(&self, times: &[Time]) -> Result<Vec<Row>, StageError> {
+        let last = times.len().saturating_sub(1);
+        let step = last.div_ceil(PARTS).max(1);
+        let parts: Vec<&[Time]> =
+            (0..last.max(1)).step_by(step).map(|from| &times[from..=(from + step).min(last)]).collect();
+        let mut out: Vec<Row> = Vec::with_capacity(2 * times.len());
+        for rows in in_parallel(&parts, |times| self.worker().rows(times)) {
+            // The last row of a part is the first one of the next.
+            out.pop();
+            out.extend(rows?);
+        }
+        Ok(out)
+    }
+
+    fn worker(&self) -> Worker<'_> {
+        let (evaluator, snapshot) = (self.evaluator.clone(), Snapshot::default());
+        Worker { sampler: self, evaluator, snapshot, spaces: Spaces::default() }
+    }
+}
+
+impl Worker<'_> {
     fn row(&mut self, time: Time) -> Result<Row, StageError> {
-        let snapshot: Snapshot = self.evaluator.at(time)?;
-        let mut values = Vec::with_capacity(Sampler::width(&self.signals, &self.actors));
-        let lights = self.evaluator.stage_lights(&snapshot);
-        signals::append(self.stage, &self.signals, &snapshot, &lights, &mut values);
-        for sampled in &self.actors {
-            let (actor, state) = (&self.stage.actors[sampled.actor], &snapshot.actors[sampled.actor]);
+        let Worker { sampler, evaluator, snapshot, .. } = self;
+        evaluator.at_into(time, snapshot)?;
+        let mut values = Vec::with_capacity(Sampler::width(&sampler.signals, &sampler.actors));
+        let lights = evaluator.stage_lights(snapshot);
+        signals::append(sampler.stage, &sampler.signals, snapshot, &lights, &mut values);
+        for sampled in &sampler.actors {
+            let (actor, state) = (&sampler.stage.actors[sampled.actor], &snapshot.actors[sampled.actor]);
             rig::append(actor, state, sampled.pose, &mut values);
         }
         Ok(Row { time, values })
     }
 
-    /// Rows at these times, which increase, and where more are needed.
-    pub fn rows(&mut self, times: &[Time]) -> Result<Vec<Row>, StageError> {
+    /// Rows at these times and where more are needed.
+    fn rows(&mut self, times: &[Time]) -> Result<Vec<Row>, StageError> {
         let mut out: Vec<Row> = Vec::with_capacity(2 * times.len());
         for time in times {
             let next = self.row(*time)?;
@@ -126,18 +161,18 @@ impl<'a> Sampler<'a> {
     fn error(&mut self, a: &Row, b: &Row, middle: &Row) -> f32 {
         let t = middle.time.fraction(a.time, b.time);
         let (mut value, mut worst) = (Vec::new(), 0.0f32);
-        for signal in &self.signals {
+        for signal in &self.sampler.signals {
             let [a, b, truth] = [a, b, middle].map(|row| &row.values[signal.offset..][..signal.width]);
             value.resize(signal.width, 0.0);
             signal.between(a, b, t, &mut value);
             worst = worst.max(signal.error(&value, truth));
         }
-        for sampled in &self.actors {
+        for sampled in &self.sampler.actors {
             let rows = [a, b, middle].map(|row| &row.values[sampled.offset..][..sampled.joints * STRIDE]);
-            let parents = self.stage.actors[sampled.actor].asset.skeleton.parents();
+            let parents = self.sampler.stage.actors[sampled.actor].asset.skeleton.parents();
             // f32 cannot place what is far from the origin any better.
             let far = rows[2][..3].iter().fold(0.0f32, |most, v| most.max(v.abs()));
-            let allowed = self.tolerance.max(far * 4.0 * f32::EPSILON);
+            let allowed = self.sampler.tolerance.max(far * 4.0 * f32::EPSILON);
             worst = worst.max(rig::apart(parents, rows, t, sampled.reach, &mut self.spaces) / allowed);
         }
         worst

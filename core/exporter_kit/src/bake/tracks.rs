@@ -72,6 +72,23 @@ impl TrackSet<'_> {
         }
     }
 
+    /// The curves of one part of all joints but the actor itself, where each has a key at each of these times and nowhere else.
+    pub fn aligned(&self, path: Path, times: &[Time]) -> Option<Vec<(u32, Vec<f32>)>> {
+        let own = |(_, track): &(usize, &Track)| track.joint > 0 && track.path == path;
+        let tracks: Vec<(usize, &Track)> = self.tracks.iter().enumerate().filter(own).collect();
+        let fits = |(_, track): &(usize, &Track)| {
+            track.interpolation != Interpolation::CubicSpline && self.times[track.times] == times
+        };
+        tracks.iter().all(fits).then(|| {
+            let values = |(index, track): (usize, &Track)| {
+                let mut values = Vec::with_capacity(self.numbers(index));
+                self.values(index, &mut values);
+                (track.joint, values)
+            };
+            tracks.into_iter().map(values).collect()
+        })
+    }
+
     /// All key times of some tracks, increasing. Before a key of STEP is the tick at which the value before it ends.
     pub fn common_times(&self, of: impl Fn(&Track) -> bool) -> Vec<Time> {
         let mut out: Vec<Time> = Vec::new();

@@ -497,7 +497,7 @@ pub fn image(name: &str, width: u32, height: u32, pixels: &[u8]) -> Result<Image
         3 => pixels.as_chunks::<3>().0.iter().flat_map(|[r, g, b]| [*r, *g, *b, 255]).collect(),
         _ => pixels.iter().flat_map(|v| [*v, *v, *v, 255]).collect(),
     };
-    Ok(Image { name: name.to_string(), width, height, rgba })
+    Ok(Image { name: name.to_string(), width, height, rgba, file: None })
 }
 
 #[cfg(test)]

@@ -129,7 +129,7 @@ fields! {
     MorphTarget { positions, normals, tangents }
     Skin { joints, inverse_bind }
     MeshInstance { joint, mesh, skin, weights, copies }
-    Image { name, width, height, rgba }
+    Image { name, width, height, rgba; without file }
     AssetCamera { name, joint, projection }
     AssetLight { name, joint, light }
     Light { kind, color, intensity, range }

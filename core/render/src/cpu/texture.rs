@@ -189,7 +189,7 @@ mod tests {
 
     fn ramp(width: u32, mipmaps: bool) -> Texture {
         let rgba = (0..width).flat_map(|x| [x as u8 * 10, 0, 0, 255]).collect();
-        let image = Arc::new(Image { name: String::new(), width, height: 1, rgba });
+        let image = Arc::new(Image { name: String::new(), width, height: 1, rgba, file: None });
         Texture::new(&TextureResource { image, srgb: false, mipmaps, hash: [0; 16], streamed: None })
     }
 

@@ -208,7 +208,8 @@ impl Builder {
         let hash = short(stream.hashes[index]);
         let TextureResource { mipmaps, image: like, srgb, .. } = textures[first as usize].clone();
         *self.textures.entry((hash, srgb)).or_insert_with(|| {
-            let image = Image { name: format!("{} {index}", like.name), rgba: Vec::new(), ..*like };
+            let image =
+                Image { name: format!("{} {index}", like.name), rgba: Vec::new(), file: None, ..*like };
             let streamed = Some((stream.pictures.clone(), index));
             textures.push(TextureResource { image: Arc::new(image), srgb, mipmaps, hash, streamed });
             textures.len() as u32 - 1

@@ -202,7 +202,7 @@ mod tests {
     use super::*;
 
     fn image(width: u32, height: u32, rgba: Vec<u8>) -> Image {
-        Image { name: String::new(), width, height, rgba }
+        Image { name: String::new(), width, height, rgba, file: None }
     }
 
     #[test]

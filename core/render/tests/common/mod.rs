@@ -222,7 +222,7 @@ pub fn texture(image: u32) -> TextureRef {
 
 pub fn image(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 4]) -> Arc<Image> {
     let rgba = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| texel(x, y));
-    Arc::new(Image { name: String::new(), width, height, rgba: rgba.collect() })
+    Arc::new(Image { name: String::new(), width, height, rgba: rgba.collect(), file: None })
 }
 
 use choreo_plugin::Frame;

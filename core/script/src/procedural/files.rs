@@ -117,7 +117,13 @@ fn whole(o: &Options, word: &str) -> Result<Option<u64>, ApiError> {
 
 /// The image of a file. `what`: the word before errors.
 pub(crate) fn one(c: &Call, what: &str, name: &str) -> Result<Arc<Image>, ApiError> {
-    let image = decoded(name, &c.shared.read_file(name)?).map_err(|p| undecodable(what, name, p))?;
+    let bytes = c.shared.read_file(name)?;
+    let encoded = Encoded::examine(name.into(), name.into(), bytes, Formats::All);
+    let image = encoded.and_then(|encoded| match c.shared.loader.needs().image_files {
+        true => encoded.decode_with_file(),
+        false => encoded.decode(),
+    });
+    let image = image.map_err(|p| undecodable(what, name, p))?;
     super::raw_image::count(c, texels(&image))?;
     Ok(image)
 }

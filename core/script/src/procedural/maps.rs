@@ -52,7 +52,13 @@ pub fn side_by_side(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32;
             rgba[at..at + row_bytes].copy_from_slice(from);
         }
     }
-    let image = Image { name: first.image.name.clone(), width: columns * width, height: rows * height, rgba };
+    let image = Image {
+        name: first.image.name.clone(),
+        width: columns * width,
+        height: rows * height,
+        rgba,
+        file: None,
+    };
     Ok((ImageRef { image: Arc::new(image), ..first.clone() }, [columns, rows]))
 }
 
@@ -74,7 +80,7 @@ pub fn pictures(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
 /// A white image, of which another is the opacity.
 pub fn white(like: &ImageRef) -> ImageRef {
     let Image { width, height, ref rgba, .. } = *like.image;
-    let image = Image { name: "opacity".into(), width, height, rgba: vec![255; rgba.len()] };
+    let image = Image { name: "opacity".into(), width, height, rgba: vec![255; rgba.len()], file: None };
     ImageRef { image: Arc::new(image), files: None, ..like.clone() }
 }
 
@@ -84,7 +90,7 @@ pub(crate) fn with_opacity(base: &Image, map: &Image) -> Image {
     for (out, m) in rgba.as_chunks_mut::<4>().0.iter_mut().zip(map.rgba.as_chunks::<4>().0) {
         out[3] = (u16::from(out[3]) * u16::from(brightness(m)) / 255) as u8;
     }
-    Image { rgba, name: base.name.clone(), ..*base }
+    Image { rgba, name: base.name.clone(), file: None, ..*base }
 }
 
 /// A normal map with heights as its alpha.
@@ -93,7 +99,7 @@ pub(crate) fn with_heights(normals: &Image, heights: &Image) -> Image {
     for (out, h) in rgba.as_chunks_mut::<4>().0.iter_mut().zip(heights.rgba.as_chunks::<4>().0) {
         out[3] = brightness(h);
     }
-    Image { rgba, name: normals.name.clone(), ..*normals }
+    Image { rgba, name: normals.name.clone(), file: None, ..*normals }
 }
 
 /// The normal map of heights `depth` textures deep: central differences; the image repeats.
@@ -111,7 +117,7 @@ pub(crate) fn normals_of(image: &Image, depth: f32) -> Image {
             rgba.extend([n.x, n.y, n.z, 255.0].map(|v| (v + 0.5).clamp(0.0, 255.0) as u8));
         }
     }
-    Image { rgba, name: image.name.clone(), ..*image }
+    Image { rgba, name: image.name.clone(), file: None, ..*image }
 }
 
 /// Gray as it is, of colors the mean.
@@ -143,7 +149,7 @@ mod tests {
 
     fn grey(width: u32, values: &[u8]) -> Image {
         let rgba = values.iter().flat_map(|v| [*v, *v, *v, 255]).collect();
-        Image { name: "h".into(), width, height: values.len() as u32 / width, rgba }
+        Image { name: "h".into(), width, height: values.len() as u32 / width, rgba, file: None }
     }
 
     #[test]

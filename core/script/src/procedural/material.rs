@@ -416,7 +416,7 @@ fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
 fn checker(base: Vec4, second: Vec4) -> Arc<Image> {
     let texel = |c: Vec4| [srgb_byte(c.x), srgb_byte(c.y), srgb_byte(c.z), 255];
     let (a, b) = (texel(base), texel(second));
-    Arc::new(Image { name: "checker".into(), width: 2, height: 2, rgba: [a, b, b, a].concat() })
+    Arc::new(Image { name: "checker".into(), width: 2, height: 2, rgba: [a, b, b, a].concat(), file: None })
 }
 
 /// Cut out where an image has holes, blended where it is half transparent.

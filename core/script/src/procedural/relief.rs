@@ -216,7 +216,7 @@ mod tests {
 
     #[test]
     fn what_is_raised_evenly_is_a_larger_sphere() {
-        let white = Image { name: String::new(), width: 1, height: 1, rgba: vec![255; 4] };
+        let white = Image { name: String::new(), width: 1, height: 1, rgba: vec![255; 4], file: None };
         let mut sphere = solid("sphere", Vec3::ONE);
         let before = sphere.clone();
         subdivide(&mut sphere);

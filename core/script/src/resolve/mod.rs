@@ -46,6 +46,7 @@ pub fn resolve(
         if stage.sky.is_some() && !build.ambient_given {
             (stage.settings.ambient_up, stage.settings.ambient_down) = (Vec3::ZERO, Vec3::ZERO);
         }
+        let by_files = stage.sky.is_none() && !build.ambient_given;
         crate::check::before(&build, &mut notes);
         places.script_findings = crate::lint::script_findings(&build);
         let clips_only = build.loads.iter().filter(|l| l.clips_only);
@@ -69,6 +70,9 @@ pub fn resolve(
         let mut hidden_parts = HiddenParts::default();
         let actors = std::mem::take(&mut build.actors).into_iter().zip(layers);
         stage.actors = actors.map(|(draft, layers)| actor(draft, layers, &mut hidden_parts)).collect();
+        if by_files {
+            stage.take_ambient_of_files();
+        }
         stage.cameras =
             std::mem::take(&mut build.cameras).into_iter().map(|draft| camera(draft, &mut notes)).collect();
         let mut cuts = std::mem::take(&mut build.cuts);

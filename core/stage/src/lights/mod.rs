@@ -33,6 +33,17 @@ pub fn default_sun() -> LightState {
     }
 }
 
+impl Stage {
+    /// Takes the ambient light that the files of actors bring, where some do: the brightest.
+    pub fn take_ambient_of_files(&mut self) {
+        let shining = self.actors.iter().filter(|actor| actor.file_lights);
+        let brightest = shining.fold(Vec3::ZERO, |most, actor| most.max(actor.asset.ambient));
+        if brightest != Vec3::ZERO {
+            (self.settings.ambient_up, self.settings.ambient_down) = (brightest, brightest);
+        }
+    }
+}
+
 pub(crate) fn evaluate(
     stage: &Stage,
     edits: &FrameEdits,

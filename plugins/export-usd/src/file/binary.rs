@@ -289,6 +289,9 @@ impl Writer<'_, '_> {
             false => self.token(a.of.name),
         };
         let mut fields = vec![("typeName", inlined(crate::layer::TOKEN.code, name.into()))];
+        if a.is_custom() {
+            fields.push(("custom", inlined(crate::layer::BOOL.code, 1)));
+        }
         if a.uniform {
             fields.push(("variability", inlined(VARIABILITY, 1)));
         }

@@ -107,9 +107,10 @@ impl Text<'_, '_> {
 
     fn attribute(&mut self, a: &Attribute<'_>, depth: usize) -> Result<()> {
         let indent = "    ".repeat(depth);
+        let custom = if a.is_custom() { "custom " } else { "" };
         let uniform = if a.uniform { "uniform " } else { "" };
         let array = if a.is_array { "[]" } else { "" };
-        let declared = format!("{indent}{uniform}{}{array} {}", a.of.name, a.name);
+        let declared = format!("{indent}{custom}{uniform}{}{array} {}", a.of.name, a.name);
         if a.value.is_some() || a.samples.is_none() && a.connection.is_none() {
             self.line.push_str(&declared);
             if let Some(value) = &a.value {

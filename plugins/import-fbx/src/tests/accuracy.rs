@@ -10,7 +10,8 @@ use choreo_plugin::{ImportScope, Importer, OptionValue};
 use glam::{DQuat, DVec3};
 use std::path::Path;
 
-const ONLY_CLIPS: ImportScope = ImportScope { geometry: false, clips: true, textures: false, pixels: false };
+const ONLY_CLIPS: ImportScope =
+    ImportScope { geometry: false, clips: true, textures: false, pixels: false, image_files: false };
 
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Worst {

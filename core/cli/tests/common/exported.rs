@@ -1,0 +1,117 @@
+//! Scenes exported to memory and to a folder, for tests of scene exporters.
+#![allow(dead_code)]
+
+#[path = "unhurried.rs"]
+mod unhurried;
+
+use choreo_plugin::{ExportedScene, MemoryFiles, OptionValue};
+use choreo_script::{run_file, run_text};
+use choreo_stage::Stage;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The default tolerance of exporters: metres that a joint may be off.
+pub const TOLERANCE: f64 = 1e-4;
+
+/// A tenth of a second in which an actor is not seen, a loop, a fade, a texture that spins, a camera that zooms, a cut, and a lamp that
+/// goes on.
+pub const SCENE: &str = r##"
+    stage(#{ size: [320, 180], fps: 24, length: 3.0, background: "#203040" });
+    let m = load("choreo:mannequin", #{ color: "coral" });
+    let anna = cast("anna", m).at(-0.6, 0, 0);
+    anna.play(m.clip("Walk")).until(1.3).then(m.clip("Wave"), #{ fade: 0.4 });
+    let ben = cast("ben", load("choreo:mannequin", #{ color: "teal" })).at(0.6, 0, 0).tint("#ffd0d0");
+    ben.play(m.clip("Run"), #{ speed: 0.7 });
+    ben.key("visible", [[0.0, true], [1.0, false], [1.1, true]]);
+    let box = cast("box", shape("box", #{ size: 0.3, checker: "white", color: "navy" }));
+    box.attach(anna.joint("RightHand"));
+    cast("wheel", shape("quad", #{ size: 0.7, checker: "gold", color: "maroon", spin: 90.0 })).at(-1.5, 0.2, 0);
+    camera("wide").fov(40).at(0, 1.2, 4).look_at([0, 0.9, 0]).key("fov", [[0, 40], [1.5, 25]]);
+    camera("side").at(3, 1.5, 2.5).look_at([0, 0.9, 0]).cut(2.0);
+    sun(#{ direction: [-1, -2, -1] });
+    let lamp = point(#{ position: [1, 2, 1], color: "#ffcc88" }).key("intensity", [[0, 0], [2, 12]]);
+    ambient("white", 0.3);
+"##;
+
+pub fn scripts() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts")
+}
+
+/// All lessons; those in folders of their own have plugins beside them, which the program finds.
+pub fn lessons() -> Vec<PathBuf> {
+    let mut all = Vec::new();
+    for entry in std::fs::read_dir(scripts()).unwrap().map(|e| e.unwrap().path()) {
+        let inside = entry.join("lesson.rhai");
+        if entry.extension().is_some_and(|e| e == "rhai") {
+            all.push(entry);
+        } else if inside.is_file() {
+            all.push(inside);
+        }
+    }
+    all.sort();
+    assert!(all.len() >= 45, "{all:?}");
+    all
+}
+
+pub fn tolerance(metres: f64) -> [(&'static str, OptionValue); 1] {
+    [("tolerance", OptionValue::Number(metres))]
+}
+
+/// The stage of a lesson.
+pub fn stage_of(lesson: &Path) -> Stage {
+    let run = run_file(lesson, &choreo::registry(), &unhurried::unhurried());
+    run.unwrap_or_else(|e| panic!("{}: {e:?}", lesson.display())).stage
+}
+
+/// The files of an export, in memory and in a folder, where the main one is `out.EXTENSION`.
+pub struct Exported {
+    pub stage: Arc<Stage>,
+    pub files: MemoryFiles,
+    pub folder: tempfile::TempDir,
+    extension: String,
+}
+
+impl Exported {
+    pub fn of(stage: Stage, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
+        let registry = choreo::registry();
+        let exporter = registry.scene_exporter_for(&format!("out.{extension}")).unwrap();
+        let mut scene = ExportedScene::new("scene.rhai", Arc::new(stage));
+        scene.extension = extension.into();
+        scene.options = exporter.manifest().complete(&scene.options).unwrap();
+        for (name, value) in options {
+            scene.options.0.insert((*name).into(), value.clone());
+        }
+        let mut files = MemoryFiles::default();
+        exporter.export(&scene, &mut files).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let exported = Exported { stage: scene.stage, files, folder, extension: extension.into() };
+        exported.write(&exported.files.main);
+        exported
+    }
+
+    pub fn lesson(path: &Path, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
+        Exported::of(stage_of(path), extension, options)
+    }
+
+    pub fn script(text: &str, extension: &str, options: &[(&str, OptionValue)]) -> Exported {
+        let run = run_text("scene.rhai", text, &scripts(), &choreo::registry(), &unhurried::unhurried());
+        Exported::of(run.unwrap_or_else(|e| panic!("{e:?}")).stage, extension, options)
+    }
+
+    pub fn path(&self) -> PathBuf {
+        self.folder.path().join(format!("out.{}", self.extension))
+    }
+
+    /// Writes the files into the folder, with these bytes as the main one.
+    pub fn write(&self, main: &[u8]) {
+        std::fs::write(self.path(), main).unwrap();
+        for (ending, bytes) in &self.files.beside {
+            std::fs::write(self.folder.path().join(format!("out{ending}")), bytes).unwrap();
+        }
+    }
+}
+
+/// Times between frames, spread over the stage.
+pub fn times_between_frames(stage: &Stage) -> Vec<f64> {
+    (0..20).map(|i| stage.settings.length.as_secs() * (f64::from(i) + 0.377) / 20.0).collect()
+}
