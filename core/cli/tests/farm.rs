@@ -31,7 +31,8 @@ fn scene() -> tempfile::TempDir {
 /// The job in the folder `job`, and its summary.
 fn job(folder: &Path, engine: &str, film: &str, more: &[&str]) -> serde_json::Value {
     let mut args = vec!["farm", "scene/it's.rhai", "-o", film, "--for", engine, "--to", "job", "--json"];
-    args.extend(OPTIONS);
+    let of_mp4 = |option: &&&str| film.ends_with(".mp4") || !["--export", "keyframes=0.8"].contains(*option);
+    args.extend(OPTIONS.iter().filter(of_mp4));
     args.extend(more);
     let run = choreo(folder, &args);
     assert_eq!(run.code, 0, "{}", run.err);
@@ -63,7 +64,7 @@ fn openjd_runs_the_whole_job() {
     let film = "it's a {film}.mp4";
     let summary = job(d, "openjd", film, &["--chunk", "25"]);
     assert_eq!(summary["chunks"], serde_json::json!([[0, 24], [25, 49], [50, 59]]));
-    assert_eq!(names(&d.join("job")), ["film.choreo", "output", "segments", "template.json"]);
+    assert_eq!(names(&d.join("job")), ["film.choreo", "job.json", "output", "segments", "template.json"]);
     let whole = one_machine(d);
     let template = d.join("job/template.json").display().to_string();
     let Some(check) = openjd(&["check", &template, "--extensions", "TASK_CHUNKING"]) else { return };
@@ -84,7 +85,7 @@ script= first= last= after=
 for argument; do
     case "$argument" in
         --array=*) range=${argument#--array=}; first=${range%-*}; last=${range#*-} ;;
-        --dependency=afterok:*) after=${argument#--dependency=afterok:} ;;
+        --dependency=after*) after=${argument##*:} ;;
         -*) echo "$argument" >> options.txt ;;
         *) script=$argument ;;
     esac
@@ -127,7 +128,7 @@ fn slurm_scripts_make_the_film() {
     assert_eq!(summary["chunks"].as_array().unwrap().len(), 5);
     assert_eq!(
         names(&d.join("job")),
-        ["chunks.txt", "film.choreo", "join.sh", "output", "render.sh", "segments", "submit.sh"]
+        ["chunks.txt", "film.choreo", "job.json", "join.sh", "output", "render.sh", "segments", "submit.sh"]
     );
     assert_eq!(read(d, "job/chunks.txt"), b"0-13\n14-27\n28-41\n42-55\n56-59\n");
     let whole = one_machine(d);
@@ -191,4 +192,151 @@ fn jobs_that_cannot_run_are_refused() {
     }
     let run = choreo(d, &["farm", "none.rhai", "-o", "a.mp4", "--for", "slurm", "--to", "job"]);
     assert_eq!((run.code, run.err.as_str()), (1, "none.rhai: no such file\n"));
+}
+
+/// The preview is every eighth frame at half the size: the frames of the film, drawn at that size.
+#[test]
+fn a_preview_has_every_eighth_frame_at_half_the_size() {
+    let dir = scene();
+    let d = dir.path();
+    let render = |size: &str, more: &[&str]| {
+        let args = ["render", "scene/it's.rhai", "--device", "cpu", "--samples", "1", "--size", size];
+        let run = choreo(d, &[&args[..], &["--set", "color=#20c040"], more].concat());
+        assert_eq!(run.code, 0, "{}", run.err);
+    };
+    render("32x18", &["--frames", "0..60:8", "-o", "every/%04d.png"]);
+    render("64x36", &["--frames", "0..60:8", "-o", "large/%04d.png"]);
+    let summary = job(d, "slurm", "film/%02d.png", &["--chunk", "14", "--preview", "1/8"]);
+    assert_eq!(summary["films"][0]["output"], "preview/film/%02d.png");
+    let run = finished(slurm(d, SBATCH));
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert!(
+        run.out.starts_with("preview render: job 41, 1 tasks; preview join: job 42\nrender: "),
+        "{}",
+        run.out
+    );
+    let pixels = |name: String| image::open(d.join(name)).unwrap().to_rgba8();
+    let preview = names(&d.join("job/output/preview/film"));
+    assert_eq!(preview.len(), 8);
+    for (k, name) in preview.iter().enumerate() {
+        let small = pixels(format!("job/output/preview/film/{name}"));
+        assert!(small == pixels(format!("every/{:04}.png", 8 * k)), "{name}");
+        assert!(
+            pixels(format!("job/output/film/{:02}.png", 8 * k)) == pixels(format!("large/{:04}.png", 8 * k))
+        );
+    }
+    // The frames differ, so that a wrong one would be found.
+    assert!(pixels("every/0000.png".into()) != pixels("every/0032.png".into()));
+    std::fs::remove_dir_all(d.join("job")).unwrap();
+    job(d, "openjd", "film.mp4", &["--chunk", "24", "--preview", "1/8"]);
+    let whole = one_machine(d);
+    let template = d.join("job/template.json").display().to_string();
+    let choreo = format!("Choreo={}", env!("CARGO_BIN_EXE_choreo"));
+    let run = ["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo];
+    let Some(run) = openjd(&[&run[..], &["--extensions", "TASK_CHUNKING"]].concat()) else { return };
+    assert_eq!(run.code, 0, "{}{}", run.out, run.err);
+    assert!(read(d, "job/output/film.mp4") == whole);
+    assert!(d.join("job/output/preview/film.mp4").is_file());
+}
+
+/// A film a row, with a row that fails: the others have the bytes of one machine, on both engines.
+#[test]
+fn a_batch_is_one_job() {
+    let dir = scene();
+    let d = dir.path();
+    let table = "_name,color\nred one,#c04020\nbad,\"no such color\"\nblue,#2040c0\n";
+    std::fs::write(d.join("rows.csv"), table).unwrap();
+    for (name, color) in [("red one", "#c04020"), ("blue", "#2040c0")] {
+        let (output, color) = (format!("{name}.mp4"), format!("color={color}"));
+        let mut args = vec!["render", "scene/it's.rhai", "-o", &output, "--device", "cpu", "--set", &color];
+        args.extend(&OPTIONS[..4]);
+        assert_eq!(choreo(d, &args).code, 0);
+    }
+    for engine in ["slurm", "openjd"] {
+        let _ = std::fs::remove_dir_all(d.join("job"));
+        let mut args = vec![
+            "farm",
+            "scene/it's.rhai",
+            "-o",
+            "{_dir}/{_name}.mp4",
+            "--for",
+            engine,
+            "--to",
+            "job",
+            "--chunk",
+            "25",
+        ];
+        args.extend(&OPTIONS[..4]);
+        args.extend(["--set-from", "rows.csv", "--json"]);
+        let run = choreo(d, &args);
+        assert!(run.code == 1 && run.err.contains("row 1 has no value for {_dir}"), "{}", run.err);
+        args[3] = "films/{row} {_name}.mp4";
+        let run = choreo(d, &args);
+        assert_eq!((run.code, run.err.lines().last()), (1, Some("1 of 3 rows failed: 2")), "{}", run.err);
+        let summary: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+        assert_eq!(summary["films"].as_array().unwrap().len(), 2);
+        assert_eq!(summary["films"][1]["output"], "films/3 blue.mp4");
+        assert_eq!(summary["failed_rows"][0]["row"], 2);
+        let run = match engine {
+            "slurm" => finished(slurm(d, SBATCH)),
+            _ => {
+                let template = d.join("job/template.json").display().to_string();
+                let choreo = format!("Choreo={}", env!("CARGO_BIN_EXE_choreo"));
+                match openjd(&["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo]) {
+                    Some(run) => run,
+                    None => return,
+                }
+            }
+        };
+        assert_eq!(run.code, 0, "{engine}: {}{}", run.out, run.err);
+        assert_eq!(names(&d.join("job/output/films")), ["1 red one.mp4", "3 blue.mp4"]);
+        assert!(read(d, "job/output/films/1 red one.mp4") == read(d, "red one.mp4"), "{engine}");
+        assert!(read(d, "job/output/films/3 blue.mp4") == read(d, "blue.mp4"), "{engine}");
+    }
+}
+
+/// The guide's lines for machines without a scheduler, as they stand there: with an ssh that runs each command on this machine, and a
+/// machine that fails at first.
+#[test]
+fn the_guide_lines_for_machines_without_a_scheduler_make_the_film() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/guide/src/recipes/render_farm.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let section = page.split("## Machines without a scheduler").nth(1).unwrap();
+    let lines = section.split("```sh\n").nth(1).unwrap().split("```").next().unwrap();
+    let dir = folder();
+    let d = dir.path();
+    std::fs::write(d.join("film.rhai"), SCRIPT).unwrap();
+    std::fs::write(d.join("hosts.txt"), "ann\nben\ncleo\n").unwrap();
+    std::fs::write(d.join("choreo.toml"), "[render]\nsamples = 1\n").unwrap();
+    let bin = d.join("bin");
+    std::fs::create_dir(&bin).unwrap();
+    std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_choreo"), bin.join("choreo")).unwrap();
+    let ssh = "#!/bin/sh\n[ \"$1\" = -n ] || exit 9\necho \"$2\" >> \"$HOSTS\"\n[ \"$2\" = \"$DEAD\" ] && exit 255\nexec sh -c \"$3\"\n";
+    std::fs::write(bin.join("ssh"), ssh).unwrap();
+    std::fs::set_permissions(bin.join("ssh"), std::fs::Permissions::from_mode(0o755)).unwrap();
+    // Chunks of a known length in place of measured ones.
+    let lines = lines.replace("--to job", "--to job --chunk 7 --samples 1");
+    // What is missing here does not come.
+    let lines = lines.replace("sh join.sh", "sed -i 's/--wait 60//' join.sh && sh join.sh");
+    let run = |lines: &str, dead: &str| {
+        let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap_or_default());
+        let mut shell = Command::new("sh");
+        shell.args(["-c", lines]).current_dir(d).env("PATH", path).env("CHOREO_PLUGINS", "");
+        finished(shell.env("HOSTS", d.join("used.txt")).env("DEAD", dead).output().unwrap())
+    };
+    let first = run(&lines, "ben");
+    assert!(
+        first.code == 1 && first.err.contains("these are missing: 7..=13, 28..=34, 49..=55"),
+        "{}",
+        first.err
+    );
+    let again = run(lines.split_once('\n').unwrap().1, "nobody");
+    assert_eq!(again.code, 0, "{}", again.err);
+    let mut used: Vec<String> =
+        String::from_utf8(read(d, "used.txt")).unwrap().lines().map(str::to_string).collect();
+    used.sort();
+    assert_eq!(used, ["ann", "ann", "ben", "ben", "cleo", "cleo"]);
+    let one = ["render", "film.rhai", "-o", "one.mp4", "--device", "cpu", "--samples", "1"];
+    assert_eq!(choreo(d, &one).code, 0);
+    assert!(read(d, "one.mp4") == read(d, "job/output/film.mp4"));
 }

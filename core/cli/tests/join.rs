@@ -316,7 +316,7 @@ fn several_makers_of_one_segment_do_not_fail() {
         })
         .collect();
     assert_eq!(made.iter().filter(|drawn| **drawn > 0).count(), 1, "{made:?}");
-    assert_eq!(names(&d.join("a")), ["0000000-0000059.segment"]);
+    assert_eq!(names(&d.join("a")), ["0000000-0000059.report", "0000000-0000059.segment"]);
 }
 
 #[test]

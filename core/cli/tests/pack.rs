@@ -357,3 +357,102 @@ fn what_cannot_be_packed_is_refused() {
     // Beside a render of the scene, the archive stays.
     usage(&["render", "a.choreo", "-o", "a.choreo"], "the name's extension says the format");
 }
+
+/// The folder form has the files of the archive and renders the same bytes; links in it are refused, wherever they lead.
+#[cfg(unix)]
+#[test]
+fn a_folder_has_what_the_archive_has() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    project(d);
+    good(d, &["pack", "scenes/film.rhai", "-o", "film.choreo"]);
+    good(d, &["pack", "scenes/film.rhai", "-o", "film/"]);
+    let mut archive = tar::Archive::new(std::io::Cursor::new(read(d, "film.choreo")));
+    let mut count = 0;
+    for entry in archive.entries().unwrap() {
+        let mut entry = entry.unwrap();
+        let mut bytes = Vec::new();
+        std::io::Read::read_to_end(&mut entry, &mut bytes).unwrap();
+        assert!(std::fs::read(d.join("film").join(entry.path().unwrap())).unwrap() == bytes);
+        count += 1;
+    }
+    assert!(count == 14 && files_below(&d.join("film")) == count);
+    good(d, &["render", "film.choreo", "-o", "one.mp4"]);
+    std::fs::rename(d.join("scenes"), d.join("gone")).unwrap();
+    good(d, &["render", "film", "-o", "two.mp4"]);
+    assert!(read(d, "one.mp4") == read(d, "two.mp4"));
+    let again = choreo(d, &["pack", "gone/film.rhai", "-o", "film/"]);
+    assert!(again.code == 3 && again.err.contains("film/: it is there already"), "{}", again.err);
+    let refused = |what: &str| {
+        let run = choreo(d, &["check", "film"]);
+        assert!(run.code == 1 && run.err.starts_with(&format!("film: it is damaged: {what}")), "{}", run.err);
+    };
+    let dots = d.join("film/files/0/a.dots");
+    std::fs::rename(&dots, d.join("film/files/0/b.dots")).unwrap();
+    refused("files/0/a.dots: ");
+    std::os::unix::fs::symlink("b.dots", &dots).unwrap();
+    refused("something else is in the place of files/0/a.dots");
+    std::fs::remove_file(&dots).unwrap();
+    std::os::unix::fs::symlink(d.join("gone/a.dots"), &dots).unwrap();
+    refused("files/0/a.dots: ");
+    std::fs::remove_file(&dots).unwrap();
+    std::fs::write(&dots, "DOTS 0 0 0, 1 0 0, 0 2 0").unwrap();
+    refused("files/0/a.dots has another hash");
+    std::fs::remove_file(&dots).unwrap();
+    std::fs::rename(d.join("film/files/0/b.dots"), &dots).unwrap();
+    std::fs::rename(d.join("film/files/1"), d.join("film/files/one")).unwrap();
+    std::os::unix::fs::symlink("one", d.join("film/files/1")).unwrap();
+    refused("something else is in the place of files/1/deep/buffers/tri.bin");
+}
+
+fn files_below(folder: &Path) -> usize {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries.map(|path| if path.is_dir() { files_below(&path) } else { 1 }).sum()
+}
+
+/// `choreo test` runs the sections of a packed script, and `choreo view` shows it, unpacked until the viewer ends.
+#[cfg(unix)]
+#[test]
+fn a_packed_scene_is_tested_and_viewed() {
+    use std::os::unix::fs::PermissionsExt;
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    project(d);
+    let sections = "stage(#{ size: [16, 16], length: 0.1 });\nlet b = cast(\"b\", load(\"deep/model.gltf\")).at(1, 0, 0);\n\
+                    test(\"place\", || { expect(b).at(0.0).near([1.0, 0.0, 0.0], cm(1)); });\n";
+    write(d, "scenes/t.rhai", sections);
+    let scratch = d.join("scratch");
+    std::fs::create_dir(&scratch).unwrap();
+    let outcome = |name: &str| {
+        good(d, &["pack", "scenes/t.rhai", "-o", name]);
+        let output = command(d, &["test", name]).env("TMPDIR", &scratch).output().unwrap();
+        assert!(names(&scratch).is_empty(), "{:?}", names(&scratch));
+        finished(output)
+    };
+    let run = outcome("t.choreo");
+    assert_eq!(run.code, 0, "{}{}", run.out, run.err);
+    write(d, "scenes/t.rhai", sections.replace("near([1.0", "near([1.5"));
+    assert_eq!(outcome("wrong.choreo").code, 1);
+    let refused = choreo(d, &["test", "t.choreo", "--accept"]);
+    assert!(refused.code == 2 && refused.err.contains("t.choreo: it is packed"), "{}", refused.err);
+    // A viewer that only says what it was given, beside a copy of the program.
+    std::fs::copy(env!("CARGO_BIN_EXE_choreo"), d.join("choreo")).unwrap();
+    let viewer = "#!/bin/sh\nls \"$1\"\nfor word; do echo \"$word\"; done\n";
+    std::fs::write(d.join("choreo-view"), viewer).unwrap();
+    std::fs::set_permissions(d.join("choreo-view"), PermissionsExt::from_mode(0o755)).unwrap();
+    good(d, &["pack", "scenes/film.rhai", "--set", "color=#e04020", "-o", "film.choreo"]);
+    let view = |more: &[&str]| {
+        let mut command = std::process::Command::new(d.join("choreo"));
+        command.args(["view", "film.choreo"]).args(more).current_dir(d).env_remove("CARGO");
+        let run = finished(command.env("TMPDIR", &scratch).env("CHOREO_PLUGINS", "").output().unwrap());
+        assert!(run.code == 0 && names(&scratch).is_empty(), "{}", run.err);
+        run.out
+    };
+    let shown = view(&["--play"]);
+    let words: Vec<&str> = shown.lines().collect();
+    assert!(words[0] == words[1] && words[0].ends_with("/files/0/film.rhai"), "{shown}");
+    assert!(words.contains(&"color=#e04020") && words.last() == Some(&"--play"), "{shown}");
+    assert!(words.iter().any(|word| word.ends_with("/files/1")), "{shown}");
+    let shown = view(&["--set", "color=#2040e0"]);
+    assert!(!shown.contains("color=#e04020") && shown.contains("color=#2040e0"), "{shown}");
+}

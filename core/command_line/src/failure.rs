@@ -16,6 +16,8 @@ pub enum Failure {
     Device(String),
     /// Sections failed, or none was tested: how many. What failed has been reported.
     Tests(String),
+    /// Rows of a batch failed: how many. What failed has been reported.
+    Rows(String),
     /// The machine, or a limit set on the program, gives too few threads or too little memory.
     Machine(String),
     /// The program is at fault.
@@ -68,7 +70,7 @@ impl Failure {
 
     pub fn code(&self) -> u8 {
         match self {
-            Failure::Input(_) | Failure::Tests(_) => 1,
+            Failure::Input(_) | Failure::Tests(_) | Failure::Rows(_) => 1,
             Failure::Usage(_) => 2,
             Failure::Output(_) => 3,
             Failure::Device(_) => 4,
@@ -86,7 +88,9 @@ impl Failure {
         match self {
             Failure::Input(problems) => problems.iter().map(ToString::to_string).collect(),
             Failure::Usage(text) => vec![format!("{text}\n    see choreo --help")],
-            Failure::Output(text) | Failure::Device(text) | Failure::Tests(text) => vec![text.clone()],
+            Failure::Output(text) | Failure::Device(text) | Failure::Tests(text) | Failure::Rows(text) => {
+                vec![text.clone()]
+            }
             Failure::Machine(text) => vec![text.clone()],
             Failure::Internal(text) => vec![format!(
                 "internal error: {text}\n    hint: this is a fault of choreo, whatever the input; please report it with the command and its files"
@@ -103,6 +107,7 @@ impl Failure {
             Failure::Output(_) => "output",
             Failure::Device(_) => "device",
             Failure::Tests(_) => "tests",
+            Failure::Rows(_) => "rows",
             Failure::Machine(_) => "machine",
             Failure::Internal(_) => "internal",
             Failure::Interrupted => "interrupted",

@@ -24,7 +24,7 @@ use commands::{
     plugins as plugins_command, pose, render, test, view,
 };
 use failure::{Failure, print_json, print_json_message, print_message};
-use process::{interrupt, panics, scratch, threads};
+use process::{interrupt, panics, scratch, threads, worker};
 use scene::pack::Unpacked;
 use std::ffi::OsString;
 use std::path::Path;
@@ -47,6 +47,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     interrupt::install();
     let json = cli.command.json();
     let result = panics::guarded(|| start(cli, &args, app));
+    worker::end(result.as_ref().err());
     scratch::remove();
     let Err(failure) = result else { return ExitCode::SUCCESS };
     ended(&failure, json, &args)
@@ -64,8 +65,8 @@ pub fn command(app: &App) -> clap::Command {
 
 fn ended(failure: &Failure, json: bool, args: &[OsString]) -> ExitCode {
     failure.lines().iter().for_each(print_message);
-    // A report of failed tests has said it already.
-    if json && !matches!(failure, Failure::Tests(_)) {
+    // A report of failed tests or rows has said it already.
+    if json && !matches!(failure, Failure::Tests(_) | Failure::Rows(_)) {
         write_json(failure, writes_video_to_stdout(args));
     }
     ExitCode::from(failure.code())
@@ -107,7 +108,10 @@ fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
         Command::Measure(args) => measure::run(args, plugins),
         Command::Pose(args) => pose::run(args, plugins),
         Command::Export(args) => export::run(&args, plugins),
-        Command::Farm(given) => farm::run(&given, app, project_file::text_for(args, &given.scene.input)?),
+        Command::Farm(given) => match &given.status {
+            Some(folder) => farm::status(folder, &given),
+            None => farm::run(&given, app, project_file::text_for(args, &given.scene.input)?),
+        },
         Command::Pack(given) => pack::run(&given, plugins, project_file::text_for(args, &given.scene.input)?),
         Command::View(args) => view::run(args, no_project_file, app),
         Command::Test(args) => test::run(args, no_project_file, plugins),

@@ -4,7 +4,7 @@ use crate::leftovers::{Leftover, leftovers};
 use crate::part::{lock, part_of, take};
 use crate::write_error::WriteError;
 use crate::{FileError, Folder};
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -61,6 +61,13 @@ impl PartFolder {
             opened.number = Some(leftovers.add(opened.leftover()));
             return Ok(opened);
         }
+    }
+
+    /// Whether a process holds the part folder of the output `name`; none seems to on a file system without locks. A process that
+    /// opens it at this very moment gets [`WriteError::Busy`].
+    pub fn is_held(parent: &Folder, name: &Path, files: &'static [&'static str]) -> bool {
+        let lock = parent.subfolder(&part_of(name)).and_then(|folder| folder.open_existing(lock_name(files)));
+        lock.is_ok_and(|lock| matches!(lock.try_lock_shared(), Err(TryLockError::WouldBlock)))
     }
 
     /// Name in messages.

@@ -2,6 +2,7 @@
 
 pub mod values;
 
+use clap::builder::ArgPredicate;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -44,7 +45,10 @@ pub enum Command {
     #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
     Render(RenderArgs),
     /// Write the job that renders a film on many machines, for an engine that is there: Open Job Description or Slurm
-    #[command(after_help = EXIT_CODES, after_long_help = limits_help())]
+    #[command(after_help = EXIT_CODES, after_long_help = limits_help(), mut_arg("input", |input| {
+        // Not used there: --status names the folder of a job.
+        input.required(false).required_unless_present("status").default_value_if("status", ArgPredicate::IsPresent, ".")
+    }))]
     Farm(FarmArgs),
     /// Join the segments that several machines made with render --segment to the file that one machine would have written
     #[command(after_help = EXIT_CODES)]
@@ -190,6 +194,13 @@ pub(crate) struct RenderArgs {
     /// Write the frames as a segment into this folder, for choreo join: one of several machines makes a part of the film -o
     #[arg(long, value_name = "DIR", conflicts_with_all = ["at", "sheet", "watch", "stages"])]
     pub segment: Option<PathBuf>,
+    /// Render a film for each row of a table, whose columns are parameters as those of --set: rows.csv with their names in its first line,
+    /// or rows.json, an array of objects. -o is a pattern, as out/{name}.mp4; {row} is the number of the row
+    #[arg(long = "set-from", value_name = "FILE", conflicts_with_all = ["watch", "stages"])]
+    pub set_from: Option<PathBuf>,
+    /// Only this row of --set-from, from 1
+    #[arg(long, value_name = "N", requires = "set_from")]
+    pub row: Option<usize>,
     /// Go on where an earlier render of the same was stopped: finished frames are not drawn again
     #[arg(long)]
     pub resume: bool,
@@ -230,20 +241,32 @@ impl RenderArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct FarmArgs {
+    /// Print how far the job in this folder is, from what its workers leave there: chunks, frames a second, time left, what failed
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "engine", "to", "chunk", "set_from", "preview", "set"])]
+    pub status: Option<PathBuf>,
+    /// With --status: write a contact sheet, the first frame of each chunk with its state
+    #[arg(long, value_name = "FILE.png", requires = "status")]
+    pub sheet: Option<PathBuf>,
     #[command(flatten)]
     pub scene: SceneArgs,
     /// The film, film.mp4 or frames/%04d.png, in the folder output of the job
-    #[arg(short, long, value_name = "FILE")]
-    pub output: String,
+    #[arg(short, long, value_name = "FILE", required_unless_present = "status")]
+    pub output: Option<String>,
     /// The engine that runs the job
-    #[arg(long = "for", value_enum, value_name = "ENGINE")]
-    pub engine: Engine,
+    #[arg(long = "for", value_enum, value_name = "ENGINE", required_unless_present = "status")]
+    pub engine: Option<Engine>,
     /// The folder of the job: the packed scene, its steps, and later the segments and the film
-    #[arg(long, value_name = "DIR")]
-    pub to: PathBuf,
+    #[arg(long, value_name = "DIR", required_unless_present = "status")]
+    pub to: Option<PathBuf>,
     /// Frames of a chunk (default: measured, so that starting takes at most 5 % of a machine's time)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub chunk: Option<u64>,
+    /// A film for each row of a table, as with render --set-from; -o is a pattern, as {name}.mp4
+    #[arg(long = "set-from", value_name = "FILE")]
+    pub set_from: Option<PathBuf>,
+    /// Render every Nth frame at half the size first, written 1/N: a film of its own in the folder output/preview
+    #[arg(long, value_name = "1/N", conflicts_with = "set_from")]
+    pub preview: Option<String>,
     /// Pixels, as 1280x720
     #[arg(long, value_name = "WxH")]
     pub size: Option<String>,
@@ -280,8 +303,8 @@ pub(crate) enum Engine {
 pub(crate) struct PackArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// The archive, film.choreo
-    #[arg(short, long, value_name = "FILE.choreo")]
+    /// The archive, film.choreo, or a new folder, film/, with the same files
+    #[arg(short, long, value_name = "FILE.choreo|DIR/")]
     pub output: PathBuf,
     /// No progress bar, no summary; warnings stay
     #[arg(short, long)]
@@ -299,6 +322,9 @@ pub(crate) struct JoinArgs {
     /// The film: a file, or frames/%04d.png; in the format of the segments
     #[arg(short, long, value_name = "FILE")]
     pub output: String,
+    /// Wait up to this many seconds for segments that are missing: on a shared file system they may be seen late
+    #[arg(long, value_name = "SECONDS", default_value_t = 0)]
+    pub wait: u32,
     /// Raise or lower a limit, as output=1000000000; repeatable
     #[arg(long = "limit", value_name = "NAME=NUMBER")]
     pub limit: Vec<String>,
@@ -677,7 +703,7 @@ impl Command {
             Command::Render(a) => Some(&mut a.scene),
             Command::Export(a) => Some(&mut a.scene),
             Command::Pack(a) => Some(&mut a.scene),
-            Command::Farm(a) => Some(&mut a.scene),
+            Command::Farm(a) if a.status.is_none() => Some(&mut a.scene),
             Command::Check(a) => Some(&mut a.scene),
             Command::Explain(a) => Some(&mut a.scene),
             Command::Measure(a) => Some(&mut a.scene),

@@ -6,7 +6,7 @@ use choreo_script::Limits;
 use std::ops::Range;
 
 /// Limit of the frames of one run; more are a slip of the hand: 92 hours at 30 frames a second.
-const MOST_FRAMES: i64 = 10_000_000;
+pub const MOST_FRAMES: i64 = 10_000_000;
 
 fn usage<T>(text: String) -> Result<T, Failure> {
     Err(Failure::Usage(text))

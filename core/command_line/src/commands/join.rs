@@ -19,7 +19,10 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+/// Time between two looks at the folder.
+const PAUSE: Duration = Duration::from_millis(500);
 
 /// Names read of one folder.
 const MOST_NAMES: usize = 1_000_000;
@@ -32,17 +35,8 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
     }
     let exporter = target.exporter(plugins)?;
     let limits = values::limits(&args.limit)?;
-    let files = files(&args.segments)?;
-    let Opened { segments, damaged } = Opened::new(&files, args.quiet)?;
-    let film = same_film(&segments, &damaged, exporter.as_ref(), software)?;
-    let options = export::options(&film.film.options, exporter.manifest())?;
-    let info = film.film.info(options);
-    if exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. }) && info.frames > 1 {
-        let what = format!("{} holds one image of {}; write frames/%04d.png", target.shown(), info.frames);
-        return Err(Failure::Usage(what));
-    }
-    let piece = exporter.piece(&info).or(exporter.one_frame_per_file().then_some(std::num::NonZeroU64::MIN));
-    let sources = cover(&segments, piece).map_err(|gap| gap_failure(gap, &segments, &damaged, &target))?;
+    let Gathered { segments, damaged, sources, info, files } =
+        waited(args, &target, exporter.as_ref(), software)?;
     let inputs = Inputs::new(files.iter().cloned());
     let joining = Joining {
         target: &target,
@@ -81,6 +75,92 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
     Ok(())
 }
 
+/// All that a film is made of.
+struct Gathered {
+    segments: Vec<Segment>,
+    /// The damage of each, complete with its name.
+    damaged: Vec<String>,
+    sources: Vec<Source>,
+    info: VideoInfo,
+    files: Vec<PathBuf>,
+}
+
+/// Why a film cannot be made.
+enum Lack {
+    /// Some of it is not there, or not whole: on a shared file system it may come yet.
+    Missing(Failure),
+    Failure(Failure),
+}
+
+impl From<Failure> for Lack {
+    fn from(failure: Failure) -> Lack {
+        Lack::Failure(failure)
+    }
+}
+
+/// The film from the segments, waiting as long as `--wait` says for what is missing. No clock but that of this process counts.
+fn waited(
+    args: &JoinArgs,
+    target: &Target,
+    exporter: &dyn Exporter,
+    software: &str,
+) -> Result<Gathered, Failure> {
+    let (start, patience) = (Instant::now(), Duration::from_secs(args.wait.into()));
+    loop {
+        let seen = lengths(&args.segments);
+        let mut damaged = Vec::new();
+        let lack = match gathered(args, target, exporter, software, &mut damaged) {
+            Err(Lack::Missing(lack)) if start.elapsed() < patience => lack,
+            result => {
+                // Also with --quiet: a machine or a disk may be failing.
+                damaged.iter().for_each(|what| print_message(format_args!("warning: {what}")));
+                return result.map(|gathered| Gathered { damaged, ..gathered }).map_err(|lack| match lack {
+                    Lack::Missing(failure) | Lack::Failure(failure) => failure,
+                });
+            }
+        };
+        drop(lack);
+        // What has not changed is not read again.
+        while lengths(&args.segments) == seen && start.elapsed() < patience {
+            std::thread::sleep(PAUSE);
+        }
+    }
+}
+
+/// The files with their lengths.
+fn lengths(given: &[PathBuf]) -> Vec<(PathBuf, u64)> {
+    let files = files(given).unwrap_or_default();
+    files
+        .into_iter()
+        .map(|file| (file.metadata().map_or(0, |metadata| metadata.len()), file))
+        .map(|(n, f)| (f, n))
+        .collect()
+}
+
+fn gathered(
+    args: &JoinArgs,
+    target: &Target,
+    exporter: &dyn Exporter,
+    software: &str,
+    damaged: &mut Vec<String>,
+) -> Result<Gathered, Lack> {
+    let files = files(&args.segments).map_err(Lack::Missing)?;
+    let segments = opened(&files, args.quiet, damaged).map_err(Lack::Missing)?;
+    let film = same_film(&segments, damaged, exporter, software)?;
+    let options = export::options(&film.film.options, exporter.manifest())?;
+    let info = film.film.info(options);
+    if exporter.one_frame_per_file() && !matches!(target, Target::Numbered { .. }) && info.frames > 1 {
+        let what = format!("{} holds one image of {}; write frames/%04d.png", target.shown(), info.frames);
+        return Err(Failure::Usage(what).into());
+    }
+    let piece = exporter.piece(&info).or(exporter.one_frame_per_file().then_some(std::num::NonZeroU64::MIN));
+    let sources = cover(&segments, piece).map_err(|gap| match gap {
+        Gap::Missing(_) => Lack::Missing(gap_failure(gap, &segments, damaged, target)),
+        _ => Lack::Failure(gap_failure(gap, &segments, damaged, target)),
+    })?;
+    Ok(Gathered { segments, damaged: Vec::new(), sources, info, files })
+}
+
 /// The files that the arguments name: segments, and those in folders.
 fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut files = Vec::new();
@@ -103,35 +183,25 @@ fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-struct Opened {
-    segments: Vec<Segment>,
-    /// The damage of each, complete with its name.
-    damaged: Vec<String>,
-}
-
-impl Opened {
-    fn new(files: &[PathBuf], quiet: bool) -> Result<Opened, Failure> {
-        let progress = Progress::new(files.len() as u64, quiet);
-        let (mut segments, mut damaged) = (Vec::new(), Vec::new());
-        for file in files {
-            match Segment::open(file) {
-                Ok(segment) => {
-                    damaged.extend(
-                        segment.damage.iter().map(|what| format!("{}: damaged: {what}", file.display())),
-                    );
-                    segments.push(segment);
-                }
-                Err(fault) => damaged.push(format!("{}: {fault}", file.display())),
+/// The segments, and the damage of each, complete with its name.
+fn opened(files: &[PathBuf], quiet: bool, damaged: &mut Vec<String>) -> Result<Vec<Segment>, Failure> {
+    let progress = Progress::new(files.len() as u64, quiet);
+    let mut segments = Vec::new();
+    for file in files {
+        match Segment::open(file) {
+            Ok(segment) => {
+                let shown = file.display();
+                damaged.extend(segment.damage.iter().map(|what| format!("{shown}: damaged: {what}")));
+                segments.push(segment);
             }
-            progress.step();
+            Err(fault) => damaged.push(format!("{}: {fault}", file.display())),
         }
-        progress.clear();
-        // Also with --quiet: a machine or a disk may be failing.
-        damaged.iter().for_each(|what| print_message(format_args!("warning: {what}")));
-        if segments.is_empty() {
-            return Err(Failure::input("no segment can be read"));
-        }
-        Ok(Opened { segments, damaged })
+        progress.step();
+    }
+    progress.clear();
+    match segments.is_empty() {
+        true => Err(Failure::input("no segment can be read")),
+        false => Ok(segments),
     }
 }
 

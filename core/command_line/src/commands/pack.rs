@@ -3,11 +3,12 @@
 use crate::args::PackArgs;
 use crate::failure::{Failure, output_error, print_json, print_message, write_failure};
 use crate::scene::pack::{self, EXTENSION, Manifest, Unpacked};
-use crate::scene::{self, opening::Opening};
+use crate::scene::{self, OpenedScene, opening::Opening};
 use choreo_files::PartFile;
 use choreo_plugin::Registry;
 use serde_json::json;
 use std::io::{Seek, SeekFrom};
+use std::path::Path;
 
 /// `options`: the text of the project's choreo.toml.
 pub fn run(args: &PackArgs, plugins: &Registry, options: String) -> Result<(), Failure> {
@@ -25,26 +26,80 @@ pub(crate) struct Packed {
 /// Writes the archive, and proves it.
 pub(crate) fn write(args: &PackArgs, plugins: &Registry, options: String) -> Result<Packed, Failure> {
     let shown = args.output.display().to_string();
-    if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(EXTENSION)) {
+    if !is_folder(&args.output) && !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(EXTENSION))
+    {
         // A slip of the hand must not replace a script or a model.
-        return Err(Failure::Usage(format!("-o {shown}: write a name that ends in .{EXTENSION}")));
+        return Err(Failure::Usage(format!(
+            "-o {shown}: write a name that ends in .{EXTENSION}, or in / for a folder"
+        )));
     }
     if pack::is_packed(&args.scene.input) {
         return Err(Failure::Usage(format!("{}: it is packed already", args.scene.input.display())));
     }
     let registry = scene::plugins(&args.scene, plugins)?;
     let scene = scene::open(&args.scene, &registry, Opening { quiet: args.quiet, ..Opening::TO_DRAW })?;
+    write_open(args, scene, options, |unpacked| prove(args, plugins, unpacked))
+}
+
+/// Writes the archive of an open scene. `prove` opens what was written, before it appears.
+pub(crate) fn write_open(
+    args: &PackArgs,
+    scene: OpenedScene,
+    options: String,
+    prove: impl FnOnce(Unpacked) -> Result<(), Failure>,
+) -> Result<Packed, Failure> {
+    let shown = args.output.display().to_string();
     scene.inputs.refuse(&args.output)?;
     let failed = |e: std::io::Error| output_error(&shown, &e);
+    if is_folder(&args.output) {
+        // The folder appears whole: it is made beside its place.
+        let place = args.output.components().as_path();
+        let beside = place.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if place.symlink_metadata().is_ok() {
+            return Err(Failure::Output(format!(
+                "{shown}: it is there already; name a new folder, or remove it"
+            )));
+        }
+        let mut archive = tempfile::tempfile_in(beside).map_err(failed)?;
+        let (manifest, _) = pack::write(&scene, &args.scene, options, &archive)?;
+        let bytes = archive.stream_position().map_err(failed)?;
+        let mut rewound = || archive.rewind().and_then(|()| archive.try_clone()).map_err(failed);
+        prove(Unpacked::new(rewound()?, &shown, scene.limits.file)?)?;
+        let folder = tempfile::tempdir_in(beside).map_err(failed)?;
+        pack::write_folder(rewound()?, folder.path()).map_err(|e| write_failure(&shown, e))?;
+        std::fs::rename(folder.path(), place).map_err(failed)?;
+        open_to_others(place).map_err(failed)?;
+        return Ok(Packed { manifest, bytes, warnings: scene.warnings });
+    }
     let part = PartFile::create(&args.output).map_err(|e| write_failure(&shown, e))?;
     let out = part.writer().map_err(failed)?;
     let (manifest, out) = pack::write(&scene, &args.scene, options, out)?;
     let mut written = out.into_inner().map_err(|e| failed(e.into_error()))?;
     let bytes = written.seek(SeekFrom::End(0)).map_err(failed)?;
     written.rewind().map_err(failed)?;
-    prove(args, plugins, Unpacked::new(written, &shown, scene.limits.file)?)?;
+    prove(Unpacked::new(written, &shown, scene.limits.file)?)?;
     part.commit().map_err(|e| write_failure(&shown, e))?;
     Ok(Packed { manifest, bytes, warnings: scene.warnings })
+}
+
+/// Whether the output is a folder: its name ends in a slash, or one is there.
+fn is_folder(output: &Path) -> bool {
+    output.is_dir() || output.to_string_lossy().ends_with(std::path::is_separator)
+}
+
+/// Gives a folder the permissions of a new one, in place of those of a temporary one.
+fn open_to_others(folder: &Path) -> std::io::Result<()> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        let beneath = folder.join("files");
+        return std::fs::set_permissions(
+            folder,
+            std::fs::Permissions::from_mode(beneath.metadata()?.permissions().mode()),
+        );
+    }
+    #[cfg(not(unix))]
+    Ok(())
 }
 
 /// Opens the scene that was packed: an error where it is another one.

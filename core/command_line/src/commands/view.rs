@@ -4,7 +4,9 @@
 use crate::App;
 use crate::args::ViewArgs;
 use crate::failure::{Failure, print_message};
-use crate::process::interrupt;
+use crate::process::{interrupt, scratch};
+use crate::scene::pack::{self, Unpacked};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus};
 use std::time::Duration;
@@ -32,7 +34,12 @@ pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failu
         )));
     }
     let own = no_project_file.then_some("--no-project-file");
-    let status = wait(Command::new(&viewer).arg(&args.input).args(own).args(&args.rest))
+    let mut command = Command::new(&viewer);
+    match pack::is_packed(&args.input) {
+        true => command.args(unpacked(&args)?),
+        false => command.arg(&args.input).args(own),
+    };
+    let status = wait(command.args(&args.rest))
         .map_err(|e| Failure::Device(format!("{}: cannot be started: {e}", viewer.display())))?;
     let Some(status) = status else { return Err(Failure::Interrupted) };
     match status.code() {
@@ -41,6 +48,36 @@ pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failu
         Some(code) => Err(Failure::Told(u8::try_from(code).unwrap_or(1))),
         None => Err(Failure::Device("the viewer was ended from outside".into())),
     }
+}
+
+/// The words that show a packed scene: it is unpacked until the viewer ends.
+fn unpacked(args: &ViewArgs) -> Result<Vec<OsString>, Failure> {
+    let limits = choreo_script::Limits::default();
+    let unpacked = Unpacked::open(&args.input, limits.file)?;
+    let manifest = &unpacked.manifest;
+    if manifest.importer.is_some() || !manifest.import.is_empty() {
+        let what = format!("{}: the viewer takes no options of importers", args.input.display());
+        return Err(Failure::Usage(what));
+    }
+    // What the command line gives wins over what was packed.
+    let given: Vec<&str> = args
+        .rest
+        .iter()
+        .filter_map(|word| word.to_str()?.trim_start_matches("--set=").split_once('='))
+        .map(|(name, _)| name)
+        .collect();
+    let name = |text: &String| text.split('=').next().unwrap_or_default().trim().to_string();
+    let mut words = vec![unpacked.place(&manifest.input).into_os_string(), "--no-project-file".into()];
+    let mut option = |flag: &str, value: OsString| words.extend([flag.into(), value]);
+    manifest.search.iter().for_each(|folder| option("--search", unpacked.place(folder).into()));
+    manifest.plugins.iter().for_each(|folder| option("--plugins", unpacked.place(folder).into()));
+    let set = manifest.set.iter().filter(|text| !given.contains(&name(text).as_str()));
+    set.for_each(|text| option("--set", text.into()));
+    if !args.rest.iter().any(|word| word == "--clip") {
+        manifest.clip.iter().for_each(|clip| option("--clip", clip.into()));
+    }
+    scratch::keep(Some(unpacked));
+    Ok(words)
 }
 
 /// The exit status; `None` where a signal ended this program. The viewer is ended with it, since nobody else would.

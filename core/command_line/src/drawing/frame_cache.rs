@@ -1,4 +1,4 @@
-//! `render --watch`: a renderer that keeps the images that it has drawn. A frame is identified by its content: its plan, the scene
+//! `render --watch`: a renderer that keeps the images that it has drawn; `--set-from` shares it between films and keeps none. A frame is identified by its content: its plan, the scene
 //! resources, the effects and the device. The same frame at another time, or of another version of the script, is not drawn again.
 
 use choreo_plugin::{Effect, FloatFrame, Frame, FrameWish};
@@ -22,6 +22,8 @@ struct Shared {
     renderer: Box<dyn Renderer>,
     resources: Arc<SceneResources>,
     effects: Vec<Effect>,
+    /// Whether frames are kept.
+    keeps: bool,
     frames: BTreeMap<Key, Known>,
     bytes: usize,
     /// Submitted and not collected, and whether the renderer has them.
@@ -44,6 +46,7 @@ impl Remembering {
             renderer,
             resources: Arc::default(),
             effects: Vec::new(),
+            keeps: true,
             frames: BTreeMap::new(),
             bytes: 0,
             queue: VecDeque::new(),
@@ -51,6 +54,13 @@ impl Remembering {
             reused: 0,
         };
         Remembering { shared: Arc::new(Mutex::new(shared)), device }
+    }
+
+    /// One that is shared by renders of different films, whose frames are not kept.
+    pub fn shared_only(renderer: Box<dyn Renderer>) -> Remembering {
+        let shared = Remembering::new(renderer);
+        shared.shared().keeps = false;
+        shared
     }
 
     /// A new render begins: nothing is in flight, nothing was reused yet.
@@ -94,13 +104,13 @@ impl Renderer for Remembering {
 
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
         let mut shared = self.shared();
-        let key = frame_key(&plan, &shared.resources, &shared.effects);
         // Frames of floats are too large to be kept.
-        if plan.wish != FrameWish::Bytes {
+        if !shared.keeps || plan.wish != FrameWish::Bytes {
             shared.renderer.submit(plan)?;
-            shared.queue.push_back((key, true));
+            shared.queue.push_back((Key::default(), true));
             return Ok(());
         }
+        let key = frame_key(&plan, &shared.resources, &shared.effects);
         // Also one that is being drawn: it is known by the time this one is collected.
         let coming = shared.queue.iter().any(|(k, _)| *k == key);
         let drawn = !coming && !shared.frames.contains_key(&key);
@@ -123,7 +133,9 @@ impl Renderer for Remembering {
         };
         if drawn {
             let frame = shared.renderer.collect(reuse)?;
-            shared.keep(key, &frame);
+            if shared.keeps {
+                shared.keep(key, &frame);
+            }
             return Ok(frame);
         }
         shared.reused += 1;

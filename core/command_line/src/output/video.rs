@@ -172,6 +172,11 @@ impl Video {
     }
 }
 
+/// Whether a process makes the output of this name in a folder.
+pub(crate) fn is_being_made(folder: &OpenFolder, name: &Path) -> bool {
+    PartFolder::is_held(folder, name, FILES)
+}
+
 /// Opens the part folder. A segment that another process makes is waited for with `--resume`: a farm may start a task again whose first
 /// process still runs. That one ends and leaves a whole segment, or dies and leaves its lock.
 fn open_part(parent: &Arc<OpenFolder>, name: &Path, args: &RenderArgs) -> Result<PartFolder, WriteError> {

@@ -6,3 +6,4 @@ pub mod memory;
 pub mod panics;
 pub mod scratch;
 pub mod threads;
+pub mod worker;

@@ -4,6 +4,7 @@ pub mod inputs;
 pub mod model;
 pub mod opening;
 pub(crate) mod pack;
+pub(crate) mod rows;
 
 use crate::args::SceneArgs;
 use crate::args::values;

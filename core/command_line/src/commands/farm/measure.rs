@@ -6,6 +6,7 @@ use crate::commands::render::Job;
 use crate::drawing::device;
 use crate::drawing::pipeline::render_failure;
 use crate::failure::Failure;
+use choreo_render::plan::frame_key::scene_key;
 use choreo_render::plan::motion_blur::plan_at;
 use choreo_render::{PlanOptions, SceneResources};
 use choreo_stage::Evaluator;
@@ -37,13 +38,19 @@ pub(crate) fn cost(args: &RenderArgs, job: &Job, opening: Instant) -> Result<Cos
         let first = (place * total / PLACES.min(total)) as usize;
         // A machine of the farm has drawn nothing before.
         let mut evaluator = Evaluator::new(job.scene.stage.clone()).for_images(aspect);
-        let mut seconds = Vec::new();
+        let (mut seconds, mut before) = (Vec::new(), None);
         for (number, time) in job.frames.iter().skip(first).take(2) {
             let drawing = Instant::now();
             let planned = plan_at(&resources, &mut evaluator, *time, &options, None);
             let (_, plan) = planned.map_err(|e| Failure::input(e.to_string()))?;
-            renderer.submit(plan).map_err(render_failure)?;
-            spare = Some(renderer.collect(spare.take()).map_err(render_failure)?);
+            let layers = plan.layers_in_front.as_ref().map(|layers| layers.hash);
+            let key = (scene_key(&plan, &resources, effects), layers);
+            // A frame that is equal to the one before is not drawn by a render, either.
+            if before != Some(key) {
+                renderer.submit(plan).map_err(render_failure)?;
+                spare = Some(renderer.collect(spare.take()).map_err(render_failure)?);
+            }
+            before = Some(key);
             seconds.push((number.unsigned_abs(), drawing.elapsed().as_secs_f64()));
         }
         if let (Some(first), Some(last)) = (seconds.first(), seconds.last()) {

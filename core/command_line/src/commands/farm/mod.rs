@@ -1,10 +1,14 @@
-//! `choreo farm`: the job that renders a film on many machines, for an engine that is there: the packed scene, a step that renders
-//! segments, and a step that joins them.
+//! `choreo farm`: the job that renders a film, or one for each row of a table, on many machines, for an engine that is there: the packed
+//! scene, a step that renders segments, and a step that joins them.
 
 mod chunks;
+mod job;
 mod measure;
 mod openjd;
+mod pack_rows;
+mod preview;
 mod slurm;
+mod status;
 
 use crate::App;
 use crate::args::{Cli, Command, Engine, FarmArgs, PackArgs, RenderArgs};
@@ -14,93 +18,191 @@ use crate::output::target::Target;
 use crate::process::scratch;
 use crate::project_file;
 use crate::scene;
+use crate::scene::opening::Keep;
 use crate::scene::pack::Unpacked;
+use crate::scene::rows::{self, Row};
 use choreo_files::write_whole_beneath;
 use choreo_plugin::VideoInfo;
-use chunks::{Chunk, Cost, aligned, in_chunks_of, of_equal_cost};
+use chunks::{Cost, aligned, in_chunks_of, of_equal_cost};
 use clap::FromArgMatches;
+use job::{FarmJob, Film, JOB, OUTPUT, ROWS, SCENE, SEGMENTS};
+use pack_rows::RowFailure;
 use serde_json::json;
 use std::ffi::OsString;
 use std::num::NonZeroU64;
 use std::path::{Component, Path, PathBuf};
 use std::time::Instant;
 
-/// Names in the job's folder.
-const SCENE: &str = "film.choreo";
-const SEGMENTS: &str = "segments";
-const OUTPUT: &str = "output";
+/// What the command line says of a new job.
+struct Order<'a> {
+    args: &'a FarmArgs,
+    output: &'a str,
+    engine: Engine,
+    to: &'a Path,
+    rows: Option<Vec<Row>>,
+}
 
-/// A job, for any engine.
-pub(crate) struct FarmJob {
-    /// Path of the film below [`OUTPUT`], with slashes.
-    pub film: String,
-    /// Options of `choreo render` on each machine.
-    pub options: Vec<String>,
-    /// Frames of the whole film.
-    pub frames: u64,
-    pub chunks: Vec<Chunk>,
+impl<'a> Order<'a> {
+    fn new(args: &'a FarmArgs) -> Result<Order<'a>, Failure> {
+        let missing = || Failure::Usage("farm needs -o, --for and --to, or --status".into());
+        let output = args.output.as_deref().ok_or_else(missing)?;
+        let to = args.to.as_deref().ok_or_else(missing)?;
+        let engine = args.engine.ok_or_else(missing)?;
+        film(output)?;
+        let rows = args.set_from.as_deref().map(rows::read).transpose()?;
+        Ok(Order { args, output, engine, to, rows })
+    }
+
+    /// The arguments of the pack command for the job's scene.
+    fn pack(&self) -> PackArgs {
+        PackArgs { scene: self.args.scene.clone(), output: self.to.join(SCENE), quiet: true, json: false }
+    }
+}
+
+/// How far the job in a folder is.
+pub fn status(folder: &Path, args: &FarmArgs) -> Result<(), Failure> {
+    status::run(folder, args.sheet.as_deref(), args.json)
 }
 
 /// `options`: the text of the project's choreo.toml.
 pub fn run(args: &FarmArgs, app: &App, options: String) -> Result<(), Failure> {
-    let film = film(&args.output)?;
-    let segments = args.to.join(SEGMENTS);
+    let order = Order::new(args)?;
+    let segments = order.to.join(SEGMENTS);
     if segments.read_dir().is_ok_and(|mut entries| entries.next().is_some()) {
-        let (to, segments) = (args.to.display(), segments.display());
+        let (to, segments) = (order.to.display(), segments.display());
         let what = format!(
             "--to {to}: a job has run there: {segments} is not empty; name another folder, or remove it"
         );
         return Err(Failure::Output(what));
     }
-    let failed = |e: std::io::Error| output_error(&args.to.display().to_string(), &e);
+    let outputs = order.rows.as_deref().map(|rows| rows::outputs(rows, order.output)).transpose()?;
+    let failed = |e: std::io::Error| output_error(&order.to.display().to_string(), &e);
     for folder in [SEGMENTS, OUTPUT] {
-        std::fs::create_dir_all(args.to.join(folder)).map_err(failed)?;
+        std::fs::create_dir_all(order.to.join(folder)).map_err(failed)?;
     }
-    let packed =
-        PackArgs { scene: args.scene.clone(), output: args.to.join(SCENE), quiet: true, json: false };
-    pack::write(&packed, &app.registry, options)?;
-    let words = args.options_of_render();
-    let start = Instant::now();
-    let (render_args, job) = opened(args, &words, app)?;
-    let frames = job.frames.len() as u64;
-    let (chunks, cost) = chunks(args, &render_args, &job, start)?;
-    let farm_job = FarmJob { film, options: words, frames, chunks };
-    let files = match args.engine {
-        Engine::Openjd => openjd::files(&farm_job)?,
-        Engine::Slurm => slurm::files(&farm_job),
+    let mut failures = match &order.rows {
+        None => pack::write(&order.pack(), &app.registry, options).map(|_| Vec::new())?,
+        Some(rows) => pack_rows::write(&order.pack(), rows, &app.registry, options)?,
     };
+    let (films, cost) = match outputs {
+        None => films(&order, app)?,
+        Some(outputs) => films_of_rows(&order, &outputs, app, &mut failures)?,
+    };
+    let farm_job = FarmJob { films, pattern: order.rows.is_some().then(|| order.output.to_string()) };
+    let mut files = match order.engine {
+        Engine::Openjd => openjd::files(&farm_job)?,
+        Engine::Slurm => slurm::files(&farm_job)?,
+    };
+    let pretty = |value: &serde_json::Value| crate::terminal::json::pretty(value) + "\n";
+    files.extend(order.rows.iter().map(|rows| (ROWS, pretty(&rows::to_json(rows)))));
+    files.push((JOB, pretty(&farm_job.json())));
     for (name, text) in &files {
-        let shown = args.to.join(name).display().to_string();
-        write_whole_beneath(&args.to, Path::new(name), text.as_bytes())
+        let shown = order.to.join(name).display().to_string();
+        write_whole_beneath(order.to, Path::new(name), text.as_bytes())
             .map_err(|e| write_failure(&shown, e))?;
     }
-    report(args, &farm_job, &files, cost.as_ref())
+    report(&order, &farm_job, &files, cost.as_ref(), &failures)?;
+    pack_rows::ended(&failures, order.rows.as_deref().unwrap_or_default().len())
 }
 
-/// The chunks of the film, and what was measured for them. `start`: when the scene began to be opened.
-fn chunks(
-    args: &FarmArgs,
+/// The film, behind its preview if one is wanted, and what was measured.
+fn films(order: &Order, app: &App) -> Result<(Vec<Film>, Option<Cost>), Failure> {
+    let every = order.args.preview.as_deref().map(preview::every).transpose()?;
+    let options = order.args.options_of_render();
+    let start = Instant::now();
+    let args = render_args(order, &options, app)?;
+    let job = opened(&args, app, None)?;
+    let cost = cost(order, &args, &job, start)?;
+    let film = |segments: &str, output: String, options, job: &render::Job, cost: Option<&Cost>| {
+        let (frames, chunks) = (job.frames.len() as u64, chunks(order, job, cost, slurm::MOST_TASKS));
+        Film { output, segments: segments.into(), row: None, options, frames, chunks }
+    };
+    let mut films = Vec::new();
+    if let Some(every) = every {
+        let options = preview::options(&options, &job, every);
+        let small = opened(&render_args(order, &options, app)?, app, None)?;
+        let output = format!("{}/{}", preview::FOLDER, order.output);
+        let cost = cost.as_ref().map(|cost| preview::cost(cost, every));
+        films.push(film(preview::FOLDER, output, options, &small, cost.as_ref()));
+    }
+    films.push(film("", order.output.to_string(), options, &job, cost.as_ref()));
+    Ok((films, cost))
+}
+
+/// The films of a batch, without those of rows that fail, and what was measured for the first.
+fn films_of_rows(
+    order: &Order,
+    outputs: &[String],
+    app: &App,
+    failures: &mut Vec<RowFailure>,
+) -> Result<(Vec<Film>, Option<Cost>), Failure> {
+    let rows = order.rows.as_deref().unwrap_or_default();
+    let options = order.args.options_of_render();
+    let start = Instant::now();
+    let (keep, all) = (Keep::default(), render_args(order, &options, app)?);
+    let (mut films, mut measured) = (Vec::new(), None);
+    let most = (slurm::MOST_TASKS / rows.len() as u64).max(1);
+    for (row, output) in rows.iter().zip(outputs) {
+        if failures.iter().any(|(number, _)| *number == row.number) {
+            continue;
+        }
+        let args = RenderArgs { scene: row.scene(&all.scene), output: output.clone(), ..all.clone() };
+        let job = match opened(&args, app, Some(&keep)) {
+            Ok(job) => job,
+            Err(failure) => {
+                failures.push((row.number, failure));
+                continue;
+            }
+        };
+        // Rows are drawn alike.
+        if films.is_empty() {
+            measured = cost(order, &args, &job, start)?;
+        }
+        films.push(Film {
+            output: output.clone(),
+            segments: row.number.to_string(),
+            row: Some(row.number),
+            options: options.clone(),
+            frames: job.frames.len() as u64,
+            chunks: chunks(order, &job, measured.as_ref(), most),
+        });
+    }
+    match films.is_empty() {
+        true => {
+            pack_rows::ended(failures, rows.len())?;
+            Err(Failure::input("there are no rows"))
+        }
+        false => Ok((films, measured)),
+    }
+}
+
+/// What a chunk of the film costs, measured unless its length is given. `start`: when the scene began to be opened.
+fn cost(
+    order: &Order,
     render_args: &RenderArgs,
     job: &render::Job,
     start: Instant,
-) -> Result<(Vec<Chunk>, Option<Cost>), Failure> {
+) -> Result<Option<Cost>, Failure> {
+    order.args.chunk.is_none().then(|| measure::cost(render_args, job, start)).transpose()
+}
+
+/// The chunks of a film, at most `most`.
+fn chunks(order: &Order, job: &render::Job, cost: Option<&Cost>, most: u64) -> Vec<chunks::Chunk> {
     let frames = job.frames.len() as u64;
     let piece = job.exporter.piece(&info(job, frames)).map_or(1, NonZeroU64::get);
-    let (chunks, cost) = match args.chunk {
-        Some(length) => (in_chunks_of(frames, length), None),
-        None => {
-            let cost = measure::cost(render_args, job, start)?;
-            (of_equal_cost(frames, piece, &cost, slurm::MOST_TASKS), Some(cost))
-        }
+    let chunks = match (order.args.chunk, cost) {
+        (Some(length), _) => in_chunks_of(frames, length),
+        (None, Some(cost)) => of_equal_cost(frames, piece, cost, most),
+        (None, None) => vec![(0, frames - 1)],
     };
-    if args.engine == Engine::Slurm {
-        return Ok((chunks, cost));
+    if order.engine == Engine::Slurm || order.rows.is_some() {
+        return chunks;
     }
     // There all chunks have one length.
-    let length = args.chunk.unwrap_or_else(|| aligned(frames.div_ceil(chunks.len() as u64), piece));
+    let length = order.args.chunk.unwrap_or_else(|| aligned(frames.div_ceil(chunks.len() as u64), piece));
     let most = openjd::MOST_FRAMES;
     let most = if most >= piece { most - most % piece } else { most };
-    Ok((in_chunks_of(frames, if length > openjd::MOST_FRAMES { most } else { length }), cost))
+    in_chunks_of(frames, if length > openjd::MOST_FRAMES { most } else { length })
 }
 
 /// The properties of the film that its pieces depend on.
@@ -111,7 +213,7 @@ fn info(job: &render::Job, frames: u64) -> VideoInfo {
 }
 
 /// The path of the film in the job: names alone, since the job runs on other machines.
-fn film(output: &str) -> Result<String, Failure> {
+fn film(output: &str) -> Result<(), Failure> {
     let plain = |part: Component| matches!(part, Component::Normal(_));
     if Target::parse(output)? == Target::Stdout || !Path::new(output).components().all(plain) {
         let what = format!(
@@ -119,14 +221,14 @@ fn film(output: &str) -> Result<String, Failure> {
         );
         return Err(Failure::Usage(what));
     }
-    Ok(output.to_string())
+    Ok(())
 }
 
-/// The render of the packed scene, opened as a machine of the farm opens it.
-fn opened(args: &FarmArgs, options: &[String], app: &App) -> Result<(RenderArgs, render::Job), Failure> {
-    let scene: PathBuf = args.to.join(SCENE);
+/// The arguments of a render of the packed scene, which is unpacked as a machine of the farm unpacks it.
+fn render_args(order: &Order, options: &[String], app: &App) -> Result<RenderArgs, Failure> {
+    let scene: PathBuf = order.to.join(SCENE);
     let mut words: Vec<OsString> = vec![app.name.into(), "render".into(), scene.into(), "-o".into()];
-    words.push(args.output.clone().into());
+    words.push(order.output.into());
     words.extend(options.iter().map(OsString::from));
     let words = project_file::extended(&words, app)?;
     let parsed = <Cli as clap::CommandFactory>::command().try_get_matches_from(words);
@@ -137,10 +239,14 @@ fn opened(args: &FarmArgs, options: &[String], app: &App) -> Result<(RenderArgs,
     render_args.scene.software = app.software();
     render_args.quiet = true;
     scratch::keep(Unpacked::in_place(&mut render_args.scene)?);
-    let registry = scene::plugins(&render_args.scene, &app.registry)?;
+    Ok(render_args)
+}
+
+/// The render as a machine of the farm opens it.
+fn opened(args: &RenderArgs, app: &App, keep: Option<&Keep>) -> Result<render::Job, Failure> {
+    let registry = scene::plugins(&args.scene, &app.registry)?;
     // The folder of a numbered film is made by the job.
-    let job = render::prepare(&render_args, Target::parse(&args.output)?, &registry, None)?;
-    Ok((render_args, job))
+    render::prepare(args, Target::parse(&args.output)?, &registry, keep)
 }
 
 impl FarmArgs {
@@ -161,43 +267,51 @@ impl FarmArgs {
 }
 
 fn report(
-    args: &FarmArgs,
+    order: &Order,
     job: &FarmJob,
     files: &[(&str, String)],
     cost: Option<&Cost>,
+    failures: &[RowFailure],
 ) -> Result<(), Failure> {
-    let count = job.chunks.len();
-    let to = args.to.display();
-    if args.json {
+    let frames: u64 = job.films.iter().map(|film| film.frames).sum();
+    let count: usize = job.films.iter().map(|film| film.chunks.len()).sum();
+    let to = order.to.display();
+    let of_cost = job.films.last().zip(cost);
+    let frame_seconds = of_cost.map(|(film, cost)| cost.total(film.frames) / film.frames as f64);
+    if order.args.json {
+        let film =
+            |film: &Film| json!({ "output": film.output, "frames": film.frames, "chunks": film.chunks });
+        let row = |(row, failure): &RowFailure| json!({ "row": row, "errors": failure.json()["errors"] });
         return print_json(&json!({
-            "ok": true,
+            "ok": failures.is_empty(),
             "folder": to.to_string(),
             "files": files.iter().map(|(name, _)| *name).chain([SCENE]).collect::<Vec<_>>(),
-            "frames": job.frames,
-            "chunks": job.chunks,
+            "frames": frames,
+            "chunks": job.films.last().map(|film| &film.chunks),
+            "films": job.films.iter().map(film).collect::<Vec<_>>(),
+            "failed_rows": failures.iter().map(row).collect::<Vec<_>>(),
             "start_seconds": cost.map(|cost| cost.start),
-            "frame_seconds": cost.map(|cost| cost.total(job.frames) / job.frames as f64),
+            "frame_seconds": frame_seconds,
         }));
     }
-    if args.quiet {
+    pack_rows::print(failures);
+    if order.args.quiet {
         return Ok(());
     }
     let plural = if count == 1 { "chunk" } else { "chunks" };
-    print_message(format_args!("{} frames in {count} {plural}: {to}", job.frames));
-    if let Some(cost) = cost {
-        let (start, total) = (cost.start, cost.total(job.frames));
+    let films = if job.films.len() > 1 { format!(" of {} films", job.films.len()) } else { String::new() };
+    print_message(format_args!("{frames} frames{films} in {count} {plural}: {to}"));
+    if let Some((cost, frame)) = cost.zip(frame_seconds) {
         print_message(format_args!(
-            "measured on this machine: {start:.1} s to start, {:.3} s a frame, {:.1} s for all frames on one machine",
-            total / job.frames as f64,
-            start + total
+            "measured on this machine: {:.1} s to start, {frame:.3} s a frame, {:.1} s for all frames on one machine",
+            cost.start,
+            cost.start + frame * frames as f64
         ));
     }
-    print_message(format_args!(
-        "run it: {}",
-        match args.engine {
-            Engine::Openjd => openjd::command(&args.to),
-            Engine::Slurm => slurm::command(&args.to),
-        }
-    ));
+    let run = match order.engine {
+        Engine::Openjd => openjd::command(order.to, job),
+        Engine::Slurm => slurm::command(order.to),
+    };
+    print_message(format_args!("run it: {run}"));
     Ok(())
 }

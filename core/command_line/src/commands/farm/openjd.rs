@@ -1,6 +1,7 @@
 //! The job as a template of Open Job Description (2023-09) with the extension for chunks of tasks, as JSON.
 
-use super::{FarmJob, OUTPUT, SCENE, SEGMENTS};
+use super::job::{FarmJob, Film, OUTPUT, ROWS, SCENE, SEGMENTS};
+use super::preview;
 use crate::failure::Failure;
 use choreo_test_runner::collect::quoted;
 use serde_json::{Value, json};
@@ -11,63 +12,168 @@ const TEMPLATE: &str = "template.json";
 /// Frames of a chunk at most: AWS Deadline Cloud takes no more.
 pub(crate) const MOST_FRAMES: u64 = 150;
 
+/// Values of a parameter of tasks at most, by the specification.
+const MOST_VALUES: usize = 1024;
+
 pub(crate) fn files(job: &FarmJob) -> Result<Vec<(&'static str, String)>, Failure> {
-    let texts = job.options.iter().chain([&job.film]);
+    let texts = job.films.iter().flat_map(|film| film.options.iter().chain([&film.output]));
     if let Some(text) = texts.clone().find(|text| text.contains("{{") || text.contains("}}")) {
         let what = format!("{text}: two braces are an expression of the job's template; write it without");
         return Err(Failure::Usage(what));
+    }
+    let tasks: usize = job.films.iter().map(|film| film.chunks.len()).sum();
+    if job.pattern.is_some() && tasks > MOST_VALUES {
+        return Err(Failure::Usage(format!(
+            "--set-from: {tasks} chunks are more than the {MOST_VALUES} of a job; make longer ones with --chunk, or a job for each \
+             part of the table"
+        )));
     }
     Ok(vec![(TEMPLATE, crate::terminal::json::pretty(&template(job)) + "\n")])
 }
 
 /// The command that runs the job on this machine.
-pub(crate) fn command(folder: &Path) -> String {
+pub(crate) fn command(folder: &Path, job: &FarmJob) -> String {
     let template = folder.join(TEMPLATE).display().to_string();
-    format!("openjd run {} --step Join --run-dependencies", quoted(&template))
+    let extensions = if job.pattern.is_some() { "" } else { " --extensions TASK_CHUNKING" };
+    format!("openjd run {} --step Join --run-dependencies{extensions}", quoted(&template))
 }
 
 fn template(job: &FarmJob) -> Value {
-    let length = job.chunks.iter().map(|(first, last)| last - first + 1).max().unwrap_or(1);
     let path = |name: &str, kind: &str, flow: &str, default: &str, about: &str| json!({ "name": name, "type": "PATH", "objectType": kind, "dataFlow": flow, "default": default, "description": about });
-    let frames = format!("0-{}", job.frames - 1);
-    let mut render = ["render", "{{Param.Scene}}", "-o", &job.film].map(String::from).to_vec();
-    render.extend(["--frames", "{{Task.Param.Frame}}", "--segment", "{{Param.Segments}}"].map(String::from));
-    render.extend(["--resume", "--quiet"].map(String::from));
-    render.extend(job.options.iter().cloned());
-    let film = format!("{{{{Param.Output}}}}/{}", job.film);
-    let action = |args: Value| {
-        // A render that gets a signal to stop ends its frame and keeps what is finished.
-        let cancelation = json!({ "mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": 60 });
-        json!({ "actions": { "onRun": { "command": "{{Param.Choreo}}", "args": args, "cancelation": cancelation } } })
+    let mut parameters = vec![
+        path("Scene", "FILE", "IN", SCENE, "The packed scene"),
+        path(
+            "Segments",
+            "DIRECTORY",
+            "INOUT",
+            SEGMENTS,
+            "Where the machines put their frames; all of them see it",
+        ),
+        path("Output", "DIRECTORY", "OUT", OUTPUT, "Where the film is put"),
+        json!({ "name": "Choreo", "type": "STRING", "default": "choreo", "description": "The program choreo on the machines" }),
+    ];
+    let name = job.films.last().map_or("", |film| film.output.as_str());
+    let name: String =
+        job.pattern.as_deref().unwrap_or(name).chars().filter(|c| !c.is_control()).take(64).collect();
+    let steps = match &job.pattern {
+        Some(pattern) => {
+            parameters.push(path("Rows", "FILE", "IN", ROWS, "The parameters of each film"));
+            steps_of_rows(job, pattern)
+        }
+        None => {
+            let last = job.films.last();
+            let length = last.map_or(1, length);
+            parameters.push(json!({ "name": "ChunkSize", "type": "INT", "default": length, "minValue": 1, "description": "Frames of a chunk" }));
+            parameters.push(json!({ "name": "Frames", "type": "STRING", "default": range(last), "description": "All frames of the film" }));
+            steps_of_film(&job.films)
+        }
     };
-    json!({
+    let mut template = json!({
         "specificationVersion": "jobtemplate-2023-09",
-        "extensions": ["TASK_CHUNKING"],
-        "name": job.film.chars().filter(|c| !c.is_control()).take(64).collect::<String>(),
-        "parameterDefinitions": [
-            path("Scene", "FILE", "IN", SCENE, "The packed scene"),
-            path("Segments", "DIRECTORY", "INOUT", SEGMENTS, "Where the machines put their frames; all of them see it"),
-            path("Output", "DIRECTORY", "OUT", OUTPUT, "Where the film is put"),
-            { "name": "Frames", "type": "STRING", "default": frames, "description": "All frames of the film" },
-            { "name": "ChunkSize", "type": "INT", "default": length, "minValue": 1, "description": "Frames of a chunk" },
-            { "name": "Choreo", "type": "STRING", "default": "choreo", "description": "The program choreo on the machines" },
-        ],
-        "steps": [
-            {
-                "name": "Render",
-                "parameterSpace": { "taskParameterDefinitions": [{
-                    "name": "Frame",
-                    "type": "CHUNK[INT]",
-                    "range": "{{Param.Frames}}",
-                    "chunks": { "defaultTaskCount": "{{Param.ChunkSize}}", "rangeConstraint": "CONTIGUOUS" },
-                }] },
-                "script": action(json!(render)),
+        "name": name,
+        "parameterDefinitions": parameters,
+        "steps": steps,
+    });
+    if job.pattern.is_none() {
+        template["extensions"] = json!(["TASK_CHUNKING"]);
+    }
+    template
+}
+
+fn range(film: Option<&Film>) -> String {
+    format!("0-{}", film.map_or(0, |film| film.frames - 1))
+}
+
+/// Frames of the longest chunk.
+fn length(film: &Film) -> u64 {
+    film.chunks.iter().map(|(first, last)| last - first + 1).max().unwrap_or(1)
+}
+
+/// What a step runs.
+fn script(args: Value) -> Value {
+    // A render that gets a signal to stop ends its frame and keeps what is finished.
+    let cancelation = json!({ "mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": 60 });
+    json!({ "actions": { "onRun": { "command": "{{Param.Choreo}}", "args": args, "cancelation": cancelation } } })
+}
+
+/// The words of a render, and of a join. `from`: those between the scene and `-o`.
+fn render(film: &str, options: &[String], from: &[&str], frames: &str, segments: &str) -> Value {
+    let mut words = vec!["render", "{{Param.Scene}}"];
+    words.extend(from);
+    words.extend(["-o", film, "--frames", frames, "--segment", segments, "--resume", "--quiet"]);
+    words.extend(options.iter().map(String::as_str));
+    script(json!(words))
+}
+
+fn join(segments: &str, film: &str) -> Value {
+    script(json!(["join", segments, "-o", format!("{{{{Param.Output}}}}/{film}"), "--wait", "60"]))
+}
+
+/// A step for the frames of each film and one that joins them; the preview comes before the film.
+fn steps_of_film(films: &[Film]) -> Vec<Value> {
+    let mut steps: Vec<Value> = Vec::new();
+    for film in films {
+        let is_preview = film.segments == preview::FOLDER;
+        let (suffix, frames, length) = match is_preview {
+            true => ("Preview", json!(range(Some(film))), json!(length(film))),
+            false => ("", json!("{{Param.Frames}}"), json!("{{Param.ChunkSize}}")),
+        };
+        let segments = match film.segments.as_str() {
+            "" => "{{Param.Segments}}".to_string(),
+            below => format!("{{{{Param.Segments}}}}/{below}"),
+        };
+        let name = format!("Render{suffix}");
+        let mut step = json!({
+            "name": name,
+            "parameterSpace": { "taskParameterDefinitions": [{
+                "name": "Frame",
+                "type": "CHUNK[INT]",
+                "range": frames,
+                "chunks": { "defaultTaskCount": length, "rangeConstraint": "CONTIGUOUS" },
+            }] },
+            "script": render(&film.output, &film.options, &[], "{{Task.Param.Frame}}", &segments),
+        });
+        if let Some(before) = steps.last() {
+            step["dependencies"] = json!([{ "dependsOn": before["name"] }]);
+        }
+        steps.push(step);
+        steps.push(json!({
+            "name": format!("Join{suffix}"),
+            "dependencies": [{ "dependsOn": name }],
+            "script": join(&segments, &film.output),
+        }));
+    }
+    steps
+}
+
+/// A task for each chunk of each row, as two lists side by side, and one that joins each film.
+fn steps_of_rows(job: &FarmJob, pattern: &str) -> Vec<Value> {
+    let chunks = || job.films.iter().flat_map(|film| film.chunks.iter().map(move |chunk| (film, chunk)));
+    let rows: Vec<_> = chunks().map(|(film, _)| film.row).collect();
+    let frames: Vec<String> = chunks().map(|(_, (first, last))| format!("{first}-{last}")).collect();
+    let list = |name: &str, kind: &str, range: Value| json!({ "name": name, "type": kind, "range": range });
+    let options = job.films.first().map_or(&[][..], |film| &film.options);
+    let from = ["--set-from", "{{Param.Rows}}", "--row", "{{Task.Param.Row}}"];
+    let segments = "{{Param.Segments}}/{{Task.Param.Row}}";
+    let films: Vec<_> = job.films.iter().map(|film| film.row).collect();
+    let outputs: Vec<_> = job.films.iter().map(|film| &film.output).collect();
+    vec![
+        json!({
+            "name": "Render",
+            "parameterSpace": {
+                "taskParameterDefinitions": [list("Row", "INT", json!(rows)), list("Frames", "STRING", json!(frames))],
+                "combination": "(Row, Frames)",
             },
-            {
-                "name": "Join",
-                "dependencies": [{ "dependsOn": "Render" }],
-                "script": action(json!(["join", "{{Param.Segments}}", "-o", film])),
+            "script": render(pattern, options, &from, "{{Task.Param.Frames}}", segments),
+        }),
+        json!({
+            "name": "Join",
+            "dependencies": [{ "dependsOn": "Render" }],
+            "parameterSpace": {
+                "taskParameterDefinitions": [list("Row", "INT", json!(films)), list("Film", "STRING", json!(outputs))],
+                "combination": "(Row, Film)",
             },
-        ],
-    })
+            "script": join(segments, "{{Task.Param.Film}}"),
+        }),
+    ]
 }

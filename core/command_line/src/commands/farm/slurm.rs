@@ -1,6 +1,8 @@
-//! The job as scripts for Slurm: an array of renders, a chunk a task, and a join that depends on all of them.
+//! The job as scripts for Slurm: an array of renders, a chunk a task, and a join that depends on all of them; for each film of the job, the
+//! preview first. The films of a batch are one array.
 
-use super::{FarmJob, OUTPUT, SCENE, SEGMENTS};
+use super::job::{FarmJob, Film, OUTPUT, ROWS, SCENE};
+use crate::failure::Failure;
 use choreo_test_runner::collect::quoted;
 use std::path::Path;
 
@@ -14,46 +16,146 @@ pub(crate) fn command(folder: &Path) -> String {
     format!("sh {}", quoted(&folder.join(SUBMIT).display().to_string()))
 }
 
-pub(crate) fn files(job: &FarmJob) -> Vec<(&'static str, String)> {
-    let chunks: String = job.chunks.iter().map(|(first, last)| format!("{first}-{last}\n")).collect();
-    let film = quoted(&job.film);
-    let options: String = job.options.iter().map(|option| format!(" {}", quoted(option))).collect();
-    let last = job.chunks.len() - 1;
-    let render = format!(
-        "#!/bin/sh
-#SBATCH --job-name=choreo-render
-#SBATCH --output=logs/render-%a.txt
-#SBATCH --open-mode=append
-#SBATCH --requeue
-# A render that gets a signal to stop ends its frame and keeps what is finished; a task that runs again goes on with it.
-#SBATCH --signal=B:TERM@60
-# One chunk: the line of chunks.txt with the number of the task.
-frames=$(sed -n \"$((SLURM_ARRAY_TASK_ID + 1))p\" chunks.txt)
-exec \"${{CHOREO:-choreo}}\" render {SCENE} -o {film} --frames \"$frames\" --segment {SEGMENTS} --resume --quiet{options}
-"
-    );
-    let join = format!(
-        "#!/bin/sh
-#SBATCH --job-name=choreo-join
-#SBATCH --output=logs/join.txt
-#SBATCH --open-mode=append
-exec \"${{CHOREO:-choreo}}\" join {SEGMENTS} -o {OUTPUT}/{film}
-"
-    );
-    let submit = format!(
+/// One array, and the join behind it.
+struct Array {
+    /// Names of its files.
+    chunks: &'static str,
+    render: &'static str,
+    join: &'static str,
+    /// In messages.
+    name: &'static str,
+}
+
+const FILM: Array = Array { chunks: "chunks.txt", render: "render.sh", join: "join.sh", name: "" };
+const PREVIEW: Array = Array {
+    chunks: "preview_chunks.txt",
+    render: "preview_render.sh",
+    join: "preview_join.sh",
+    name: "preview ",
+};
+
+/// The films of a batch: row and path.
+const FILMS: &str = "films.txt";
+
+pub(crate) fn files(job: &FarmJob) -> Result<Vec<(&'static str, String)>, Failure> {
+    let tasks: usize = job.films.iter().map(|film| film.chunks.len()).sum();
+    if tasks as u64 > MOST_TASKS && job.pattern.is_some() {
+        return Err(Failure::Usage(format!(
+            "--set-from: {tasks} chunks are more than the {MOST_TASKS} of an array; make longer ones with --chunk, or a job for each \
+             part of the table"
+        )));
+    }
+    let mut files = Vec::new();
+    let mut submit = format!(
         "#!/bin/sh
 # Submits the job. All nodes see this folder. Options for sbatch are passed on: sh {SUBMIT} --partition=long
 # CHOREO names the program on the nodes, where it is not on their PATH.
 set -e
 cd \"$(dirname \"$0\")\"
 mkdir -p logs
-render=$(sbatch --parsable --array=0-{last} \"$@\" render.sh)
+"
+    );
+    if let Some(pattern) = &job.pattern {
+        let chunks = job.films.iter().flat_map(|film| film.chunks.iter().map(move |chunk| (film, chunk)));
+        let line =
+            |(film, (first, last)): (&Film, &(u64, u64))| format!("{} {first}-{last}\n", film.segments);
+        let films = job.films.iter().map(|film| format!("{} {}\n", film.segments, film.output));
+        files.push((FILM.chunks, chunks.map(line).collect()));
+        files.push((FILMS, films.collect()));
+        let options = job.films.first().map_or(&[][..], |film| &film.options);
+        files.push((FILM.render, render_of_row(pattern, options)));
+        files.push((FILM.join, join_rows()));
+        submit += &submission(&FILM, tasks, "afterany");
+    } else {
+        for film in &job.films {
+            let array = if film.segments.is_empty() { &FILM } else { &PREVIEW };
+            let chunks = film.chunks.iter().map(|(first, last)| format!("{first}-{last}\n")).collect();
+            files.push((array.chunks, chunks));
+            files.push((array.render, render_of_film(array, film)));
+            files.push((array.join, join(film)));
+            submit += &submission(array, film.chunks.len(), "afterok");
+        }
+    }
+    files.push((SUBMIT, submit));
+    Ok(files)
+}
+
+/// The lines that submit an array and its join. In a batch the films are joined whose segments are there, whatever has failed.
+fn submission(array: &Array, tasks: usize, dependency: &str) -> String {
+    let Array { render, join, name, .. } = array;
+    let last = tasks - 1;
+    format!(
+        "render=$(sbatch --parsable --array=0-{last} \"$@\" {render})
 # The name of the cluster may stand behind the number.
 render=${{render%%;*}}
-join=$(sbatch --parsable --dependency=afterok:\"$render\" --kill-on-invalid-dep=yes \"$@\" join.sh)
-echo \"render: job $render, {tasks} tasks; join: job ${{join%%;*}}\"
-",
-        tasks = last + 1
-    );
-    vec![("chunks.txt", chunks), ("render.sh", render), ("join.sh", join), (SUBMIT, submit)]
+join=$(sbatch --parsable --dependency={dependency}:\"$render\" --kill-on-invalid-dep=yes \"$@\" {join})
+echo \"{name}render: job $render, {tasks} tasks; {name}join: job ${{join%%;*}}\"
+"
+    )
+}
+
+fn head(job: &str, log: &str) -> String {
+    format!(
+        "#!/bin/sh\n#SBATCH --job-name=choreo-{job}\n#SBATCH --output=logs/{log}.txt\n#SBATCH --open-mode=append\n"
+    )
+}
+
+/// Head of a script that renders, up to the variable `line`: that of the chunks with the number of the task.
+fn render_head(array: &Array) -> String {
+    let stem = array.render.trim_end_matches(".sh");
+    let head = head("render", &format!("{stem}-%a"));
+    let chunks = array.chunks;
+    format!(
+        "{head}#SBATCH --requeue
+# A render that gets a signal to stop ends its frame and keeps what is finished; a task that runs again goes on with it.
+#SBATCH --signal=B:TERM@60
+# One chunk: the line of {chunks} with the number of the task.
+line=$(sed -n \"$((SLURM_ARRAY_TASK_ID + 1))p\" {chunks})
+"
+    )
+}
+
+fn words(options: &[String]) -> String {
+    options.iter().map(|option| format!(" {}", quoted(option))).collect()
+}
+
+fn render_of_film(array: &Array, film: &Film) -> String {
+    let (head, output, segments) = (render_head(array), quoted(&film.output), film.folder());
+    let options = words(&film.options);
+    format!(
+        "{head}exec \"${{CHOREO:-choreo}}\" render {SCENE} -o {output} --frames \"$line\" --segment {segments} --resume --quiet{options}\n"
+    )
+}
+
+fn render_of_row(pattern: &str, options: &[String]) -> String {
+    let (head, pattern, options) = (render_head(&FILM), quoted(pattern), words(options));
+    format!(
+        "{head}row=${{line%% *}}
+exec \"${{CHOREO:-choreo}}\" render {SCENE} --set-from {ROWS} --row \"$row\" -o {pattern} --frames \"${{line#* }}\" \
+         --segment \"segments/$row\" --resume --quiet{options}
+"
+    )
+}
+
+/// Segments may be seen later than the end of the task that wrote them.
+const WAIT: &str = "--wait 60";
+
+fn join(film: &Film) -> String {
+    let stem = if film.segments.is_empty() { "join" } else { "preview_join" };
+    let (head, segments, output) =
+        (head("join", stem), film.folder(), quoted(&format!("{OUTPUT}/{}", film.output)));
+    format!("{head}exec \"${{CHOREO:-choreo}}\" join {segments} -o {output} {WAIT}\n")
+}
+
+fn join_rows() -> String {
+    let head = head("join", "join");
+    format!(
+        "{head}# A film that lacks frames is named; the others are joined.
+failed=0
+while IFS= read -r line; do
+    \"${{CHOREO:-choreo}}\" join \"segments/${{line%% *}}\" -o \"{OUTPUT}/${{line#* }}\" {WAIT} < /dev/null || failed=1
+done < {FILMS}
+exit $failed
+"
+    )
 }

@@ -12,7 +12,7 @@ use crate::output::segment::Segment;
 use crate::output::target::Target;
 use crate::output::video::Video;
 use crate::process::kept_frames;
-use crate::process::{interrupt, threads};
+use crate::process::{interrupt, threads, worker};
 use crate::terminal::progress::Progress;
 use choreo_files::PartFile;
 use choreo_motion::Time;
@@ -124,8 +124,12 @@ impl Drawing<'_> {
         };
         begun.note.iter().for_each(|line| say(line));
         let Some(mut video) = video else { return Ok(Counts::default()) };
-        let encode: Vec<Encode> =
-            vec![Box::new(|_, picture, repeated| video.frame(&picture.pixels, repeated))];
+        worker::start(begun.done as u64);
+        let encode: Vec<Encode> = vec![Box::new(|_, picture, repeated| {
+            video.frame(&picture.pixels, repeated)?;
+            worker::frame(&picture.pixels);
+            Ok(())
+        })];
         let drawn = match self.frames(renderer, &job.frames[begun.done..], encode, say) {
             Ok(drawn) => video.finish().map(|()| drawn),
             Err(failure) => {
@@ -150,7 +154,7 @@ impl Drawing<'_> {
         let keep: Encode = Box::new(|frame, picture, _| {
             // `prepare` refuses sheets of floats.
             if let Pixels::Bytes(pixels) = &picture.pixels {
-                drawn.push((frame, pixels.clone()));
+                drawn.push((sheet::caption(frame), pixels.clone()));
             }
             Ok(())
         });

@@ -1,7 +1,8 @@
 //! `choreo render`: from the command line to files, with everything that can be refused refused before the first frame.
 
+mod batch;
 mod draw;
-mod sheet;
+pub(crate) mod sheet;
 mod stages;
 mod summary;
 mod watch;
@@ -14,6 +15,7 @@ use crate::failure::{Failure, output_error};
 use crate::output::budget::Budgeted;
 use crate::output::segment::SegmentExporter;
 use crate::output::target::Target;
+use crate::process::worker;
 use crate::scene::{
     self, ONE_FRAME, OpenedScene,
     opening::{Keep, Opening},
@@ -41,12 +43,16 @@ pub struct Job {
 }
 
 pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
+    if let Some(table) = &args.set_from {
+        return batch::run(&args, table, plugins);
+    }
     if args.watch {
         return watch::run(&args, plugins);
     }
     if args.stages {
         return stages::run(&args, plugins);
     }
+    begin_report(&args);
     let start = Instant::now();
     let jobs = args.jobs.as_deref().map(values::jobs).transpose()?;
     let target = Target::parse(&args.output)?;
@@ -62,6 +68,16 @@ pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let job = prepared?;
     let drawn = draw::draw(&args, &job, started?, jobs)?;
     summary::report(&args, &job, &drawn, start.elapsed().as_secs_f64())
+}
+
+/// Begins the report of a segment before its scene is opened, where the frames are known by then: a scene that cannot be opened is reported, too.
+fn begin_report(args: &RenderArgs) {
+    let named = args.frames.as_deref().filter(|frames| !frames.trim_end().ends_with(".."));
+    let frames =
+        named.and_then(|frames| values::frames(frames, values::MOST_FRAMES).ok()).unwrap_or_default();
+    if let (Some(folder), Some(first), Some(last)) = (&args.segment, frames.first(), frames.last()) {
+        worker::begin(folder, first.unsigned_abs(), last.unsigned_abs());
+    }
 }
 
 fn wanted(args: &RenderArgs) -> device::Wanted {
@@ -237,6 +253,7 @@ fn segment(
         return Err(Failure::Usage("--segment takes one range of frames, as --frames 0..120".into()));
     };
     std::fs::create_dir_all(folder).map_err(|e| output_error(&folder.display().to_string(), &e))?;
+    worker::begin(folder, first.unsigned_abs(), (first + count - 1).unsigned_abs());
     let segment = SegmentExporter {
         inner: exporter.clone(),
         first: first.unsigned_abs(),

@@ -34,15 +34,19 @@ pub fn must_be_one_image(target: &Target, one_picture: bool) -> Result<(), Failu
     }
 }
 
-/// The sheet, row by row; each frame has its number and time in its corner.
-pub fn compose(frames: Vec<((i64, Time), Frame)>) -> Frame {
+/// The text of a frame: its number and time.
+pub fn caption((number, time): (i64, Time)) -> String {
+    format!("{number}: {:.3} s", time.as_secs())
+}
+
+/// The sheet, row by row; each frame has its text in its corner.
+pub fn compose(frames: Vec<(String, Frame)>) -> Frame {
     let [width, height] = frames.first().map_or([1, 1], |(_, frame)| [frame.width, frame.height]);
     let columns = columns(frames.len() as u32, [width, height]);
     let rows = (frames.len() as u32).div_ceil(columns);
     let [w, h] = [(columns, width), (rows, height)].map(|(count, side)| count * (side + GAP) + GAP);
     let mut sheet = Frame { width: w, height: h, rgba: GRAY.repeat(w as usize * h as usize) };
-    for (index, ((number, time), mut frame)) in (0..).zip(frames) {
-        let text = format!("{number}: {:.3} s", time.as_secs());
+    for (index, (text, mut frame)) in (0..).zip(frames) {
         label(&mut frame, &text, (width as f32 / 16.0).min(height as f32 / 12.0));
         let (left, top) = (index % columns * (width + GAP) + GAP, index / columns * (height + GAP) + GAP);
         let row_bytes = 4 * width as usize;
@@ -80,7 +84,8 @@ mod tests {
 
     #[test]
     fn frames_lie_row_by_row_with_gaps_between() {
-        let frame = |n: u8| ((i64::from(n), Time::ZERO), Frame { width: 3, height: 2, rgba: vec![n; 24] });
+        let frame =
+            |n: u8| (caption((i64::from(n), Time::ZERO)), Frame { width: 3, height: 2, rgba: vec![n; 24] });
         let sheet = compose((1..=4).map(frame).collect());
         assert_eq!([sheet.width, sheet.height], [2 * 7 + 4, 2 * 6 + 4]);
         let pixel = |x: u32, y: u32| sheet.rgba[4 * (y * sheet.width + x) as usize];

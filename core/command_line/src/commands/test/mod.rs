@@ -12,6 +12,7 @@ use crate::plugins::plugin_files;
 use crate::process::threads::too_few;
 use crate::project_file;
 use crate::scene::inputs::Inputs;
+use crate::scene::pack::{self, Unpacked};
 use choreo_files::{Folder, WriteError, write_whole};
 use choreo_plugin::Registry;
 use choreo_script::testing::TestOptions;
@@ -29,7 +30,9 @@ use std::path::{Path, PathBuf};
 /// Folders that are searched for tests if the command line names none.
 const USUAL: [&str; 2] = ["tests/suite", "scripts"];
 
-pub fn run(args: TestArgs, no_project_file: bool, plugins: &Registry) -> Result<(), Failure> {
+pub fn run(mut args: TestArgs, no_project_file: bool, plugins: &Registry) -> Result<(), Failure> {
+    // They go with this value.
+    let _unpacked = unpacked(&mut args)?;
     let job = Job { in_projects: !no_project_file, ..Job::new(&args)? };
     if args.watch {
         return watch::run(&args, &job, plugins);
@@ -53,6 +56,25 @@ fn judged(report: &Report) -> Result<(), Failure> {
         }
         Some(why) => Err(Failure::Tests(why)),
     }
+}
+
+/// Unpacks the packed scenes among the paths, and puts their scripts and folders into the arguments.
+fn unpacked(args: &mut TestArgs) -> Result<Vec<Unpacked>, Failure> {
+    let limits = values::limits(&args.limit)?;
+    let mut all = Vec::new();
+    for path in args.paths.iter_mut().filter(|path| pack::is_packed(path)) {
+        if !args.accept.is_empty() || args.watch {
+            let what = format!("{}: it is packed; --accept and --watch are for scripts", path.display());
+            return Err(Failure::Usage(what));
+        }
+        let unpacked = Unpacked::open(path, limits.file)?;
+        let manifest = &unpacked.manifest;
+        *path = unpacked.place(&manifest.input);
+        args.search.extend(manifest.search.iter().map(|folder| unpacked.place(folder)));
+        args.plugins.extend(manifest.plugins.iter().map(|folder| unpacked.place(folder)));
+        all.push(unpacked);
+    }
+    Ok(all)
 }
 
 /// Runs the test scripts of a package with its plugins; tests may read in its folder. Gives the effects of plugin files that no test

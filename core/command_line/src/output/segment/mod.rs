@@ -8,13 +8,15 @@
 mod coverage;
 mod film_writer;
 mod read;
+mod report;
 mod shared;
 mod write;
 
 pub(crate) use coverage::{Gap, Source, cover, ranges};
 pub(crate) use film_writer::{FilmWriter, JoinError, JoinedFrames};
 pub(crate) use read::{Fault, Place, Segment};
-pub(crate) use write::SegmentExporter;
+pub(crate) use report::{Report, State, frames_of, report_name, segment_name, thumbnail};
+pub(crate) use write::{SegmentExporter, png};
 
 use crate::output::journal::Identity;
 use choreo_motion::FrameRate;

@@ -1,7 +1,7 @@
 //! Writing a segment, as an exporter around that of the film: so a segment is resumed, and appears whole or not at all, as a video is.
 
 use super::shared::Shared;
-use super::{EXTENSION, Film, Kind, MAGIC, Record, line};
+use super::{Film, Kind, MAGIC, Record, line, segment_name};
 use crate::output::provenance;
 use choreo_plugin::{
     ExportError, ExportOptions, Exporter, FloatFrame, Frame, FrameSink, FrameWish, Manifest, Mark, VideoInfo,
@@ -29,7 +29,7 @@ impl SegmentExporter {
 
     /// The file of `frames` frames in the folder of segments.
     pub fn file_name(&self, frames: u64) -> String {
-        format!("{:07}-{:07}.{EXTENSION}", self.first, self.first + frames - 1)
+        segment_name(self.first, self.first + frames - 1)
     }
 
     fn sink(&self, info: &VideoInfo, done: u64, out: Box<dyn Write + Send>) -> Box<dyn FrameSink> {
@@ -234,7 +234,7 @@ impl FrameSink for SegmentSink {
 }
 
 /// The pixels of a frame. Fast: it is decoded once and thrown away.
-fn png(frame: &Frame) -> Result<Vec<u8>, ExportError> {
+pub(crate) fn png(frame: &Frame) -> Result<Vec<u8>, ExportError> {
     let failed = |error: png::EncodingError| match error {
         png::EncodingError::IoError(error) => ExportError::Io(error),
         other => ExportError::Format(format!("the image of a frame: {other}")),

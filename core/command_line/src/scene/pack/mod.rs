@@ -9,7 +9,7 @@ mod read;
 mod write;
 
 pub(crate) use read::{Unpacked, is_packed, options_of};
-pub(crate) use write::write;
+pub(crate) use write::{write, write_folder};
 
 use crate::args::PackedStage;
 use crate::failure::Failure;

@@ -1,27 +1,30 @@
 //! Unpacking an archive that a stranger may have made: regular files with the names of the manifest, beneath a new folder, each of the
 //! stated length and hash; no links, no `..`, nothing else.
 
-use super::{EXTENSION, MANIFEST, Manifest};
+use super::{EXTENSION, MANIFEST, Manifest, PackedFile};
 use crate::args::values;
 use crate::args::{PackedStage, SceneArgs};
 use crate::failure::Failure;
 use choreo_files::{Folder, write_whole_beneath};
 use std::fs::File;
 use std::io::{BufReader, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 /// Bytes of the largest manifest, and files at most.
 const MOST_MANIFEST: u64 = 64 << 20;
 const MOST_FILES: usize = 100_000;
 
-/// Whether the input of a command is an archive.
+/// Whether the input of a command is an archive, or the folder of one.
 pub(crate) fn is_packed(input: &Path) -> bool {
-    input.extension().is_some_and(|e| e.eq_ignore_ascii_case(EXTENSION))
+    input.extension().is_some_and(|e| e.eq_ignore_ascii_case(EXTENSION)) || input.join(MANIFEST).is_file()
 }
 
 /// The text of the choreo.toml in an archive; `None` where it cannot be read, which is reported when it is opened.
 pub(crate) fn options_of(input: &Path) -> Option<String> {
+    if input.is_dir() {
+        return Some(manifest_of(&Folder::open(input).ok()?).ok()?.options);
+    }
     let mut archive = archive(choreo_files::open_file(input).ok()?);
     let manifest = manifest(&mut archive.entries().ok()?).ok()?;
     Some(manifest.options)
@@ -44,9 +47,47 @@ impl Unpacked {
         let damaged = |what: &str| Failure::input(format!("{shown}: it is damaged: {what}"));
         let mut archive = archive(file);
         let mut entries = archive.entries().map_err(|e| damaged(&choreo_files::words(&e)))?;
-        let manifest = manifest(&mut entries).map_err(|what| {
-            Failure::input(format!("{shown}: it is not a scene that choreo pack has written: {what}"))
+        let manifest = manifest(&mut entries).map_err(|what| foreign(shown, what))?;
+        let unpacked = Unpacked::of(manifest, shown, largest, |file| {
+            let name = &file.path;
+            let entry = entries.next().and_then(Result::ok);
+            let mut entry = entry.ok_or_else(|| damaged(&format!("{name} is missing")))?;
+            if !is_file(&entry, name) || entry.size() != file.bytes {
+                return Err(damaged(&format!("something else is in the place of {name}")));
+            }
+            let mut bytes = Vec::new();
+            let read = entry.read_to_end(&mut bytes);
+            Ok(if read.is_ok() { bytes } else { Vec::new() })
         })?;
+        match entries.next() {
+            Some(_) => Err(damaged("there is more than its manifest says")),
+            None => Ok(unpacked),
+        }
+    }
+
+    /// Copies the folder form of an archive, under the rules of the archive: links in it are refused, also those that stay in it.
+    pub fn of_folder(folder: &Path, largest: u64) -> Result<Unpacked, Failure> {
+        let shown = folder.display().to_string();
+        let damaged = |what: &str| Failure::input(format!("{shown}: it is damaged: {what}"));
+        let open = Folder::open(folder).map_err(|e| damaged(&choreo_files::words(&e)))?;
+        let manifest = manifest_of(&open).map_err(|what| foreign(&shown, what))?;
+        Unpacked::of(manifest, &shown, largest, |file| {
+            let name = Path::new(&file.path);
+            if open.resolve(name).is_ok_and(|place| place != name) {
+                return Err(damaged(&format!("something else is in the place of {}", file.path)));
+            }
+            open.read(name, file.bytes).map_err(|e| damaged(&format!("{}: {e}", file.path)))
+        })
+    }
+
+    /// Puts the files of a manifest into a new folder. `read` gives the bytes of the next.
+    fn of(
+        manifest: Manifest,
+        shown: &str,
+        largest: u64,
+        mut read: impl FnMut(&PackedFile) -> Result<Vec<u8>, Failure>,
+    ) -> Result<Unpacked, Failure> {
+        let damaged = |what: &str| Failure::input(format!("{shown}: it is damaged: {what}"));
         if manifest.files.len() > MOST_FILES {
             return Err(damaged("it has more than 100000 files"));
         }
@@ -56,24 +97,15 @@ impl Unpacked {
         let written = |name: &str, e| Failure::Output(format!("{shown}: cannot unpack {name}: {e}"));
         for file in &manifest.files {
             let name = &file.path;
-            let entry = entries.next().and_then(Result::ok);
-            let mut entry = entry.ok_or_else(|| damaged(&format!("{name} is missing")))?;
-            if !is_file(&entry, name) || entry.size() != file.bytes {
-                return Err(damaged(&format!("something else is in the place of {name}")));
-            }
             if file.bytes > largest {
                 let hint = choreo_script::raise_hint("file", format!("{largest} bytes"));
                 return Err(Failure::input(format!("{shown}: {name} is too large\n    hint: {hint}")));
             }
-            let mut bytes = Vec::new();
-            let read = entry.read_to_end(&mut bytes);
-            if read.is_err() || blake3::hash(&bytes).to_hex().as_str() != file.blake3 {
+            let bytes = read(file)?;
+            if blake3::hash(&bytes).to_hex().as_str() != file.blake3 {
                 return Err(damaged(&format!("{name} has another hash")));
             }
             write_whole_beneath(folder.path(), Path::new(name), &bytes).map_err(|e| written(name, e))?;
-        }
-        if entries.next().is_some() {
-            return Err(damaged("there is more than its manifest says"));
         }
         let folders = manifest.search.iter().chain(&manifest.plugins).map(Path::new);
         let above = manifest.names.iter().filter_map(|(name, _)| Path::new(name).parent());
@@ -95,12 +127,25 @@ impl Unpacked {
         if !is_packed(&args.input) {
             return Ok(None);
         }
-        let shown = args.input.display().to_string();
-        let file = choreo_files::open_file(&args.input);
-        let file = file.map_err(|e| Failure::input(format!("{shown}: cannot read: {e}")))?;
-        let unpacked = Unpacked::new(file, &shown, values::limits(&args.limit)?.file)?;
+        let unpacked = Unpacked::open(&args.input, values::limits(&args.limit)?.file)?;
         unpacked.arguments(args);
         Ok(Some(unpacked))
+    }
+
+    /// Unpacks an archive, or copies the folder of one.
+    pub fn open(input: &Path, largest: u64) -> Result<Unpacked, Failure> {
+        if input.is_dir() {
+            return Unpacked::of_folder(input, largest);
+        }
+        let shown = input.display().to_string();
+        let file = choreo_files::open_file(input);
+        let file = file.map_err(|e| Failure::input(format!("{shown}: cannot read: {e}")))?;
+        Unpacked::new(file, &shown, largest)
+    }
+
+    /// A file of the manifest where it was unpacked.
+    pub fn place(&self, path: &str) -> PathBuf {
+        self.folder.path().join(path)
     }
 
     /// Puts what was packed into the arguments of a command.
@@ -137,6 +182,17 @@ fn link(file: &Path, name: &Path) -> std::io::Result<()> {
     return std::fs::copy(file, name).map(drop);
 }
 
+/// The error of something that was not packed.
+fn foreign(shown: &str, what: &str) -> Failure {
+    Failure::input(format!("{shown}: it is not a scene that choreo pack has written: {what}"))
+}
+
+/// Reads the manifest of the folder form.
+fn manifest_of(folder: &Folder) -> Result<Manifest, &'static str> {
+    let text = folder.read(Path::new(MANIFEST), MOST_MANIFEST).map_err(|_| "it has no choreo.json")?;
+    parsed(&text)
+}
+
 /// Reads the first entry.
 fn manifest<R: Read>(entries: &mut tar::Entries<'_, R>) -> Result<Manifest, &'static str> {
     let mut entry = entries.next().and_then(Result::ok).ok_or("it is no tar archive")?;
@@ -145,7 +201,11 @@ fn manifest<R: Read>(entries: &mut tar::Entries<'_, R>) -> Result<Manifest, &'st
     }
     let mut text = Vec::new();
     entry.read_to_end(&mut text).map_err(|_| "choreo.json is cut short")?;
-    let value = serde_json::from_slice(&text).map_err(|_| "choreo.json is not JSON")?;
+    parsed(&text)
+}
+
+fn parsed(text: &[u8]) -> Result<Manifest, &'static str> {
+    let value = serde_json::from_slice(text).map_err(|_| "choreo.json is not JSON")?;
     Manifest::read(&value).ok_or("choreo.json lacks a field, or has a path that leads out of it")
 }
 

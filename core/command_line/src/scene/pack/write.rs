@@ -4,10 +4,11 @@ use super::{MANIFEST, Manifest, PackedFile, hex};
 use crate::args::SceneArgs;
 use crate::failure::Failure;
 use crate::scene::OpenedScene;
+use choreo_files::{WriteError, write_whole_beneath};
 use choreo_session::package::DESCRIPTION;
 use choreo_session::plugin_files;
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Writes the archive of an open scene. `options`: the text of the project's choreo.toml. Gives the manifest and what was written to.
@@ -61,6 +62,19 @@ pub(crate) fn write<W: Write>(
     }
     let to = archive.into_inner().map_err(failed)?;
     Ok((manifest, to))
+}
+
+/// Writes the folder form of an archive of ours: its entries as files.
+pub(crate) fn write_folder(archive: impl Read, folder: &Path) -> Result<(), WriteError> {
+    let mut archive = tar::Archive::new(archive);
+    for entry in archive.entries()? {
+        let mut entry = entry?;
+        let name = entry.path()?.into_owned();
+        let mut bytes = Vec::new();
+        entry.read_to_end(&mut bytes)?;
+        write_whole_beneath(folder, &name, &bytes)?;
+    }
+    Ok(())
 }
 
 /// Adds a file without times, owners and permissions: the archive's bytes depend on contents alone.

@@ -1,0 +1,296 @@
+//! `choreo farm --status`: how far a job is, from the files that its workers leave in the folder. No server, and no clock but those of
+//! the workers' own timers.
+
+use super::chunks::Chunk;
+use super::job::{FarmJob, Film, JOB, OUTPUT};
+use crate::commands::render::sheet;
+use crate::failure::{Failure, print, print_json, write_failure};
+use crate::output::segment::{Report, State, frames_of, png, report_name, segment_name};
+use crate::output::target::export_failure;
+use crate::output::video::is_being_made;
+use crate::terminal::page::Page;
+use choreo_files::{Folder, write_whole};
+use choreo_plugin::Frame;
+use serde_json::json;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Cursor;
+use std::path::Path;
+
+/// Names read of one folder, and bytes of a report and of the job's description at most.
+const MOST_NAMES: usize = 1_000_000;
+const MOST_REPORT: u64 = 1 << 20;
+const MOST_JOB: u64 = 64 << 20;
+/// Chunks on the contact sheet at most.
+const MOST_CELLS: usize = 48;
+/// Films with a line each at most.
+const MOST_LINES: usize = 12;
+
+/// The state of a chunk; none is that of one that no machine has begun.
+type ChunkState = Option<State>;
+
+struct ChunkStatus {
+    film: usize,
+    frames: Chunk,
+    state: ChunkState,
+    /// Frames that are finished.
+    done: u64,
+    report: Option<Report>,
+}
+
+impl ChunkStatus {
+    fn word(&self) -> &'static str {
+        self.state.map_or("waiting", State::word)
+    }
+}
+
+/// `folder`: that of the job. `sheet_file`: where the contact sheet is put.
+pub(super) fn run(folder: &Path, sheet_file: Option<&Path>, as_json: bool) -> Result<(), Failure> {
+    let shown = folder.join(JOB).display().to_string();
+    let text = choreo_files::read(&folder.join(JOB), MOST_JOB).map_err(|e| {
+        Failure::input(format!(
+            "{shown}: cannot read: {e}\n    hint: choreo farm writes it into the folder --to"
+        ))
+    })?;
+    let job = serde_json::from_slice(&text).ok().and_then(|value| FarmJob::read(&value));
+    let job =
+        job.ok_or_else(|| Failure::input(format!("{shown}: it is not a job that choreo farm has written")))?;
+    let mut chunks = Vec::new();
+    for (number, film) in job.films.iter().enumerate() {
+        chunks.extend(chunks_of(folder, number, film)?);
+    }
+    let progress = Progress::of(&job, &chunks, folder);
+    if let Some(file) = sheet_file {
+        write_sheet(file, &chunks)?;
+    }
+    match as_json {
+        true => print_json(&progress.json(&job, &chunks, folder)),
+        false => progress.print(&job, &chunks),
+    }
+}
+
+/// The chunks that files speak of, and the planned ones that none of these touches: engines can choose other chunks.
+fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatus>, Failure> {
+    let path = folder.join(film.folder());
+    let opened = Folder::open(&path);
+    let names = match &opened {
+        Ok(opened) => opened.names(MOST_NAMES),
+        // The first worker of a row makes its folder.
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
+        Err(e) => Err(e.kind().into()),
+    };
+    let names = names.map_err(|e| {
+        Failure::input(format!("{}: cannot read: {}", path.display(), choreo_files::words(&e)))
+    })?;
+    let names: Vec<&str> = names.iter().filter_map(|name| name.to_str()).collect();
+    let whole: BTreeSet<&str> = names.iter().copied().collect();
+    let found: BTreeSet<Chunk> = names.iter().filter_map(|name| frames_of(name)).collect();
+    let status = |frames: Chunk| {
+        let (first, last) = frames;
+        let name = segment_name(first, last);
+        let report = choreo_files::read(&path.join(report_name(first, last)), MOST_REPORT).ok();
+        let report = report.and_then(|bytes| Report::read(&bytes));
+        let held = || opened.as_ref().is_ok_and(|folder| is_being_made(folder, Path::new(&name)));
+        let state = match report.as_ref().map(|report| report.state) {
+            _ if whole.contains(name.as_str()) => Some(State::Done),
+            _ if held() => Some(State::Running),
+            Some(State::Failed) => Some(State::Failed),
+            // The segment cannot be seen yet, or was removed.
+            Some(State::Done) => None,
+            // Its worker has gone without a word.
+            _ => Some(State::Stopped),
+        };
+        let length = last - first + 1;
+        let done = match state {
+            Some(State::Done) => length,
+            None => 0,
+            _ => report.as_ref().map_or(0, |report| report.done.min(length)),
+        };
+        ChunkStatus { film: number, frames, state, done, report }
+    };
+    let touched = |(first, last): &Chunk| found.iter().any(|(a, b)| a <= last && b >= first);
+    let waiting = film.chunks.iter().copied().filter(|chunk| !touched(chunk));
+    let waiting =
+        waiting.map(|frames| ChunkStatus { film: number, frames, state: None, done: 0, report: None });
+    let mut chunks: Vec<ChunkStatus> = found.iter().copied().map(status).chain(waiting).collect();
+    chunks.sort_by_key(|chunk| chunk.frames);
+    Ok(chunks)
+}
+
+struct Progress {
+    /// Chunks by their state.
+    counts: BTreeMap<&'static str, usize>,
+    frames: u64,
+    done: u64,
+    /// Frames a second of all that run; `None` before their first frames.
+    rate: Option<f64>,
+    /// Films that are in their place.
+    films: Vec<bool>,
+}
+
+impl Progress {
+    fn of(job: &FarmJob, chunks: &[ChunkStatus], folder: &Path) -> Progress {
+        let mut counts = BTreeMap::new();
+        chunks.iter().for_each(|chunk| *counts.entry(chunk.word()).or_default() += 1);
+        let done_of = |number: usize, film: &Film| {
+            let own = chunks.iter().filter(|chunk| chunk.film == number);
+            // Chunks may overlap.
+            own.map(|chunk| chunk.done).sum::<u64>().min(film.frames)
+        };
+        let reports = || {
+            let running = chunks.iter().filter(|chunk| chunk.state == Some(State::Running));
+            running.filter_map(|chunk| chunk.report.as_ref()).filter(|report| report.made > 0)
+        };
+        let rate = reports().map(|report| report.made as f64 / report.seconds.max(1e-3)).sum::<f64>();
+        let there = |film: &Film| folder.join(OUTPUT).join(&film.output);
+        Progress {
+            counts,
+            frames: job.films.iter().map(|film| film.frames).sum(),
+            done: job.films.iter().enumerate().map(|(number, film)| done_of(number, film)).sum(),
+            rate: (rate > 0.0).then_some(rate),
+            films: job.films.iter().map(|film| is_there(&there(film))).collect(),
+        }
+    }
+
+    fn left(&self) -> Option<f64> {
+        Some((self.frames - self.done) as f64 / self.rate?)
+    }
+
+    fn json(&self, job: &FarmJob, chunks: &[ChunkStatus], folder: &Path) -> serde_json::Value {
+        let chunk = |chunk: &ChunkStatus| {
+            let report = chunk.report.as_ref();
+            json!({
+                "film": job.films[chunk.film].output, "frames": chunk.frames, "state": chunk.word(), "done": chunk.done,
+                "host": report.map(|report| &report.host), "seconds": report.map(|report| report.seconds),
+                "message": report.map(|report| &report.message).filter(|_| chunk.state == Some(State::Failed)),
+            })
+        };
+        let film = |(film, there): (&Film, &bool)| json!({ "output": film.output, "frames": film.frames, "joined": there });
+        json!({
+            "ok": true,
+            "folder": folder.display().to_string(),
+            "frames": self.frames,
+            "done": self.done,
+            "counts": self.counts,
+            "frames_per_second": self.rate,
+            "seconds_left": self.left(),
+            "films": job.films.iter().zip(&self.films).map(film).collect::<Vec<_>>(),
+            "chunks": chunks.iter().map(chunk).collect::<Vec<_>>(),
+        })
+    }
+
+    fn print(&self, job: &FarmJob, chunks: &[ChunkStatus]) -> Result<(), Failure> {
+        let mut page = Page::default();
+        let states = ["done", "running", "failed", "stopped", "waiting"];
+        let counts = states.iter().filter_map(|state| Some(format!("{} {state}", self.counts.get(state)?)));
+        let plural = if chunks.len() == 1 { "chunk" } else { "chunks" };
+        page.line(format_args!("{} {plural}: {}", chunks.len(), counts.collect::<Vec<_>>().join(", ")));
+        let rate = match (self.rate, self.left()) {
+            (Some(rate), Some(left)) => format!(", {rate:.1} a second, about {} left", duration(left)),
+            _ => String::new(),
+        };
+        page.line(format_args!("{} of {} frames{rate}", self.done, self.frames));
+        for chunk in chunks {
+            let Some(report) = &chunk.report else { continue };
+            let (first, last) = chunk.frames;
+            let film = if job.films.len() > 1 {
+                format!("{}: ", job.films[chunk.film].output)
+            } else {
+                String::new()
+            };
+            let (done, length) = (chunk.done, last - first + 1);
+            let what = match chunk.state {
+                Some(State::Running) => format!("running on {}, {done} of {length}", report.host),
+                Some(State::Failed) => {
+                    format!("failed on {}: {}", report.host, report.message.replace('\n', " "))
+                }
+                Some(State::Stopped) => format!("stopped on {}, {done} of {length} are kept", report.host),
+                _ => continue,
+            };
+            page.line(format_args!("{film}frames {first}-{last}: {what}"));
+        }
+        if job.films.len() > MOST_LINES {
+            let joined = self.films.iter().filter(|there| **there).count();
+            page.line(format_args!("{joined} of {} films are joined", job.films.len()));
+        } else {
+            let joined = |there| if there { "joined" } else { "not joined yet" };
+            let films = job.films.iter().zip(&self.films);
+            page.lines(films.map(|(film, there)| format!("{}: {}", film.output, joined(*there))));
+        }
+        print(page.as_str())
+    }
+}
+
+/// Whether a film is in its place: its file, or the folder of its images with something in it.
+fn is_there(path: &Path) -> bool {
+    let numbered = path.file_name().is_some_and(|name| name.to_string_lossy().contains('%'));
+    let folder = path.parent().filter(|_| numbered);
+    folder.map_or(path.is_file(), |folder| {
+        // A join that runs has its claim beside them.
+        let names = Folder::open(folder).and_then(|folder| folder.names(MOST_NAMES)).unwrap_or_default();
+        !names.is_empty() && names.iter().all(|name| !name.to_string_lossy().ends_with(".part"))
+    })
+}
+
+/// Seconds in words.
+fn duration(seconds: f64) -> String {
+    let whole = seconds.ceil().max(0.0) as u64;
+    match (whole / 3600, whole / 60 % 60, whole % 60) {
+        (0, 0, seconds) => format!("{seconds} s"),
+        (0, minutes, seconds) => format!("{minutes} min {seconds} s"),
+        (hours, minutes, _) => format!("{hours} h {minutes} min"),
+    }
+}
+
+/// The first frame of each chunk, small, with its state; of some where there are many.
+fn write_sheet(file: &Path, chunks: &[ChunkStatus]) -> Result<(), Failure> {
+    let shown = file.display().to_string();
+    let count = chunks.len().min(MOST_CELLS);
+    let shown_chunks: Vec<&ChunkStatus> = (0..count).map(|i| &chunks[i * chunks.len() / count]).collect();
+    let images: Vec<Option<Frame>> =
+        shown_chunks.iter().map(|chunk| decoded(&chunk.report.as_ref()?.thumbnail)).collect();
+    let cell =
+        images.iter().flatten().fold([1, 1], |[w, h], image| [w.max(image.width), h.max(image.height)]);
+    let [width, height] = if cell == [1, 1] { [192, 108] } else { cell };
+    let cells = shown_chunks.iter().zip(images).map(|(chunk, image)| {
+        let (first, last) = chunk.frames;
+        (format!("{first}-{last}: {}", chunk.word()), placed(image, [width, height]))
+    });
+    let sheet = png(&sheet::compose(cells.collect())).map_err(|e| export_failure(&shown, e))?;
+    write_whole(file, &sheet).map_err(|e| write_failure(&shown, e))
+}
+
+/// An image in a cell that may be larger, as films of a batch have their sizes; black where there is none.
+fn placed(image: Option<Frame>, [width, height]: [u32; 2]) -> Frame {
+    let mut cell = Frame { width, height, rgba: [0, 0, 0, 255].repeat(width as usize * height as usize) };
+    let Some(image) = image else { return cell };
+    let row_bytes = 4 * image.width as usize;
+    for (y, row) in image.rgba.chunks_exact(row_bytes).enumerate() {
+        let at = 4 * y * width as usize;
+        cell.rgba[at..at + row_bytes].copy_from_slice(row);
+    }
+    cell
+}
+
+/// The pixels of a thumbnail; `None` where it is none of ours.
+fn decoded(png: &[u8]) -> Option<Frame> {
+    let mut reader = png::Decoder::new(Cursor::new(png)).read_info().ok()?;
+    let info = reader.info();
+    let ours = (info.color_type, info.bit_depth) == (png::ColorType::Rgba, png::BitDepth::Eight);
+    if !ours || info.width.max(info.height) > 1024 {
+        return None;
+    }
+    let mut rgba = vec![0; reader.output_buffer_size()?];
+    let info = reader.next_frame(&mut rgba).ok()?;
+    Some(Frame { width: info.width, height: info.height, rgba })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::duration;
+
+    #[test]
+    fn durations_are_rounded_up() {
+        let texts = [0.0, 0.2, 59.0, 59.5, 3599.9, 3600.0, 90_061.0].map(duration);
+        assert_eq!(texts, ["0 s", "1 s", "59 s", "1 min 0 s", "1 h 0 min", "1 h 0 min", "25 h 1 min"]);
+    }
+}

@@ -1,0 +1,167 @@
+//! `choreo render --set-from`: a film for each row of a table, in one process: assets are imported and pipelines made once. A row that
+//! fails is reported, and the others go on.
+
+use crate::args::RenderArgs;
+use crate::args::values;
+use crate::commands::render::draw::{self, Drawn};
+use crate::drawing::device;
+use crate::drawing::frame_cache::Remembering;
+use crate::drawing::pipeline::render_failure;
+use crate::failure::{Failure, output_error, print_json, print_message};
+use crate::output::target::Target;
+use crate::process::panics::plugin_failures;
+use crate::scene;
+use crate::scene::opening::Keep;
+use crate::scene::rows::{self, Row};
+use choreo_plugin::Registry;
+use serde_json::json;
+use std::path::Path;
+use std::time::Instant;
+
+pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Failure> {
+    let rows = rows::read(table)?;
+    let outputs = rows::outputs(&rows, &args.output)?;
+    let renders = || rows.iter().zip(&outputs).map(|(row, output)| of_row(args, row, output));
+    if let Some(number) = args.row {
+        let render = number.checked_sub(1).and_then(|index| renders().nth(index));
+        let count = rows.len();
+        let render = render.ok_or_else(|| {
+            Failure::Usage(format!("--row {number}: {} has rows 1 to {count}", table.display()))
+        })?;
+        return super::run(render, plugins);
+    }
+    if args.segment.is_some() {
+        return Err(Failure::Usage("--segment is for one film; choose its row with --row".into()));
+    }
+    if Target::parse(&args.output)? == Target::Stdout {
+        return Err(Failure::Usage(
+            "--set-from writes a file for each row; -o is a pattern, as {name}.mp4".into(),
+        ));
+    }
+    let jobs = args.jobs.as_deref().map(values::jobs).transpose()?;
+    let registry = scene::plugins(&args.scene, plugins)?;
+    Target::parse(&outputs[0])?.exporter(&registry)?;
+    let started = device::start(super::wanted(args), registry.effects()).wait()?;
+    let mut batch = Batch {
+        registry,
+        keep: Keep::default(),
+        renderer: Remembering::shared_only(started.renderer),
+        note: started.note,
+        reason: started.reason,
+        jobs,
+        folders: Path::new(&args.output)
+            .parent()
+            .is_some_and(|folder| folder.to_string_lossy().contains('{')),
+    };
+    let mut results = Vec::new();
+    for (row, render) in rows.iter().zip(renders()) {
+        let begun = Instant::now();
+        let drawn = plugin_failures(|| batch.row(&render));
+        if let Err(failure @ (Failure::Interrupted | Failure::Internal(_))) = drawn {
+            return Err(failure);
+        }
+        let result = RowResult {
+            row: row.number,
+            output: render.output,
+            drawn,
+            seconds: begun.elapsed().as_secs_f64(),
+        };
+        result.print(args);
+        results.push(result);
+    }
+    ended(args, &results)
+}
+
+/// The render of one row.
+fn of_row(args: &RenderArgs, row: &Row, output: &str) -> RenderArgs {
+    let scene = row.scene(&args.scene);
+    RenderArgs { scene, output: output.to_string(), set_from: None, row: None, ..args.clone() }
+}
+
+/// What all rows share.
+struct Batch {
+    registry: Registry,
+    keep: Keep,
+    renderer: Remembering,
+    /// Said with the first row.
+    note: Option<String>,
+    reason: Option<String>,
+    jobs: Option<usize>,
+    /// Folders have their names from rows, and are made.
+    folders: bool,
+}
+
+impl Batch {
+    fn row(&mut self, args: &RenderArgs) -> Result<(u64, Drawn), Failure> {
+        let target = Target::parse(&args.output)?;
+        let job = super::prepare(args, target, &self.registry, Some(&self.keep))?;
+        if self.folders {
+            make_folder(&job.target)?;
+        }
+        self.renderer.begin().map_err(render_failure)?;
+        let started = device::Started {
+            renderer: Box::new(self.renderer.clone()),
+            time: None,
+            stages: None,
+            note: self.note.take(),
+            reason: self.reason.clone(),
+        };
+        Ok((job.frames.len() as u64, draw::draw(args, &job, started, self.jobs)?))
+    }
+}
+
+/// Makes the folder of one file.
+fn make_folder(target: &Target) -> Result<(), Failure> {
+    let Target::File(path) = target else { return Ok(()) };
+    let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return Ok(()) };
+    std::fs::create_dir_all(folder).map_err(|e| output_error(&folder.display().to_string(), &e))
+}
+
+struct RowResult {
+    row: usize,
+    output: String,
+    /// Frames of the film, and how they were drawn.
+    drawn: Result<(u64, Drawn), Failure>,
+    seconds: f64,
+}
+
+impl RowResult {
+    fn print(&self, args: &RenderArgs) {
+        let RowResult { row, output, seconds, .. } = self;
+        match &self.drawn {
+            Err(failure) => {
+                failure.lines().iter().for_each(|line| print_message(format_args!("row {row}: {line}")))
+            }
+            Ok((frames, _)) if !args.quiet && !args.json => {
+                let plural = if *frames == 1 { "frame" } else { "frames" };
+                print_message(format_args!("row {row}: {frames} {plural} in {seconds:.2} s: {output}"));
+            }
+            Ok(_) => {}
+        }
+    }
+
+    fn json(&self) -> serde_json::Value {
+        let (mut errors, mut frames, mut drawn) = (json!(null), json!(null), json!(null));
+        match &self.drawn {
+            Err(failure) => errors = failure.json()["errors"].take(),
+            Ok((all, own)) => (frames, drawn) = (json!(all), json!(own.counts.drawn)),
+        }
+        json!({
+            "row": self.row, "output": self.output, "ok": self.drawn.is_ok(), "frames": frames, "drawn": drawn,
+            "seconds": self.seconds, "errors": errors,
+        })
+    }
+}
+
+/// The report of all rows; an error where some failed.
+fn ended(args: &RenderArgs, results: &[RowResult]) -> Result<(), Failure> {
+    if args.json {
+        let rows: Vec<serde_json::Value> = results.iter().map(RowResult::json).collect();
+        let all = results.iter().all(|result| result.drawn.is_ok());
+        print_json(&json!({ "ok": all, "rows": rows }))?;
+    }
+    rows::failed(
+        results.len(),
+        results.iter().filter_map(|result| Some((result.row, result.drawn.as_ref().err()?))),
+    )
+}

@@ -1,0 +1,178 @@
+//! The report of a worker: a small file beside its segment, from which `choreo farm --status` learns how far it is without a server.
+//!
+//! A line of JSON with its hash, as in a segment, and the bytes of a thumbnail. It holds no clock: seconds are those of the worker's own
+//! timer, so that machines whose clocks differ are no problem.
+
+use super::{EXTENSION, line, value};
+use choreo_plugin::Frame;
+use serde_json::{Value, json};
+
+/// Extension of the files.
+const REPORT: &str = "report";
+
+/// Larger side of a thumbnail in pixels.
+const THUMBNAIL: u32 = 192;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum State {
+    Running,
+    Done,
+    Failed,
+    /// A signal has ended it; what it finished is kept.
+    Stopped,
+}
+
+const STATES: [(State, &str); 4] = [
+    (State::Running, "running"),
+    (State::Done, "done"),
+    (State::Failed, "failed"),
+    (State::Stopped, "stopped"),
+];
+
+impl State {
+    pub fn word(self) -> &'static str {
+        STATES.iter().find(|(state, _)| *state == self).map_or("", |(_, word)| word)
+    }
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Report {
+    pub state: State,
+    /// Frames of the segment that are finished, those of killed workers among them.
+    pub done: u64,
+    /// Frames that this worker has made, and its seconds from its start.
+    pub made: u64,
+    pub seconds: f64,
+    /// Name of the machine.
+    pub host: String,
+    /// The last message of a worker that failed.
+    pub message: String,
+    /// A PNG; empty before the first frame.
+    pub thumbnail: Vec<u8>,
+}
+
+impl Report {
+    pub fn bytes(&self) -> Vec<u8> {
+        let mut bytes = line(&json!({
+            "report": 1, "state": self.state.word(), "done": self.done, "made": self.made,
+            "seconds": self.seconds, "host": self.host, "message": self.message,
+        }));
+        bytes.extend(&self.thumbnail);
+        bytes
+    }
+
+    /// `None` where it was cut, or is something else.
+    pub fn read(bytes: &[u8]) -> Option<Report> {
+        let end = bytes.iter().position(|byte| *byte == b'\n')? + 1;
+        let value: Value = value(&bytes[..end])?;
+        let text = |name: &str| value[name].as_str().map(str::to_string);
+        let word = value["state"].as_str()?;
+        Some(Report {
+            state: STATES.iter().find(|(_, name)| *name == word)?.0,
+            done: value["done"].as_u64()?,
+            made: value["made"].as_u64()?,
+            seconds: value["seconds"].as_f64().filter(|seconds| *seconds >= 0.0)?,
+            host: text("host")?,
+            message: text("message")?,
+            thumbnail: bytes[end..].to_vec(),
+        })
+    }
+}
+
+/// The name of the files of a segment, without an extension.
+pub(crate) fn stem(first: u64, last: u64) -> String {
+    format!("{first:07}-{last:07}")
+}
+
+pub(crate) fn segment_name(first: u64, last: u64) -> String {
+    format!("{}.{EXTENSION}", stem(first, last))
+}
+
+pub(crate) fn report_name(first: u64, last: u64) -> String {
+    format!("{}.{REPORT}", stem(first, last))
+}
+
+/// First and last frame of a file in a folder of segments, by its name: a segment, its part folder or a report.
+pub(crate) fn frames_of(name: &str) -> Option<(u64, u64)> {
+    let (stem, ending) = name.split_once('.')?;
+    let (first, last) = stem.split_once('-')?;
+    let frames = (first.parse().ok()?, last.parse().ok()?);
+    ([EXTENSION, REPORT].contains(&ending.trim_end_matches(".part")) && frames.0 <= frames.1)
+        .then_some(frames)
+}
+
+/// A frame made small, each pixel the mean of a block.
+pub(crate) fn thumbnail(frame: &Frame) -> Frame {
+    let block = frame.width.max(frame.height).div_ceil(THUMBNAIL).max(1);
+    let [width, height] = [frame.width, frame.height].map(|side| (side / block).max(1));
+    let mut rgba = Vec::with_capacity(4 * width as usize * height as usize);
+    for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+        let inside = |from: u32, side: u32| from * block..((from + 1) * block).min(side);
+        let mut sum = [0u32; 4];
+        let mut count = 0;
+        for row in inside(y, frame.height) {
+            for column in inside(x, frame.width) {
+                let at = 4 * (row as usize * frame.width as usize + column as usize);
+                sum.iter_mut().zip(&frame.rgba[at..at + 4]).for_each(|(sum, byte)| *sum += u32::from(*byte));
+                count += 1;
+            }
+        }
+        rgba.extend(sum.map(|sum| (sum / count.max(1)) as u8));
+    }
+    Frame { width, height, rgba }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_report_comes_back_or_is_found_to_be_cut() {
+        let report = Report {
+            state: State::Failed,
+            done: 7,
+            made: 3,
+            seconds: 1.5,
+            host: "n1".into(),
+            message: "a \"quote\"\nand a line".into(),
+            thumbnail: vec![1, b'\n', 3],
+        };
+        let bytes = report.bytes();
+        assert_eq!(Report::read(&bytes), Some(report));
+        let line = bytes.len() - 3;
+        for cut in 0..line {
+            assert_eq!(Report::read(&bytes[..cut]), None, "cut at {cut}");
+        }
+        for bit in 0..line - 1 {
+            let mut bent = bytes.clone();
+            bent[bit] ^= 4;
+            assert_eq!(Report::read(&bent), None, "bent at {bit}");
+        }
+    }
+
+    #[test]
+    fn names_say_which_frames_a_file_is_of() {
+        for name in ["0000000-0000023.segment", "0000000-0000023.segment.part", "0000000-0000023.report"] {
+            assert_eq!(frames_of(name), Some((0, 23)), "{name}");
+        }
+        for name in ["0000024-0000023.segment", "1-2.png", "a-2.segment", ".0000000-0000023.report.7.0.part"]
+        {
+            assert_eq!(frames_of(name), None, "{name}");
+        }
+        assert_eq!(
+            (segment_name(0, 23), report_name(7, 7)),
+            ("0000000-0000023.segment".into(), "0000007-0000007.report".into())
+        );
+    }
+
+    #[test]
+    fn a_thumbnail_has_the_means_of_blocks() {
+        let pixel = |x: u32, y: u32| [x as u8, y as u8, 7, 255];
+        let rgba = (0..200u32).flat_map(|y| (0..400).flat_map(move |x| pixel(x / 3 % 4 * 10, y))).collect();
+        let small = thumbnail(&Frame { width: 400, height: 200, rgba });
+        assert_eq!([small.width, small.height], [133, 66]);
+        assert_eq!(&small.rgba[4 * (2 * 133 + 5)..][..4], [10, 7, 7, 255]);
+        let one = Frame { width: 1, height: 1, rgba: vec![1, 2, 3, 4] };
+        assert_eq!(thumbnail(&one), one);
+    }
+}

@@ -1,0 +1,106 @@
+//! The report that a render of a segment leaves beside it, for `choreo farm --status`. A report that cannot be written costs nothing but
+//! itself: the segment counts.
+
+use crate::drawing::pipeline::Pixels;
+use crate::failure::Failure;
+use crate::output::segment::{Report, State, png, report_name, thumbnail};
+use choreo_files::write_whole;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Time between two reports of a worker that draws.
+const PAUSE: Duration = Duration::from_secs(2);
+
+static WORKER: Mutex<Option<Worker>> = Mutex::new(None);
+
+struct Worker {
+    path: PathBuf,
+    report: Report,
+    start: Instant,
+    written: Option<Instant>,
+}
+
+fn worker() -> MutexGuard<'static, Option<Worker>> {
+    WORKER.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A render of a segment begins. Nothing is written yet: another process may be making the segment, or have made it.
+pub(crate) fn begin(folder: &Path, first: u64, last: u64) {
+    let path = folder.join(report_name(first, last));
+    let mut worker = worker();
+    let start = worker.as_ref().map_or_else(Instant::now, |worker| worker.start);
+    let report = Report {
+        state: State::Running,
+        done: 0,
+        made: 0,
+        seconds: 0.0,
+        host: host(),
+        message: String::new(),
+        thumbnail: Vec::new(),
+    };
+    *worker = Some(Worker { path, report, start, written: None });
+}
+
+/// The segment is this process's own, and has this many frames of an earlier one.
+pub(crate) fn start(done: u64) {
+    if let Some(worker) = worker().as_mut() {
+        // The thumbnail of a worker that was killed is as good.
+        let before = choreo_files::read(&worker.path, 1 << 20).ok().and_then(|bytes| Report::read(&bytes));
+        worker.report.thumbnail =
+            before.filter(|_| done > 0).map(|before| before.thumbnail).unwrap_or_default();
+        worker.report.done = done;
+        worker.write();
+    }
+}
+
+/// A frame is in the segment.
+pub(crate) fn frame(pixels: &Pixels) {
+    let mut worker = worker();
+    let Some(worker) = worker.as_mut() else { return };
+    worker.report.done += 1;
+    worker.report.made += 1;
+    if worker.report.thumbnail.is_empty()
+        && let Pixels::Bytes(frame) = pixels
+    {
+        worker.report.thumbnail = png(&thumbnail(frame)).unwrap_or_default();
+    }
+    let first = worker.report.made == 1;
+    if first || worker.written.is_none_or(|written| written.elapsed() >= PAUSE) {
+        worker.write();
+    }
+}
+
+/// The program ends. A worker that has found its segment whole leaves the report of the one that made it.
+pub(crate) fn end(failure: Option<&Failure>) {
+    let Some(mut worker) = worker().take() else { return };
+    worker.report.state = match failure {
+        None if worker.written.is_none() => return,
+        // The command line is wrong: the folder may be, too.
+        Some(Failure::Usage(_)) => return,
+        None => State::Done,
+        Some(Failure::Interrupted) => State::Stopped,
+        Some(failure) => {
+            worker.report.message = failure.lines().join("\n");
+            let _ = worker.path.parent().map(std::fs::create_dir_all);
+            State::Failed
+        }
+    };
+    worker.write();
+}
+
+impl Worker {
+    fn write(&mut self) {
+        self.report.seconds = self.start.elapsed().as_secs_f64();
+        self.written = Some(Instant::now());
+        let _ = write_whole(&self.path, &self.report.bytes());
+    }
+}
+
+/// The name of this machine; empty where the system does not say.
+fn host() -> String {
+    #[cfg(unix)]
+    return rustix::system::uname().nodename().to_string_lossy().into_owned();
+    #[cfg(not(unix))]
+    return std::env::var("COMPUTERNAME").unwrap_or_default();
+}

@@ -1,0 +1,260 @@
+//! The rows of a table, each the parameters of one film: `--set-from rows.csv` or `rows.json`.
+
+use crate::args::SceneArgs;
+use crate::failure::Failure;
+use choreo_plugin::suggest::{did_you_mean, list};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Bytes of the largest table.
+const LARGEST: u64 = 64 << 20;
+
+/// Names that begin so are no parameters: they are for names of outputs alone.
+const NO_PARAMETER: char = '_';
+
+/// The parameters of one film.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Row {
+    /// Counted from 1; the line of names is not counted.
+    pub number: usize,
+    /// Names with values; an empty cell is no value.
+    values: BTreeMap<String, String>,
+}
+
+impl Row {
+    /// The arguments of a scene with these parameters, which win over those of `--set`.
+    pub fn scene(&self, args: &SceneArgs) -> SceneArgs {
+        let own = self.values.iter().filter(|(name, _)| !name.starts_with(NO_PARAMETER));
+        let name = |text: &str| text.split('=').next().unwrap_or_default().trim().to_string();
+        let mut set = args.set.clone();
+        set.retain(|text| !self.values.contains_key(&name(text)));
+        set.extend(own.map(|(name, value)| format!("{name}={value}")));
+        // A packed scene was packed with other parameters.
+        SceneArgs { set, packed_stage: None, ..args.clone() }
+    }
+
+    fn json(&self) -> Value {
+        json!(self.values)
+    }
+}
+
+/// The rows as JSON, as [`read`] reads them.
+pub(crate) fn to_json(rows: &[Row]) -> Value {
+    rows.iter().map(Row::json).collect()
+}
+
+/// Reads a table: its extension says the form.
+pub(crate) fn read(path: &Path) -> Result<Vec<Row>, Failure> {
+    let shown = path.display();
+    let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
+    let parse = match ending.as_deref().and_then(|ending| ending.to_str()) {
+        Some("csv") => of_csv,
+        Some("json") => of_json,
+        _ => {
+            return Err(Failure::Usage(format!(
+                "--set-from {shown}: write a name that ends in .csv or .json"
+            )));
+        }
+    };
+    let bytes = choreo_files::read(path, LARGEST)
+        .map_err(|e| Failure::input(format!("{shown}: cannot read: {e}")))?;
+    let text =
+        std::str::from_utf8(&bytes).map_err(|_| Failure::input(format!("{shown}: it is not UTF-8 text")))?;
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let values = parse(text).map_err(|what| Failure::input(format!("{shown}: {what}")))?;
+    if values.is_empty() {
+        return Err(Failure::input(format!("{shown}: it has no rows")));
+    }
+    Ok((1..).zip(values).map(|(number, values)| Row { number, values }).collect())
+}
+
+type Values = BTreeMap<String, String>;
+
+fn of_csv(text: &str) -> Result<Vec<Values>, String> {
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let failed = |e: csv::Error| format!("it is no table: {e}");
+    let names: Vec<String> =
+        reader.headers().map_err(failed)?.iter().map(|name| name.trim().to_string()).collect();
+    if let Some(twice) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
+        return Err(format!("two columns are called \"{}\"", twice.1));
+    }
+    if names.iter().any(String::is_empty) {
+        return Err("a column has no name; the first line names the parameters".into());
+    }
+    let cells = |record: csv::StringRecord| {
+        let cells = names.iter().cloned().zip(record.iter().map(str::to_string));
+        cells.filter(|(_, value)| !value.is_empty()).collect()
+    };
+    reader.records().map(|record| record.map(cells).map_err(failed)).collect()
+}
+
+fn of_json(text: &str) -> Result<Vec<Values>, String> {
+    let value: Value = serde_json::from_str(text).map_err(|e| format!("it is not JSON: {e}"))?;
+    let rows = value.as_array().ok_or("it is no array of objects, [{\"name\": \"Zoe\"}, …]")?;
+    let cell = |row: usize, name: &str, value: &Value| match value {
+        Value::String(text) => Ok(text.clone()),
+        Value::Number(number) => Ok(number.to_string()),
+        Value::Bool(on) => Ok(on.to_string()),
+        _ => Err(format!("row {row}: {name} is no text, number, true or false")),
+    };
+    let row = |(number, row): (usize, &Value)| {
+        let fields = row.as_object().ok_or_else(|| format!("row {number}: it is no object"))?;
+        let given = fields.iter().filter(|(_, value)| !value.is_null());
+        given.map(|(name, value)| Ok((name.clone(), cell(number, name, value)?))).collect()
+    };
+    (1..).zip(rows).map(row).collect()
+}
+
+/// The error of a batch: how many rows failed, and why it may be so.
+pub(crate) fn failed<'f>(
+    rows: usize,
+    failures: impl Iterator<Item = (usize, &'f Failure)>,
+) -> Result<(), Failure> {
+    let failures: Vec<(usize, &Failure)> = failures.collect();
+    let numbers: Vec<String> = failures.iter().map(|(number, _)| number.to_string()).collect();
+    let unknown = |(_, failure): &(usize, &Failure)| {
+        failure.lines().iter().any(|line| line.starts_with("--set: this script has no parameter"))
+    };
+    let hint = match failures.iter().any(unknown) {
+        true => format!("\n    hint: a column that only -o needs has a name that begins with {NO_PARAMETER}"),
+        false => String::new(),
+    };
+    let list = list(numbers.iter().map(String::as_str), 30);
+    match failures.len() {
+        0 => Ok(()),
+        count => Err(Failure::Rows(format!("{count} of {rows} rows failed: {list}{hint}"))),
+    }
+}
+
+/// The output of each row: the pattern with its values in the place of `{name}`. No output leads out of the folder that the pattern
+/// names, and no two are one file.
+pub(crate) fn outputs(rows: &[Row], pattern: &str) -> Result<Vec<String>, Failure> {
+    let mut outputs: Vec<String> = Vec::with_capacity(rows.len());
+    // Some file systems do not tell upper case from lower case.
+    let mut seen = BTreeMap::new();
+    for row in rows {
+        let parts =
+            pattern.split('/').map(|part| filled(part, row, pattern)).collect::<Result<Vec<_>, _>>()?;
+        let output = parts.join("/");
+        if let Some(before) = seen.insert(output.to_lowercase(), row.number) {
+            return Err(Failure::input(format!(
+                "-o {pattern}: rows {before} and {} would both be {output}\n    hint: {{row}} is the number of the row",
+                row.number
+            )));
+        }
+        outputs.push(output);
+    }
+    Ok(outputs)
+}
+
+/// One part of the pattern's path.
+fn filled(part: &str, row: &Row, pattern: &str) -> Result<String, Failure> {
+    let (mut filled, mut rest) = (String::new(), part);
+    while let Some((before, name, after)) = placeholder(rest) {
+        filled += before;
+        filled += &match (row.values.get(name), name) {
+            (Some(value), _) if is_name(value) => value.clone(),
+            (Some(value), _) => {
+                return Err(Failure::input(format!(
+                    "row {}: {name} = {value:?} cannot be a part of the name -o {pattern}: it may not have / \\ % or control \
+                     characters in it, nor blanks at its ends",
+                    row.number
+                )));
+            }
+            (None, "row") => row.number.to_string(),
+            (None, _) => return Err(unknown(name, row, pattern)),
+        };
+        rest = after;
+    }
+    if filled.is_empty() && rest.is_empty() {
+        return Ok(filled);
+    }
+    filled += rest;
+    match filled.as_str() {
+        "." | ".." if part != filled => {
+            Err(Failure::input(format!("row {}: -o {pattern} would lead to another folder", row.number)))
+        }
+        _ => Ok(filled),
+    }
+}
+
+/// What lies before the first `{name}`, the name, and what lies behind.
+fn placeholder(text: &str) -> Option<(&str, &str, &str)> {
+    let (before, rest) = text.split_once('{')?;
+    let (name, after) = rest.split_once('}')?;
+    Some((before, name, after))
+}
+
+/// Whether a value can be a part of a file's name.
+fn is_name(value: &str) -> bool {
+    let bad = |c: char| c.is_control() || ['/', '\\', '%'].contains(&c) || cfg!(windows) && c == ':';
+    value.trim() == value && !value.is_empty() && value != "." && value != ".." && !value.contains(bad)
+}
+
+fn unknown(name: &str, row: &Row, pattern: &str) -> Failure {
+    let known: Vec<&str> = row.values.keys().map(String::as_str).chain(["row"]).collect();
+    let meant = did_you_mean(name, known.iter().copied());
+    let known = list(known, 30);
+    Failure::input(format!(
+        "-o {pattern}: row {} has no value for {{{name}}}{meant}\n    hint: it has {known}",
+        row.number
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(texts: &[&[(&str, &str)]]) -> Vec<Row> {
+        let values =
+            |pairs: &[(&str, &str)]| pairs.iter().map(|(n, v)| (n.to_string(), v.to_string())).collect();
+        (1..).zip(texts).map(|(number, pairs)| Row { number, values: values(pairs) }).collect()
+    }
+
+    #[test]
+    fn tables_in_both_forms_have_the_same_rows() {
+        let csv = of_csv("name, color\nZoe,\"a \"\"b\"\",\nc\"\nBen,\n\n").unwrap();
+        let json =
+            of_json(r#"[{"name": "Zoe", "color": "a \"b\",\nc"}, {"name": "Ben", "color": null}]"#).unwrap();
+        assert_eq!(csv, json);
+        assert_eq!(csv[0]["color"], "a \"b\",\nc");
+        assert_eq!(csv[1].len(), 1);
+        assert_eq!(of_json("[{\"a\": 1.5, \"b\": true}]").unwrap()[0]["a"], "1.5");
+        for (text, what) in
+            [("a,a\n1,2", "two columns are called \"a\""), ("a,\n1,2", "a column has no name")]
+        {
+            assert!(of_csv(text).unwrap_err().contains(what), "{text}");
+        }
+        assert!(of_csv("a,b\n1,2,3").unwrap_err().contains("line: 2"));
+        for (text, what) in
+            [("{}", "no array"), ("[1]", "row 1: it is no object"), ("[{\"a\": []}]", "row 1: a is no text")]
+        {
+            assert!(of_json(text).unwrap_err().contains(what), "{text}");
+        }
+    }
+
+    #[test]
+    fn names_of_outputs_stay_in_their_folder() {
+        let two = rows(&[&[("name", "Zoe"), ("city", "Rom")], &[("name", "Ben"), ("city", "Rom")]]);
+        assert_eq!(
+            outputs(&two, "out/{city}/{row}-{name}.mp4").unwrap(),
+            ["out/Rom/1-Zoe.mp4", "out/Rom/2-Ben.mp4"]
+        );
+        assert_eq!(outputs(&two, "../{name}.mp4").unwrap(), ["../Zoe.mp4", "../Ben.mp4"]);
+        let said = |rows: &[Row], pattern: &str| match outputs(rows, pattern) {
+            Err(failure) => failure.lines().join("\n"),
+            Ok(outputs) => panic!("{outputs:?}"),
+        };
+        assert!(said(&two, "out/{city}.mp4").contains("rows 1 and 2 would both be out/Rom.mp4"));
+        assert!(said(&two, "{nme}.mp4").contains("row 1 has no value for {nme}; did you mean \"name\"?"));
+        for bad in ["../x", "/etc/x", "..", ".", "a/b", "a\\b", " a", "a ", "a\n", "", "%04d", "\0"] {
+            let text = said(&rows(&[&[("name", bad)]]), "out/{name}/film.mp4");
+            assert!(text.contains("cannot be a part of the name"), "{bad:?}: {text}");
+        }
+        let dots = rows(&[&[("a", "x"), ("b", "y")]]);
+        assert_eq!(outputs(&dots, ".{a}.{b}").unwrap(), [".x.y"]);
+        let text = said(&rows(&[&[("a", "Zoe")], &[("a", "ZOE")]]), "{a}.mp4");
+        assert!(text.contains("would both be"), "{text}");
+    }
+}
