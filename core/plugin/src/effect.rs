@@ -1,8 +1,14 @@
 //! Effects: one of each [`Hook`]. Vulkan runs the function of an effect as part of a shader, and the CPU renderer calls it as a method of
 //! the hook's trait.
 
-pub use crate::effect_data::*;
-use crate::effect_hooks::*;
+pub use crate::effect_data::{
+    BACKGROUND_DISTANCE, EffectImage, EffectImages, ImagePass, InvertedHull, LightSample, MAX_EFFECT_STEPS,
+    Shutter, SurfaceInputs, SurfaceSample, VertexSample, ViewOrder, endless, endless_loop,
+};
+use crate::effect_hooks::{
+    EffectPlugin, EffectShader, ImageEffect, LightingEffect, OutlineEffect, OverlayEffect, PixelEffect,
+    ShutterEffect, SurfaceEffect, VertexEffect,
+};
 use crate::{EffectTexture, Manifest, PluginFile, SceneImages, SceneInputs};
 use choreo_stage::OffScreenActors;
 use glam::Vec4;

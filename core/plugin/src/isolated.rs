@@ -2,7 +2,10 @@
 //! [`PluginPanic`], which callers report. The message names the plugin and its version.
 
 use crate::asset_check::{AssetFault, checked};
-use crate::effect_hooks::*;
+use crate::effect_hooks::{
+    EffectPlugin, EffectShader, ImageEffect, LightingEffect, OutlineEffect, OverlayEffect, PixelEffect,
+    ShutterEffect, SurfaceEffect, VertexEffect,
+};
 use crate::{
     Claim, Effect, EffectImages, EffectScene, EffectTexture, ExportError, ExportOptions, ExportedScene,
     Exporter, Files, FloatFrame, Frame, FrameSink, FrameWish, ImagePass, ImportError, ImportOptions,

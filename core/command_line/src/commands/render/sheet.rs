@@ -14,10 +14,10 @@ const SIDE: u32 = 384;
 const GAP: u32 = 4;
 const GRAY: [u8; 4] = [32, 32, 32, 255];
 
-/// The first frame, the last and those between at equal distances.
+/// The middle frames of equal parts: films often begin and end in black.
 pub fn evenly(total: i64) -> Vec<i64> {
     let count = FRAMES.min(total.max(1));
-    (0..count).map(|i| i * (total - 1) / (count - 1).max(1)).collect()
+    (0..count).map(|i| (2 * i + 1) * total / (2 * count)).map(|frame| frame.min(total - 1).max(0)).collect()
 }
 
 /// The size of one frame, in the shape of the stage.
@@ -69,10 +69,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn frames_are_spread_from_the_first_to_the_last() {
+    fn frames_are_spread_evenly() {
         assert_eq!(evenly(1), [0]);
         assert_eq!(evenly(3), [0, 1, 2]);
-        assert_eq!(evenly(111), [0, 10, 20, 30, 40, 50, 60, 70, 80, 90, 100, 110]);
+        assert_eq!(evenly(120), [5, 15, 25, 35, 45, 55, 65, 75, 85, 95, 105, 115]);
     }
 
     #[test]

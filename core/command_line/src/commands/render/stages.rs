@@ -38,6 +38,10 @@ pub fn label(picture: &mut Frame, text: &str, height: f32) {
     if height < 7.0 {
         return;
     }
+    darken(
+        picture,
+        [height * (1.2 + 0.58 * text.chars().count() as f32), 1.9 * height].map(|side| side as u32),
+    );
     // The second as a shadow of the first, so that it is read over anything.
     for (shift, color) in [(1.0 + height / 16.0, Vec4::new(0.0, 0.0, 0.0, 1.0)), (0.0, Vec4::ONE)] {
         let at = DVec2::new(f64::from(shift), f64::from(height + shift))
@@ -46,6 +50,17 @@ pub fn label(picture: &mut Frame, text: &str, height: f32) {
         let [_, over] = compose_layers(&Stage::default(), &Snapshot::default(), &[label], size);
         if let Some(over) = over {
             over.over(picture);
+        }
+    }
+}
+
+/// Darkens a box of pixels in the top left corner, behind a text.
+fn darken(picture: &mut Frame, [width, height]: [u32; 2]) {
+    let [width, height] = [width.min(picture.width), height.min(picture.height)].map(|side| side as usize);
+    let row_bytes = 4 * picture.width as usize;
+    for row in picture.rgba.chunks_exact_mut(row_bytes).take(height) {
+        for pixel in row.as_chunks_mut::<4>().0.iter_mut().take(width) {
+            pixel[..3].iter_mut().for_each(|channel| *channel /= 3);
         }
     }
 }
