@@ -23,7 +23,7 @@ fn background_fs(in: BackgroundOut) -> @location(0) vec4<f32> {
 fn shown_behind(color: vec4<f32>, pixel: vec2<f32>) -> vec4<f32> {
     var shown = color;
     @if(SURFACE) shown = background_effects(shown, pixel);
-    @if(DITHER) shown = dithered(shown, pixel);
+    @if(DITHER) shown = to_dithered_codes(shown, pixel, 0.0);
     return shown;
 }
 

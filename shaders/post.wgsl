@@ -111,7 +111,10 @@ fn scene_row_18() -> vec4<f32> { return post.scene[18]; }
 fn post_fs(in: PostOut) -> @location(0) vec4<f32> {
     let p = post_parameters();
     effect_at(in.position.xy);
-    @if(PICTURE) return effect_color(effect(vec2<i32>(in.position.xy), post_run, p), post_faults);
+    @if(PICTURE) let made = effect(vec2<i32>(in.position.xy), post_run, p);
     @if(!PICTURE) let color = textureLoad(post_input, vec2<i32>(in.position.xy), 0);
-    @if(!PICTURE) return effect_color(effect(color, in.position.xy / post.size, p), post_faults);
+    @if(!PICTURE) let made = effect(color, in.position.xy / post.size, p);
+    let shown = effect_color(made, post_faults);
+    @if(!DITHER) return shown;
+    @if(DITHER) return to_dithered_codes(shown, in.position.xy, dither_margin);
 }

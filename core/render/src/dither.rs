@@ -1,9 +1,10 @@
-//! Dithering of what is behind everything: gradients, the sky, and fog over them, where neighboring colors are less than one
-//! 8-bit code apart.
+//! Dithering where neighboring colors are less than one 8-bit code apart: of what is behind everything (gradients, the sky, and fog over
+//! them), and of whole images that were floats until the end, after effects on images and motion blur.
 //!
 //! A channel between two codes takes the upper one at as many pixels as its share of the step, so that the mean is exact. Which
 //! pixels these are follows from a fixed table of ranks with blue noise, by void-and-cluster (R. Ulichney, "The void-and-cluster
-//! method for dither array generation", SPIE 1913, 1993): equal frames stay equal. A color that is a code stays one.
+//! method for dither array generation", SPIE 1913, 1993): equal frames stay equal. A color that is a code stays one; after a target of 16-bit floats, one that is nearer to a code than
+//! [`MARGIN`].
 //! Counterpart: `shaders/dither.wgsl`.
 
 use crate::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
@@ -17,28 +18,52 @@ const COUNT: usize = SIDE * SIDE;
 /// Standard deviation of the Gaussian by which neighbors count, in pixels; Ulichney's choice.
 const SIGMA: f64 = 1.5;
 
+/// Distance from a code, in codes, up to which a color of a target of floats is that code. 16-bit floats are off by 1/12 of a code at most:
+/// 2⁻¹¹ at a light of ½, where a code is 0.006 wide, on devices that cut them off; by half of that where they are rounded.
+pub(crate) const MARGIN: f32 = 3.0 / 32.0;
+
 /// Each number below the table's length once.
 static RANKS: LazyLock<[u8; COUNT]> = LazyLock::new(ranks);
 
 /// The color of a pixel, linear, with its first three channels at 8-bit codes.
 pub(crate) fn dithered(color: Vec4, x: usize, y: usize) -> Vec4 {
-    let rank = RANKS[y % SIDE * SIDE + x % SIDE];
-    let threshold = (f32::from(rank) + 0.5) / COUNT as f32;
-    let table = srgb_to_linear_table();
-    let channel = |linear: f32| {
-        let nearest = linear_to_srgb8(linear);
-        let low = if table[usize::from(nearest)] > linear { nearest - 1 } else { nearest };
-        let [below, above] = [low, low.saturating_add(1)].map(|code| table[usize::from(code)]);
-        // Within one step the curve is all but straight.
-        if linear - below > (1.0 - threshold) * (above - below) { above } else { below }
-    };
+    let threshold = threshold(x, y);
+    let channel = |linear: f32| srgb_to_linear_table()[usize::from(code(linear, threshold))];
     Vec4::new(channel(color.x), channel(color.y), channel(color.z), color.w)
+}
+
+/// The codes of a pixel of a target of floats, linear; alpha is rounded.
+pub(crate) fn dithered_bytes(color: Vec4, x: usize, y: usize) -> [u8; 4] {
+    let threshold = (threshold(x, y) - 0.5) * (1.0 - 2.0 * MARGIN) + 0.5;
+    let channel = |linear: f32| code(linear, threshold);
+    let alpha = if color.w > 0.0 { color.w.min(1.0) } else { 0.0 };
+    [channel(color.x), channel(color.y), channel(color.z), (alpha * 255.0 + 0.5) as u8]
+}
+
+/// The share of a step above which a pixel takes the lower code, taken from 1; between 0 and 1.
+fn threshold(x: usize, y: usize) -> f32 {
+    let rank = RANKS[y % SIDE * SIDE + x % SIDE];
+    (f32::from(rank) + 0.5) / COUNT as f32
+}
+
+/// One of the two codes around a channel.
+#[inline]
+fn code(linear: f32, threshold: f32) -> u8 {
+    let table = srgb_to_linear_table();
+    let nearest = linear_to_srgb8(linear);
+    let low = nearest.saturating_sub(u8::from(table[usize::from(nearest)] > linear));
+    let high = low.saturating_add(1);
+    let [below, above] = [low, high].map(|code| table[usize::from(code)]);
+    // Within one step the curve is all but straight.
+    if linear - below > (1.0 - threshold) * (above - below) { high } else { low }
 }
 
 /// The table as WGSL, four ranks a number.
 pub(crate) fn wgsl_table() -> String {
-    let mut text =
-        format!("const dither_side: u32 = {SIDE}u;\nconst dither_ranks = array<u32, {}>(\n", COUNT / 4);
+    let mut text = format!(
+        "const dither_margin: f32 = {MARGIN};\nconst dither_side: u32 = {SIDE}u;\nconst dither_ranks = array<u32, {}>(\n",
+        COUNT / 4
+    );
     for four in RANKS.chunks_exact(4) {
         let word = u32::from_le_bytes([four[0], four[1], four[2], four[3]]);
         let _ = writeln!(text, "    {word}u,");
@@ -142,5 +167,30 @@ mod tests {
                 .sum();
             assert!((sum / COUNT as f64 - code).abs() < 0.01, "{code}: {}", sum / COUNT as f64);
         }
+    }
+
+    #[test]
+    fn codes_of_16_bit_floats_stay_and_means_are_within_the_margin() {
+        let mean = |linear: f32| {
+            let codes = (0..COUNT).map(|at| dithered_bytes(Vec4::splat(linear), at % SIDE, at / SIDE)[1]);
+            codes.map(f64::from).sum::<f64>() / COUNT as f64
+        };
+        for code in 0..=255u8 {
+            let linear = srgb_to_linear_table()[usize::from(code)];
+            let rounded = half::f16::from_f32(linear);
+            let cut_off =
+                if rounded.to_f32() > linear { half::f16::from_bits(rounded.to_bits() - 1) } else { rounded };
+            for float in [rounded, cut_off] {
+                assert_eq!(mean(float.to_f32()), f64::from(code));
+            }
+        }
+        for code in [3.25, 17.5, 100.125, 128.9, 254.5] {
+            let off = mean(linear_from_srgb(code / 255.0) as f32) - code;
+            assert!(off.abs() <= f64::from(MARGIN), "{code}: {off}");
+        }
+        for out in [-1.0, f32::NAN] {
+            assert_eq!(mean(out), 0.0);
+        }
+        assert_eq!(mean(7.0), 255.0);
     }
 }

@@ -4,11 +4,12 @@
 //! skeleton is a ball about the actor's place that holds every vertex in every pose its layers can make. An actor whose ball is
 //! outside the image, with all that its shadow could fall on, needs neither pose nor draw. Constraints and springs turn joints within
 //! the ball and are not solved where there is no pose; foot locking can lower the hips, by a known share of a leg. If it cannot be
-//! decided (feet on uneven ground, mirrored poses, morphs, splines, cameras that hang on joints …) all actors count as visible. An
+//! decided (feet on uneven ground, mirrored poses, splines, cameras that hang on joints …) all actors count as visible. An
 //! effect that can need actors outside the image keeps those that it states ([`OffScreenActors`]).
 //!
 //! [`OffScreenActors`]: crate::OffScreenActors
 
+use crate::morph_range::largest_morph_weights;
 use crate::snapshot::{ActorState, CameraState};
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, Target};
@@ -21,9 +22,9 @@ use crate::stage::light::{SUN_ANGLE, Shadow};
 use crate::stage::parenting::ParentScale;
 use crate::transforms::order::PlacementStep;
 use crate::transforms::parents::{ActiveParent, ActiveParents};
-use choreo_asset::Projection;
+use choreo_asset::{Aabb, Projection};
 use choreo_motion::{Clip, Interpolation, Path, Skinning, Time};
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec3, Vec3};
 
 /// Extent of each actor of a stage, at any time.
 #[derive(Debug)]
@@ -81,13 +82,20 @@ fn pose_radius(stage: &Stage, actor: &Actor) -> Option<PoseRadius> {
         all = PoseRadius { radius: all.radius.max(here.0), scale: all.scale.max(here.1) };
         places.push(here);
     }
-    for part in asset.instance_bounds().iter().flat_map(|instance| &instance.parts) {
-        if part.morphs.iter().any(|m| m.min != glam::Vec3::ZERO || m.max != glam::Vec3::ZERO) {
-            return None;
+    for (index, instance) in asset.instance_bounds().iter().enumerate() {
+        let moves = |m: &Aabb| m.min != Vec3::ZERO || m.max != Vec3::ZERO;
+        let weights = match instance.parts.iter().any(|part| part.morphs.iter().any(moves)) {
+            true => largest_morph_weights(stage, actor, index)?,
+            false => Vec::new(),
+        };
+        for part in &instance.parts {
+            let (distance, scale) = places.get(part.joint as usize)?;
+            let mut corner = part.reach.min.abs().max(part.reach.max.abs()).as_dvec3();
+            for (morph, weight) in part.morphs.iter().zip(&weights) {
+                corner += morph.min.abs().max(morph.max.abs()).as_dvec3() * *weight;
+            }
+            all.radius = all.radius.max(distance + scale * corner.length());
         }
-        let (distance, scale) = places.get(part.joint as usize)?;
-        let corner = part.reach.min.abs().max(part.reach.max.abs());
-        all.radius = all.radius.max(distance + scale * length(&corner.to_array()));
     }
     let (radius, larger) = asset.farthest(all.radius * lowered);
     (all.radius, all.scale) = (radius, all.scale * larger);

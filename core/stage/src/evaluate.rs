@@ -54,7 +54,7 @@ pub struct EvaluationCosts {
     pub poses: usize,
     /// Constraints and look-ats that are on, of actors that are posed.
     pub constraints: usize,
-    /// Spring bones of actors that are posed.
+    /// Spring bones that are simulated.
     pub spring_bones: usize,
 }
 
@@ -143,17 +143,17 @@ impl Evaluator {
         self.scratch.constrained.actors.poses
     }
 
-    /// Work of the processor for a snapshot of this evaluator's stage; `poses` counts those of the last evaluation.
+    /// Work of the processor for a snapshot of this evaluator's stage; `poses` and `spring_bones` count those of the last evaluation.
     pub fn costs(&self, snapshot: &Snapshot) -> EvaluationCosts {
         let posed = |(actor, state): &(&Actor, &ActorState)| {
             !state.model_from_joint.is_empty() && state.model_from_joint.len() == actor.asset.skeleton.len()
         };
-        let mut costs = EvaluationCosts { poses: self.poses(), ..EvaluationCosts::default() };
+        let spring_bones = self.scratch.simulation.bones();
+        let mut costs = EvaluationCosts { poses: self.poses(), constraints: 0, spring_bones };
         for (actor, _) in self.stage.actors.iter().zip(&snapshot.actors).filter(posed) {
             let solved = actor.constraints.iter().filter(|c| c.share(snapshot.time) > 0.0).count();
             let looks = actor.look_at.iter().filter(|look| look.share(snapshot.time) > 0.0).count();
             costs.constraints += solved + looks;
-            costs.spring_bones += actor.springs.as_ref().map_or(0, |springs| springs.rig.len());
         }
         costs
     }

@@ -16,6 +16,7 @@ mod framing;
 mod layers_2d;
 mod lights;
 mod mirroring;
+mod morph_range;
 pub mod noise;
 mod placed;
 mod pose;

@@ -5,6 +5,10 @@
 //! state at a point is a function of the stage alone. One state in every N steps is kept, shared by all evaluators of a stage. A seek
 //! continues from the nearest one before it; kept states change how long that takes, and nothing else.
 //!
+//! **Which actors.** Only those whose joints the snapshot needs, with all to which they can be attached or that they can face, at any time: a
+//! group ([`Group`]) is brought to a time as a whole. A group that was not needed is where it was left, and catches up from there or from a
+//! kept state; its state at a point is the same, however it got there. Where a callback attaches actors of two groups, all are one group.
+//!
 //! **What a seek costs.** Without anything kept, 60 poses of the actors that have springs for each second from the start; later at most
 //! as many as lie between two kept states (16, more once they would take 32 MiB). Springs remember ten minutes: in each stretch of [`STRETCH`]
 //! seconds the motion begins anew, settled, a minute before it, so that 100 hours into a stage cost no more than 11 minutes. A stage with a
@@ -15,13 +19,14 @@ use crate::constraints::foot_locks::FootLocks;
 use crate::constraints::{ConstrainedScratch, evaluate_actors};
 use crate::snapshot::{ActorState, Snapshot};
 use crate::stage::edits::ActorEdit;
+use crate::stage::parenting::Parenting;
 use crate::stage::{Stage, StageError};
 use crate::transforms::order::PlacementStep;
 use choreo_motion::Time;
 use choreo_motion::spring::{RigBone, SpringScratch, SpringState, SpringStep};
 use glam::DVec3;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Seconds after which the motion begins anew, and how many before that it does.
 const STRETCH: i64 = 600;
@@ -35,7 +40,7 @@ const MOST_BYTES: usize = 32 << 20;
 
 /// A point of the grid, in a stretch.
 type Key = (i64, i64);
-/// One for each actor with springs.
+/// One for each actor of a group.
 type States = Vec<SpringState>;
 
 /// States that were passed, shared by all evaluators of a stage.
@@ -46,63 +51,178 @@ pub(crate) struct SpringCheckpoints(Mutex<Checkpoints>);
 struct Checkpoints {
     /// Number of steps between states that are kept; doubled whenever they take too much memory.
     stride: i64,
-    states: BTreeMap<Key, Arc<States>>,
+    /// Those of each group.
+    groups: Vec<BTreeMap<Key, Arc<States>>>,
+    /// Whether all actors are one group, because a callback attaches some.
+    joined: bool,
     bytes: usize,
 }
 
 impl Default for Checkpoints {
     fn default() -> Self {
-        Checkpoints { stride: 16, states: BTreeMap::new(), bytes: 0 }
+        Checkpoints { stride: 16, groups: Vec::new(), joined: false, bytes: 0 }
     }
 }
 
 impl SpringCheckpoints {
-    /// The last state kept in a stretch, at a step or before, since its first.
-    fn before(&self, (stretch, step): Key, first: i64) -> Option<(i64, Arc<States>)> {
-        let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let found = kept.states.range((stretch, first)..=(stretch, step)).next_back();
-        found.map(|((_, step), states)| (*step, states.clone()))
+    fn kept(&self) -> MutexGuard<'_, Checkpoints> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn keep(&self, key: Key, states: &States) {
-        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if key.1.rem_euclid(kept.stride) != 0 || kept.states.contains_key(&key) {
+    /// The last state of a group kept in a stretch, at a step or before, since its first.
+    fn before(&self, joined: bool, number: usize, until: Key, first: i64) -> Option<(i64, Arc<States>)> {
+        let kept = self.kept();
+        let states = kept.groups.get(number).filter(|_| kept.joined == joined)?;
+        let ((_, step), states) = states.range((until.0, first)..=until).next_back()?;
+        Some((*step, states.clone()))
+    }
+
+    fn keep(&self, joined: bool, number: usize, key: Key, states: &States) {
+        let mut kept = self.kept();
+        if joined != kept.joined || key.1.rem_euclid(kept.stride) != 0 {
+            return;
+        }
+        let groups = kept.groups.len().max(number + 1);
+        kept.groups.resize_with(groups, BTreeMap::new);
+        if kept.groups[number].contains_key(&key) {
             return;
         }
         let size = |states: &States| states.iter().map(SpringState::size).sum::<usize>() + 128;
         kept.bytes += size(states);
-        kept.states.insert(key, Arc::new(states.clone()));
+        kept.groups[number].insert(key, Arc::new(states.clone()));
         while kept.bytes > MOST_BYTES && kept.stride < MOST_STRIDE {
             kept.stride *= 2;
             let stride = kept.stride;
-            kept.states.retain(|(_, step), _| step.rem_euclid(stride) == 0);
-            kept.bytes = kept.states.values().map(|s| size(s)).sum();
+            for group in &mut kept.groups {
+                group.retain(|(_, step), _| step.rem_euclid(stride) == 0);
+            }
+            kept.bytes = kept.groups.iter().flat_map(BTreeMap::values).map(|s| size(s)).sum();
         }
         // Stretch after stretch: the oldest go.
         while kept.bytes > MOST_BYTES {
-            let Some((_, gone)) = kept.states.pop_first() else { break };
+            let first = |group: &BTreeMap<Key, Arc<States>>| group.first_key_value().map(|(key, _)| *key);
+            let oldest = kept.groups.iter_mut().filter(|group| !group.is_empty()).min_by_key(|g| first(g));
+            let Some((_, gone)) = oldest.and_then(BTreeMap::pop_first) else { break };
             kept.bytes -= size(&gone);
         }
     }
+
+    /// Makes one group of all, and forgets what was kept of several.
+    fn join(&self) {
+        let mut kept = self.kept();
+        if !kept.joined {
+            *kept = Checkpoints { joined: true, ..Checkpoints::default() };
+        }
+    }
+}
+
+/// Actors with springs that can be attached to each other or face what is attached, at some time: they move together. No other actor's springs
+/// change how they move.
+#[derive(Clone, Debug, Default)]
+struct Group {
+    actors: Vec<usize>,
+    /// The point of the grid whose state it has.
+    at: Option<Key>,
+    states: States,
+    shown: States,
+    /// Whether the snapshot needs it.
+    is_needed: bool,
+    /// The step that it has to make next.
+    next: i64,
+}
+
+/// The groups of a stage.
+#[derive(Clone, Debug, Default)]
+struct Groups {
+    all: Vec<Group>,
+    /// The group of each actor with springs, and its place there.
+    places: Vec<Option<(usize, usize)>>,
+    /// The set of actors that belong together in which each one is, whether they have springs or not.
+    sets: Vec<usize>,
+    joined: bool,
+}
+
+impl Groups {
+    fn new(stage: &Stage, joined: bool) -> Groups {
+        let count = stage.actors.len();
+        let mut sets: Vec<usize> = (0..count).collect();
+        let mut join = |a: usize, b: usize| {
+            if a < count && b < count {
+                let [a, b] = [a, b].map(|actor| root(&mut sets, actor));
+                sets[a] = b;
+            }
+        };
+        for (index, actor) in stage.actors.iter().enumerate() {
+            let parents = actor.parents.iter().filter_map(|parent| Some(parent.to?.actor));
+            parents.chain(actor.face).for_each(|other| join(index, other));
+            if joined {
+                join(index, 0);
+            }
+        }
+        (0..count).for_each(|actor| sets[actor] = root(&mut sets, actor));
+        let mut groups = Groups { sets, joined, places: vec![None; count], all: Vec::new() };
+        let mut numbers = vec![None; count];
+        for actor in (0..count).filter(|actor| has_springs(stage, *actor)) {
+            let number = *numbers[groups.sets[actor]].get_or_insert(groups.all.len());
+            groups.all.resize_with(groups.all.len().max(number + 1), Group::default);
+            groups.places[actor] = Some((number, groups.all[number].actors.len()));
+            groups.all[number].actors.push(actor);
+        }
+        groups
+    }
+
+    /// Whether a callback attaches an actor that springs can move along with to one of another set.
+    fn are_joined_by(&self, edits: &[ActorEdit]) -> bool {
+        edits.iter().any(|edit| {
+            let ActorEdit::Attach { actor, parent: Parenting { to: Some(to), .. } } = edit else {
+                return false;
+            };
+            let (Some(own), Some(other)) = (self.sets.get(*actor), self.sets.get(to.actor)) else {
+                return false;
+            };
+            own != other && self.all.iter().any(|group| self.sets[group.actors[0]] == *own)
+        })
+    }
+
+    fn needed(&mut self) -> impl Iterator<Item = &mut Group> {
+        self.all.iter_mut().filter(|group| group.is_needed)
+    }
+}
+
+/// The actor that stands for the set of another one, each on the way being put nearer to it.
+fn root(sets: &mut [usize], mut actor: usize) -> usize {
+    while sets[actor] != actor {
+        sets[actor] = sets[sets[actor]];
+        actor = sets[actor];
+    }
+    actor
+}
+
+fn has_springs(stage: &Stage, actor: usize) -> bool {
+    stage.actors[actor].springs.as_ref().is_some_and(|springs| !springs.rig.is_empty())
 }
 
 /// State of the simulation of one evaluator, and buffers.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Simulation {
-    /// Actors with springs.
-    actors: Vec<usize>,
-    at: Option<Key>,
-    states: States,
-    shown: States,
+    groups: Groups,
+    /// Actors that make a step.
+    moving: Vec<usize>,
     scratch: Option<Box<ConstrainedScratch>>,
     snapshot: Snapshot,
     buffers: SpringScratch,
+    bones: usize,
 }
 
 impl Simulation {
     /// Poses taken for steps of the grid.
     pub fn poses(&self) -> usize {
         self.scratch.as_ref().map_or(0, |s| s.actors.all_poses)
+    }
+
+    /// Spring bones simulated for the last snapshot.
+    pub fn bones(&self) -> usize {
+        self.bones
     }
 }
 
@@ -126,7 +246,7 @@ fn stretch_of(stage: &Stage, step: i64) -> (i64, i64) {
     (stretch, if stretch == 0 { first.min(step) } else { (stretch * STRETCH - WARM_UP) * rate })
 }
 
-/// Turns the joints of all springs in a snapshot whose actors are posed, placed and have done their constraints. All actors are
+/// Turns the joints of the springs in a snapshot whose actors are posed, placed and have done their constraints. All actors are
 /// placed anew after joints have moved that others are attached to.
 pub(crate) fn run(
     stage: &Stage,
@@ -137,30 +257,44 @@ pub(crate) fn run(
     scratch: &mut actors::Scratch,
     actors: &mut [ActorState],
 ) -> Result<(), StageError> {
-    simulation.actors.clear();
-    let springy = |a: &&usize| stage.actors[**a].springs.as_ref().is_some_and(|s| !s.rig.is_empty());
-    // Parents come first.
-    let placed = scratch.order.steps.iter().filter_map(|step| match step {
-        PlacementStep::World(actor) => Some(actor),
-        PlacementStep::Position(_) => None,
-    });
-    simulation.actors.extend(placed.filter(springy));
-    if simulation.actors.is_empty() {
+    simulation.bones = 0;
+    if !(0..stage.actors.len()).any(|actor| has_springs(stage, actor)) {
         return Ok(());
     }
     let step = time.0.div_euclid(stage.solvers.spring_step().0);
-    advance(stage, foot_locks, kept, simulation, step, scratch)?;
-    let rest = Time(time.0 - time_of(stage, step).0);
-    simulation.shown.resize_with(simulation.states.len(), SpringState::default);
-    for (shown, state) in simulation.shown.iter_mut().zip(&simulation.states) {
-        shown.copy_from(state);
+    loop {
+        let joined = kept.kept().joined;
+        if simulation.groups.all.is_empty() || simulation.groups.joined != joined {
+            simulation.groups = Groups::new(stage, joined);
+        }
+        for group in &mut simulation.groups.all {
+            group.is_needed = group.actors.iter().any(|actor| is_posed(stage, *actor, &actors[*actor]));
+        }
+        if advance(stage, foot_locks, kept, simulation, step, scratch)? {
+            break;
+        }
     }
-    let Simulation { actors: springy, shown, buffers, .. } = simulation;
-    swing(stage, springy, shown, buffers, rest, scratch, actors);
+    let rest = Time(time.0 - time_of(stage, step).0);
+    let Simulation { groups, buffers, bones, .. } = simulation;
+    for group in groups.needed() {
+        group.shown.resize_with(group.states.len(), SpringState::default);
+        for (shown, state) in group.shown.iter_mut().zip(&group.states) {
+            shown.copy_from(state);
+        }
+        let rigs = group.actors.iter().filter_map(|actor| stage.actors[*actor].springs.as_ref());
+        *bones += rigs.map(|springs| springs.rig.len()).sum::<usize>();
+    }
+    swing(stage, (groups, Moves::Shown), buffers, rest, scratch, actors);
     Ok(())
 }
 
-/// Brings the simulation to a point of the grid. `shared`: knows the transforms that are kept where parents change.
+/// Hidden actors and those out of view are not posed; nothing shows.
+fn is_posed(stage: &Stage, actor: usize, state: &ActorState) -> bool {
+    state.model_from_joint.len() == stage.actors[actor].asset.skeleton.len()
+}
+
+/// Brings the groups that are needed to a point of the grid. `shared`: knows the transforms that are kept where parents change. `false`: a
+/// callback has attached actors of two groups, and all are to be begun anew as one.
 fn advance(
     stage: &Stage,
     foot_locks: &FootLocks,
@@ -168,73 +302,124 @@ fn advance(
     simulation: &mut Simulation,
     step: i64,
     shared: &actors::Scratch,
-) -> Result<(), StageError> {
+) -> Result<bool, StageError> {
     let (stretch, first) = stretch_of(stage, step);
-    let mut at = simulation.at.filter(|at| at.0 == stretch && (first..=step).contains(&at.1)).map(|at| at.1);
-    if at != Some(step)
-        && let Some((kept_at, states)) = kept.before((stretch, step), first)
-        && at.is_none_or(|at| at < kept_at)
-    {
-        at = Some(kept_at);
-        // The states are copied into existing memory, because a clone of each would allocate.
-        simulation.states.resize_with(states.len(), SpringState::default);
-        simulation.states.iter_mut().zip(states.iter()).for_each(|(own, kept)| own.copy_from(kept));
+    let joined = simulation.groups.joined;
+    let mut from = step + 1;
+    for number in 0..simulation.groups.all.len() {
+        let kept_at = |at: i64| {
+            let found = kept.before(joined, number, (stretch, step), first);
+            found.filter(|(kept_at, _)| at < *kept_at)
+        };
+        let group = &mut simulation.groups.all[number];
+        if group.is_needed {
+            group.seek((stretch, step), first, kept_at);
+            from = from.min(group.next);
+        }
     }
-    // The state is invalid until the loop ends, in case a callback fails.
-    simulation.at = None;
     let mut scratch = simulation.scratch.take().unwrap_or_default();
     scratch.actors.kept_transforms = shared.kept_transforms.clone();
-    let mut from = at.map_or(first, |at| at + 1);
-    if at.is_none() {
-        simulation.states.clear();
-        simulation.states.resize_with(simulation.actors.len(), SpringState::default);
-    }
     while from <= step {
-        scratch.actors.look_only_at(&simulation.actors);
-        evaluate_actors(
-            stage,
-            &mut scratch,
-            time_of(stage, from),
-            foot_locks,
-            None,
-            &mut simulation.snapshot,
-        )?;
-        let Simulation { actors, states, buffers, snapshot, .. } = simulation;
-        let scratch = &mut scratch.actors;
-        swing(stage, actors, states, buffers, stage.solvers.spring_step(), scratch, &mut snapshot.actors);
-        kept.keep((stretch, from), &simulation.states);
+        let moves = Moves::Grid(from);
+        let Simulation { groups, moving, buffers, snapshot, .. } = simulation;
+        moving.clear();
+        moving.extend(groups.all.iter().filter(|g| g.is_moved(moves)).flat_map(|g| &g.actors));
+        scratch.actors.look_only_at(moving);
+        evaluate_actors(stage, &mut scratch, time_of(stage, from), foot_locks, None, snapshot)?;
+        let scratch_of_actors = &mut scratch.actors;
+        if groups.are_joined_by(&scratch_of_actors.edits.actors) {
+            kept.join();
+            simulation.scratch = Some(scratch);
+            return Ok(false);
+        }
+        let by = stage.solvers.spring_step();
+        swing(stage, (groups, moves), buffers, by, scratch_of_actors, &mut snapshot.actors);
+        for (number, group) in groups.all.iter().enumerate().filter(|(_, g)| g.is_moved(moves)) {
+            kept.keep(joined, number, (stretch, from), &group.states);
+        }
         from += 1;
     }
     simulation.scratch = Some(scratch);
-    simulation.at = Some((stretch, step));
-    Ok(())
+    for group in simulation.groups.needed() {
+        group.at = Some((stretch, step));
+    }
+    Ok(true)
 }
 
-/// One step of all springs, parents before what is attached to them.
+/// The states that a step moves.
+#[derive(Clone, Copy)]
+enum Moves {
+    /// Those at points of the grid, of the groups that have come to this one.
+    Grid(i64),
+    /// Copies of them, beyond the last point.
+    Shown,
+}
+
+impl Group {
+    /// Finds the nearest state from which a point of the grid is reached; the state is invalid until the group is there, in case a callback
+    /// fails. `kept_after`: the last one that is kept, if it is after a step.
+    fn seek(
+        &mut self,
+        (stretch, step): Key,
+        first: i64,
+        kept_after: impl Fn(i64) -> Option<(i64, Arc<States>)>,
+    ) {
+        let here = self.at.take().filter(|at| at.0 == stretch && (first..=step).contains(&at.1));
+        let mut at = here.map(|(_, at)| at);
+        if at != Some(step)
+            && let Some((kept_at, states)) = kept_after(at.unwrap_or(i64::MIN))
+        {
+            at = Some(kept_at);
+            // The states are copied into existing memory, because a clone of each would allocate.
+            self.states.resize_with(states.len(), SpringState::default);
+            self.states.iter_mut().zip(states.iter()).for_each(|(own, kept)| own.copy_from(kept));
+        }
+        if at.is_none() {
+            self.states.clear();
+            self.states.resize_with(self.actors.len(), SpringState::default);
+        }
+        self.next = at.map_or(first, |at| at + 1);
+    }
+
+    fn is_moved(&self, moves: Moves) -> bool {
+        self.is_needed
+            && match moves {
+                Moves::Grid(step) => self.next <= step,
+                Moves::Shown => true,
+            }
+    }
+}
+
+/// One step of the springs of all groups that move, parents before what is attached to them.
 fn swing(
     stage: &Stage,
-    springy: &[usize],
-    states: &mut States,
+    (groups, moves): (&mut Groups, Moves),
     buffers: &mut SpringScratch,
     by: Time,
     scratch: &mut actors::Scratch,
     actors: &mut [ActorState],
 ) {
-    for (&index, state) in springy.iter().zip(states) {
-        let actor = &stage.actors[index];
-        let Some(springs) = &actor.springs else { continue };
+    for step in 0..scratch.order.steps.len() {
+        let PlacementStep::World(index) = scratch.order.steps[step] else { continue };
+        let Some((number, place)) = groups.places[index] else { continue };
+        let group = &mut groups.all[number];
         let placed = &mut actors[index];
-        // Hidden actors are not posed; nothing shows.
-        if placed.model_from_joint.len() != actor.asset.skeleton.len() {
+        let actor = &stage.actors[index];
+        let Some(springs) = actor.springs.as_ref().filter(|_| group.is_moved(moves)) else { continue };
+        if !is_posed(stage, index, placed) {
             continue;
         }
+        let states = match moves {
+            Moves::Grid(_) => &mut group.states,
+            Moves::Shown => &mut group.shown,
+        };
         SpringStep {
             rig: &springs.rig,
             skeleton: &actor.asset.skeleton,
             world_from_model: placed.world_from_model,
             wind: wind(&scratch.edits.actors, index).unwrap_or(springs.wind),
             seconds: by.as_secs(),
-            state,
+            state: &mut states[place],
             scratch: buffers,
             model_from_joint: &mut placed.model_from_joint,
         }

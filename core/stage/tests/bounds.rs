@@ -2,8 +2,9 @@
 
 mod support;
 use choreo_asset::*;
+use choreo_motion::{Interpolation, Path};
 use choreo_stage::*;
-use glam::{Affine3A, DAffine3, Quat, Vec3};
+use glam::{Affine3A, DAffine3, DVec3, Quat, Vec3};
 use std::sync::Arc;
 use support::*;
 
@@ -117,4 +118,73 @@ fn posed_meshes_follow_skin_morphs_and_placement() {
     // Not posed: nothing to show.
     stage.actors[0].visible = false;
     assert!(posed_meshes(&f, &stage.at(secs(0.0)).unwrap().actors[0]).is_empty());
+}
+
+/// Who is left out of an image is surely not in it, whatever brings the weights of morph targets about; and who is far away is left out, but where a
+/// callback may set any weight.
+#[test]
+fn actors_with_morphs_are_culled_where_no_weight_brings_them_into_view() {
+    #[derive(Debug)]
+    struct Pull;
+    impl FrameHook for Pull {
+        fn run(&self, _: choreo_motion::Time, edits: &mut FrameEdits) -> Result<(), StageError> {
+            edits.actors.push(ActorEdit::Morph { actor: 0, instance: 0, target: 0, weight: -90.0 });
+            Ok(())
+        }
+    }
+    let keyed = |interpolation, values: Vec<f64>| Channel {
+        property: Property::Morph { instance: 0, target: 0 },
+        interpolation,
+        times: vec![secs(0.0), secs(2.0)],
+        values,
+    };
+    let play = |stage: &mut Stage, mode| {
+        let mut layer = Layer { mode, ..Layer::default() };
+        let weights = curve(0, Path::Weights(2), &[(0.0, &[1.0, 0.5]), (2.0, &[-6.0, 0.5])]);
+        layer.add(Cue::new(clip("pull", 1, vec![weights])));
+        stage.actors[0].layers.push(layer);
+    };
+    type Change<'a> = &'a dyn Fn(&mut Stage);
+    let changes: [(&str, bool, Change); 7] = [
+        ("at rest", true, &|_| {}),
+        ("fixed", true, &|stage| stage.actors[0].morphs.push((0, 0, -4.0))),
+        ("keyed", true, &|stage| {
+            stage.actors[0].channels.push(keyed(Interpolation::Linear, vec![0.0, -7.0]))
+        }),
+        ("a clip", true, &|stage| play(stage, LayerMode::Override)),
+        ("an additive clip", true, &|stage| play(stage, LayerMode::Additive(Reference::Rest))),
+        ("a spline", false, &|stage| {
+            let values = vec![0.0, 0.0, 0.0, -60.0, 0.0, 0.0];
+            stage.actors[0].channels.push(keyed(Interpolation::CubicSpline, values));
+        }),
+        ("a callback", false, &|stage| stage.hooks.push(Arc::new(Pull))),
+    ];
+    for (name, is_bounded, change) in changes {
+        let mut culled = 0;
+        for distance in (8..40).map(f64::from) {
+            let mut stage = Stage::default();
+            stage.cast("stick", stick());
+            stage.actors[0].transform = Placement::at(distance, 0.0, -10.0);
+            change(&mut stage);
+            let position = DVec3::ZERO;
+            let rig = Rig::Fixed { position, rotation: glam::DQuat::IDENTITY, look_at: None };
+            let projection =
+                Projection::Perspective { yfov: std::f32::consts::FRAC_PI_2, near: 0.1, far: None };
+            stage.shoot(Camera { projection, ..Camera::new("camera", rig) });
+            let stage = Arc::new(stage);
+            for time in [0.0, 0.7, 1.5, 2.0].map(secs) {
+                let image = Evaluator::new(stage.clone()).for_images(1.0).at(time).unwrap();
+                if !image.actors[0].culled {
+                    continue;
+                }
+                culled += 1;
+                let whole = stage.at(time).unwrap();
+                let meshes = posed_meshes(&stick(), &whole.actors[0]);
+                let vertices = meshes.iter().flat_map(|mesh| &mesh.primitives).flat_map(|p| &p.positions);
+                let beside = |v: &DVec3| v.x > -v.z;
+                assert!(vertices.into_iter().all(beside), "{name}, {distance} m, {} s", time.as_secs());
+            }
+        }
+        assert_eq!(culled > 0, is_bounded, "{name}: left out {culled} times");
+    }
 }

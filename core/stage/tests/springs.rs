@@ -212,6 +212,112 @@ fn without_springs_nothing_is_paid() {
     assert!(eyes.total_poses() <= 6002 + 17, "{}", eyes.total_poses());
 }
 
+/// A stage in which a camera looks at rex until 2 s and again from 4 s on, and between at its back, where `away` is.
+fn seen_and_unseen() -> (Stage, usize) {
+    let mut stage = stage();
+    let dog = dog();
+    let away = stage.cast("away", dog.clone());
+    stage.play(away, Cue::new(dog.clips[0].clone()));
+    stage.actors[away].springs = Some(Arc::new(springs()));
+    stage.actors[away].transform = Placement::at(0.0, 0.0, 40.0);
+    let behind = glam::DQuat::from_rotation_y(std::f64::consts::PI);
+    for (rotation, at) in [(glam::DQuat::IDENTITY, 0.0), (behind, 2.0), (glam::DQuat::IDENTITY, 4.0)] {
+        let rig = Rig::Fixed { position: DVec3::new(1.0, 1.0, 10.0), rotation, look_at: None };
+        let camera = stage.shoot(Camera::new("camera", rig));
+        stage.cuts.push(Cut::new(secs(at), camera));
+    }
+    (stage, away)
+}
+
+/// Only those in the image are simulated; one that comes into it later swings as if it had been simulated all the time.
+#[test]
+fn springs_out_of_view_are_not_simulated_and_catch_up() {
+    let (stage, away) = seen_and_unseen();
+    let stage = Arc::new(stage);
+    let mut all = Evaluator::new(stage.clone());
+    let mut seen = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);
+    let mut poses = 0;
+    for frame in 0..180 {
+        let time = choreo_motion::FrameRate { num: 30, den: 1 }.time_of(frame);
+        let (whole, image) = (all.at(time).unwrap(), seen.at(time).unwrap());
+        let in_view = if (60..120).contains(&frame) { away } else { 0 };
+        for actor in [0, away] {
+            assert_eq!(image.actors[actor].culled, actor != in_view, "frame {frame}");
+        }
+        assert_eq!(seen.costs(&image).spring_bones, 3, "frame {frame}");
+        assert_eq!(all.costs(&whole).spring_bones, 6, "frame {frame}");
+        let joints = |snapshot: &Snapshot| snapshot.actors[in_view].model_from_joint.clone();
+        assert_eq!(joints(&image), joints(&whole), "frame {frame}");
+        if frame == 59 {
+            poses = seen.total_poses();
+        }
+    }
+    // A pose of one dog for each step of 1/60 s until the cut, and one for each frame: 119 + 60.
+    assert_eq!(poses, 119 + 60);
+    // The one that was away makes the steps before the cut when it is first seen, the other one those of two seconds when it comes back.
+    assert!(all.total_poses() - seen.total_poses() > 180, "{} {}", all.total_poses(), seen.total_poses());
+    // A frame alone, and one after a jump back.
+    for at in [3.3, 5.0, 1.2] {
+        let in_view = if at == 3.3 { away } else { 0 };
+        let joints = |snapshot: Snapshot| snapshot.actors[in_view].model_from_joint.clone();
+        let alone = Evaluator::new(stage.clone()).for_images(16.0 / 9.0).at(secs(at)).unwrap();
+        let exact = joints(stage.at(secs(at)).unwrap());
+        assert_eq!(joints(alone), exact, "{at} s alone");
+        assert_eq!(joints(seen.at(secs(at)).unwrap()), exact, "{at} s after others");
+    }
+}
+
+/// What is seen and hangs on the swinging joint of an actor that is not seen needs that one's springs, at all times before, too.
+#[test]
+fn springs_that_carry_what_is_seen_are_simulated() {
+    let (mut stage, away) = seen_and_unseen();
+    let bell = stage.cast("bell", dog());
+    stage.actors[bell].springs = Some(Arc::new(springs()));
+    let on_tail = Attachment { actor: away, joint: Some(4) };
+    // Far from the tail, where the camera looks; on it since 1 s, and from 3 s on somewhere else.
+    let mut parent = Parenting::from(Some(on_tail), secs(1.0));
+    parent.keep = false;
+    stage.actors[bell].parents = vec![parent, Parenting::from(None, secs(3.0))];
+    stage.actors[bell].transform = Placement::at(0.0, 0.0, -38.0);
+    let stage = Arc::new(stage);
+    let whole = stage.at(secs(1.5)).unwrap();
+    let mut seen = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);
+    let image = seen.at(secs(1.5)).unwrap();
+    assert!(!image.actors[bell].culled);
+    assert_eq!(image.actors[bell].world_from_model, whole.actors[bell].world_from_model);
+    assert_eq!(image.actors[bell].model_from_joint, whole.actors[bell].model_from_joint);
+    // rex, the one on whose tail the bell hangs, and the bell.
+    assert_eq!(seen.costs(&image).spring_bones, 9);
+}
+
+/// A callback may attach what swings to what swings elsewhere; then all move together.
+#[test]
+fn springs_that_callbacks_attach_are_simulated_together() {
+    #[derive(Debug)]
+    struct Hang(usize);
+    impl FrameHook for Hang {
+        fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
+            if (secs(0.5)..secs(1.5)).contains(&time) {
+                let parent = Parenting::always(Attachment { actor: self.0, joint: Some(4) });
+                edits.actors.push(ActorEdit::Attach { actor: 0, parent });
+            }
+            Ok(())
+        }
+    }
+    let (mut stage, away) = seen_and_unseen();
+    stage.hooks.push(Arc::new(Hang(away)));
+    let stage = Arc::new(stage);
+    let mut player = Evaluator::new(stage.clone());
+    let mut seen = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);
+    for frame in 0..60 {
+        let time = secs(f64::from(frame) / 30.0);
+        let (played, image) = (player.at(time).unwrap(), seen.at(time).unwrap());
+        assert_eq!(played.content_hash(), stage.at(time).unwrap().content_hash(), "frame {frame}");
+        let joints = |snapshot: &Snapshot| snapshot.actors[0].model_from_joint.clone();
+        assert_eq!(joints(&image), joints(&played), "frame {frame}");
+    }
+}
+
 #[test]
 fn check_names_bad_springs() {
     let mut stage = stage();

@@ -44,7 +44,7 @@ pub fn section() -> Result<Section, String> {
         title: "Dithering of gradients",
         text: "A dark gradient over a screen takes many pixels from code to code, and the eye sees the edges between them. Ranks of blue noise \
                choose the pixels that take the upper code: no band is left, and the mean of few pixels is right. It is on for gradients and the \
-               sky only; colors that are codes stay as they are."
+               sky, and for whole images after effects on images and motion blur; colors that are codes stay as they are."
             .into(),
         choices: Vec::new(),
         tables: vec![table],

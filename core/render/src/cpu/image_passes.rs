@@ -1,7 +1,7 @@
 //! Full-screen passes over a whole image: effects that see the pixels around theirs, and those of one pixel between them.
 
 use super::scene_inputs::SceneOf;
-use super::target::{Float, Srgb8, Target};
+use super::target::{Float, PixelOf, Target};
 use crate::effect_faults::EffectFaults;
 use crate::error::RenderError;
 use crate::plan::PostPass;
@@ -44,7 +44,7 @@ pub(crate) fn pixel_uv([x, y]: [i32; 2], count: usize, size: [u32; 2]) -> Vec<Ve
     (x..x + count as i32).map(|x| (Vec2::new(x as f32, y as f32) + 0.5) / size).collect()
 }
 
-/// The image of [`run_linear`], written as bytes.
+/// The image of [`run_linear`], dithered, as bytes.
 pub(crate) fn run(
     passes: &[Pass],
     scene: SceneOf<'_>,
@@ -53,10 +53,14 @@ pub(crate) fn run(
     faults: &EffectFaults,
     bytes: &mut [u8],
 ) {
+    let width = scene.size[0].max(1) as usize;
     let image = run_linear(passes, scene, pixels, before, faults);
-    for (out, color) in bytes.chunks_exact_mut(4).zip(image) {
-        out.copy_from_slice(&Srgb8::encode(color).bytes());
-    }
+    let rows = bytes.par_chunks_mut(4 * width).zip(image.par_chunks(width)).enumerate();
+    rows.for_each(|(y, (bytes, row))| {
+        for ((out, color), x) in bytes.as_chunks_mut::<4>().0.iter_mut().zip(row).zip(0..) {
+            *out = <[u8; 4]>::finished(*color, [x, y]);
+        }
+    });
 }
 
 /// `scene`: what the effects read of it; `pixels`: linear, as the scene left them; `before`: those of the frames before. Gives the image

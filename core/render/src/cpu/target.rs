@@ -1,5 +1,6 @@
 //! Sample formats of the color target: 8 bits in sRGB, or floats where full-screen passes follow.
 
+use crate::dither::dithered_bytes;
 use crate::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
 use glam::Vec4;
 
@@ -53,6 +54,9 @@ pub trait Target: Copy + PartialEq + Send + Sync {
 /// Type of a pixel of the finished image.
 pub(crate) trait PixelOf: Copy + Send + Sync {
     fn of<T: Target>(sample: T) -> Self;
+
+    /// A pixel of the finished image, of a target of floats.
+    fn finished(color: Vec4, at: [usize; 2]) -> Self;
 }
 
 /// Bytes, as files store them.
@@ -60,12 +64,21 @@ impl PixelOf for [u8; 4] {
     fn of<T: Target>(sample: T) -> [u8; 4] {
         sample.bytes()
     }
+
+    #[inline]
+    fn finished(color: Vec4, [x, y]: [usize; 2]) -> [u8; 4] {
+        dithered_bytes(color, x, y)
+    }
 }
 
 /// Linear, for what is still to be done with it.
 impl PixelOf for Vec4 {
     fn of<T: Target>(sample: T) -> Vec4 {
         sample.decode()
+    }
+
+    fn finished(color: Vec4, _: [usize; 2]) -> Vec4 {
+        color
     }
 }
 

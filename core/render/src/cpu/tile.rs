@@ -413,7 +413,10 @@ impl Tile<'_, '_> {
                     self.faults.checked(&pass.effect, &mut colors, |x| [x0 + x as i32, y0 + y as i32]);
                 }
             }
-            row.iter_mut().zip(colors).for_each(|(out, color)| *out = P::of(T::encode(color)));
+            let [x, y] = [self.at[0] as usize, self.at[1] as usize + y];
+            for ((out, color), x) in row.iter_mut().zip(colors).zip(x..) {
+                *out = P::finished(color, [x, y]);
+            }
         }
     }
 }

@@ -153,7 +153,8 @@ impl ShaderSources {
         parameters: ParameterRows,
         textures: bool,
     ) -> Result<Vec<SourceFile>, RenderError> {
-        let mut files = vec![self.file("post.wgsl")?, self.file("effect_faults.wgsl")?];
+        let files = ["post.wgsl", "effect_faults.wgsl", DITHER_RANKS, "dither.wgsl"];
+        let mut files = self.files(&files)?;
         if textures {
             files.push(self.file("textures.wgsl")?);
         }

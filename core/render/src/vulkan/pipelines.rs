@@ -228,7 +228,7 @@ impl Pipelines {
                 )
             }
             Id::Post { effect, number, float } => (
-                self.post_code(effect, *number)?,
+                self.post_code(effect, *number, *float)?,
                 PipelineState {
                     name: format!("post pipeline {effect}"),
                     color: Some(format_of(*float)),
@@ -278,7 +278,7 @@ impl Pipelines {
         compile(&files, &on, &stages("background_vs", fs), false)
     }
 
-    fn post_code(&self, effect: &str, number: u32) -> Result<Vec<Entry>, RenderError> {
+    fn post_code(&self, effect: &str, number: u32, float: bool) -> Result<Vec<Entry>, RenderError> {
         let plugin = self.effect(effect)?;
         let text = self.wgsl(plugin)? + &pass_functions(plugin.named_passes(), number);
         let textures = !plugin.textures().is_empty();
@@ -292,6 +292,7 @@ impl Pipelines {
         let inputs = plugin.scene_inputs();
         on.extend(inputs.surface.then_some("SURFACE_INPUT"));
         on.extend(inputs.motion.then_some("MOTION_INPUT"));
+        on.extend((!float).then_some("DITHER"));
         compile(&files, &on, &stages("post_vs", "post_fs"), false)
     }
 

@@ -7,6 +7,7 @@
 //! ```
 
 mod cues;
+mod steps;
 mod unused;
 
 pub(crate) use unused::declared;
@@ -123,7 +124,8 @@ impl Places {
     /// Findings about the script and about its stage, which the caller gives, as diagnostics: sorted by place, equal rules at one
     /// place merged. Those that a comment `// allow: rule`, on the line or the one above it, marks as intended are left out.
     pub fn findings(&self, on_stage: &[Finding]) -> Vec<Diagnostic> {
-        let all = self.meant(on_stage);
+        let lines = self.lines();
+        let all = self.meant(on_stage, &lines);
         let mut found: Vec<Diagnostic> = Vec::new();
         let mut last: Option<(Place, &str, usize)> = None;
         for finding in all {
@@ -136,7 +138,7 @@ impl Places {
                 continue;
             }
             close(&mut found, last.take());
-            found.push(self.diagnostic(&finding));
+            found.push(diagnostic(&finding, &lines));
             last = Some((finding.place, finding.rule, 0));
         }
         close(&mut found, last);
@@ -150,12 +152,13 @@ impl Places {
 
     /// The subject, time and rule of each warning, for a plot.
     pub fn marks(&self, on_stage: &[Finding]) -> Vec<(Subject, Time, &'static str)> {
-        let warnings = self.meant(on_stage).into_iter().filter(|r| r.severity == Severity::Warning);
+        let warnings =
+            self.meant(on_stage, &self.lines()).into_iter().filter(|r| r.severity == Severity::Warning);
         warnings.map(|r| (r.subject, r.at, r.rule)).collect()
     }
 
     /// All findings except those that a comment allows, by place.
-    fn meant(&self, on_stage: &[Finding]) -> Vec<PlacedFinding> {
+    fn meant(&self, on_stage: &[Finding], lines: &Lines) -> Vec<PlacedFinding> {
         let from_stage = on_stage.iter().map(|f| PlacedFinding {
             rule: f.rule,
             severity: if f.note { Severity::Note } else { Severity::Warning },
@@ -166,29 +169,33 @@ impl Places {
             at: Time::ZERO,
         });
         let mut all: Vec<PlacedFinding> = self.script_findings.iter().cloned().chain(from_stage).collect();
-        let lines: BTreeMap<&str, Vec<&str>> =
-            self.sources.iter().map(|(file, text)| (file.as_str(), text.lines().collect())).collect();
         all.retain(|r| !allowed(r, lines.get(r.place.file.as_str()).map_or(&[], Vec::as_slice)));
         all.sort_by(|a, b| a.place.cmp(&b.place).then(a.rule.cmp(b.rule)));
         all
     }
 
-    fn diagnostic(&self, finding: &PlacedFinding) -> Diagnostic {
-        Diagnostic {
-            severity: finding.severity,
-            rule: finding.rule,
-            file: finding.place.file.clone(),
-            line: finding.place.line,
-            column: finding.place.column,
-            source_line: self.line(&finding.place).unwrap_or_default().to_string(),
-            message: finding.text.clone(),
-            hint: finding.hint.clone(),
-        }
+    /// Cut once for all findings.
+    fn lines(&self) -> Lines<'_> {
+        self.sources.values().for_each(|text| steps::count(text.len()));
+        self.sources.iter().map(|(file, text)| (file.as_str(), text.lines().collect())).collect()
     }
+}
 
-    fn line(&self, place: &Place) -> Option<&str> {
-        let number = place.line.checked_sub(1)?;
-        self.sources.get(&place.file)?.lines().nth(number)
+/// The lines of each file.
+type Lines<'a> = BTreeMap<&'a str, Vec<&'a str>>;
+
+fn diagnostic(finding: &PlacedFinding, lines: &Lines) -> Diagnostic {
+    let place = &finding.place;
+    let line = |number: usize| lines.get(place.file.as_str())?.get(number);
+    Diagnostic {
+        severity: finding.severity,
+        rule: finding.rule,
+        file: place.file.clone(),
+        line: place.line,
+        column: place.column,
+        source_line: place.line.checked_sub(1).and_then(line).unwrap_or(&"").to_string(),
+        message: finding.text.clone(),
+        hint: finding.hint.clone(),
     }
 }
 

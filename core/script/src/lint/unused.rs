@@ -1,10 +1,11 @@
 //! Things that a script makes and never uses.
 
-use super::PlacedFinding;
+use super::{PlacedFinding, steps};
 use crate::api_error::Place;
 use crate::build::{Build, Declared};
 use rhai::{AST, ASTNode, Stmt};
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::sync::Arc;
 
 /// Calls that put something on stage: a name for it is good for the reader, used or not.
 const STAGED: [&str; 12] = [
@@ -27,6 +28,7 @@ pub fn declared(ast: &AST, file: &str, text: &str) -> Vec<Declared> {
     let (words, statements) = (words(text), Statements::of(text));
     let mut found: Vec<Declared> = Vec::new();
     ast.walk(&mut |nodes| {
+        steps::count(1);
         if let Some(ASTNode::Stmt(Stmt::Var(variable, _, position))) = nodes.last()
             && let (Some(line), Some(column)) = (position.line(), position.position())
         {
@@ -47,6 +49,7 @@ pub fn declared(ast: &AST, file: &str, text: &str) -> Vec<Declared> {
 /// How often each word stands in a text.
 fn words(text: &str) -> HashMap<&str, usize> {
     let mut counts = HashMap::new();
+    steps::count(text.len());
     for word in text.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|word| !word.is_empty()) {
         *counts.entry(word).or_default() += 1;
     }
@@ -71,6 +74,7 @@ impl Statements {
             if c == ';' {
                 statements.ends.push((line, column));
             }
+            steps::count(1);
             if STAGED.iter().any(|call| text[byte..].starts_with(call)) {
                 statements.staged.push((line, column));
             }
@@ -81,20 +85,26 @@ impl Statements {
 
     /// Whether the statement that begins at a place puts something on stage.
     fn stages(&self, from: At) -> bool {
-        let next = |places: &[At]| places.get(places.partition_point(|at| *at < from)).copied();
+        let next = |places: &[At]| {
+            let is_before = |at: &At| {
+                steps::count(1);
+                *at < from
+            };
+            places.get(places.partition_point(is_before)).copied()
+        };
         next(&self.staged).is_some_and(|call| next(&self.ends).is_none_or(|end| call < end))
     }
 }
 
 pub fn look(build: &Build, found: &mut Vec<PlacedFinding>) {
+    let used = || build.loads.iter().inspect(|_| steps::count(1)).filter(|load| load.used);
+    let used_assets: HashSet<_> = used().filter_map(|load| load.load.ready()).map(Arc::as_ptr).collect();
+    let used_places: BTreeSet<&Place> = used().map(|load| &load.load.at).collect();
     for load in build.loads.iter().filter(|l| !l.used) {
+        steps::count(1);
         // Another call may have got the same asset and used it.
-        let shared = |other: &&crate::build::LoadDraft| {
-            let same = || Some((other.load.ready()?, load.load.ready()?));
-            let same = same().is_some_and(|(a, b)| std::sync::Arc::ptr_eq(a, b));
-            other.used && (same || other.load.at == load.load.at)
-        };
-        if build.loads.iter().any(|other| shared(&other)) {
+        let shared = load.load.ready().is_some_and(|asset| used_assets.contains(&Arc::as_ptr(asset)));
+        if shared || used_places.contains(&load.load.at) {
             continue;
         }
         // A failed load is reported as an error.
@@ -128,7 +138,11 @@ pub fn look(build: &Build, found: &mut Vec<PlacedFinding>) {
 
 #[cfg(test)]
 mod tests {
-    use super::{Statements, declared, words};
+    use super::{Arc, Build, Place, PlacedFinding, Statements, declared, look, words};
+    use crate::build::LoadDraft;
+    use crate::lint::{Places, steps};
+    use crate::load::Load;
+    use choreo_asset::Asset;
 
     #[test]
     fn words_are_counted_whole() {
@@ -154,5 +168,62 @@ mod tests {
         let found: Vec<_> =
             declared(&ast, "f", text).iter().map(|d| (d.name.clone(), d.at.line, d.at.column)).collect();
         assert_eq!(found, [("a".to_string(), 1, 10), ("c".to_string(), 3, 15)]);
+    }
+
+    /// A script of so many statements, each with a variable that nothing uses between calls, with this between them.
+    fn script(statements: usize, between: &str) -> String {
+        let one =
+            |i: usize| format!("cast(x); let variable_{i:06} = {i}; let kept = sun({i}); /* ä */{between}");
+        (0..statements).map(one).collect()
+    }
+
+    /// Steps of the rule about variables.
+    fn steps_for(text: &str, found: usize) -> usize {
+        let mut engine = rhai::Engine::new();
+        engine.set_optimization_level(rhai::OptimizationLevel::None);
+        let ast = engine.compile(text).unwrap();
+        steps::taken();
+        assert_eq!(declared(&ast, "f", text).len(), found);
+        steps::taken()
+    }
+
+    /// Whether something takes no more than in proportion to its size, but for the logarithm of a search.
+    fn is_linear(name: &str, steps: impl Fn(usize) -> usize) {
+        let [short, long] = [250, 2_000].map(|size| steps(size) as f64 / size as f64);
+        assert!(short > 1.0, "{name}: nothing is counted");
+        assert!(long < 1.25 * short, "{name}: {short} steps each, then {long}");
+    }
+
+    /// 16,000 lines once took 10 s, since the place of each variable was looked for in the whole text.
+    #[test]
+    fn what_long_scripts_take_grows_with_their_length() {
+        is_linear("lines", |n| steps_for(&script(n, "\n"), n));
+        is_linear("one line", |n| steps_for(&script(n, " "), n));
+        is_linear("findings", |n| {
+            let text: Arc<str> = script(n, "\n").into();
+            let place = |line| Place { file: "f".into(), line, column: 1 };
+            let finding = |line| PlacedFinding::note("unused_variable", &place(line), "unused".into());
+            let script_findings = (1..=n).map(finding).collect();
+            let sources = Arc::new([("f".to_string(), text)].into());
+            steps::taken();
+            let found = Places { script_findings, sources, ..Places::default() }.findings(&[]);
+            assert!(found.len() == n && found[n - 1].source_line.contains(&format!("variable_{:06}", n - 1)));
+            steps::taken()
+        });
+        is_linear("loads", |n| {
+            let load = |line| {
+                let asset = Arc::new(Asset { name: format!("shape {line}"), ..Asset::default() });
+                let at = Place { file: "f".into(), line, column: 1 };
+                let used = line % 2 == 0;
+                LoadDraft { load: Arc::new(Load::made(&asset, &at)), made: true, clips_only: false, used }
+            };
+            let mut build = Build::default();
+            build.loads.extend((0..n).map(load));
+            let mut found = Vec::new();
+            steps::taken();
+            look(&build, &mut found);
+            assert_eq!(found.len(), n / 2);
+            steps::taken()
+        });
     }
 }
