@@ -229,6 +229,7 @@ pub(crate) struct Build {
     pub ambient_given: bool,
     pub effects: Vec<EffectUse>,
     pub effect_places: Vec<Place>,
+    pub layer_2d_places: Vec<Place>,
     pub loads: Vec<LoadDraft>,
     /// Variables of the script that nothing reads.
     pub declared: Vec<Declared>,

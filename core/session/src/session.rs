@@ -55,6 +55,8 @@ pub struct SceneVersion {
     pub scene: Option<Arc<Scene>>,
     /// Errors where it is faulty, else warnings.
     pub problems: Vec<Problem>,
+    /// Canonical paths of the files that were read for it.
+    pub read: Vec<PathBuf>,
     /// The files that had changed.
     pub changed: BTreeSet<PathBuf>,
     /// A file of the shader folder is among them.
@@ -139,6 +141,7 @@ impl Session {
             Err(vec![Diagnostic::error(what)])
         });
         let shaders = self.source.shaders.as_ref().and_then(|folder| folder.canonicalize().ok());
+        let read = touched.read.keys().cloned().collect();
         interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
         for path in touched.looked_for {
             let there = content_of(&path);
@@ -170,7 +173,8 @@ impl Session {
         self.work.imports = self.assets.imports();
         self.work.plugins = self.files.as_ref().map_or(0, Listing::compiled);
         let shaders = shaders.is_some_and(|folder| changed.iter().any(|c| c.starts_with(&folder)));
-        SceneVersion { number, scene, problems, changed, shaders, work: self.work, took: start.elapsed() }
+        let (work, took) = (self.work, start.elapsed());
+        SceneVersion { number, scene, problems, read, changed, shaders, work, took }
     }
 
     fn make(

@@ -33,6 +33,8 @@ pub struct ViewOverrides {
     pub outlined: Option<usize>,
     /// Transform that replaces an actor's while it is being dragged: world-from-model.
     pub moved: Option<(usize, DAffine3)>,
+    /// Layers whose clips do not play: actor and layer.
+    pub muted: Vec<(usize, usize)>,
 }
 
 /// Pixels of the line around what is selected, and its color, linear.
@@ -42,6 +44,8 @@ const OUTLINE: [(&str, f64); 4] = [("width", 2.5), ("color_r", 1.0), ("color_g",
 #[derive(Default)]
 pub(crate) struct ViewEvaluators {
     scene: Option<Arc<Scene>>,
+    /// The stage without the layers that do not play, and which they are.
+    muted: Option<(Vec<(usize, usize)>, Arc<Stage>)>,
     own: Option<Evaluator>,
     /// The stage with one camera on all the time.
     cameras: BTreeMap<usize, Evaluator>,
@@ -52,16 +56,21 @@ pub(crate) struct ViewEvaluators {
 impl ViewEvaluators {
     pub fn at(&mut self, request: &FrameRequest, time: Time) -> Result<Snapshot, StageError> {
         let FrameRequest { scene, camera, overrides, .. } = request;
-        self.set_scene(scene);
+        self.set_scene(request);
+        let stage = self.base(scene);
         let mut snapshot = match camera {
             ViewportCamera::Camera(camera) if *camera < scene.stage.cameras.len() => {
                 let of_camera = self.cameras.entry(*camera).or_insert_with(|| {
                     let cuts = vec![Cut::new(Time::ZERO, *camera)];
-                    Evaluator::new(Arc::new(Stage { cuts, ..(*scene.stage).clone() }))
+                    Evaluator::new(Arc::new(Stage { cuts, ..(*stage).clone() }))
                 });
                 of_camera.at(time)
             }
-            _ => self.own.get_or_insert_with(|| scene.evaluator.clone()).at(time),
+            _ => {
+                let muted = self.muted.is_some();
+                let own = || if muted { Evaluator::new(stage.clone()) } else { scene.evaluator.clone() };
+                self.own.get_or_insert_with(own).at(time)
+            }
         }?;
         if !matches!(camera, ViewportCamera::Script) {
             snapshot.dissolve = None;
@@ -96,14 +105,31 @@ impl ViewEvaluators {
 
     /// The stage with what the view overrides add to it.
     pub fn stage(&mut self, request: &FrameRequest) -> Arc<Stage> {
-        self.set_scene(&request.scene);
-        self.outline(request).unwrap_or_else(|| request.scene.stage.clone())
+        self.set_scene(request);
+        self.outline(request).unwrap_or_else(|| self.base(&request.scene))
     }
 
-    fn set_scene(&mut self, scene: &Arc<Scene>) {
-        if self.scene.as_ref().is_none_or(|s| !Arc::ptr_eq(s, scene)) {
-            *self = ViewEvaluators { scene: Some(scene.clone()), ..ViewEvaluators::default() };
+    fn set_scene(&mut self, request: &FrameRequest) {
+        let (scene, muted) = (&request.scene, &request.overrides.muted);
+        let same_muted = self.muted.as_ref().map_or(muted.is_empty(), |(layers, _)| layers == muted);
+        if self.scene.as_ref().is_some_and(|s| Arc::ptr_eq(s, scene)) && same_muted {
+            return;
         }
+        let without = || {
+            let mut stage = (*scene.stage).clone();
+            for (actor, layer) in muted {
+                let layer = stage.actors.get_mut(*actor).and_then(|a| a.layers.get_mut(*layer));
+                layer.into_iter().for_each(|layer| layer.cues.clear());
+            }
+            (muted.clone(), Arc::new(stage))
+        };
+        let muted = (!muted.is_empty()).then(without);
+        *self = ViewEvaluators { scene: Some(scene.clone()), muted, ..ViewEvaluators::default() };
+    }
+
+    /// The scene's stage, without the layers that do not play.
+    fn base(&self, scene: &Scene) -> Arc<Stage> {
+        self.muted.as_ref().map_or_else(|| scene.stage.clone(), |(_, stage)| stage.clone())
     }
 
     /// The stage with the outline, where there is one to draw.
@@ -112,7 +138,7 @@ impl ViewEvaluators {
         let actor = request.overrides.outlined.filter(|a| *a < scene.stage.actors.len())?;
         scene.registry.effect("outline")?;
         if self.outlined.as_ref().is_none_or(|(of, _)| *of != actor) {
-            let mut stage = (*scene.stage).clone();
+            let mut stage = (*self.base(scene)).clone();
             stage.effects.push(EffectUse {
                 plugin: "outline".into(),
                 on: vec![EffectTarget { actor, material: None }],

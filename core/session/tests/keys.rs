@@ -114,7 +114,7 @@ fn a_clip_of_a_file_that_has_a_name_is_played_by_it() {
     let play = |text: &str| {
         let object =
             ScriptObject::at(text, 2, 1 + text.lines().nth(1).unwrap().find("cast").unwrap()).unwrap();
-        object.play("Wave", EditTime { secs: 2.0, fps: FPS }, "").unwrap().apply(text)
+        object.play("Wave", EditTime { secs: 2.0, fps: FPS }, "", None).unwrap().apply(text)
     };
     let text = "let m = load(\"a.glb\");\nlet a = cast(\"a\", load(\"a.glb\", #{ color: \"red\" }));\n";
     assert_eq!(play(text), format!("{text}a.play(m.clip(\"Wave\")).from(2.0);\n"));
@@ -151,4 +151,65 @@ fn an_edit_between_two_texts_is_the_part_that_differs() {
         let edit = Edit::between(before, after);
         assert_eq!((edit.range.clone(), edit.apply(before)), (range, after.to_string()));
     }
+}
+
+/// Applies a change of the object's keys to a text; checks that it can be taken back.
+fn changed(
+    text: &str,
+    change: impl Fn(&ScriptObject) -> Result<Edit, choreo_session::edit::EditRefused>,
+) -> Result<String, String> {
+    let object = ScriptObject::at(text, 1, 1 + text.find("cast").unwrap()).map_err(|r| r.why)?;
+    let edit = change(&object).map_err(|r| r.why)?;
+    let after = edit.apply(text);
+    assert_eq!(edit.inverse(text).apply(&after), text);
+    Ok(after)
+}
+
+fn time(secs: f64) -> EditTime {
+    EditTime { secs, fps: FPS }
+}
+
+#[test]
+fn a_key_moves_between_its_neighbours_and_past_them() {
+    let text = "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2], [f(50), 3, \"in_quad\"]]);";
+    let moved = |from, to| changed(text, |o| o.move_key("scale", time(from), time(to)));
+    assert_eq!(moved(1.0, 1.2).unwrap(), text.replace("[1.0, 2]", "[1.2, 2]"));
+    assert_eq!(moved(2.0, 2.4).unwrap(), text.replace("f(50)", "f(60)"));
+    let after = moved(2.0, 0.4).unwrap();
+    assert!(after.contains("[[0.0, 1], [f(10), 3, \"in_quad\"], [1.0, 2]]"), "{after}");
+    let after = moved(0.0, 3.0).unwrap();
+    assert!(after.contains("[[1.0, 2], [f(50), 3, \"in_quad\"], [3.0, 1]]"), "{after}");
+    assert_eq!(moved(1.0, 2.0).unwrap_err(), "line 1: its scale has a key at that time already");
+    assert!(moved(1.5, 1.6).unwrap_err().contains("no key of its own"));
+    // Those with lines of their own keep them, and their comments.
+    let text = "let a = cast(\"a\", m).key(\"scale\", [\n    [0.0, 1], // door\n    [1.0, 2], // table\n    [2.0, 3]\n]);";
+    let after = changed(text, |o| o.move_key("scale", time(0.0), time(1.5))).unwrap();
+    assert!(after.contains("[\n    [1.0, 2], // table\n    [1.5, 1],\n    [2.0, 3]\n]"), "{after}");
+}
+
+#[test]
+fn a_key_is_deleted_with_its_comma_and_the_last_one_with_its_call() {
+    let text = "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2], [2.0, 3]]).at(1, 0, 0);";
+    let deleted = |text: &str, at| changed(text, |o| o.delete_key("scale", time(at))).unwrap();
+    assert_eq!(deleted(text, 0.0), text.replace("[0.0, 1], ", ""));
+    assert_eq!(deleted(text, 1.0), text.replace("[1.0, 2], ", ""));
+    assert_eq!(deleted(text, 2.0), text.replace(", [2.0, 3]", ""));
+    let one = "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1]]).at(1, 0, 0);";
+    assert_eq!(deleted(one, 0.0), "let a = cast(\"a\", m).at(1, 0, 0);");
+    let line = "let a = cast(\"a\", m);\na.key(\"scale\", [[0.0, 1]]); // big\nlet b = 1;";
+    assert_eq!(deleted(line, 0.0), "let a = cast(\"a\", m);\nlet b = 1;");
+    let own = "let a = cast(\"a\", m).key(\"scale\", [\n    [0.0, 1], // door\n    [1.0, 2]\n]);";
+    assert_eq!(deleted(own, 0.0), own.replace("    [0.0, 1], // door\n", ""));
+}
+
+#[test]
+fn a_property_without_keys_gets_its_first() {
+    let text = "let a = cast(\"a\", m).at(1, 0, 0); // here\nlet b = 1;";
+    let point = KeyValue::Point(DVec3::new(1.0, 0.0, 2.0));
+    assert_eq!(
+        changed(text, |o| o.add_keys("position", time(31.0 / FPS), point)).unwrap(),
+        text.replace("// here", "// here\na.key(\"position\", [[1.24, [1.0, 0.0, 2.0]]]);")
+    );
+    let turned = changed(text, |o| o.add_keys("rotation", time(0.0), KeyValue::Turn(yaw(90.0)))).unwrap();
+    assert!(turned.contains("a.key(\"rotation\", [[0.0, 90.0]]);"), "{turned}");
 }

@@ -1,6 +1,7 @@
 //! The content and state of the window, apart from how it is drawn: fed with versions, frames and the clock, asked for the next
 //! frame to draw. No toolkit here.
 
+use crate::editing::DroppedModels;
 use crate::geometry::gizmo::{Change, Drag, Tool};
 use crate::geometry::picking;
 use crate::state::history::{History, Offer};
@@ -9,7 +10,7 @@ use crate::state::performance::Performance;
 use crate::state::playhead::Playhead;
 use crate::state::selection::{self, Selected};
 use crate::state::span::Span;
-use crate::state::timeline::Timeline;
+use crate::state::timeline::{Bar, Timeline};
 use crate::state::view::{Resolution, View, ViewCamera, Wish, fitted};
 use choreo_motion::Time;
 use choreo_plugin::Frame;
@@ -34,6 +35,10 @@ pub struct Shelf {
     pub solo: BTreeSet<String>,
     /// Actors that are neither picked nor moved with the mouse.
     pub locked: BTreeSet<String>,
+    /// Actors whose layers are not shown in the sequencer.
+    pub collapsed: BTreeSet<String>,
+    /// Layers of actors that do not play.
+    pub muted: BTreeSet<(String, usize)>,
 }
 
 /// The object that is being dragged in a viewport.
@@ -56,6 +61,12 @@ pub struct Viewer {
     pub quit: bool,
     /// Why the last change was not made.
     pub message: Option<String>,
+    /// The line of the script that was in the way, from 1.
+    pub message_line: Option<usize>,
+    /// How many changes were refused so far.
+    pub refusals: u64,
+    /// What the last change means beyond what is seen.
+    pub note: Option<String>,
     /// The last good one.
     pub scene: Option<Arc<Scene>>,
     pub timeline: Timeline,
@@ -74,6 +85,8 @@ pub struct Viewer {
     pub dragging: Option<Dragging>,
     pub shelf: Shelf,
     pub selection: Option<Selected>,
+    /// What is selected beside it, and beside which.
+    pub(crate) more: (Option<Selected>, Vec<Selected>),
     pub span: Span,
     /// Times are shown as seconds instead of frames.
     pub in_seconds: bool,
@@ -85,6 +98,8 @@ pub struct Viewer {
     pub guests: Vec<PathBuf>,
     /// Files dropped, and the dropped files that were closed: for the window, which starts and ends what shows them.
     pub dropped: Vec<PathBuf>,
+    /// Models that were dropped on a viewport, for the window, which reads them.
+    pub dropped_models: Option<DroppedModels>,
     pub guests_leave: bool,
     /// File into which the next image of the active viewport is written.
     pub screenshot: Option<PathBuf>,
@@ -106,6 +121,9 @@ impl Viewer {
             history: History::default(),
             offer: None,
             message: None,
+            message_line: None,
+            refusals: 0,
+            note: None,
             quit: false,
             scene: None,
             timeline: Timeline::default(),
@@ -119,12 +137,14 @@ impl Viewer {
             dragging: None,
             shelf: Shelf::default(),
             selection: None,
+            more: (None, Vec::new()),
             span: Span::whole(1.0),
             in_seconds: true,
             snap: true,
             go_to: None,
             guests: Vec::new(),
             dropped: Vec::new(),
+            dropped_models: None,
             guests_leave: false,
             screenshot: None,
             work: Work::default(),
@@ -246,7 +266,10 @@ impl Viewer {
             let actor = selection::actor(stage, &dragging.actor)?;
             Some((actor, dragging.change.applied(dragging.drag.world_from_model)))
         });
-        ViewOverrides { hidden, outlined, moved }
+        let muted = self.shelf.muted.iter();
+        let muted =
+            muted.filter_map(|(name, layer)| Some((selection::actor(stage, name)?, *layer))).collect();
+        ViewOverrides { hidden, outlined, moved, muted }
     }
 
     /// How often shaders have changed so far.
@@ -316,6 +339,58 @@ impl Viewer {
             true => format!("{:.3} s", time.as_secs()),
             false => format!("frame {}", self.playhead.fps().frames_in(time)),
         }
+    }
+
+    /// What is selected beside the selection.
+    pub(crate) fn more(&self) -> &[Selected] {
+        if self.more.0 == self.selection { &self.more.1 } else { &[] }
+    }
+
+    pub(crate) fn is_selected(&self, what: &Selected) -> bool {
+        self.selection.as_ref() == Some(what) || self.more().contains(what)
+    }
+
+    /// The selected bars of the timeline.
+    pub fn selected_bars(&self) -> Vec<Selected> {
+        let all = self.selection.iter().chain(self.more());
+        all.filter(|what| self.bars().any(|bar| bar.what == **what)).cloned().collect()
+    }
+
+    /// Selects one more, or one less.
+    pub fn select_more(&mut self, what: Selected) {
+        let mut all = self.selected_bars();
+        match all.iter().position(|other| *other == what) {
+            Some(at) => drop(all.remove(at)),
+            None => all.push(what),
+        }
+        self.select_all(all);
+    }
+
+    pub fn select_all(&mut self, all: Vec<Selected>) {
+        let mut all = all.into_iter();
+        self.selection = all.next();
+        self.more = (self.selection.clone(), all.collect());
+    }
+
+    /// The rows of the timeline that are not collapsed, by number.
+    pub fn shown_rows(&self) -> Vec<usize> {
+        let is_shown = |index: &usize| {
+            let row = &self.timeline.rows[*index];
+            let actor = row.what.as_ref().and_then(Selected::actor);
+            row.layer.unwrap_or(0) == 0 || actor.is_none_or(|name| !self.shelf.collapsed.contains(name))
+        };
+        (0..self.timeline.rows.len()).filter(is_shown).collect()
+    }
+
+    /// The marker, the playhead or the edge of a bar that is nearest to a dragged time and within reach, in seconds, if times snap.
+    /// `not`: the bar that is dragged.
+    pub(crate) fn attracted(&self, secs: f64, reach: f64, not: Option<&Bar>) -> Option<f64> {
+        let is_other = |bar: &&Bar| not.is_none_or(|not| not.what != bar.what || not.start != bar.start);
+        let edges = self.bars().filter(is_other).flat_map(|bar| [bar.start, bar.until, bar.end]);
+        let markers = self.timeline.markers.iter().map(|(_, at)| *at);
+        let all = edges.chain(markers).chain([self.playhead.time(), self.timeline.length]).map(Time::as_secs);
+        let near = all.filter(|at| self.snap && (at - secs).abs() <= reach);
+        near.min_by(|a, b| (a - secs).abs().total_cmp(&(b - secs).abs()))
     }
 
     /// A dragged time: a whole frame where times snap, within the scene.

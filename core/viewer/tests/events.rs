@@ -66,8 +66,12 @@ fn rows_have_what_happens_at_its_times() {
     let entrance = |at, what: &str| (at, EventKind::Entrance, what.to_string());
     assert_eq!(events_of("bob"), [entrance(1.5, "goes"), entrance(3.0, "appears")]);
     let hello = "\u{201c}Hello there\u{201d}";
-    let words = [entrance(0.8, &format!("{hello} appears")), entrance(3.2, &format!("{hello} goes"))];
-    assert_eq!(events_of("words"), words);
+    let titles: Vec<(f64, f64, &str)> = row(timeline, "titles")
+        .bars
+        .iter()
+        .map(|bar| (bar.start.as_secs(), bar.end.as_secs(), bar.label.as_str()))
+        .collect();
+    assert_eq!(titles, [(0.8, 3.2, hello)]);
 }
 
 #[test]
@@ -141,10 +145,13 @@ fn what_is_wrong_is_marked_until_it_is_mended() {
     let mut desk = desk();
     let marked = |desk: &Desk| {
         let viewer = &desk.state().viewer;
-        let rows =
-            viewer.timeline.rows.iter().filter(|row| Timeline::is_marked(&row.place, &viewer.problems));
+        let rows = viewer
+            .timeline
+            .rows
+            .iter()
+            .filter(|row| Timeline::severity(&row.place, &viewer.problems).is_some());
         let bars = viewer.timeline.rows.iter().flat_map(|row| &row.bars);
-        let bars = bars.filter(|bar| Timeline::is_marked(&bar.place, &viewer.problems));
+        let bars = bars.filter(|bar| Timeline::severity(&bar.place, &viewer.problems).is_some());
         (rows.map(|r| r.label.clone()).collect::<Vec<_>>(), bars.map(|b| b.label.clone()).collect::<Vec<_>>())
     };
     assert_eq!(marked(&desk), (vec![], vec![]));

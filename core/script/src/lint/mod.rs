@@ -94,6 +94,8 @@ pub struct Places {
     pub clip_markers: Vec<ClipMarkers>,
     pub lights: Vec<Place>,
     pub effects: Vec<Place>,
+    /// Places of texts, images and panels, as in `Stage::layers_2d`.
+    pub layers_2d: Vec<Place>,
     /// Files of which the script uses the clips alone, so that no mesh and no image of them was made.
     pub clips_only: Vec<(String, Place)>,
     /// The script's name in messages.

@@ -48,7 +48,7 @@ pub fn delete_cue(
     next: Option<EditTime>,
 ) -> Result<Edit, EditRefused> {
     let source = &Source::new(text);
-    let refuse = |why: &str| Err(format!("line {line}: {why}").into());
+    let refuse = |why: &str| Err(EditRefused::at(line, why));
     let Some(call) = source.byte_at(line, column).and_then(|at| source.call_from(at)) else {
         return refuse("there is no play or then to be deleted");
     };
@@ -79,7 +79,7 @@ fn statement_start(text: &Source, call: &Call) -> Option<usize> {
 }
 
 /// The lines of a statement that consists of this call, `actor.play(…);`, with a comment behind it.
-fn whole_statement(text: &Source, call: &Call, end: usize) -> Option<Range<usize>> {
+pub(super) fn whole_statement(text: &Source, call: &Call, end: usize) -> Option<Range<usize>> {
     let start = statement_start(text, call)?;
     let before = text[..start].trim_end_matches([' ', '\t']);
     let semicolon = text.skip(end);

@@ -1,11 +1,12 @@
 //! Keys of a property, `.key("position", [[time, value], …])`: the one at a time is changed, or one is added there as the others
 //! are written.
 
-use super::Edit;
-use super::object::{EditRefused, ScriptObject, euler_degrees, quoted, rotation};
+use super::cues::whole_statement;
+use super::object::{ScriptObject, euler_degrees, quoted, rotation};
 use super::scan::{Call, Source};
 use super::times::{EditTime, TimeLiteral};
 use super::values::{format_number, is_plain, literals, rewritten};
+use super::{Edit, EditRefused};
 use glam::{DQuat, DVec3};
 use std::ops::Range;
 
@@ -26,6 +27,7 @@ pub enum KeyValue<'v> {
 struct Key {
     all: Range<usize>,
     secs: f64,
+    time: Range<usize>,
     /// Its time is written as `f(12)`.
     in_frames: bool,
     value: Range<usize>,
@@ -37,30 +39,11 @@ impl ScriptObject<'_> {
     /// # Errors
     /// The keys are computed, or stand elsewhere.
     pub fn set_key(&self, property: &str, when: EditTime, value: KeyValue) -> Result<Edit, EditRefused> {
-        let name = quoted(property);
-        let is_it = |call: &&Call| {
-            self.text[call.name.clone()] == *"key"
-                && self.text[call.inside.clone()].trim_start().starts_with(&name)
-        };
-        let Some(call) = self.calls.iter().rev().find(is_it) else {
-            let why = format!(
-                "line {}: its {property} has keys that are not written with it; change them there",
-                self.line
-            );
-            return Err(why.into());
-        };
-        let line = self.line_of(call.name.start);
-        let computed = || {
-            EditRefused::from(format!(
-                "line {line}: its {property} has keys that are computed; change them there"
-            ))
-        };
-        let start = (self.text.value_end(call.inside.start, call.inside.end) + 1).min(call.inside.end);
-        let keys = keys_in(&self.text, start..self.text.value_end(start, call.inside.end), when.fps);
-        let keys = keys.ok_or_else(computed)?;
-        if let Some(key) = keys.iter().find(|key| (key.secs - when.secs).abs() < 0.5 / when.fps) {
+        let (call, keys) = self.keys(property, when.fps)?;
+        if let Some(key) = keys.iter().find(|key| key.is_at(when)) {
             let range = self.text.trimmed(&key.value);
-            return over(&self.text, &range, &value).ok_or_else(computed);
+            let changed = over(&self.text, &range, &value);
+            return changed.ok_or_else(|| self.computed_keys(property, &call));
         }
         let next = keys.iter().position(|key| key.secs > when.secs).unwrap_or(keys.len());
         let time = when.text(keys.iter().all(|key| key.in_frames));
@@ -68,6 +51,112 @@ impl ScriptObject<'_> {
         let key = format!("[{time}, {}]", written_like(&near, &value));
         Ok(inserted(&self.text, &keys, next, &key))
     }
+
+    /// Keys a property that has no keys yet: `anna.key("position", [[2.0, [0.0, 0.0, 1.0]]]);` as a line of its own.
+    ///
+    /// # Errors
+    /// It has no name in the script, and something else follows it.
+    pub fn add_keys(&self, property: &str, when: EditTime, value: KeyValue) -> Result<Edit, EditRefused> {
+        let value = written_like(&[], &value);
+        let call = format!("key({}, [[{}, {value}]])", quoted(property), when.text(false));
+        self.add_call(&call, self.last_at())
+    }
+
+    /// Moves the key of a property from a time to another, also past its neighbours.
+    ///
+    /// # Errors
+    /// The keys are computed or stand elsewhere, there is none at that time, or there is one at the other.
+    pub fn move_key(&self, property: &str, from: EditTime, to: EditTime) -> Result<Edit, EditRefused> {
+        let (call, keys) = self.keys(property, from.fps)?;
+        let line = self.line_of(call.name.start);
+        let at = keys.iter().position(|key| key.is_at(from)).ok_or_else(|| self.no_key(property, line))?;
+        let others = || keys.iter().enumerate().filter(|(index, _)| *index != at);
+        if others().any(|(_, key)| key.is_at(to)) {
+            return Err(EditRefused::at(line, &format!("its {property} has a key at that time already")));
+        }
+        let key = &keys[at];
+        let time = to.text(key.in_frames);
+        let next = others().find(|(_, key)| key.secs > to.secs).map_or(keys.len(), |(index, _)| index);
+        if next == at || next == at + 1 {
+            return Ok(Edit { range: key.time.clone(), text: time });
+        }
+        let (before, behind) = (key.all.start..key.time.start, key.time.end..key.all.end);
+        let moved = format!("{}{time}{}", &self.text[before], &self.text[behind]);
+        let (add, take) = (inserted(&self.text, &keys, next, &moved), removed(&self.text, &keys, at));
+        // The one further behind first, so that it moves no byte of the other.
+        let (first, second) = if add.range.start > take.range.start { (add, take) } else { (take, add) };
+        let after = second.apply(&first.apply(&self.text));
+        Ok(Edit::between(&self.text, &after))
+    }
+
+    /// Deletes the key of a property at a time. The only one goes with its `.key(…)`.
+    ///
+    /// # Errors
+    /// As [`ScriptObject::move_key`].
+    pub fn delete_key(&self, property: &str, at: EditTime) -> Result<Edit, EditRefused> {
+        let (call, keys) = self.keys(property, at.fps)?;
+        let line = self.line_of(call.name.start);
+        let index = keys.iter().position(|key| key.is_at(at)).ok_or_else(|| self.no_key(property, line))?;
+        if keys.len() > 1 {
+            return Ok(removed(&self.text, &keys, index));
+        }
+        let range = whole_statement(&self.text, &call, call.end).unwrap_or_else(|| {
+            let dot = self.text[..call.name.start].rfind('.').unwrap_or(call.name.start);
+            self.text[..dot].trim_end().len()..call.end
+        });
+        Ok(Edit { range, text: String::new() })
+    }
+
+    /// The last `.key(…)` of a property, and its keys.
+    fn keys(&self, property: &str, fps: f64) -> Result<(Call, Vec<Key>), EditRefused> {
+        let name = quoted(property);
+        let is_it = |call: &&Call| {
+            self.text[call.name.clone()] == *"key"
+                && self.text[call.inside.clone()].trim_start().starts_with(&name)
+        };
+        let Some(call) = self.calls.iter().rev().find(is_it) else {
+            let why = format!("its {property} has keys that are not written with it; change them there");
+            return Err(EditRefused::at(self.line, &why));
+        };
+        let start = (self.text.value_end(call.inside.start, call.inside.end) + 1).min(call.inside.end);
+        let keys = keys_in(&self.text, start..self.text.value_end(start, call.inside.end), fps);
+        let keys = keys.ok_or_else(|| self.computed_keys(property, call))?;
+        Ok((call.clone(), keys))
+    }
+
+    fn computed_keys(&self, property: &str, call: &Call) -> EditRefused {
+        let line = self.line_of(call.name.start);
+        EditRefused::at(line, &format!("its {property} has keys that are computed; change them there"))
+    }
+
+    fn no_key(&self, property: &str, line: usize) -> EditRefused {
+        let why = format!("its {property} has no key of its own there; what is seen comes from an easing");
+        EditRefused::at(line, &why)
+    }
+}
+
+impl Key {
+    /// Whether it is at a time, to half a frame.
+    fn is_at(&self, time: EditTime) -> bool {
+        (self.secs - time.secs).abs() < 0.5 / time.fps
+    }
+}
+
+/// Takes a key away with its comma, and with its line if it has one of its own.
+fn removed(text: &str, keys: &[Key], at: usize) -> Edit {
+    let key = &keys[at].all;
+    let line = text[..key.start].rfind('\n').map_or(0, |n| n + 1);
+    let behind = text[key.end..].find('\n').map_or(text.len(), |n| key.end + n + 1);
+    let rest = text[key.end..behind].trim();
+    let rest = rest.strip_prefix(',').unwrap_or(rest).trim_start();
+    let alone = text[line..key.start].trim().is_empty() && (rest.is_empty() || rest.starts_with("//"));
+    let range = match (alone, keys.get(at + 1), at.checked_sub(1)) {
+        (true, ..) => line..behind,
+        (false, Some(next), _) => key.start..next.all.start,
+        (false, None, Some(before)) => keys[before].all.end..key.end,
+        (false, None, None) => key.clone(),
+    };
+    Edit { range, text: String::new() }
 }
 
 /// `None` where anything of them but the values is computed.
@@ -80,14 +169,28 @@ fn keys_in(text: &Source, bytes: Range<usize>, fps: f64) -> Option<Vec<Key>> {
         let pair = text[all.clone()].strip_prefix('[')?.strip_suffix(']')?;
         let parts: Vec<Range<usize>> = parts(text, all.start + 1, all.start + 1 + pair.len()).collect();
         let [time, value, ..] = parts.as_slice() else { return None };
-        let TimeLiteral { number, in_frames, .. } = TimeLiteral::of(text, time)?;
-        let secs = if in_frames { number / fps } else { number };
+        let literal = TimeLiteral::of(text, time)?;
+        let secs = literal.secs(fps);
+        let TimeLiteral { in_frames, range, .. } = literal;
         if keys.last().is_some_and(|before| before.secs >= secs) {
             return None;
         }
-        keys.push(Key { all, secs, in_frames, value: value.clone() });
+        keys.push(Key { all, secs, time: range, in_frames, value: value.clone() });
     }
     (!keys.is_empty()).then_some(keys)
+}
+
+/// Keys `[[time, value], …]` at later times. `None` where a time is computed.
+pub(super) fn shifted_keys(text: &Source, bytes: Range<usize>, by: EditTime) -> Option<Edit> {
+    let keys = keys_in(text, bytes, by.fps)?;
+    let (first, last) = (keys.first()?, keys.last()?);
+    let (mut out, mut at) = (String::new(), first.time.start);
+    for key in &keys {
+        out += &text[at..key.time.start];
+        out += &EditTime { secs: key.secs + by.secs, fps: by.fps }.text(key.in_frames);
+        at = key.time.end;
+    }
+    Some(Edit { range: first.time.start..last.time.end, text: out })
 }
 
 /// The parts between commas; nothing after a trailing one.

@@ -1,18 +1,27 @@
 //! Changes of a script's text at one place: a bar that was dragged rewrites the number that it came from. All else of the text
 //! stays, comments and spaces too. What a number was computed from is never guessed: then the change is refused, with the line.
 
+mod casting;
 mod cues;
 mod keys;
 mod object;
+mod refused;
 mod scan;
+mod strips;
 mod times;
 mod values;
 
 use std::ops::Range;
 
+pub use casting::cast_lines;
 pub use cues::{CueChange, delete_cue, has_end, set_times};
 pub use keys::KeyValue;
-pub use object::{EditRefused, ScriptObject, euler_degrees, set_call, set_marker};
+pub use object::{ScriptObject, euler_degrees, set_call, set_marker};
+pub use refused::EditRefused;
+pub use strips::{
+    Rest, copied_start, copy_cue, duplicate_cue, paste_cue, set_disabled, set_number, set_trim, shift_cue,
+    shift_keys, split_cue,
+};
 pub use times::{CueTime, EditTime, follows, set_time};
 pub use values::format_number;
 

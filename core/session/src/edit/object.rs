@@ -1,31 +1,12 @@
 //! The statements of a script about one object: `let anna = cast(…).at(…);` and, further on, `anna.turn(…);`. Each change here
 //! is one edit of one call; where the value is computed, a line is offered that states it anew.
 
-use super::Edit;
+use super::refused::ADD;
 use super::scan::{Call, Source};
 use super::times::{EditTime, TimeLiteral};
 use super::values::{format_number, literals, option_of, rewritten, set_option};
+use super::{Edit, EditRefused};
 use glam::{DMat3, DQuat, DVec3};
-
-/// Why a change was not made, for the user, and the line that would make it all the same.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{why}")]
-pub struct EditRefused {
-    pub why: String,
-    /// A line to add that overrides a computed value, or replaces the line in the way.
-    pub over: Option<Edit>,
-    /// Label of the button for `over`.
-    pub agree: &'static str,
-}
-
-/// Label of the button that adds a line.
-const ADD: &str = "Add the line";
-
-impl From<String> for EditRefused {
-    fn from(why: String) -> EditRefused {
-        EditRefused { why, over: None, agree: ADD }
-    }
-}
 
 pub struct ScriptObject<'a> {
     pub(super) text: Source<'a>,
@@ -42,7 +23,7 @@ pub struct ScriptObject<'a> {
 impl<'a> ScriptObject<'a> {
     /// The object made by the call at a place: line and column in characters, from 1.
     pub fn at(text: &'a str, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
-        let refuse = |why: &str| EditRefused::from(format!("line {line}: {why}"));
+        let refuse = |why: &str| EditRefused::at(line, why);
         let text = Source::new(text);
         let at = text.byte_at(line, column).ok_or_else(|| refuse("the script has no such line"))?;
         let made = text.call_from(at).ok_or_else(|| refuse("there is no call to be changed"))?;
@@ -75,19 +56,20 @@ impl<'a> ScriptObject<'a> {
     fn computed(&self, call: &Call, over: &str) -> EditRefused {
         let (name, inside) = (&self.text[call.name.clone()], self.text[call.inside.clone()].trim());
         let line = self.line_of(call.name.start);
-        EditRefused {
-            why: format!(
-                "line {line}: .{name}({inside}) is computed; change it there, or say it anew in a line of its own"
-            ),
-            over: self.variable.as_ref().and_then(|_| self.new_line(over)),
-            agree: ADD,
-        }
+        let why =
+            format!(".{name}({inside}) is computed; change it there, or say it anew in a line of its own");
+        let over = self.variable.as_ref().and_then(|_| self.new_line(over));
+        EditRefused { over, agree: ADD, ..EditRefused::at(line, &why) }
     }
 
     /// `variable.call;` after the last statement about it.
     fn new_line(&self, call: &str) -> Option<Edit> {
+        self.new_line_after(call, self.last_at)
+    }
+
+    fn new_line_after(&self, call: &str, last_at: usize) -> Option<Edit> {
         let name = self.variable.as_ref()?;
-        let mut end = self.text.statement_end(self.last_at);
+        let mut end = self.text.statement_end(last_at);
         // After a comment on the same line.
         let rest = self.text[end..].find('\n').map_or(&self.text[end..], |n| &self.text[end..end + n]);
         if rest.trim().is_empty() || rest.trim_start().starts_with("//") {
@@ -173,12 +155,9 @@ impl<'a> ScriptObject<'a> {
         // A light has one or the other.
         if let (Some(old), "color") = (option_of(&self.text, &self.made, "kelvin"), name) {
             let line = self.line_of(old.start);
-            let why = format!(
-                "line {line}: {} says its color; a color would take its place",
-                &self.text[old.clone()]
-            );
+            let why = format!("{} says its color; a color would take its place", &self.text[old.clone()]);
             let over = Some(Edit { range: old, text: format!("color: {value}") });
-            return Err(EditRefused { why, over, agree: "Write the color" });
+            return Err(EditRefused { over, agree: "Write the color", ..EditRefused::at(line, &why) });
         }
         set_option(&self.text, &self.made, self.line, name, value)
     }
@@ -212,39 +191,64 @@ impl<'a> ScriptObject<'a> {
         Ok(Edit { range: start..start + inside.trim().len(), text: value.to_string() })
     }
 
-    /// A line that plays a clip of the thing's own file: `anna.play(hero.clip("Wave"), #{ fade: 0.3 }).from(2.0);`
-    pub fn play(&self, clip: &str, from: EditTime, options: &str) -> Result<Edit, EditRefused> {
+    /// A line that plays a clip from a time on: `anna.play(hero.clip("Wave"), #{ fade: 0.3 }).from(2.0);`. The clip is of the thing's own
+    /// file, or of that of another object (`of`).
+    ///
+    /// # Errors
+    /// Why not, for the user: it has no name in the script, or an object is not cast from a file.
+    pub fn play(
+        &self,
+        clip: &str,
+        from: EditTime,
+        options: &str,
+        of: Option<&ScriptObject>,
+    ) -> Result<Edit, EditRefused> {
+        let asset = of.unwrap_or(self).asset()?;
+        let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), from.text(false));
+        // What the line names is made before it.
+        let last_at = self.last_at.max(of.map_or(0, |of| of.made.end));
+        self.add_call(&call, last_at)
+    }
+
+    /// Adds a call as a line of its own after its last statement and after a byte; where it has no name, behind what made it.
+    pub(super) fn add_call(&self, call: &str, last_at: usize) -> Result<Edit, EditRefused> {
+        if let Some(line) = self.new_line_after(call, last_at) {
+            // After what it plays already, so that the cues stand in their order.
+            return Ok(line);
+        }
+        let end = self.calls.last().map_or(self.made.end, |c| c.end);
+        if self.text[self.text.skip(end)..].starts_with('.') || last_at > end {
+            return Err(EditRefused::at(self.line, "it has no name in the script; write let NAME = cast(…)"));
+        }
+        Ok(self.behind(end, call))
+    }
+
+    /// Position of its last mention.
+    pub(super) fn last_at(&self) -> usize {
+        self.last_at
+    }
+
+    /// The file that it is cast from, as the script writes it; by the script's own name of it, if there is one.
+    ///
+    /// # Errors
+    /// It is not cast from a file.
+    pub(super) fn asset(&self) -> Result<String, EditRefused> {
         let inside = &self.made.inside;
         let first = self.text.value_end(inside.start, inside.end);
         let asset = self.text.get(first + 1..inside.end).map(str::trim).filter(|a| !a.is_empty());
-        let asset = asset.ok_or_else(|| format!("line {}: it is not cast from a file", self.line))?;
-        // Uses the script's own name of the same file, if it has one.
+        let asset = asset.ok_or_else(|| EditRefused::at(self.line, "it is not cast from a file"))?;
         let named = self.text.call_from(first + 1).filter(|load| self.text[load.name.clone()] == *"load");
         let named = named.and_then(|load| {
             let file = &self.text[load.inside.start..self.text.value_end(load.inside.start, load.inside.end)];
             loaded_as(&self.text, file.trim(), self.made.name.start)
         });
-        let asset = named.unwrap_or(asset);
-        let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), from.text(false));
-        if let Some(line) = self.new_line(&call) {
-            // After what it plays already, so that the cues stand in their order.
-            return Ok(line);
-        }
-        let played = self.text.skip(self.calls.last().map_or(self.made.end, |c| c.end));
-        if self.text[played..].starts_with('.') {
-            return Err(format!(
-                "line {}: it has no name in the script; write let NAME = cast(…)",
-                self.line
-            )
-            .into());
-        }
-        Ok(self.behind(self.calls.last().map_or(self.made.end, |c| c.end), &call))
+        Ok(named.unwrap_or(asset).to_string())
     }
 }
 
 /// Sets the only argument of the call at a place, a time: `.cut(2.0)`.
 pub fn set_call(text: &str, line: usize, column: usize, time: EditTime) -> Result<Edit, EditRefused> {
-    let refuse = |why: String| EditRefused::from(format!("line {line}: {why}"));
+    let refuse = |why: String| EditRefused::at(line, &why);
     let text = &Source::new(text);
     let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
     let call = call.ok_or_else(|| refuse("there is no call to be changed".into()))?;
@@ -268,8 +272,9 @@ pub fn set_marker(text: &str, name: &str, time: EditTime) -> Result<Edit, EditRe
     };
     let second = text.value_end(call.inside.start, call.inside.end) + 1..call.inside.end;
     let line = text[..call.name.start].matches('\n').count() + 1;
-    let old = TimeLiteral::of(text, &second)
-        .ok_or_else(|| format!("line {line}: the time of \"{name}\" is computed; change it there"))?;
+    let old = TimeLiteral::of(text, &second).ok_or_else(|| {
+        EditRefused::at(line, &format!("the time of \"{name}\" is computed; change it there"))
+    })?;
     Ok(old.set(time))
 }
 
@@ -282,7 +287,7 @@ fn call_text(name: &str, values: &[f64]) -> String {
 }
 
 /// The script's variable of a file that it has loaded before a byte: `let NAME = load("FILE" …)`; `file` with its quotes.
-fn loaded_as<'a>(text: &Source<'a>, file: &str, before: usize) -> Option<&'a str> {
+pub(super) fn loaded_as<'a>(text: &Source<'a>, file: &str, before: usize) -> Option<&'a str> {
     let is_it = |call: &Call| {
         let first = call.inside.start..text.value_end(call.inside.start, call.inside.end);
         file.starts_with('"')
@@ -431,14 +436,31 @@ mod tests {
     #[test]
     fn a_clip_becomes_a_line_in_the_scripts_own_words() {
         let text = "let hero = load(\"a.glb\");\nlet a = |cast(\"a\", hero).at(0, 0, 0);\na.play(hero.clip(\"Walk\")).until(2.0);\n";
-        let after = changed(text, |o| o.play("Wave \"1\"", at(2.0), "")).unwrap();
+        let after = changed(text, |o| o.play("Wave \"1\"", at(2.0), "", None)).unwrap();
         assert!(after.contains("a.play(hero.clip(\"Wave \\\"1\\\"\")).from(2.0);"), "{after}");
         assert!(
-            changed("|cast(\"a\", hero);", |o| o.play("Wave", at(0.0), ""))
+            changed("|cast(\"a\", hero);", |o| o.play("Wave", at(0.0), "", None))
                 .unwrap()
                 .contains("hero).play(hero.clip")
         );
-        assert!(changed("|cast(\"a\", hero).play(x);", |o| o.play("Wave", at(0.0), "")).is_err());
+        assert!(changed("|cast(\"a\", hero).play(x);", |o| o.play("Wave", at(0.0), "", None)).is_err());
+    }
+
+    #[test]
+    fn a_clip_of_another_object_is_named_by_its_file_and_stands_after_it() {
+        let text = "let bob = cast(\"bob\", load(\"b.glb\"));\nlet hero = load(\"a.glb\");\nlet ada = cast(\"ada\", hero); // she\nlet eve = cast(\"eve\", load(\"e.glb\"));\n";
+        let place = |name: &str| (text.lines().position(|l| l.contains(name)).unwrap() + 1, 11);
+        let object = |name: &str| ScriptObject::at(text, place(name).0, place(name).1).unwrap();
+        let played = |on: &str, of: &str| {
+            object(on).play("Walk", at(1.0), "", Some(&object(of))).map(|edit| edit.apply(text))
+        };
+        let after = played("\"bob\"", "\"ada\"").unwrap();
+        assert!(
+            after.contains("hero); // she\nbob.play(hero.clip(\"Walk\")).from(1.0);\nlet eve"),
+            "{after}"
+        );
+        let after = played("\"ada\"", "\"eve\"").unwrap();
+        assert!(after.ends_with("\nada.play(load(\"e.glb\").clip(\"Walk\")).from(1.0);\n"), "{after}");
     }
 
     #[test]

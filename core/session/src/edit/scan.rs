@@ -150,6 +150,22 @@ impl<'a> Source<'a> {
         Some(Call { name: self.tokens[index].clone(), inside: open + 1..close, end: close + 1 })
     }
 
+    /// The call behind which the dot of a method's name stands: `a(…)` for `b` in `a(…).b`.
+    pub(super) fn call_before(&self, name: usize) -> Option<Call> {
+        let dot = self.index(name).checked_sub(1)?;
+        let mut index = dot.checked_sub(1)?;
+        if self.token(dot) != "." || self.token(index) != ")" {
+            return None;
+        }
+        let mut depth = 1usize;
+        while depth > 0 {
+            index = index.checked_sub(1)?;
+            depth += usize::from(is_close(self.token(index)));
+            depth -= usize::from(is_open(self.token(index)));
+        }
+        self.call_from(self.start(index.checked_sub(1)?))
+    }
+
     /// The range without the blanks and comments around it.
     pub fn trimmed(&self, bytes: &Range<usize>) -> Range<usize> {
         let (first, behind) = (self.index(bytes.start), self.index(bytes.end));

@@ -52,6 +52,11 @@ impl TimeLiteral {
         Some(TimeLiteral { range, number, in_frames: true })
     }
 
+    /// The time in seconds; `fps`: frames a second of the stage.
+    pub(super) fn secs(&self, fps: f64) -> f64 {
+        if self.in_frames { self.number / fps } else { self.number }
+    }
+
     /// The edit that states another time.
     pub fn set(self, time: EditTime) -> Edit {
         Edit { text: time.text(self.in_frames), range: self.range }
@@ -81,7 +86,7 @@ pub fn set_time(
     time: EditTime,
 ) -> Result<Edit, EditRefused> {
     let text = &Source::new(text);
-    let refuse = |why: &str| Err(format!("line {line}: {why}").into());
+    let refuse = |why: &str| Err(EditRefused::at(line, why));
     let Some(at) = text.byte_at(line, column) else { return refuse("the script has no such line") };
     let Some(call) = text.call_from(at) else { return refuse("there is no play or then to be changed") };
     let chain = text.chain_after(call.end);

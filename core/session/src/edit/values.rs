@@ -84,9 +84,7 @@ pub(crate) fn set_option(
     let Some(map) = text.map_in(&call.inside) else {
         let arguments = if inside.trim().is_empty() { 0 } else { text.count_arguments(&call.inside) };
         if inside.contains("#{") || arguments > 1 {
-            return Err(
-                format!("line {line}: the options of this call are computed; change them there").into()
-            );
+            return Err(EditRefused::at(line, "the options of this call are computed; change them there"));
         }
         let comma = if arguments == 0 { "" } else { ", " };
         return Ok(Edit { range: call.inside.end..call.inside.end, text: format!("{comma}#{{ {new} }}") });
@@ -94,7 +92,7 @@ pub(crate) fn set_option(
     if let Some(bytes) = option_in(text, &map, name) {
         if !is_plain(text, &bytes) {
             let shown = text[bytes].trim();
-            return Err(format!("line {line}: {name}: {shown} is computed; change it there").into());
+            return Err(EditRefused::at(line, &format!("{name}: {shown} is computed; change it there")));
         }
         let inside = &text[bytes.clone()];
         let start = bytes.start + (inside.len() - inside.trim_start().len());

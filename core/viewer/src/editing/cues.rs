@@ -1,11 +1,12 @@
-//! Bars of clips that are moved or deleted as a whole.
+//! Bars that are moved, faded over each other or deleted as a whole.
 
-use super::EditError;
+use super::{EditError, Step};
 use crate::app::Viewer;
 use crate::state::selection::Selected;
 use crate::state::timeline::Bar;
 use choreo_motion::Time;
-use choreo_session::edit::{CueChange, CueTime, delete_cue, follows, has_end, set_times};
+use choreo_session::edit::{CueTime, EditTime, delete_cue, follows, has_end, set_time, shift_keys};
+use std::collections::BTreeSet;
 
 impl Viewer {
     /// Moves a clip to another start, with its end. Where it follows another clip, that one's end moves, too. `ripple`: all later clips of
@@ -16,28 +17,108 @@ impl Viewer {
     pub fn move_cue(&mut self, what: &Selected, secs: f64, ripple: bool) -> Result<(), EditError> {
         let layer = self.layer_of(what);
         let at = layer.iter().position(|bar| bar.what == *what).ok_or(EditError::Gone)?;
-        let by = Time::from_secs(secs.max(0.0)) - layer[at].start;
-        let known = self.known().ok_or(EditError::NothingShown)?;
-        let mut changes = Vec::new();
-        let mut set = |bar: &Bar, part, time: Time| {
-            let time = self.edit_time((time + by).as_secs());
-            changes.push(CueChange { line: bar.place.line, column: bar.place.column, part, time });
-        };
-        let moved = if ripple { &layer[at..] } else { &layer[at..=at] };
-        for (number, bar) in moved.iter().enumerate() {
-            match (follows(&known, bar.place.line, bar.place.column), number, at) {
-                // It begins where the clip before it ends, and that has been moved.
-                (true, 1.., _) => {}
-                (true, 0, 1..) => set(&layer[at - 1], CueTime::End, layer[at].start),
-                _ => set(bar, CueTime::Start, bar.start),
+        let by = secs.max(0.0) - layer[at].start.as_secs();
+        let steps = self.move_steps(&layer, &|index| index == at || ripple && index > at, by)?;
+        self.change_all(steps)
+    }
+
+    /// Moves bars by a time, as one change.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn move_bars(&mut self, all: &[Selected], by: f64) -> Result<(), EditError> {
+        let mut steps = Vec::new();
+        let mut layers: BTreeSet<Vec<Selected>> = BTreeSet::new();
+        for what in all {
+            let bar = self.bar(what)?;
+            if matches!(what, Selected::Cue { .. }) {
+                layers.insert(self.layer_of(what).into_iter().map(|bar| bar.what).collect());
+                continue;
             }
-            if has_end(&known, bar.place.line, bar.place.column) {
-                set(bar, CueTime::End, bar.until);
+            for (part, time) in [(CueTime::Start, bar.start), (CueTime::End, bar.until)] {
+                // What never ends keeps no end.
+                if part == CueTime::Start || time < self.timeline.length {
+                    steps.push(self.object_time_step(&bar, part, time.as_secs() + by));
+                }
             }
         }
-        let place = layer[at].place.clone();
-        let siblings = moved.iter().map(|bar| self.siblings(bar)).max().unwrap_or(1);
-        self.change(&place, siblings, |text| set_times(text, &changes))
+        for layer in layers {
+            let layer: Vec<Bar> = layer.iter().map(|what| self.bar(what)).collect::<Result<_, _>>()?;
+            steps.extend(self.move_steps(&layer, &|index| all.contains(&layer[index].what), by)?);
+        }
+        self.change_all(steps)
+    }
+
+    /// The changes that move some bars of a layer.
+    pub(super) fn move_steps(
+        &self,
+        layer: &[Bar],
+        moves: &dyn Fn(usize) -> bool,
+        by: f64,
+    ) -> Result<Vec<Step<'static>>, EditError> {
+        let known = self.known().ok_or(EditError::NothingShown)?;
+        let mut steps = Vec::new();
+        let later = |time: Time| (time.as_secs() + by).max(0.0);
+        for (index, bar) in layer.iter().enumerate().filter(|(index, _)| moves(*index)) {
+            let (line, column) = (bar.place.line, bar.place.column);
+            match (follows(&known, line, column), index.checked_sub(1)) {
+                // It begins where the clip before it ends, and that has been moved.
+                (true, Some(before)) if moves(before) => {}
+                (true, Some(before)) => {
+                    steps.push(self.time_step(&layer[before], CueTime::End, later(bar.start)));
+                }
+                _ => steps.push(self.time_step(bar, CueTime::Start, later(bar.start))),
+            }
+            if has_end(&known, line, column) {
+                steps.push(self.time_step(bar, CueTime::End, later(bar.until)));
+            }
+            if bar.strip.is_some_and(|strip| strip.is_keyed) {
+                let by = EditTime { secs: by, ..self.edit_time(0.0) };
+                steps.push(self.step(bar, move |text, line, column| shift_keys(text, line, column, by)));
+            }
+        }
+        Ok(steps)
+    }
+
+    /// Moves a clip over the one before it, which keeps its place: they crossfade where they overlap.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn overlap_cue(&mut self, what: &Selected, secs: f64) -> Result<(), EditError> {
+        let layer = self.layer_of(what);
+        let at = layer.iter().position(|bar| bar.what == *what).ok_or(EditError::Gone)?;
+        let before = at.checked_sub(1).map(|before| &layer[before]);
+        let overlap = before.map_or(0.0, |before| before.end.as_secs() - secs);
+        let Some(before) = before.filter(|before| overlap > 0.0 && secs > before.start.as_secs()) else {
+            let why = "it crossfades where it lies over the end of the clip before it";
+            return Err(EditError::refused_at(&layer[at].place, why));
+        };
+        // A fade no longer than what is there of the clip.
+        let overlap = overlap.min((layer[at].end - layer[at].start).as_secs());
+        let by = secs - layer[at].start.as_secs();
+        let mut steps = self.move_steps(&layer, &|index| index == at, by)?;
+        debug_assert!(before.end >= before.start);
+        steps.push(self.time_step(&layer[at], CueTime::FadeIn, overlap));
+        self.change_all(steps)
+    }
+
+    /// Deletes bars from the script, as one change.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn delete_cues(&mut self, all: &[Selected]) -> Result<(), EditError> {
+        let mut steps = Vec::new();
+        for what in all {
+            let layer = self.layer_of(what);
+            let at = layer.iter().position(|bar| bar.what == *what);
+            let at = at.ok_or_else(|| EditError::refused("only clips are deleted here; delete its line"))?;
+            let next = layer[at + 1..].iter().find(|bar| !all.contains(&bar.what));
+            let next = next.map(|bar| self.edit_time(bar.start.as_secs()));
+            steps.push(self.step(&layer[at], move |text, line, column| delete_cue(text, line, column, next)));
+        }
+        self.change_all(steps)?;
+        self.selection = None;
+        Ok(())
     }
 
     /// Deletes a clip from the script.
@@ -45,24 +126,37 @@ impl Viewer {
     /// # Errors
     /// Why not, for the user; nothing has changed.
     pub fn delete_cue(&mut self, what: &Selected) -> Result<(), EditError> {
-        let layer = self.layer_of(what);
-        let at = layer.iter().position(|bar| bar.what == *what).ok_or(EditError::Gone)?;
-        let next = layer.get(at + 1).map(|bar| self.edit_time(bar.start.as_secs()));
-        let (place, siblings) = (layer[at].place.clone(), self.siblings(&layer[at]));
-        self.change(&place, siblings, |text| delete_cue(text, place.line, place.column, next))?;
-        self.selection = None;
-        Ok(())
+        self.delete_cues(std::slice::from_ref(what))
     }
 
     /// The bars of a clip's layer, in order; none for what is no clip.
-    fn layer_of(&self, what: &Selected) -> Vec<Bar> {
+    pub(super) fn layer_of(&self, what: &Selected) -> Vec<Bar> {
         let Selected::Cue { actor, layer, .. } = what else { return Vec::new() };
         let is_in = |bar: &&Bar| matches!(&bar.what, Selected::Cue { actor: a, layer: l, .. } if a == actor && l == layer);
-        self.timeline.rows.iter().flat_map(|row| &row.bars).filter(is_in).cloned().collect()
+        self.bars().filter(is_in).cloned().collect()
     }
 
-    /// How many bars the line of this one makes.
-    fn siblings(&self, bar: &Bar) -> usize {
-        self.timeline.rows.iter().flat_map(|row| &row.bars).filter(|other| other.place == bar.place).count()
+    pub(crate) fn bars(&self) -> impl Iterator<Item = &Bar> {
+        self.timeline.rows.iter().flat_map(|row| &row.bars)
+    }
+
+    pub(super) fn bar(&self, what: &Selected) -> Result<Bar, EditError> {
+        self.bars().find(|bar| bar.what == *what).cloned().ok_or(EditError::Gone)
+    }
+
+    /// A change of what a bar's place makes.
+    pub(super) fn step<'m>(
+        &self,
+        bar: &Bar,
+        make: impl Fn(&str, usize, usize) -> Result<choreo_session::edit::Edit, choreo_session::edit::EditRefused>
+        + 'm,
+    ) -> Step<'m> {
+        let siblings = self.bars().filter(|other| other.place == bar.place).count();
+        Step { place: bar.place.clone(), siblings, make: Box::new(make) }
+    }
+
+    pub(super) fn time_step(&self, bar: &Bar, part: CueTime, secs: f64) -> Step<'static> {
+        let time = self.edit_time(secs);
+        self.step(bar, move |text, line, column| set_time(text, line, column, part, time))
     }
 }

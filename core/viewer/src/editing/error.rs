@@ -1,6 +1,7 @@
 //! Why an edit of the script is not made.
 
 use choreo_files::{FileError, WriteError};
+use choreo_script::Place;
 use std::io;
 use std::path::PathBuf;
 
@@ -31,8 +32,11 @@ pub enum EditError {
     #[error("there is nothing to do again")]
     NothingToRedo,
     /// The script computes the value, or something else determines it.
-    #[error("{0}")]
-    Refused(String),
+    #[error("{why}")]
+    Refused { why: String, line: Option<usize> },
+    /// A file cannot be copied into the script's folder.
+    #[error("{}: cannot be copied: {source}", path.display())]
+    Copy { path: PathBuf, source: io::Error },
     #[error("{}: cannot read: {source}", path.display())]
     Read { path: PathBuf, source: FileError },
     #[error("{}: cannot read: it is no UTF-8 text", .0.display())]
@@ -43,4 +47,27 @@ pub enum EditError {
     LinkOutside { path: PathBuf, target: PathBuf },
     #[error("{editor}: cannot be started: {source}; set VISUAL to your editor")]
     Editor { editor: String, source: io::Error },
+}
+
+impl EditError {
+    pub(crate) fn refused(why: impl Into<String>) -> EditError {
+        EditError::Refused { why: why.into(), line: None }
+    }
+
+    /// Refused because of a line of the script.
+    pub(crate) fn refused_at(place: &Place, why: &str) -> EditError {
+        EditError::Refused {
+            why: format!("{}:{}: {why}", place.file, place.line),
+            line: Some(place.line).filter(|line| *line > 0),
+        }
+    }
+
+    /// Line of the script that is in the way, from 1.
+    pub(crate) fn line(&self) -> Option<usize> {
+        match self {
+            EditError::SharedLine { line, .. } => Some(*line),
+            EditError::Refused { line, .. } => *line,
+            _ => None,
+        }
+    }
 }

@@ -2,25 +2,38 @@
 //! in a module or makes several things is not changed; a message states why, with a line that would do it if possible. If the file has
 //! changed on disk meanwhile, the user is asked, with the difference.
 
+mod adding;
 mod cues;
 pub(crate) mod difference;
 mod error;
 pub(crate) mod external_editor;
+mod keys;
 pub mod placing;
+mod strips;
 
+pub use adding::DroppedModels;
 pub use error::EditError;
 
 use crate::app::Viewer;
 use crate::state::history::{Done, Offer};
-use crate::state::selection::{Selected, actor};
+use crate::state::selection::Selected;
 use choreo_files::{WriteError, write_whole};
 use choreo_script::Place;
 use choreo_session::edit::{
-    CueTime, Edit, EditRefused, EditTime, ScriptObject, follows, format_number, set_marker, set_time,
+    CueTime, Edit, EditRefused, EditTime, ScriptObject, follows, set_marker, set_time,
 };
-use choreo_stage::Actor;
 use std::path::Path;
 use std::sync::Arc;
+
+/// A change of the text at a line and column.
+type Make<'m> = Box<dyn Fn(&str, usize, usize) -> Result<Edit, EditRefused> + 'm>;
+
+/// A change of what one place in the script makes, part of a greater one.
+pub(crate) struct Step<'m> {
+    pub place: Place,
+    pub siblings: usize,
+    pub make: Make<'m>,
+}
 
 impl Viewer {
     /// Sets a time of a cue or an effect in the script's file, in seconds.
@@ -41,10 +54,14 @@ impl Viewer {
         let siblings = bars().filter(|b| b.place == place).count();
         let time = self.edit_time(secs);
         self.change(&place, siblings, |text| match (what, part) {
-            (Selected::Effect(_), CueTime::Start) => {
-                ScriptObject::at(text, place.line, place.column)?.time("from", time)
+            (Selected::Effect(_) | Selected::Title(_), part) => {
+                let object = ScriptObject::at(text, place.line, place.column)?;
+                match part {
+                    CueTime::Start => object.time("from", time),
+                    CueTime::End => object.time("until", time),
+                    CueTime::FadeIn => object.set("fade", &[secs]),
+                }
             }
-            (Selected::Effect(_), _) => ScriptObject::at(text, place.line, place.column)?.time("until", time),
             _ => set_time(text, place.line, place.column, part, time),
         })
     }
@@ -79,63 +96,6 @@ impl Viewer {
         self.change(&place, 1, |text| set_marker(text, name, time))
     }
 
-    /// Lets an actor play a clip of its file from a time on.
-    pub(crate) fn add_clip(&mut self, name: &str, clip: &str, secs: f64) -> Result<(), EditError> {
-        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
-        let place = scene.places.actors.get(index).cloned().unwrap_or_default();
-        let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
-        let plays = scene.stage.actors[index].layers.first().is_some_and(|l| !l.cues.is_empty());
-        let options = if plays { ", #{ fade: 0.3 }" } else { "" };
-        let time = self.edit_time(secs);
-        self.change(&place, siblings, |text| {
-            ScriptObject::at(text, place.line, place.column)?.play(clip, time, options)
-        })
-    }
-
-    /// Puts files that were dropped on stage: a line each at the end of the script, as one change; several where they are shown.
-    ///
-    /// # Errors
-    /// Returns the files that are not added, and why: they cannot be read, or lie outside the script's folder. The others are added.
-    pub fn add_guests(&mut self) -> Result<(), EditError> {
-        let path = self.path.clone().ok_or(EditError::NoScript)?;
-        let folder =
-            path.canonicalize().ok().and_then(|p| Some(p.parent()?.to_path_buf())).unwrap_or_default();
-        let mut text = read(&path)?;
-        let (before, begins) = (text.clone(), text.len());
-        if !text.is_empty() && !text.ends_with('\n') {
-            text.push('\n');
-        }
-        let scene = self
-            .scene
-            .clone()
-            .filter(|_| !self.faulty)
-            .ok_or_else(|| EditError::Refused("what was dropped cannot be read".into()))?;
-        let (mut shown, mut refused) = (scene.stage.actors.iter().peekable(), Vec::new());
-        for guest in &self.guests {
-            // The actors follow the order in which the files were dropped, without those that cannot be read.
-            let is_it = |actor: &&Actor| guest.file_name().is_some_and(|name| *name == *actor.asset.name);
-            let Some(actor) = shown.next_if(is_it) else {
-                refused.push(format!("{}: it cannot be read", guest.display()));
-                continue;
-            };
-            let file = guest.canonicalize().unwrap_or_else(|_| guest.clone());
-            match file.strip_prefix(&folder) {
-                Ok(inside) => text.push_str(&guest_line(inside, actor.transform.translation.x, &text)),
-                Err(_) => refused.push(format!(
-                    "{}: it lies outside the script's folder, where load(…) may not read; put it there first",
-                    file.display()
-                )),
-            }
-        }
-        if refused.len() < self.guests.len() {
-            let edit = Edit { range: begins..begins, text: text.split_off(begins) };
-            self.write_edit(&path, &before, edit)?;
-            self.guests_leave = true;
-        }
-        if refused.is_empty() { Ok(()) } else { Err(EditError::Refused(refused.join("; "))) }
-    }
-
     /// Adds a line at the end of the script.
     pub(crate) fn add_line(&mut self, line: &str) -> Result<(), EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
@@ -151,21 +111,9 @@ impl Viewer {
         siblings: usize,
         mut make: impl FnMut(&str) -> Result<Edit, EditRefused>,
     ) -> Result<(), EditError> {
+        self.check_place(place, siblings)?;
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let places = &scene.places;
-        if place.line == 0 {
-            return Err(EditError::NotFromScript);
-        }
-        if place.file != places.main {
-            return Err(EditError::InModule { file: place.file.to_string(), line: place.line });
-        }
-        if siblings > 1 {
-            return Err(EditError::SharedLine {
-                file: place.file.to_string(),
-                line: place.line,
-                objects: siblings,
-            });
-        }
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let text = read(&path)?;
         let known = places.sources.get(&places.main).cloned().unwrap_or_default();
@@ -177,22 +125,64 @@ impl Viewer {
                 let difference = difference::lines(&known, &edit.apply(&text));
                 let why = "the file has changed on disk since it was shown; with both changes it would be:"
                     .to_string();
-                self.offer = Some(Offer { why, agree: "Write both".into(), difference, edit, text });
+                let (agree, copies) = ("Write both".into(), Vec::new());
+                self.offer = Some(Offer { why, agree, difference, copies, edit, text });
             }
             return Err(EditError::ChangedOnDisk);
         }
         match made {
             Ok(edit) => self.write_edit(&path, &text, edit),
-            Err(EditRefused { why, over, agree }) => {
+            Err(EditRefused { why, line, over, agree }) => {
                 let why = format!("{}: {why}", places.main);
                 if let Some(edit) = over {
                     let difference = difference::lines(&text, &edit.apply(&text));
-                    self.offer =
-                        Some(Offer { why: why.clone(), agree: agree.into(), difference, edit, text });
+                    let (why, agree, copies) = (why.clone(), agree.into(), Vec::new());
+                    self.offer = Some(Offer { why, agree, difference, copies, edit, text });
                 }
-                Err(EditError::Refused(why))
+                Err(EditError::Refused { why, line })
             }
         }
+    }
+
+    /// Makes several changes as one; those of one place in their order.
+    pub(crate) fn change_all(&mut self, mut steps: Vec<Step>) -> Result<(), EditError> {
+        // From the end of the text, so that an edit moves no call that is still to come.
+        steps.sort_by_key(|step| std::cmp::Reverse((step.place.line, step.place.column)));
+        let first = steps.first().ok_or(EditError::Gone)?.place.clone();
+        steps.iter().try_for_each(|step| self.check_place(&step.place, step.siblings))?;
+        self.change(&first, 1, |text| {
+            let mut after = text.to_string();
+            for Step { place, make, .. } in &steps {
+                after = make(&after, place.line, place.column)?.apply(&after);
+            }
+            Ok(Edit::between(text, &after))
+        })
+    }
+
+    /// Whether what a place makes can be edited alone.
+    pub(crate) fn check_place(&self, place: &Place, siblings: usize) -> Result<(), EditError> {
+        let main = &self.scene.as_ref().ok_or(EditError::NothingShown)?.places.main;
+        let (file, line) = (place.file.to_string(), place.line);
+        match place.line {
+            0 => Err(EditError::NotFromScript),
+            _ if place.file != *main => Err(EditError::InModule { file, line }),
+            _ if siblings > 1 => Err(EditError::SharedLine { file, line, objects: siblings }),
+            _ => Ok(()),
+        }
+    }
+
+    /// Makes a change of the script; keeps why it was not made, to be read where the pointer is.
+    pub fn edit(&mut self, change: impl FnOnce(&mut Viewer) -> Result<(), EditError>) {
+        self.note = None;
+        let done = change(self);
+        self.report(done);
+    }
+
+    pub(crate) fn report(&mut self, result: Result<(), EditError>) {
+        let error = result.err();
+        self.refusals += u64::from(error.is_some());
+        self.message_line = error.as_ref().and_then(EditError::line);
+        self.message = error.map(|error| error.to_string());
     }
 
     fn write_edit(&mut self, path: &Path, text: &str, edit: Edit) -> Result<(), EditError> {
@@ -216,6 +206,9 @@ impl Viewer {
             if now == offer.text { Some(offer.edit) } else { offer.edit.carried_over(&offer.text, &now) };
         let edit =
             edit.ok_or(EditError::Overtaken("the file has changed once more; try again when it is shown"))?;
+        for (from, to) in &offer.copies {
+            adding::copy(from, to)?;
+        }
         self.write_edit(&path, &now, edit)
     }
 
@@ -253,22 +246,6 @@ impl Viewer {
         write(&path, &after)?;
         Ok(Done { back: back.inverse(&now), text: after })
     }
-}
-
-/// The line that casts a file of the script's folder at `x`, under a name that `text` has not yet.
-fn guest_line(file: &Path, x: f64, text: &str) -> String {
-    let stem = choreo_session::model::name(file);
-    let name = stem.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' });
-    let mut name: String = name.collect();
-    if !name.starts_with(|c: char| c.is_ascii_lowercase()) {
-        name = format!("a_{name}");
-    }
-    let taken = |name: &str| text.contains(&format!("\"{name}\"")) || text.contains(&format!("let {name} "));
-    let free = (1..).map(|n| if n == 1 { name.clone() } else { format!("{name}_{n}") }).find(|n| !taken(n));
-    let name = free.unwrap_or(name);
-    let shown = file.to_string_lossy().replace('\\', "/").replace('"', "\\\"");
-    let at = if x == 0.0 { String::new() } else { format!(".at({}, 0.0, 0.0)", format_number(x)) };
-    format!("let {name} = cast(\"{name}\", load(\"{shown}\")){at};\n")
 }
 
 /// Some editors write it before a text; places in scripts do not count it, so that edits must not either.

@@ -69,15 +69,15 @@ impl Viewer {
         if let Some(parent) = scene.stage.actors[index].parent_at(time).filter(|p| p.placement.is_some()) {
             let start = format_number(parent.start.as_secs());
             let why = format!("what follows its .attach from {start} s places it now; change that");
-            return Err(EditError::Refused(why));
+            return Err(EditError::refused(why));
         }
         let parent = match scene.stage.actors[index].parents.is_empty() {
             true => Some(DAffine3::IDENTITY),
             false => self.shown().and_then(|s| Some(s.snapshot.actors.get(index)?.world_from_parent)),
         };
         let parent = parent.filter(|parent| parent.matrix3.determinant().abs() > 1e-12);
-        let parent = parent
-            .ok_or_else(|| EditError::Refused("what it is attached to is not seen; show it first".into()))?;
+        let parent =
+            parent.ok_or_else(|| EditError::refused("what it is attached to is not seen; show it first"))?;
         self.place_actor(name, inside(change, &parent))
     }
 
@@ -144,13 +144,11 @@ impl Viewer {
         let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.cameras.iter().filter(|p| **p == place).count();
         if !matches!(camera.rig, Rig::Fixed { .. }) {
-            let why = format!("{}:{}: it moves by itself; change that there", place.file, place.line);
-            return Err(EditError::Refused(why));
+            return Err(EditError::refused_at(&place, "it moves by itself; change that there"));
         }
         let keyed = camera.channels.iter().any(|c| c.property == Property::Translation);
         if camera.channels.iter().any(|c| c.property == Property::Rotation) {
-            let why = format!("{}:{}: its rotation has keys; change them there", place.file, place.line);
-            return Err(EditError::Refused(why));
+            return Err(EditError::refused_at(&place, "its rotation has keys; change them there"));
         }
         let when = self.edit_time(self.playhead.time().as_secs());
         let (at, center) = (from.camera().world_from_view.translation, from.center);
@@ -213,7 +211,7 @@ impl Viewer {
         let (places, index) = match what {
             Selected::Effect(index) => (&scene.places.effects, *index),
             Selected::Light(index) => (&scene.places.lights, *index),
-            _ => return Err(EditError::Refused("it has no such value".into())),
+            _ => return Err(EditError::refused("it has no such value")),
         };
         let place = places.get(index).cloned().unwrap_or_default();
         let siblings = places.iter().filter(|p| **p == place).count();
@@ -259,5 +257,5 @@ impl Viewer {
 }
 
 fn faces(line: usize) -> EditRefused {
-    format!("line {line}: .face(…) turns it; change that, or take it away").into()
+    EditRefused::at(line, ".face(…) turns it; change that, or take it away")
 }

@@ -60,7 +60,7 @@ fn guests(ui: &mut Ui, viewer: &mut Viewer) {
     ui.separator();
     short(ui, RichText::new(name).color(ui.visuals().warn_fg_color).strong(), &all.join("\n"));
     if viewer.path.is_some() && ui.button("Add to script").clicked() {
-        viewer.message = viewer.add_guests().err().map(|e| e.to_string());
+        viewer.edit(|v| v.add_guests());
     }
     if ui.button("Back to the script").clicked() {
         viewer.guests_leave = true;
@@ -124,6 +124,8 @@ fn status(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
         if let Some(why) = &viewer.message {
             let text = RichText::new(why).color(ui.visuals().warn_fg_color);
             ui.add(egui::Label::new(text).truncate()).on_hover_text(why);
+        } else if let Some(note) = &viewer.note {
+            ui.add(egui::Label::new(note).truncate()).on_hover_text(note);
         } else {
             first_problem(ui, viewer);
         }
@@ -162,7 +164,7 @@ pub fn offer(ui: &mut Ui, viewer: &mut Viewer) {
         });
     });
     match agreed {
-        Some(true) => viewer.message = viewer.accept_offer().err().map(|e| e.to_string()),
+        Some(true) => viewer.edit(|v| v.accept_offer()),
         Some(false) => viewer.offer = None,
         None => {}
     }

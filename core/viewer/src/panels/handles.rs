@@ -64,7 +64,7 @@ pub fn show(
         if change == Change::none(dragging.drag.tool) {
             viewer.dragging = None;
         } else {
-            viewer.message = viewer.change_actor(&name, change).err().map(|e| e.to_string());
+            viewer.edit(|v| v.change_actor(&name, change));
             if viewer.message.is_some() {
                 viewer.dragging = None;
             }

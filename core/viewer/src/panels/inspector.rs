@@ -49,6 +49,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         Selected::Effect(index) => {
             scene.stage.effects.get(*index).map_or_else(String::new, |e| e.plugin.clone())
         }
+        Selected::Title(index) => format!("title {}", index + 1),
     };
     ui.label(RichText::new(title).heading());
     if let Some(line) = line {
@@ -65,7 +66,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         Selected::Light(index) => wanted = light(ui, viewer, &scene.stage, *index),
         Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, *index),
         Selected::Camera(name) => wanted = lens(ui, viewer, &scene.stage, name),
-        Selected::Cue { .. } => {}
+        Selected::Cue { .. } | Selected::Title(_) => {}
     }
     Grid::new("inspector").num_columns(2).striped(true).show(ui, |ui| {
         for (name, value) in rows {
@@ -96,10 +97,10 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         Some(Wanted::Value(name, value)) => viewer.set_value(&selection, name, &value),
         Some(Wanted::Parameter(name, value)) => viewer.set_value(&selection, &name, &value),
         Some(Wanted::Clip(clip, secs)) => {
-            selection.actor().map_or(Ok(()), |name| viewer.add_clip(name, &clip, secs))
+            selection.actor().map_or(Ok(()), |name| viewer.add_clip(name, name, &clip, secs))
         }
     };
-    viewer.message = change.err().map(|e| e.to_string());
+    viewer.report(change);
 }
 
 /// The transform as the script places it, relative to its parent, at the playhead if it is keyed.
@@ -387,6 +388,11 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
                 row("kind", light.light.kind.title().into());
                 fields(viewer, light, &mut row);
                 row("shadow", light.shadow.map_or("none".into(), |s| format!("{} texels", s.size)));
+            }
+        }
+        Selected::Title(index) => {
+            if let Some(title) = stage.layers_2d.get(*index) {
+                fields(viewer, title, &mut row);
             }
         }
         Selected::Effect(index) => {

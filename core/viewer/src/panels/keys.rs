@@ -48,16 +48,12 @@ fn window_keys(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer) {
 fn edit_keys(ui: &Ui, viewer: &mut Viewer) {
     let with = |modifiers, key| ui.input_mut(|i| i.consume_key(modifiers, key));
     if with(Modifiers::COMMAND | Modifiers::SHIFT, Key::Z) || with(Modifiers::COMMAND, Key::Y) {
-        viewer.message = viewer.redo().err().map(|e| e.to_string());
+        viewer.edit(|v| v.redo());
     }
     if with(Modifiers::COMMAND, Key::Z) {
-        viewer.message = viewer.undo().err().map(|e| e.to_string());
+        viewer.edit(|v| v.undo());
     }
-    if with(Modifiers::NONE, Key::Delete)
-        && let Some(what @ Selected::Cue { .. }) = viewer.selection.clone()
-    {
-        viewer.message = viewer.delete_cue(&what).err().map(|e| e.to_string());
-    }
+    super::bar_menu::keys(ui, viewer);
     for (key, frames) in [(Key::ArrowRight, 1), (Key::ArrowLeft, -1)] {
         if with(Modifiers::ALT | Modifiers::SHIFT, key) {
             nudge(viewer, CueTime::End, frames);
@@ -124,6 +120,7 @@ fn view_keys(ui: &Ui, viewer: &mut Viewer) {
             false => viewer.selection = None,
         }
         viewer.message = None;
+        viewer.note = None;
     }
 }
 
@@ -140,7 +137,7 @@ fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
         (Some(cut), CueTime::Start) => viewer.set_cut(cut, secs),
         _ => viewer.set_cue(&what, part, secs),
     };
-    viewer.message = edit.err().map(|e| e.to_string());
+    viewer.report(edit);
 }
 
 /// The part that is played begins or ends here; pressed again there, it is the whole once more.
@@ -187,7 +184,7 @@ fn next_selection(viewer: &mut Viewer, back: bool) {
     viewer.selection = all.get(next).cloned();
 }
 
-const KEYS: [(&str, &str); 38] = [
+const KEYS: [(&str, &str); 47] = [
     ("Space", "play, pause"),
     ("← →", "one frame back, on"),
     ("Home End", "first, last frame"),
@@ -198,7 +195,12 @@ const KEYS: [(&str, &str); 38] = [
     ("N", "dragged times snap to frames"),
     ("Alt ← →", "the selected bar begins a frame earlier, later"),
     ("Alt Shift ← →", "the selected bar ends a frame earlier, later"),
-    ("Delete", "the selected clip leaves the script"),
+    ("Delete", "the selected clips leave the script"),
+    ("Y", "split the selected clips at the playhead"),
+    ("M", "disable or enable the selected clips"),
+    ("Ctrl D", "play the selected clip once more after it"),
+    ("Ctrl C X V", "copy, cut, paste clips: as text, also into other scripts"),
+    ("Ctrl A", "select all clips; with Ctrl or Shift a click adds one, a drag over free rows a box"),
     ("PgUp PgDn", "select the last, the next"),
     ("Esc", "select nothing; close a question"),
     ("G R B", "move, turn, make bigger"),
@@ -220,7 +222,11 @@ const KEYS: [(&str, &str); 38] = [
     ("W A S D Q E", "viewport, mouse over it: walk; with Shift: run"),
     ("drag", "an arrow, ring or box: changes the script; with Ctrl: in steps"),
     ("drag", "a clip's bar: moves it; with Shift: and all after it"),
-    ("drag", "a bar's end or fade, a cut, a marker: changes the script"),
+    ("Ctrl drag", "a clip's bar over the one before it: they crossfade"),
+    ("Alt drag", "a clip's bar: slips its content; its start: trims or rolls it"),
+    ("drag", "the corner or the line of the selected clip: speed, weight"),
+    ("drag", "a bar's end or fade, a key, a cut, a marker: changes the script"),
+    ("right click", "a bar: all commands"),
     ("drag", "a clip from the inspector onto a row: adds a line"),
     ("click", "an event or a foot's strip: the playhead goes there"),
     ("Shift drag", "ruler: the part that is played"),

@@ -59,6 +59,6 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
         }
     }
     if let Some((name, secs)) = moved {
-        viewer.message = viewer.set_marker(&name, secs).err().map(|e| e.to_string());
+        viewer.edit(|v| v.set_marker(&name, secs));
     }
 }

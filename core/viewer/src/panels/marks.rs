@@ -7,7 +7,7 @@ use crate::state::events::{Event, EventKind};
 use crate::state::selection::{Selected, actor};
 use crate::state::timeline::{Row, Timeline};
 use choreo_motion::Time;
-use choreo_script::Place;
+use choreo_script::{Place, Severity};
 use egui::{Color32, Rect, Sense, Shape, Stroke, Ui, pos2, vec2};
 
 /// Half of a mark's width, points.
@@ -21,20 +21,14 @@ pub fn report(place: &Place) -> String {
     format!("{name}:{}", place.line)
 }
 
-/// Gives when one of them is that was clicked, and what it belongs to.
-pub fn events(
-    ui: &Ui,
-    viewer: &Viewer,
-    row: &Row,
-    index: usize,
-    lane: Rect,
-) -> Option<(Time, Option<Selected>)> {
+/// Gives the mark that was clicked, or that was dragged with its new time in seconds.
+pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, index: usize, lane: Rect) -> Option<(Event, Option<f64>)> {
     // Above the names of bars, where there are any.
     let y = if row.bars.is_empty() { lane.center().y } else { lane.top() + 1.0 + HALF };
     let painter = ui.painter_at(lane);
-    let wrong = Timeline::is_marked(&row.place, &viewer.problems);
+    let wrong = Timeline::severity(&row.place, &viewer.problems);
     let mut last = f32::NEG_INFINITY;
-    let mut clicked = None;
+    let mut acted = None;
     let mut count = 0;
     for event in &row.events {
         let x = lane.left() + viewer.span.x_of(event.at.as_secs(), lane.width());
@@ -44,21 +38,30 @@ pub fn events(
         last = x;
         count += 1;
         let place = Rect::from_center_size(pos2(x, y), vec2(2.0 * HALF + 2.0, 2.0 * HALF + 2.0));
-        let response =
-            ui.interact(place.intersect(lane), ui.id().with(("event", index, count)), Sense::click());
+        // A drag, too: else it would reach what lies below.
+        let sense = Sense::click_and_drag();
+        let response = ui.interact(place.intersect(lane), ui.id().with(("event", index, count)), sense);
         let label = format!("event {} on {}", event.label.replace('\n', ", "), row.label);
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, label.clone()));
         let fill = match wrong {
-            true => Color32::from_rgb(0xff, 0x60, 0x50),
-            false if response.hovered() || response.has_focus() => Color32::from_rgb(0xff, 0xd2, 0x5a),
-            false => Color32::from_gray(235),
+            Some(Severity::Error) => Color32::from_rgb(0xff, 0x60, 0x50),
+            Some(Severity::Warning) => Color32::from_rgb(0xf0, 0xa8, 0x30),
+            _ if response.hovered() || response.has_focus() => Color32::from_rgb(0xff, 0xd2, 0x5a),
+            _ => Color32::from_gray(235),
         };
-        painter.add(shape(event.kind, place.center(), fill));
+        let dragged = response.dragged() || response.drag_stopped();
+        let pointer = response.interact_pointer_pos().filter(|_| dragged);
+        let to = pointer.map(|at| viewer.snapped(viewer.span.secs_at(at.x - lane.left(), lane.width())));
+        let shown = to.map_or(x, |secs| lane.left() + viewer.span.x_of(secs, lane.width()));
+        painter.add(shape(event.kind, pos2(shown, y), fill));
+        if let Some(secs) = to.filter(|secs| response.drag_stopped() && *secs != event.at.as_secs()) {
+            acted = Some((event.clone(), Some(secs)));
+        }
         if response.on_hover_text(hover(viewer, event)).clicked() {
-            clicked = Some((event.at, event.what.clone()));
+            acted = Some((event.clone(), None));
         }
     }
-    clicked
+    acted
 }
 
 fn hover(viewer: &Viewer, event: &Event) -> String {

@@ -1,8 +1,12 @@
 //! The panels, and how they lie beside each other.
 
 mod bar;
+mod bar_menu;
+mod bars;
+mod drop;
 mod explain;
 mod handles;
+mod headers;
 mod inspector;
 mod keys;
 mod layout;
@@ -11,6 +15,7 @@ mod marks;
 mod messages;
 mod overlay;
 mod performance;
+mod refusal;
 mod script;
 mod sequencer;
 mod strip;
@@ -106,6 +111,8 @@ pub struct Panels {
     dock: DockState<Tab>,
     splits: layout::SplitFractions,
     help: bool,
+    waiting: drop::Waiting,
+    refusals: refusal::Refusals,
     pub light: bool,
     /// 1 to 2.
     pub scale: f32,
@@ -121,7 +128,16 @@ impl Default for Panels {
         let [above, _] = surface.split_below(NodeIndex::root(), 0.66, below);
         let [middle, _] = surface.split_right(above, 0.72, vec![Tab::Inspector, Tab::Script]);
         surface.split_left(middle, 0.2, vec![Tab::Tree]);
-        Panels { dock, splits: Default::default(), help: false, light: false, scale: 1.0, applied: None }
+        Panels {
+            dock,
+            splits: Default::default(),
+            help: false,
+            waiting: Default::default(),
+            refusals: Default::default(),
+            light: false,
+            scale: 1.0,
+            applied: None,
+        }
     }
 }
 
@@ -150,10 +166,7 @@ impl Panels {
             ui.ctx().set_zoom_factor(self.scale);
             self.applied = Some((self.light, self.scale));
         }
-        for dropped in ui.input(|i| i.raw.dropped_files.clone()) {
-            // An object that is no file has no path.
-            viewer.dropped.extend(Some(dropped.path().to_path_buf()).filter(|p| !p.as_os_str().is_empty()));
-        }
+        drop::take(&mut self.waiting, ui, viewer);
         keys::handle(self, ui, viewer, now);
         bar::show(self, ui, viewer);
         bar::offer(ui, viewer);
@@ -177,7 +190,8 @@ impl Panels {
             .show_inside(ui, &mut tabs);
         let acts = ui.input(|i| i.pointer.any_down() || i.pointer.any_released() || !i.keys_down.is_empty());
         self.splits.keep(&self.dock, &before, acts);
-        hovering(ui);
+        refusal::show(&mut self.refusals, ui, viewer);
+        hovering(ui, viewer);
     }
 
     fn is_open(&self, tab: Tab) -> bool {
@@ -226,7 +240,7 @@ impl Panels {
 }
 
 /// A hint while files are dragged over the window: what dropping them does.
-fn hovering(ui: &Ui) {
+fn hovering(ui: &Ui, viewer: &Viewer) {
     let files = ui.input(|i| i.raw.hovered_files.clone());
     if files.is_empty() {
         return;
@@ -238,7 +252,17 @@ fn hovering(ui: &Ui) {
     let name =
         |file: &egui::HoveredFile| Some(file.path.as_ref()?.file_name()?.to_string_lossy().into_owned());
     let text = match &files[..] {
+        [file] if viewer.path.is_some() => {
+            let name = name(file).unwrap_or_else(|| "a model or a clip".into());
+            format!("{name}: let go over the image to put it there, elsewhere to see it alone")
+        }
         [file] => format!("{}: let go to see it", name(file).unwrap_or_else(|| "a model or a clip".into())),
+        files if viewer.path.is_some() => {
+            format!(
+                "{} files: let go over the image to put them there, elsewhere to see them alone",
+                files.len()
+            )
+        }
         files => format!("{} files: let go to see them side by side", files.len()),
     };
     let font = egui::FontId::proportional(22.0);

@@ -79,7 +79,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 
 pub(crate) fn open_in_editor(viewer: &mut Viewer, line: usize) {
     if let Some(path) = &viewer.path {
-        viewer.message = crate::editing::external_editor::open(path, line).err().map(|e| e.to_string());
+        let opened = crate::editing::external_editor::open(path, line);
+        viewer.report(opened);
     }
 }
 
@@ -106,6 +107,7 @@ pub fn line_of(viewer: &Viewer, what: &Selected) -> Option<usize> {
         Selected::Camera(name) => places.cameras.get(stage.cameras.iter().position(|c| c.name == *name)?)?,
         Selected::Light(index) => places.lights.get(*index)?,
         Selected::Effect(index) => places.effects.get(*index)?,
+        Selected::Title(index) => places.layers_2d.get(*index)?,
     };
     (place.file == places.main && place.line > 0).then_some(place.line)
 }

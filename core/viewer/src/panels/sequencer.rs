@@ -1,16 +1,17 @@
 //! Rows of bars over time: cues, active cameras; the playhead, and how to move it.
 
 use super::inspector::ClipDrag;
-use super::{markers, marks};
+use super::{bars, headers, markers, marks};
 use crate::app::Viewer;
+use crate::editing::EditError;
 use crate::state::selection::Selected;
 use crate::state::span::Span;
-use crate::state::timeline::{Bar, Timeline};
+use crate::state::timeline::Timeline;
 use choreo_motion::Time;
-use choreo_session::edit::CueTime;
-use egui::{Align2, Color32, CornerRadius, FontId, Painter, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
+use choreo_script::Severity;
+use egui::{Align2, Color32, FontId, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
-const LABELS: f32 = 120.0;
+const LABELS: f32 = 150.0;
 const ROW: f32 = 22.0;
 /// Height of the strip of feet at a row's bottom.
 pub(crate) const STRIP: f32 = 3.0;
@@ -38,13 +39,21 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     }
     scrub(ui, viewer, ruler);
     ui.allocate_rect(Rect::from_min_max(area.min, pos2(area.right(), ruler.bottom())), Sense::hover());
-    let rows = viewer.timeline.rows.len();
-    egui::ScrollArea::vertical().auto_shrink([false, false]).show_rows(ui, ROW, rows, |ui, shown| {
-        ui.spacing_mut().item_spacing.y = 0.0;
+    let rows = viewer.shown_rows();
+    let spacing = std::mem::replace(&mut ui.spacing_mut().item_spacing.y, 0.0);
+    if let Some((camera, _)) = rows.split_first() {
+        // It stays where it is while the others scroll.
+        row(ui, viewer, *camera, ruler);
+    }
+    let others = rows.get(1..).unwrap_or_default();
+    let below = Rect::from_min_max(pos2(ruler.left(), ruler.bottom() + ROW), area.max);
+    select_box(ui, viewer, below, others);
+    egui::ScrollArea::vertical().auto_shrink([false, false]).show_rows(ui, ROW, others.len(), |ui, shown| {
         for index in shown {
-            row(ui, viewer, index, ruler);
+            row(ui, viewer, others[index], ruler);
         }
     });
+    ui.spacing_mut().item_spacing.y = spacing;
     wheel(ui, viewer, area, ruler);
     over_all(ui, viewer, area, ruler);
     markers::show(ui, viewer, area, ruler);
@@ -159,6 +168,7 @@ fn scrub(ui: &mut Ui, viewer: &mut Viewer, ruler: Rect) {
 
 fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::hover());
+    ui.data_mut(|d| d.insert_temp(row_id(index), rect));
     let label = Rect::from_min_max(rect.min, pos2(ruler.left(), rect.bottom()));
     let lane = Rect::from_min_max(pos2(ruler.left(), rect.top()), pos2(ruler.right(), rect.bottom()));
     let visuals = ui.visuals().clone();
@@ -172,8 +182,6 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         moment = marks::feet(ui, viewer, row, lane);
     }
     let mut clicked = None;
-    let mut dragged = None;
-    let mut moved = None;
     let response = ui.interact(label, ui.id().with(("row", index)), Sense::click());
     response.widget_info(|| {
         egui::WidgetInfo::labeled(egui::WidgetType::Label, true, format!("row {}", row.label))
@@ -181,70 +189,91 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     if response.clicked() {
         clicked = row.what.clone();
     }
-    let color = match Timeline::is_marked(&row.place, &viewer.problems) {
-        true if viewer.faulty => visuals.error_fg_color,
-        true => visuals.warn_fg_color,
-        false if selected_actor => visuals.strong_text_color(),
-        false => visuals.text_color(),
+    let color = match Timeline::severity(&row.place, &viewer.problems) {
+        Some(Severity::Error) => visuals.error_fg_color,
+        Some(Severity::Warning) => visuals.warn_fg_color,
+        _ if selected_actor => visuals.strong_text_color(),
+        _ => visuals.text_color(),
     };
-    name(ui, &row.label, label, color);
+    let toggled = headers::buttons(ui, viewer, index, label);
+    name(ui, &row.label, headers::name_place(&viewer.timeline, index, label), color);
     response.on_hover_text(&row.label);
-    for (number, bar) in row.bars.iter().enumerate() {
-        let x = |time: Time| lane.left() + viewer.span.x_of(time.as_secs(), lane.width());
-        let bottom = lane.bottom() - STRIP - 1.0;
-        let place = Rect::from_min_max(pos2(x(bar.start), lane.top() + 1.5), pos2(x(bar.end), bottom));
-        let place = place.intersect(lane);
-        if place.width() <= 0.0 {
-            continue;
+    let lane_of = bars::Lane { rect: lane, row: index };
+    let locked = row.what.as_ref().and_then(Selected::actor).is_some_and(|a| viewer.shelf.locked.contains(a));
+    let act = bars::show(ui, viewer, &row.bars, &row.label, &lane_of, locked);
+    let mut keys_moved = None;
+    match marks::events(ui, viewer, row, index, lane) {
+        Some((event, None)) => {
+            moment = Some(event.at);
+            clicked = event.what.filter(|what| viewer.selection.as_ref() != Some(what));
         }
-        let is_clip = matches!(bar.what, Selected::Cue { .. });
-        let sense = if is_clip { Sense::click_and_drag() } else { Sense::click() };
-        let response = ui.interact(place, ui.id().with(("bar", index, number)), sense);
-        let name = format!("{} on {}", bar.label, row.label);
-        response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, name.clone()));
-        if response.clicked() {
-            clicked = Some(bar.what.clone());
-        }
-        let selected = viewer.selection.as_ref() == Some(&bar.what);
-        let wrong = Timeline::is_marked(&bar.place, &viewer.problems);
-        draw(&ui.painter_at(lane), bar, place, &x, selected, wrong);
-        if let Some(secs) = carried(ui, viewer, bar, &response, lane) {
-            moved = Some((bar.what.clone(), secs));
-        }
-        response.on_hover_text(hover(viewer, bar));
-        for (part, at) in handles(bar) {
-            if let Some(change) = handle(ui, viewer, bar, part, at, (index, number), lane) {
-                dragged = Some((bar.what.clone(), bar.cut, part, change));
-            }
-        }
-    }
-    if let Some((at, what)) = marks::events(ui, viewer, row, index, lane) {
-        moment = Some(at);
-        clicked = what.filter(|what| viewer.selection.as_ref() != Some(what));
+        Some((event, Some(secs))) => keys_moved = Some((event, secs)),
+        None => {}
     }
     let dropped = dropped(ui, viewer, index, lane);
+    if let Some(toggle) = toggled {
+        headers::toggle(viewer, toggle);
+    }
     if let Some(at) = moment {
         viewer.playhead.seek(at);
     }
-    match dragged {
-        Some((_, Some(cut), _, secs)) => {
-            viewer.message = viewer.set_cut(cut, secs).err().map(|e| e.to_string())
-        }
-        Some((what, None, part, secs)) => {
-            viewer.message = viewer.set_cue(&what, part, secs).err().map(|e| e.to_string())
-        }
-        None => {}
+    if let Some(act) = act {
+        bars::run(ui, viewer, act);
     }
-    if let Some((what, secs)) = moved {
-        let ripple = ui.input(|i| i.modifiers.shift);
-        viewer.message = viewer.move_cue(&what, secs, ripple).err().map(|e| e.to_string());
+    if let Some((event, secs)) = keys_moved {
+        viewer.edit(|v| v.move_keys(&event, secs));
     }
-    if let Some((clip, secs)) = dropped {
-        viewer.message = viewer.add_clip(&clip.actor, &clip.clip, secs).err().map(|e| e.to_string());
+    if let Some((clip, on, secs)) = dropped {
+        viewer.edit(|v| v.add_clip(&on, &clip.actor, &clip.clip, secs));
     }
     if let Some(what) = clicked {
         viewer.selection = if viewer.selection.as_ref() == Some(&what) { None } else { Some(what) };
     }
+}
+
+/// A drag over free places of the rows selects the bars that it touches; with Shift, beside those that are selected.
+fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[usize]) {
+    let response = ui.interact(lanes, ui.id().with("box"), Sense::click_and_drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Other, true, "rows"));
+    if response.clicked() {
+        viewer.selection = None;
+    }
+    let (Some(to), true) = (response.interact_pointer_pos(), response.dragged() || response.drag_stopped())
+    else {
+        return;
+    };
+    let from = ui.input(|i| i.pointer.press_origin()).unwrap_or(to);
+    let id = response.id.with("from");
+    if response.drag_started() {
+        ui.data_mut(|d| d.insert_temp(id, from));
+    }
+    let from = ui.data(|d| d.get_temp(id)).unwrap_or(from);
+    let area = Rect::from_two_pos(from, to).intersect(lanes);
+    let color = ui.visuals().selection.stroke.color;
+    let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Foreground, id));
+    painter.rect_stroke(area, 0.0, Stroke::new(1.0, color), StrokeKind::Inside);
+    if !response.drag_stopped() {
+        return;
+    }
+    let secs = |x: f32| viewer.span.secs_at(x - lanes.left(), lanes.width());
+    let (first, last) = (secs(area.left()), secs(area.right()));
+    // The rows may be scrolled: how far is known from where each was drawn last.
+    let drawn: Vec<(usize, Rect)> = rows
+        .iter()
+        .filter_map(|index| Some((*index, ui.data(|d| d.get_temp::<Rect>(row_id(*index)))?)))
+        .collect();
+    let touched = drawn.iter().filter(|(_, rect)| rect.intersects(area));
+    let bars = touched.flat_map(|(index, _)| viewer.timeline.rows.get(*index)).flat_map(|row| &row.bars);
+    let inside = bars.filter(|bar| bar.end.as_secs() > first && bar.start.as_secs() < last);
+    let mut all: Vec<Selected> = inside.map(|bar| bar.what.clone()).collect();
+    if ui.input(|i| i.modifiers.shift) {
+        all.extend(viewer.selected_bars());
+    }
+    viewer.select_all(all);
+}
+
+fn row_id(index: usize) -> egui::Id {
+    egui::Id::new("sequencer row").with(index)
 }
 
 /// The name of a row; which layer it is stays to be seen however long the actor's name is.
@@ -263,149 +292,43 @@ fn name(ui: &Ui, name: &str, place: Rect, color: Color32) {
     painter.galley(at(left + width, height), layer, color);
 }
 
-/// A clip that was let go over a lane, and when. It is played by the actor that it was dragged from.
-fn dropped(ui: &Ui, viewer: &Viewer, index: usize, lane: Rect) -> Option<(ClipDrag, f64)> {
+/// A clip that was let go over a lane: the clip, the actor of the row, and when.
+fn dropped(ui: &Ui, viewer: &mut Viewer, index: usize, lane: Rect) -> Option<(ClipDrag, String, f64)> {
     let response = ui.interact(lane, ui.id().with(("lane", index)), Sense::hover());
     let hovering = response.dnd_hover_payload::<ClipDrag>();
     let pointer = ui.ctx().pointer_interact_pos().filter(|p| lane.contains(*p))?;
     let secs = viewer.snapped(viewer.span.secs_at(pointer.x - lane.left(), lane.width()));
-    let of = |clip: &ClipDrag| match &viewer.timeline.rows[index].what {
-        Some(Selected::Actor(name)) => *name == clip.actor,
-        _ => false,
-    };
-    if hovering.is_some_and(|clip| of(&clip)) {
+    let row = viewer.timeline.rows[index].what.clone();
+    let on = row.as_ref().and_then(Selected::actor);
+    if let (Some(clip), Some(on)) = (hovering, on) {
         let x = lane.left() + viewer.span.x_of(secs, lane.width());
         ui.painter_at(lane).vline(x, lane.y_range(), Stroke::new(2.0, ui.visuals().strong_text_color()));
-    }
-    let clip = response.dnd_release_payload::<ClipDrag>().filter(|clip| of(clip))?;
-    Some(((*clip).clone(), secs))
-}
-
-/// The handles of a bar, and their times.
-fn handles(bar: &Bar) -> Vec<(CueTime, Time)> {
-    match bar.what {
-        Selected::Cue { .. } => {
-            let fade = (bar.start + bar.fade_in).min(bar.end);
-            let mut all = vec![(CueTime::Start, bar.start), (CueTime::End, bar.until)];
-            all.extend((bar.fade_in > Time::ZERO).then_some((CueTime::FadeIn, fade)));
-            all
+        if let Some((joints, moved)) = followed(ui, viewer, &clip, on) {
+            let text = format!("on {on}: {joints} of {moved} joints follow");
+            let font = FontId::proportional(11.5);
+            ui.painter().text(pointer + vec2(12.0, -8.0), Align2::LEFT_BOTTOM, text, font, Color32::WHITE);
         }
-        Selected::Effect(_) => vec![(CueTime::Start, bar.start), (CueTime::End, bar.until)],
-        _ if bar.cut.is_some() => vec![(CueTime::Start, bar.start)],
-        _ => Vec::new(),
+    }
+    let clip = response.dnd_release_payload::<ClipDrag>()?;
+    match on {
+        Some(on) => Some(((*clip).clone(), on.to_string(), secs)),
+        None => {
+            viewer.edit(|_| Err(EditError::refused("clips are played by actors: drop it on the row of one")));
+            None
+        }
     }
 }
 
-/// Draws where a bar goes that is dragged; once it is let go, returns its new start in seconds, on a whole frame.
-fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &egui::Response, lane: Rect) -> Option<f64> {
-    if !response.dragged_by(egui::PointerButton::Primary) && !response.drag_stopped() {
-        return None;
+/// How many joints of an actor follow a dragged clip, found once a drag.
+fn followed(ui: &Ui, viewer: &Viewer, clip: &ClipDrag, on: &str) -> Option<(usize, usize)> {
+    let number = viewer.scene.as_ref()?.number;
+    let id = egui::Id::new("followed").with((number, &clip.actor, &clip.clip, on));
+    if let Some(known) = ui.data(|d| d.get_temp(id)) {
+        return known;
     }
-    let secs = |x: f32| viewer.span.secs_at(x - lane.left(), lane.width());
-    let x = |secs: f64| lane.left() + viewer.span.x_of(secs, lane.width());
-    let id = response.id.with("grabbed");
-    if response.drag_started() {
-        let origin = ui.input(|i| i.pointer.press_origin())?;
-        ui.data_mut(|d| d.insert_temp(id, secs(origin.x) - bar.start.as_secs()));
-    }
-    // Seconds from the start of the bar to where it was taken.
-    let grabbed: f64 = ui.data(|d| d.get_temp(id))?;
-    let start = viewer.snapped((secs(response.interact_pointer_pos()?.x) - grabbed).max(0.0));
-    let ghost = [start, start + (bar.end - bar.start).as_secs()].map(x);
-    let ghost =
-        Rect::from_min_max(pos2(ghost[0], lane.top() + 1.5), pos2(ghost[1], lane.bottom() - STRIP - 1.0));
-    ui.painter_at(lane).rect_stroke(
-        ghost,
-        CornerRadius::same(3),
-        Stroke::new(2.0, ui.visuals().strong_text_color()),
-        StrokeKind::Inside,
-    );
-    (response.drag_stopped() && start != bar.start.as_secs()).then_some(start)
-}
-
-/// Draws a handle; once it is let go, returns the new value in seconds, on a whole frame.
-fn handle(
-    ui: &Ui,
-    viewer: &Viewer,
-    bar: &Bar,
-    part: CueTime,
-    at: Time,
-    id: (usize, usize),
-    lane: Rect,
-) -> Option<f64> {
-    let x = lane.left() + viewer.span.x_of(at.as_secs(), lane.width());
-    // The fade's handle is above, the ends' are as high as the bar.
-    let bottom = if part == CueTime::FadeIn { lane.top() + 8.0 } else { lane.bottom() };
-    // The start's lies within the bar where another one's end is beside it.
-    let right = if part == CueTime::Start { x + 5.0 } else { x + 4.0 };
-    let place = Rect::from_min_max(pos2(x - 4.0, lane.top()), pos2(right, bottom)).intersect(lane);
-    if place.width() <= 0.0 {
-        return None;
-    }
-    let (row, number) = id;
-    let response = ui.interact(place, ui.id().with(("handle", row, number, part as u8)), Sense::drag());
-    let name = match part {
-        CueTime::Start => "start of",
-        CueTime::End => "end of",
-        CueTime::FadeIn => "fade of",
-    };
-    let label = format!("{name} {} in row {row}", bar.label);
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
-    let response = response.on_hover_cursor(egui::CursorIcon::ResizeHorizontal);
-    let pointer =
-        response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped())?;
-    let secs = viewer.span.secs_at(pointer.x - lane.left(), lane.width());
-    let secs = viewer.snapped(secs);
-    let shown = lane.left() + viewer.span.x_of(secs, lane.width());
-    ui.painter_at(lane).vline(shown, lane.y_range(), Stroke::new(2.0, ui.visuals().strong_text_color()));
-    let value = if part == CueTime::FadeIn { (secs - bar.start.as_secs()).max(0.0) } else { secs };
-    response.drag_stopped().then_some(value)
-}
-
-fn hover(viewer: &Viewer, bar: &Bar) -> String {
-    let mut text =
-        format!("{}\n{} to {}", bar.label, viewer.shown_time(bar.start), viewer.shown_time(bar.end));
-    if bar.fade_in > Time::ZERO {
-        text += &format!("\nfades in over {} s", bar.fade_in.as_secs());
-    }
-    if bar.place.line > 0 {
-        text += &format!("\n{}", marks::report(&bar.place));
-    }
-    text
-}
-
-fn draw(painter: &Painter, bar: &Bar, place: Rect, x: &dyn Fn(Time) -> f32, selected: bool, wrong: bool) {
-    let [r, g, b] = COLORS[bar.kind % COLORS.len()];
-    let color = if wrong { Color32::from_rgb(0xc0, 0x30, 0x28) } else { Color32::from_rgb(r, g, b) };
-    painter.rect_filled(place, CornerRadius::same(3), color);
-    if let Some(holds) = bar.holds_from {
-        // The clip is over: its last pose is held.
-        let held = Rect::from_min_max(pos2(x(holds), place.top()), place.max).intersect(place);
-        painter.rect_filled(held, CornerRadius::same(3), Color32::from_black_alpha(90));
-    }
-    let wedge = |from: f32, to: f32, low: f32| {
-        let points = vec![pos2(from, place.top()), pos2(to, place.top()), pos2(low, place.bottom())];
-        painter.add(egui::Shape::convex_polygon(points, Color32::from_black_alpha(110), Stroke::NONE));
-    };
-    if bar.fade_in > Time::ZERO {
-        let end = x((bar.start + bar.fade_in).min(bar.end));
-        wedge(x(bar.start), end, x(bar.start));
-    }
-    if bar.fade_out > Time::ZERO {
-        let begin = x((bar.end - bar.fade_out).max(bar.start));
-        wedge(begin, x(bar.end), x(bar.end));
-    }
-    let text = painter.with_clip_rect(place.shrink2(vec2(4.0, 0.0)).intersect(painter.clip_rect()));
-    let left = pos2(place.left() + 5.0, place.center().y);
-    text.text(left, Align2::LEFT_CENTER, &bar.label, FontId::proportional(11.5), Color32::WHITE);
-    if selected {
-        painter.rect_stroke(
-            place,
-            CornerRadius::same(3),
-            Stroke::new(2.0, Color32::WHITE),
-            StrokeKind::Inside,
-        );
-    }
+    let found = viewer.joints_that_follow(&clip.actor, &clip.clip, on);
+    ui.data_mut(|d| d.insert_temp(id, found));
+    found
 }
 
 fn wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {

@@ -63,6 +63,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
         return;
     };
     let place = placed(rect, size, pixels);
+    viewer.views[index].place = [place.left(), place.top(), place.right(), place.bottom()];
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     painter.image(texture, place, whole, Color32::WHITE);
     if viewer.faulty {
@@ -164,7 +165,7 @@ fn into_script(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     let menu = ui.menu_button("into the script", |ui| {
         for camera in &scene.stage.cameras {
             if ui.button(format!("as \"{}\"", camera.name)).clicked() {
-                viewer.message = viewer.set_camera(&camera.name, &orbit).err().map(|e| e.to_string());
+                viewer.edit(|v| v.set_camera(&camera.name, &orbit));
             }
         }
         let text = match scene.stage.cameras.is_empty() {
@@ -172,7 +173,7 @@ fn into_script(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
             false => format!("as a new camera, from {} on", viewer.shown_time(viewer.playhead.time())),
         };
         if ui.button(text).clicked() {
-            viewer.message = viewer.add_camera(&orbit).err().map(|e| e.to_string());
+            viewer.edit(|v| v.add_camera(&orbit));
         }
     });
     menu.response.on_hover_text("a camera of the script then stands here: .at and .look_at");

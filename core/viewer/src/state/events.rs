@@ -4,7 +4,9 @@ use crate::state::selection::Selected;
 use choreo_motion::{Repeat, Time};
 use choreo_script::{ClipMarkers, Place};
 use choreo_session::Scene;
-use choreo_stage::{Actor, Channel, Cue, Layer2dContent, Property, Stage};
+use choreo_stage::{
+    Actor, Camera, Channel, Cue, Described, Layer2d, Layer2dContent, Property, Sky, Stage, StageLight,
+};
 use std::sync::Arc;
 
 /// Events in one row at most; further ones would not be told apart.
@@ -30,34 +32,55 @@ pub struct Event {
     pub label: String,
     pub what: Option<Selected>,
     pub place: Place,
+    /// Keys of `.key(…)` that are there.
+    pub keys: Vec<KeyOf>,
+}
+
+/// A property that has a key, by the script's name for it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KeyOf {
+    pub what: Selected,
+    pub property: String,
 }
 
 /// The events of one row, gathered: those of one time are one.
 #[derive(Default)]
 pub(crate) struct Gathered {
-    all: Vec<(Time, EventKind, String)>,
+    all: Vec<(Time, EventKind, String, Option<KeyOf>)>,
+}
+
+/// The name that scripts use for the keys of a property.
+pub(crate) fn key_name<T: Described>(property: Property) -> Option<&'static str> {
+    T::FIELDS.iter().filter_map(|field| field.keyed).find(|(_, of)| *of == property).map(|(name, _)| name)
 }
 
 impl Gathered {
     fn add(&mut self, at: Time, kind: EventKind, label: impl Into<String>) {
         if self.all.len() < MOST {
-            self.all.push((at, kind, label.into()));
+            self.all.push((at, kind, label.into(), None));
         }
     }
 
-    /// Each key of a property; `of`: what of, before its name.
-    pub fn keys(&mut self, channels: &[Channel], of: &str) {
-        for channel in channels {
-            if channel.property == Property::Visible {
-                continue;
-            }
-            let name = name(channel.property);
-            channel.times.iter().for_each(|at| self.add(*at, EventKind::Key, format!("{of}{name}")));
+    fn add_key(&mut self, at: Time, label: &str, key: Option<&KeyOf>) {
+        if self.all.len() < MOST {
+            self.all.push((at, EventKind::Key, label.to_string(), key.cloned()));
         }
     }
 
-    pub(crate) fn named_keys(&mut self, of: &str, name: &str, channel: &Channel) {
-        channel.times.iter().for_each(|at| self.add(*at, EventKind::Key, format!("{of} {name}")));
+    /// Each key of a property; `of`: what of, before its name. `what`: the thing that has them.
+    pub fn keys<T: Described>(&mut self, channels: &[Channel], of: &str, what: Option<&Selected>) {
+        for channel in channels.iter().filter(|c| c.property != Property::Visible) {
+            let label = format!("{of}{}", name(channel.property));
+            let key = what.zip(key_name::<T>(channel.property));
+            let key = key.map(|(what, name)| KeyOf { what: what.clone(), property: name.to_string() });
+            channel.times.iter().for_each(|at| self.add_key(*at, &label, key.as_ref()));
+        }
+    }
+
+    pub(crate) fn named_keys(&mut self, of: &str, name: &str, channel: &Channel, what: Option<&Selected>) {
+        let label = format!("{of} {name}");
+        let key = what.map(|what| KeyOf { what: what.clone(), property: name.to_string() });
+        channel.times.iter().for_each(|at| self.add_key(*at, &label, key.as_ref()));
     }
 
     fn spans(&mut self, what: &str, start: Time, end: Option<Time>) {
@@ -72,7 +95,8 @@ impl Gathered {
 
     /// Events of an actor, without its cues.
     pub fn actor(&mut self, actor: &Actor) {
-        self.keys(&actor.channels, "");
+        let what = Selected::Actor(actor.name.clone());
+        self.keys::<Actor>(&actor.channels, "", Some(&what));
         let mut seen = actor.visible;
         for channel in actor.channels.iter().filter(|c| c.property == Property::Visible) {
             for (at, value) in channel.times.iter().zip(&channel.values) {
@@ -90,7 +114,7 @@ impl Gathered {
     /// Named times of its clip, each time that it gets there until `end`.
     pub fn cue(&mut self, cue: &Cue, end: Time, markers: &[ClipMarkers]) {
         let weights = cue.weight_keys.as_deref();
-        weights.into_iter().for_each(|keys| self.named_keys(&cue.clip.name, "weight", keys));
+        weights.into_iter().for_each(|keys| self.named_keys(&cue.clip.name, "weight", keys, None));
         let of = markers.iter().find(|of| Arc::ptr_eq(&of.clip, &cue.clip));
         let Some(ClipMarkers { markers, .. }) = of else { return };
         let (from, to) = cue.trim;
@@ -116,41 +140,23 @@ impl Gathered {
         }
     }
 
-    /// Words and images that come and go.
-    pub fn flats(&mut self, stage: &Stage) {
-        for flat in &stage.layers_2d {
-            let what = match &flat.content {
-                Layer2dContent::Text { words, .. } => {
-                    let first = words.lines().next().unwrap_or("");
-                    format!("\u{201c}{}\u{201d}", first.chars().take(40).collect::<String>())
-                }
-                Layer2dContent::Picture { .. } => "picture".to_string(),
-                Layer2dContent::Panel { .. } => "panel".to_string(),
-                Layer2dContent::Bars { .. } => "letterbox".to_string(),
-            };
-            if flat.start > Time::ZERO {
-                self.add(flat.start, EventKind::Entrance, format!("{what} appears"));
-            }
-            if let Some(end) = flat.end {
-                self.add(end, EventKind::Entrance, format!("{what} goes"));
-            }
-            self.keys(&flat.channels, &format!("{what} "));
-        }
-    }
-
     /// Within the scene, in the order of time.
     pub fn events(mut self, length: Time, what: Option<&Selected>, place: &Place) -> Vec<Event> {
         self.all.retain(|(at, ..)| Time::ZERO <= *at && *at <= length);
-        self.all.sort();
+        self.all.sort_by(|a, b| (a.0, a.1, &a.2).cmp(&(b.0, b.1, &b.2)));
         self.all.dedup();
         let mut events: Vec<Event> = Vec::new();
-        for (at, kind, label) in self.all {
+        for (at, kind, label, key) in self.all {
             match events.last_mut().filter(|last| last.at == at) {
                 Some(last) => {
                     last.label += &format!("\n{label}");
                     last.kind = last.kind.max(kind);
+                    last.keys.extend(key);
                 }
-                None => events.push(Event { at, kind, label, what: what.cloned(), place: place.clone() }),
+                None => {
+                    let (what, place) = (what.cloned(), place.clone());
+                    events.push(Event { at, kind, label, what, place, keys: key.into_iter().collect() });
+                }
             }
         }
         events
@@ -161,27 +167,54 @@ impl Gathered {
 pub(crate) fn of_cameras(scene: &Scene) -> Vec<Event> {
     let mut gathered = Gathered::default();
     for camera in &scene.stage.cameras {
-        gathered.keys(&camera.channels, &format!("{} ", camera.name));
+        let what = Selected::Camera(camera.name.clone());
+        gathered.keys::<Camera>(&camera.channels, &format!("{} ", camera.name), Some(&what));
     }
     gathered.events(scene.stage.settings.length, None, &Place::default())
 }
 
-pub(crate) fn of_lights(scene: &Scene) -> Vec<Event> {
+/// Keys of one light.
+pub(crate) fn of_light(stage: &Stage, index: usize, place: &Place) -> Vec<Event> {
+    let (mut gathered, what) = (Gathered::default(), Selected::Light(index));
+    gathered.keys::<StageLight>(&stage.lights[index].channels, "", Some(&what));
+    gathered.events(stage.settings.length, Some(&what), place)
+}
+
+pub(crate) fn of_sky(stage: &Stage) -> Vec<Event> {
     let mut gathered = Gathered::default();
-    for (index, light) in scene.stage.lights.iter().enumerate() {
-        let name = if light.name.is_empty() { format!("light {}", index + 1) } else { light.name.clone() };
-        gathered.keys(&light.channels, &format!("{name} "));
+    stage.sky.iter().for_each(|sky| gathered.keys::<Sky>(&sky.channels, "sky ", None));
+    gathered.events(stage.settings.length, None, &Place::default())
+}
+
+/// Keys of texts, images and panels.
+pub(crate) fn of_titles(stage: &Stage) -> Vec<Event> {
+    let mut gathered = Gathered::default();
+    for (index, layer) in stage.layers_2d.iter().enumerate() {
+        let what = Selected::Title(index);
+        gathered.keys::<Layer2d>(&layer.channels, &format!("{} ", title(layer)), Some(&what));
     }
-    if let Some(sky) = &scene.stage.sky {
-        gathered.keys(&sky.channels, "sky ");
+    gathered.events(stage.settings.length, None, &Place::default())
+}
+
+/// The first words of a text, or the kind of another 2D layer.
+pub(crate) fn title(layer: &Layer2d) -> String {
+    match &layer.content {
+        Layer2dContent::Text { words, .. } => {
+            let first = words.lines().next().unwrap_or("");
+            format!("\u{201c}{}\u{201d}", first.chars().take(40).collect::<String>())
+        }
+        Layer2dContent::Picture { .. } => "picture".to_string(),
+        Layer2dContent::Panel { .. } => "panel".to_string(),
+        Layer2dContent::Bars { .. } => "letterbox".to_string(),
     }
-    gathered.events(scene.stage.settings.length, None, &Place::default())
 }
 
 pub fn of_effects(scene: &Scene) -> Vec<Event> {
     let mut gathered = Gathered::default();
-    for used in &scene.stage.effects {
-        used.keys.iter().for_each(|(name, channel)| gathered.named_keys(&used.plugin, name, channel));
+    for (index, used) in scene.stage.effects.iter().enumerate() {
+        let what = Selected::Effect(index);
+        let keys = used.keys.iter();
+        keys.for_each(|(name, channel)| gathered.named_keys(&used.plugin, name, channel, Some(&what)));
     }
     gathered.events(scene.stage.settings.length, None, &Place::default())
 }

@@ -3,6 +3,7 @@
 use choreo_motion::Time;
 use choreo_session::edit::Edit;
 use glam::{DQuat, DVec3};
+use std::path::PathBuf;
 
 /// Changes that can be taken back and made again, the newest last.
 #[derive(Default)]
@@ -27,6 +28,8 @@ pub struct Offer {
     pub agree: String,
     /// Lines that go (`-`), come (`+`) and stay (` `).
     pub difference: Vec<(char, String)>,
+    /// Files that are copied first, from and to.
+    pub(crate) copies: Vec<(PathBuf, PathBuf)>,
     pub(crate) edit: Edit,
     /// The text that the edit was made for.
     pub(crate) text: String,

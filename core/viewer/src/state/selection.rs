@@ -2,13 +2,19 @@
 
 use choreo_stage::Stage;
 
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Selected {
     Actor(String),
-    Cue { actor: String, layer: usize, cue: usize },
+    Cue {
+        actor: String,
+        layer: usize,
+        cue: usize,
+    },
     Camera(String),
     Light(usize),
     Effect(usize),
+    /// A text, an image or a panel over the frame.
+    Title(usize),
 }
 
 impl Selected {
@@ -23,6 +29,7 @@ impl Selected {
             Selected::Camera(name) => stage.cameras.iter().any(|c| c.name == *name),
             Selected::Light(index) => *index < stage.lights.len(),
             Selected::Effect(index) => *index < stage.effects.len(),
+            Selected::Title(index) => *index < stage.layers_2d.len(),
         }
     }
 

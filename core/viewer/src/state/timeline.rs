@@ -3,7 +3,7 @@
 use crate::state::events::{self, Event, Gathered};
 use crate::state::selection::Selected;
 use choreo_motion::{FrameRate, Repeat, Time};
-use choreo_script::Place;
+use choreo_script::{Place, Severity};
 use choreo_session::{Problem, Scene};
 use choreo_stage::{Cue, Layer, Stage};
 
@@ -25,12 +25,49 @@ pub struct Bar {
     pub cut: Option<usize>,
     /// Index of its color: equal for equal clips.
     pub kind: usize,
+    /// How a clip is played, if it is one.
+    pub strip: Option<Strip>,
+}
+
+/// How the clip of a bar is played.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Strip {
+    /// The part that is played, seconds of the clip.
+    pub trim: [f64; 2],
+    /// Seconds of the whole clip.
+    pub clip: f64,
+    /// Clip seconds a second; negative plays backwards.
+    pub speed: f64,
+    pub repeat: Repeat,
+    pub weight: f64,
+    /// Keys or freezes say which time of the clip is shown when.
+    pub is_keyed: bool,
+}
+
+impl Strip {
+    fn of(cue: &Cue) -> Strip {
+        Strip {
+            trim: [cue.trim.0.as_secs(), cue.trim.1.as_secs()],
+            clip: cue.clip.duration.as_secs(),
+            speed: cue.speed,
+            repeat: cue.repeat,
+            weight: f64::from(cue.weight),
+            is_keyed: cue.time_remapping.is_some() || !cue.freezes.is_empty(),
+        }
+    }
+
+    /// Seconds that the clip takes once.
+    pub fn length(&self) -> f64 {
+        (self.trim[1] - self.trim[0]) / self.speed.abs().max(1e-9)
+    }
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     pub label: String,
     pub what: Option<Selected>,
+    /// Number of the layer of clips, from 0.
+    pub layer: Option<usize>,
     pub bars: Vec<Bar>,
     /// Events sorted by time.
     pub events: Vec<Event>,
@@ -52,6 +89,7 @@ impl Timeline {
         let plain = |label: &str, bars: Vec<Bar>, events: Vec<Event>| Row {
             label: label.into(),
             what: None,
+            layer: None,
             bars,
             events,
             place: Place::default(),
@@ -64,7 +102,8 @@ impl Timeline {
             gathered.actor(actor);
             if actor.layers.is_empty() {
                 let events = gathered.events(length, what.as_ref(), &place);
-                rows.push(Row { label: actor.name.clone(), what, bars: Vec::new(), events, place });
+                let (label, bars) = (actor.name.clone(), Vec::new());
+                rows.push(Row { label, what, layer: None, bars, events, place });
                 continue;
             }
             for (number, layer) in actor.layers.iter().enumerate() {
@@ -90,13 +129,14 @@ impl Timeline {
                     })
                     .collect();
                 if let Some(keys) = &layer.weight_keys {
-                    gathered.named_keys("layer", "weight", keys);
+                    gathered.named_keys("layer", "weight", keys, None);
                 }
                 for (cue, bar) in layer.cues.iter().zip(&bars) {
                     gathered.cue(cue, bar.end, &places.clip_markers);
                 }
                 let events = std::mem::take(&mut gathered).events(length, what.as_ref(), &place);
-                rows.push(Row { label, what: what.clone(), bars, events, place: place.clone() });
+                let (what, place) = (what.clone(), place.clone());
+                rows.push(Row { label, what, layer: Some(number), bars, events, place });
             }
         }
         if !stage.effects.is_empty() {
@@ -112,23 +152,32 @@ impl Timeline {
                 place: places.effects.get(index).cloned().unwrap_or_default(),
                 cut: None,
                 kind: kind(&mut kinds, &e.plugin),
+                strip: None,
             });
-            rows.push(plain("effects", bars.collect(), events::of_effects(scene)));
+            rows.extend(lanes("effects", bars.collect(), events::of_effects(scene)));
         }
-        let mut words = Gathered::default();
-        words.flats(stage);
-        let words = words.events(length, None, &Place::default());
-        for (label, events) in [("lights", events::of_lights(scene)), ("words", words)] {
-            if !events.is_empty() {
-                rows.push(plain(label, Vec::new(), events));
-            }
+        for index in 0..stage.lights.len() {
+            let (what, place) =
+                (Selected::Light(index), places.lights.get(index).cloned().unwrap_or_default());
+            let label = format!("{} {}", stage.lights[index].light.kind.title(), index + 1);
+            let events = events::of_light(stage, index, &place);
+            rows.push(Row { label, what: Some(what), layer: None, bars: Vec::new(), events, place });
+        }
+        let sky = events::of_sky(stage);
+        rows.extend((!sky.is_empty()).then(|| plain("sky", Vec::new(), sky)));
+        if !stage.layers_2d.is_empty() {
+            let bars = (0..stage.layers_2d.len()).map(|index| title(scene, index)).collect();
+            rows.extend(lanes("titles", bars, events::of_titles(stage)));
         }
         Timeline { rows, markers: stage.markers.clone(), length }
     }
 
-    /// Whether a problem is about what was made here, by the line of the script.
-    pub fn is_marked(place: &Place, problems: &[Problem]) -> bool {
-        place.line > 0 && problems.iter().any(|p| p.file == place.file && p.line == place.line)
+    /// How severe the worst problem about what was made here is, by the line of the script.
+    pub fn severity(place: &Place, problems: &[Problem]) -> Option<Severity> {
+        let here = problems.iter().filter(|p| place.line > 0 && p.file == place.file && p.line == place.line);
+        let severities: Vec<Severity> = here.map(|p| p.severity).collect();
+        let worst = [Severity::Error, Severity::Warning, Severity::Note];
+        worst.into_iter().find(|severity| severities.contains(severity))
     }
 
     /// The time of the next thing that begins, ends or happens after the frame at `now`, or of the last one before it.
@@ -148,6 +197,47 @@ impl Timeline {
     /// The bars at a time, for the line of the script that is marked.
     pub fn on_at(&self, time: Time) -> impl Iterator<Item = &Bar> {
         self.rows.iter().flat_map(|row| &row.bars).filter(move |bar| bar.start <= time && time < bar.end)
+    }
+}
+
+/// Rows for bars that may overlap: each lies in the first row with room for it. The events are in the first row.
+fn lanes(label: &str, mut bars: Vec<Bar>, mut events: Vec<Event>) -> Vec<Row> {
+    bars.sort_by_key(|bar| bar.start);
+    let mut rows: Vec<Vec<Bar>> = Vec::new();
+    for bar in bars {
+        match rows.iter_mut().find(|row| row.last().is_none_or(|last| last.end <= bar.start)) {
+            Some(row) => row.push(bar),
+            None => rows.push(vec![bar]),
+        }
+    }
+    let row = |(number, bars): (usize, Vec<Bar>)| Row {
+        label: if number == 0 { label.to_string() } else { format!("{label} {}", number + 1) },
+        what: None,
+        layer: None,
+        bars,
+        events: std::mem::take(&mut events),
+        place: Place::default(),
+    };
+    rows.into_iter().enumerate().map(row).collect()
+}
+
+/// The bar of a 2D layer.
+fn title(scene: &Scene, index: usize) -> Bar {
+    let (length, layer) = (scene.stage.settings.length, &scene.stage.layers_2d[index]);
+    let end = layer.end.unwrap_or(length);
+    Bar {
+        label: events::title(layer),
+        what: Selected::Title(index),
+        start: layer.start,
+        end,
+        until: end,
+        fade_in: layer.fade,
+        fade_out: layer.fade,
+        holds_from: None,
+        place: scene.places.layers_2d.get(index).cloned().unwrap_or_default(),
+        cut: None,
+        kind: 5,
+        strip: None,
     }
 }
 
@@ -186,6 +276,7 @@ fn bar(stage: &Stage, layer: &Layer, at: usize, cue: &Cue, what: Selected, place
         place,
         cut: None,
         kind,
+        strip: Some(Strip::of(cue)),
     }
 }
 
@@ -211,6 +302,7 @@ fn cameras(scene: &Scene) -> Vec<Bar> {
         place: place.cloned().unwrap_or_default(),
         cut,
         kind: camera,
+        strip: None,
     };
     starts.iter().zip(ends).map(bar).filter(|bar| bar.end > bar.start).collect()
 }

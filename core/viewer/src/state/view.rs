@@ -63,6 +63,8 @@ pub struct View {
     pub shown: Option<FrameInfo>,
     /// Pixels that there is room for, as the panel had it last.
     pub room: [u32; 2],
+    /// Left, top, right and bottom of the image on the screen, points.
+    pub place: [f32; 4],
     /// Its panel was drawn in the last round: others wish for nothing.
     pub seen: bool,
     pub(crate) asked: Option<Wish>,
@@ -78,6 +80,7 @@ impl Default for View {
             overlays: Overlays::default(),
             shown: None,
             room: [1280, 720],
+            place: [0.0; 4],
             seen: true,
             asked: None,
             waiting: false,

@@ -14,6 +14,7 @@ mod swapchain;
 
 use crate::app::Viewer;
 use crate::args::ViewerOptions;
+use crate::editing::DroppedModels;
 use crate::panels::Panels;
 use crate::state::settings::Settings;
 use choreo::App;
@@ -78,6 +79,7 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         registry,
         _live: live,
         guest: None,
+        placing: None,
         guests: OWN,
         own: None,
         proxy,
@@ -131,6 +133,8 @@ struct ViewerWindow {
     _live: SessionThread,
     /// The session that shows dropped files.
     guest: Option<SessionThread>,
+    /// The session that reads models which were dropped on a viewport, and its number.
+    placing: Option<(u64, SessionThread, DroppedModels)>,
     /// How many there were: versions of those before are late.
     guests: u64,
     /// The script's newest version, to come back to when the guest leaves.
@@ -275,8 +279,20 @@ impl ViewerWindow {
         }
     }
 
+    /// Reads models that were dropped on a viewport, to put them on stage.
+    fn place_models(&mut self) {
+        let Some(models) = self.viewer.dropped_models.take() else { return };
+        let Some((source, _)) = SceneSource::of_models(models.files.clone(), &self.source) else { return };
+        self.guests += 1;
+        match watched(source, &self.registry, &self.proxy, self.guests) {
+            Ok(live) => self.placing = Some((self.guests, live, models)),
+            Err(error) => self.viewer.message = Some(error.to_string()),
+        }
+    }
+
     /// Shows files that were dropped; sends them away again.
     fn guests(&mut self) {
+        self.place_models();
         let dropped = SceneSource::of_models(std::mem::take(&mut self.viewer.dropped), &self.source);
         if let Some((source, left_out)) = dropped {
             self.viewer.message = left_out;
@@ -302,6 +318,9 @@ impl ViewerWindow {
     }
 
     fn take_version(&mut self, whose: u64, version: SceneVersion) {
+        if let Some((_, _, models)) = self.placing.take_if(|(number, ..)| *number == whose) {
+            return self.viewer.edit(|v| v.add_models(&models, &version));
+        }
         if whose == OWN {
             // A faulty one leaves the last good one to come back to.
             if version.scene.is_some() || self.own.is_none() {

@@ -1,0 +1,563 @@
+//! Cues as strips of a timeline: trimmed, slipped, split, duplicated, copied as text and pasted, faded over, disabled.
+
+use super::cues::{CueChange, set_times};
+use super::keys::shifted_keys;
+use super::object::{ScriptObject, loaded_as, quoted};
+use super::scan::{Call, Source};
+use super::times::{CueTime, EditTime, TimeLiteral};
+use super::values::{format_number, literals, option_value, rewritten};
+use super::{Edit, EditRefused};
+use std::ops::Range;
+
+/// What makes up the content of a cue, so that each part of a split cue has it.
+const CONTENT: [&str; 7] = ["speed", "weight", "reverse", "once", "loop", "ping_pong", "hold"];
+const CONTENT_OPTIONS: [&str; 4] = ["speed", "weight", "repeat", "reverse"];
+/// Calls of a layer, which hold for all cues of a chain.
+const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_weight"];
+/// Calls with times of the stage in their keys.
+const KEYED: [&str; 4] = ["clip_time", "weight", "speed", "layer_weight"];
+
+/// The call that makes a cue, and the calls behind it.
+struct Strip<'a> {
+    text: Source<'a>,
+    line: usize,
+    call: Call,
+    chain: Vec<Call>,
+}
+
+/// The content of the second part of a cue that is split.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Rest {
+    /// Plays this part of the clip, seconds.
+    Trim([f64; 2]),
+    /// Repeats: shows these times of the clip at these times, seconds.
+    ClipTime([[f64; 2]; 2]),
+    /// Begins as the first does.
+    Same,
+}
+
+impl<'a> Strip<'a> {
+    fn at(text: &'a str, line: usize, column: usize) -> Result<Strip<'a>, EditRefused> {
+        let text = Source::new(text);
+        let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
+        let call = call.ok_or_else(|| EditRefused::at(line, "there is no play or then to be changed"))?;
+        let chain = text.chain_after(call.end);
+        Ok(Strip { text, line, call, chain })
+    }
+
+    fn name(&self, call: &Call) -> &str {
+        &self.text[call.name.clone()]
+    }
+
+    fn last(&self, name: &str) -> Option<&Call> {
+        self.chain.iter().rev().find(|call| self.name(call) == name)
+    }
+
+    fn end(&self) -> usize {
+        self.chain.last().map_or(self.call.end, |call| call.end)
+    }
+
+    /// The value of a method behind it, or of an option.
+    fn value(&self, name: &str) -> Option<Range<usize>> {
+        let method = self.last(name).map(|call| call.inside.clone());
+        method.or_else(|| option_value(&self.text, &self.call, name))
+    }
+
+    fn computed(&self, name: &str, value: &Range<usize>) -> EditRefused {
+        let line = self.text[..value.start].matches('\n').count() + 1;
+        let shown = self.text[value.clone()].trim();
+        EditRefused::at(line, &format!("{name}: {shown} is computed; change it there"))
+    }
+
+    /// Writes numbers as the value of a method or an option.
+    fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
+        let Some(old) = self.value(name) else {
+            let values = values.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(", ");
+            return Ok(Edit { range: self.call.end..self.call.end, text: format!(".{name}({values})") });
+        };
+        let literals = literals(&self.text, &self.text.trimmed(&old)).filter(|l| l.len() == values.len());
+        let changed = literals.and_then(|literals| rewritten(&self.text, &literals, values));
+        changed.ok_or_else(|| self.computed(name, &old))
+    }
+
+    /// Separator before a `.then` that is added: a line of its own, indented.
+    fn new_line(&self) -> String {
+        let start = self.text[..self.first().name.start].rfind('\n').map_or(0, |n| n + 1);
+        let blanks: String = self.text[start..].chars().take_while(|c| *c == ' ' || *c == '\t').collect();
+        format!("\n{blanks}    ")
+    }
+
+    /// The `play` with which its chain begins.
+    fn first(&self) -> Call {
+        let mut first = self.call.clone();
+        while let Some(before) = self.text.call_before(first.name.start) {
+            if matches!(self.name(&before), "cast" | "camera") {
+                break;
+            }
+            first = before;
+        }
+        first
+    }
+
+    /// The script's variable that holds it, which a change of the chain would give another meaning.
+    fn refuse_variable(&self) -> Result<(), EditRefused> {
+        let first = self.first();
+        let before = self.text[..first.name.start].trim_end();
+        let owner = before.strip_suffix('.').map_or(before, str::trim_end);
+        let start = owner.rfind(|c: char| !c.is_alphanumeric() && c != '_').map_or(0, |at| at + 1);
+        match self.text.variable_before(start) {
+            Some(name) if self.name(&first) == "play" => Err(EditRefused::at(
+                self.line,
+                &format!("the script uses this clip as \"{name}\"; change it there"),
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// The clip's argument, and the options that make up its content.
+    fn content(&self) -> (String, String) {
+        let inside = &self.call.inside;
+        let clip = self.text[inside.start..self.text.value_end(inside.start, inside.end)].trim().to_string();
+        let options = CONTENT_OPTIONS.iter().filter_map(|name| {
+            let value = option_value(&self.text, &self.call, name)?;
+            Some(format!("{name}: {}", self.text[value].trim()))
+        });
+        let options: Vec<String> = options.collect();
+        let options =
+            if options.is_empty() { String::new() } else { format!(", #{{ {} }}", options.join(", ")) };
+        let calls = self.chain.iter().filter(|call| CONTENT.contains(&self.name(call)));
+        let calls: String = calls.map(|call| format!(".{}", &self.text[call.name.start..call.end])).collect();
+        (format!("{clip}{options}"), calls)
+    }
+}
+
+/// Plays another part of the clip, in seconds of the clip.
+///
+/// # Errors
+/// Why not, for the user: the script computes it; here and below.
+pub fn set_trim(text: &str, line: usize, column: usize, trim: [f64; 2]) -> Result<Edit, EditRefused> {
+    Strip::at(text, line, column)?.set("trim", &trim)
+}
+
+/// Sets the speed, the weight or the fade-out of a cue.
+///
+/// # Errors
+/// As [`set_trim`].
+pub fn set_number(
+    text: &str,
+    line: usize,
+    column: usize,
+    name: &str,
+    value: f64,
+) -> Result<Edit, EditRefused> {
+    Strip::at(text, line, column)?.set(name, &[value])
+}
+
+/// Gives a cue the weight 0, with the weight that it had in a comment; or that weight again.
+///
+/// # Errors
+/// As [`set_trim`].
+pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result<Edit, EditRefused> {
+    let strip = Strip::at(text, line, column)?;
+    let Some(value) = strip.value("weight") else {
+        return match off {
+            true => strip.set("weight", &[0.0]),
+            false => Err(EditRefused::at(line, "it is not disabled by its weight")),
+        };
+    };
+    let inside = &strip.text[value.clone()];
+    let blanks = value.start + (inside.len() - inside.trim_start().len());
+    let range = blanks..blanks + inside.trim().len();
+    if off {
+        let old = literals(&strip.text, &strip.text.trimmed(&value)).filter(|old| old.len() == 1);
+        let old = old.ok_or_else(|| strip.computed("weight", &value))?;
+        return Ok(Edit { text: format!("0.0 /* {} */", &strip.text[old[0].0.clone()]), range });
+    }
+    if let Some(old) = inside.split_once("/*").and_then(|(_, rest)| rest.split_once("*/")) {
+        return Ok(Edit { range, text: old.0.trim().to_string() });
+    }
+    match strip.last("weight") {
+        Some(call) => {
+            let dot = strip.text[..call.name.start].rfind('.').unwrap_or(call.name.start);
+            Ok(Edit { range: dot..call.end, text: String::new() })
+        }
+        None => Ok(Edit { range, text: "1.0".into() }),
+    }
+}
+
+/// Splits a cue at a time: it ends there, and a second one with the rest of its clip follows. `fade_out`: of an upper layer, goes to the second.
+///
+/// # Errors
+/// As [`set_trim`]; also where the script uses the cue as a variable.
+pub fn split_cue(
+    text: &str,
+    line: usize,
+    column: usize,
+    at: EditTime,
+    rest: Rest,
+    fade_out: Option<f64>,
+) -> Result<Edit, EditRefused> {
+    let strip = Strip::at(text, line, column)?;
+    strip.refuse_variable()?;
+    let (clip, calls) = strip.content();
+    let mut second = format!("{}.then({clip}){calls}", strip.new_line());
+    match rest {
+        Rest::Trim([from, to]) => {
+            second += &format!(".trim({}, {})", format_number(from), format_number(to));
+        }
+        Rest::ClipTime(keys) => {
+            let keys = keys.map(|[when, shown]| {
+                let when = EditTime { secs: when, fps: at.fps }.text(false);
+                format!("[{when}, {}]", format_number(shown))
+            });
+            second += &format!(".clip_time([{}])", keys.join(", "));
+        }
+        Rest::Same => {}
+    }
+    let until = strip.value("until");
+    if let Some(until) = &until {
+        second += &format!(".until({})", strip.text[until.clone()].trim());
+    }
+    if let Some(fade_out) = fade_out {
+        second += &format!(".fade_out({})", format_number(fade_out));
+    }
+    let end = strip.end();
+    let mut after = format!("{}{second}{}", &text[..end], &text[end..]);
+    let first_end = CueChange { line, column, part: CueTime::End, time: at };
+    after = match until {
+        Some(until) if strip.last("until").is_none() => {
+            let old = TimeLiteral::of(&strip.text, &until).ok_or_else(|| strip.computed("until", &until))?;
+            old.set(at).apply(&after)
+        }
+        _ => set_times(&after, &[first_end])?.apply(&after),
+    };
+    if fade_out.is_some() {
+        after = set_number(&after, line, column, "fade_out", 0.0)?.apply(&after);
+    }
+    Ok(Edit::between(text, &after))
+}
+
+/// Plays the clip of a cue once more right after it: `end`, where the first then ends if it states no end; `until`: the end of the second, where
+/// the first states one.
+///
+/// # Errors
+/// As [`split_cue`].
+pub fn duplicate_cue(
+    text: &str,
+    line: usize,
+    column: usize,
+    end: Option<EditTime>,
+    until: Option<EditTime>,
+) -> Result<Edit, EditRefused> {
+    let strip = Strip::at(text, line, column)?;
+    strip.refuse_variable()?;
+    let (clip, calls) = strip.content();
+    let trim = strip.value("trim").and_then(|trim| literals(&strip.text, &strip.text.trimmed(&trim)));
+    let trim = trim.map(|trim| {
+        let ends: Vec<String> = trim.iter().map(|(_, v)| format_number(*v)).collect();
+        format!(".trim({})", ends.join(", "))
+    });
+    let until = until.map(|until| format!(".until({})", until.text(false))).unwrap_or_default();
+    let second = format!("{}.then({clip}){calls}{}{until}", strip.new_line(), trim.unwrap_or_default());
+    let at = strip.end();
+    let mut after = format!("{}{second}{}", &text[..at], &text[at..]);
+    if let Some(end) = end {
+        let change = CueChange { line, column, part: CueTime::End, time: end };
+        after = set_times(&after, &[change])?.apply(&after);
+    }
+    Ok(Edit::between(text, &after))
+}
+
+/// A cue as text for the clipboard, `play(load("hero.glb").clip("Walk"), #{ fade: 0.3 }).from(1.0).until(2.0)`, to be pasted on another
+/// row or into another script.
+///
+/// # Errors
+/// As [`set_trim`].
+pub fn copy_cue(
+    text: &str,
+    line: usize,
+    column: usize,
+    start: EditTime,
+    until: Option<EditTime>,
+) -> Result<String, EditRefused> {
+    let strip = Strip::at(text, line, column)?;
+    let inside = &strip.text[strip.call.inside.clone()];
+    let name: String = inside.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+    // The variable of a file is another one in another script.
+    let load = strip.text.calls_of("load").find(|load| {
+        strip.text.variable_before(load.name.start) == Some(&*name) && load.name.start < strip.call.name.start
+    });
+    let load = load.map(|load| &strip.text[load.name.start..load.end]);
+    let inside = match load {
+        Some(load) => format!("{load}{}", &inside.trim_start()[name.len()..]),
+        None => inside.trim().to_string(),
+    };
+    let mut copy = format!("play({inside}).from({})", start.text(false));
+    if let Some(until) = until {
+        copy += &format!(".until({})", until.text(false));
+    }
+    let mut first = Some(strip.first()).filter(|first| first.name != strip.call.name);
+    let mut calls: Vec<Call> = Vec::new();
+    while let Some(call) = first {
+        let chain = strip.text.chain_after(call.end);
+        let end = chain.last().map_or(call.end, |call| call.end);
+        calls.extend(chain.into_iter().filter(|call| LAYER.contains(&strip.name(call))));
+        let next = strip.text.call_from(end).filter(|next| next.name.start < strip.call.name.start);
+        first = next.filter(|_| strip.text[end..].trim_start().starts_with('.'));
+    }
+    calls.extend(strip.chain.iter().filter(|call| !matches!(strip.name(call), "from" | "until")).cloned());
+    for call in calls {
+        copy += &format!(".{}", &strip.text[call.name.start..call.end]);
+    }
+    Ok(copy)
+}
+
+/// Plays a copied cue on an actor (line and column of its `cast`) from a time on.
+///
+/// # Errors
+/// The text is no copied cue, or names what this script does not have.
+pub fn paste_cue(
+    text: &str,
+    line: usize,
+    column: usize,
+    copied: &str,
+    from: EditTime,
+) -> Result<Edit, EditRefused> {
+    let copied = copied.trim().trim_end_matches(';');
+    let refuse = || EditRefused::from("the clipboard holds no clip of a timeline".to_string());
+    let strip = Strip::at(copied, 1, 1).map_err(|_| refuse())?;
+    if strip.name(&strip.call) != "play" || strip.call.name.start != 0 || strip.end() != copied.len() {
+        return Err(refuse());
+    }
+    let start = strip.last("from").and_then(|call| TimeLiteral::of(&strip.text, &call.inside));
+    let start = start.map_or(0.0, |start| start.secs(from.fps));
+    let shifted = shift_cue(copied, 1, 1, EditTime { secs: from.secs - start, fps: from.fps })?;
+    let mut new = shifted.apply(copied);
+    // The script's own name of the file, if it has one.
+    let script = Source::new(text);
+    let copy = Source::new(&new);
+    let own = copy.calls_of("load").next().and_then(|load| {
+        let file = copy[load.inside.start..copy.value_end(load.inside.start, load.inside.end)].trim();
+        Some((load.name.start..load.end, loaded_as(&script, file, text.len())?.to_string()))
+    });
+    let clip = copy[strip.call.inside.start..].trim_start();
+    let name: String = clip.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
+    let declared = |name: &str| {
+        let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_').peekable();
+        std::iter::from_fn(|| words.next().map(|word| (word, words.peek().copied())))
+            .any(|(word, next)| matches!(word, "let" | "const") && next == Some(name))
+    };
+    if !matches!(&*name, "load" | "") && !declared(&name) {
+        return Err(format!("this script has no {}, of which the copied clip is made", quoted(&name)).into());
+    }
+    let uses = own.as_ref().map_or(&name, |(_, own)| own).clone();
+    if let Some((range, own)) = own {
+        new.replace_range(range, &own);
+    }
+    let object = ScriptObject::at(text, line, column)?;
+    // What it names is made before it.
+    let declared_at = text.find(&format!("let {uses} ")).unwrap_or(0);
+    object.add_call(&new, object.last_at().max(declared_at))
+}
+
+/// The start of a copied cue, seconds.
+pub fn copied_start(copied: &str, fps: f64) -> Option<f64> {
+    let strip = Strip::at(copied, 1, 1).ok()?;
+    Some(TimeLiteral::of(&strip.text, &strip.last("from")?.inside)?.secs(fps))
+}
+
+/// Shifts all times of the stage in a cue: its start and end, and those of its keys and freezes.
+///
+/// # Errors
+/// As [`set_trim`].
+pub fn shift_cue(text: &str, line: usize, column: usize, by: EditTime) -> Result<Edit, EditRefused> {
+    let mut after = shift_keys(text, line, column, by)?.apply(text);
+    for name in ["from", "until"] {
+        let strip = Strip::at(&after, line, column)?;
+        let Some(value) = strip.value(name) else { continue };
+        let old = TimeLiteral::of(&strip.text, &value).ok_or_else(|| strip.computed(name, &value))?;
+        let secs = old.secs(by.fps) + by.secs;
+        let edit = old.set(EditTime { secs, fps: by.fps });
+        after = edit.apply(&after);
+    }
+    Ok(Edit::between(text, &after))
+}
+
+/// Shifts the times of the keys and freezes of a cue, which are times of the stage.
+///
+/// # Errors
+/// As [`set_trim`].
+pub fn shift_keys(text: &str, line: usize, column: usize, by: EditTime) -> Result<Edit, EditRefused> {
+    let mut after = text.to_string();
+    let count = Strip::at(text, line, column)?.chain.len();
+    // From the end of the chain, so that an edit moves no call that is still to come.
+    for index in (0..count).rev() {
+        let strip = Strip::at(&after, line, column)?;
+        let call = &strip.chain[index];
+        let first = call.inside.start..strip.text.value_end(call.inside.start, call.inside.end);
+        let edit = match strip.name(call) {
+            "freeze" => {
+                let old =
+                    TimeLiteral::of(&strip.text, &first).ok_or_else(|| strip.computed("freeze", &first))?;
+                let secs = old.secs(by.fps) + by.secs;
+                old.set(EditTime { secs, fps: by.fps })
+            }
+            name if KEYED.contains(&name) && strip.text[first.clone()].trim_start().starts_with('[') => {
+                shifted_keys(&strip.text, first.clone(), by).ok_or_else(|| strip.computed(name, &first))?
+            }
+            _ => continue,
+        };
+        after = edit.apply(&after);
+    }
+    Ok(Edit::between(text, &after))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The text without the mark `|`, and where it stands.
+    fn marked(text: &str) -> (String, usize, usize) {
+        let at = text.find('|').unwrap();
+        let column = text[..at].rsplit('\n').next().unwrap().chars().count() + 1;
+        (text.replacen('|', "", 1), text[..at].matches('\n').count() + 1, column)
+    }
+
+    fn at(secs: f64) -> EditTime {
+        EditTime { secs, fps: 25.0 }
+    }
+
+    type Change<'c> = &'c dyn Fn(&str, usize, usize) -> Result<Edit, EditRefused>;
+
+    fn changed(text: &str, change: Change) -> Result<String, String> {
+        let (text, line, column) = marked(text);
+        let edit = change(&text, line, column).map_err(|refused| refused.why)?;
+        let after = edit.apply(&text);
+        assert_eq!(edit.inverse(&text).apply(&after), text);
+        Ok(after)
+    }
+
+    #[test]
+    fn numbers_are_written_where_the_script_states_them() {
+        let trim = |text: &str| changed(text, &|t, l, c| set_trim(t, l, c, [0.5, 2.0]));
+        assert_eq!(trim("a.|play(c).until(2.0);").unwrap(), "a.play(c).trim(0.5, 2.0).until(2.0);");
+        assert_eq!(trim("a.|play(c).trim( 0, 1.5 );").unwrap(), "a.play(c).trim( 0.5, 2.0 );");
+        assert_eq!(trim("a.|play(c, #{ trim: [0.0, 1.0] });").unwrap(), "a.play(c, #{ trim: [0.5, 2.0] });");
+        assert_eq!(
+            trim("a.|play(c).trim(x, 1.0);").unwrap_err(),
+            "line 1: trim: x, 1.0 is computed; change it there"
+        );
+        let speed = |text: &str| changed(text, &|t, l, c| set_number(t, l, c, "speed", 1.25)).unwrap();
+        assert_eq!(speed("a.|play(c, #{ speed: 2 }).speed(3);"), "a.play(c, #{ speed: 2 }).speed(1.25);");
+    }
+
+    #[test]
+    fn a_disabled_clip_remembers_its_weight() {
+        let off = |text: &str| changed(text, &|t, l, c| set_disabled(t, l, c, true)).unwrap();
+        let on = |text: &str| changed(text, &|t, l, c| set_disabled(t, l, c, false)).unwrap();
+        for text in ["a.|play(c).until(2.0);", "a.|play(c).weight(0.5);", "a.|play(c, #{ weight: 0.7 });"] {
+            let plain = text.replace('|', "");
+            let disabled = off(text);
+            assert!(disabled.contains("0.0"), "{disabled}");
+            assert_eq!(on(&disabled.replace("play", "|play")), plain);
+        }
+        assert_eq!(off("a.|play(c).weight(0.5);"), "a.play(c).weight(0.0 /* 0.5 */);");
+        assert!(changed("a.|play(c).weight(w);", &|t, l, c| set_disabled(t, l, c, true)).is_err());
+    }
+
+    #[test]
+    fn a_split_clip_is_two_with_the_same_content() {
+        let rest = Rest::Trim([1.0, 2.5]);
+        let split =
+            |text: &str, rest, fade| changed(text, &|t, l, c| split_cue(t, l, c, at(1.5), rest, fade));
+        assert_eq!(
+            split("  a.|play(c, #{ fade: 0.3, speed: 2 }).from(0.5).until(f(75)); // in", rest, None)
+                .unwrap(),
+            "  a.play(c, #{ fade: 0.3, speed: 2 }).from(0.5).until(f(38))\n      .then(c, #{ speed: 2 }).trim(1.0, 2.5).until(f(75)); // in"
+        );
+        let chain = split("a.|play(c).weight(0.5)\n    .then(d);", Rest::Same, None).unwrap();
+        assert_eq!(chain, "a.play(c).until(1.5).weight(0.5)\n    .then(c).weight(0.5)\n    .then(d);");
+        let keys = Rest::ClipTime([[1.5, 0.25], [4.0, 2.75]]);
+        let looped = split("a.|play(c, #{ until: 4.0 });", keys, None).unwrap();
+        assert_eq!(
+            looped,
+            "a.play(c, #{ until: 1.5 })\n    .then(c).clip_time([[1.5, 0.25], [4.0, 2.75]]).until(4.0);"
+        );
+        let layer = split("a.|play(c).fade(0.5).until(2.0).on(\"Head\");", rest, Some(0.5)).unwrap();
+        assert_eq!(
+            layer,
+            "a.play(c).fade_out(0.0).fade(0.5).until(1.5).on(\"Head\")\n    .then(c).trim(1.0, 2.5).until(2.0).fade_out(0.5);"
+        );
+        let why = split("let w = a.|play(c);", rest, None).unwrap_err();
+        assert_eq!(why, "line 1: the script uses this clip as \"w\"; change it there");
+        assert!(split("let a = cast(\"a\", m).|play(c);", rest, None).is_ok());
+    }
+
+    #[test]
+    fn a_duplicate_follows_the_clip() {
+        let twice =
+            |text: &str, end, until| changed(text, &|t, l, c| duplicate_cue(t, l, c, end, until)).unwrap();
+        assert_eq!(
+            twice("a.|play(c).trim(0.5, 1).from(1.0).until(2.0).then(d);", None, Some(at(3.0))),
+            "a.play(c).trim(0.5, 1).from(1.0).until(2.0)\n    .then(c).trim(0.5, 1.0).until(3.0).then(d);"
+        );
+        assert_eq!(twice("a.|play(c);", Some(at(1.0)), None), "a.play(c).until(1.0)\n    .then(c);");
+    }
+
+    #[test]
+    fn a_copy_is_pasted_on_another_row_and_into_another_script() {
+        let text = "let m = load(\"m.glb\");\nlet a = cast(\"a\", m);\na.play(m.clip(\"x\")).on(\"Head\").until(1.0)\n    .|then(m.clip(\"y\"), #{ fade: 0.2 }).until(2.0).weight([[1.0, 0], [f(50), 1]]);\nlet b = cast(\"b\", m);\n";
+        let (text, line, column) = marked(text);
+        let copied = copy_cue(&text, line, column, at(1.0), Some(at(2.0))).unwrap();
+        assert_eq!(
+            copied,
+            "play(load(\"m.glb\").clip(\"y\"), #{ fade: 0.2 }).from(1.0).until(2.0).on(\"Head\").weight([[1.0, 0], [f(50), 1]])"
+        );
+        let pasted = paste_cue(&text, 5, 9, &copied, at(3.0)).unwrap().apply(&text);
+        let line = "\nb.play(m.clip(\"y\"), #{ fade: 0.2 }).from(3.0).until(4.0).on(\"Head\").weight([[3.0, 0], [f(100), 1]]);\n";
+        assert!(pasted.ends_with(line), "{pasted}");
+        let other = "let z = cast(\"z\", load(\"z.glb\"));";
+        let pasted = paste_cue(other, 1, 9, &copied, at(0.0)).unwrap().apply(other);
+        assert!(
+            pasted.contains("\nz.play(load(\"m.glb\").clip(\"y\"), #{ fade: 0.2 }).from(0.0).until(1.0)"),
+            "{pasted}"
+        );
+        let why = paste_cue(other, 1, 9, "play(walk).from(1.0)", at(0.0)).unwrap_err().why;
+        assert_eq!(why, "this script has no \"walk\", of which the copied clip is made");
+        for none in ["", "hello", "play(", "cast(c).from(1.0)", "play(c).from(1.0); b.play(d)"] {
+            assert_eq!(
+                paste_cue(other, 1, 9, none, at(0.0)).unwrap_err().why,
+                "the clipboard holds no clip of a timeline"
+            );
+        }
+    }
+
+    #[test]
+    fn times_of_keys_move_with_their_clip() {
+        let text = "a.|play(c).clip_time([[1.0, 0.0], [f(50), 1.0]]).freeze(1.5, 0.5).from(1.0);";
+        let moved = changed(text, &|t, l, c| shift_cue(t, l, c, at(0.4))).unwrap();
+        assert_eq!(moved, "a.play(c).clip_time([[1.4, 0.0], [f(60), 1.0]]).freeze(1.9, 0.5).from(1.4);");
+        let why =
+            changed("a.|play(c).weight([[t, 0]]);", &|t, l, c| shift_keys(t, l, c, at(1.0))).unwrap_err();
+        assert_eq!(why, "line 1: weight: [[t, 0]] is computed; change it there");
+    }
+
+    #[test]
+    fn no_text_makes_it_panic() {
+        let text = "ä.play(\"ü(\").from(1.0).weight(0.0 /* é */).then(x).until('\\'').trim(0,1);";
+        let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();
+        for from in &ends {
+            for to in ends.iter().filter(|to| *to >= from) {
+                for column in 1..9 {
+                    let part = &text[*from..*to];
+                    let _ = split_cue(part, 1, column, at(1.0), Rest::Same, Some(0.1));
+                    let _ = duplicate_cue(part, 1, column, None, None);
+                    let _ = set_disabled(part, 1, column, false);
+                    let _ = copy_cue(part, 1, column, at(0.0), None);
+                    let _ = paste_cue(part, 1, column, part, at(0.0));
+                    let _ = shift_cue(part, 1, column, at(0.0));
+                }
+            }
+        }
+    }
+}

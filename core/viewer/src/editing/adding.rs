@@ -1,0 +1,223 @@
+//! What is dropped becomes lines: clips of an actor's own file or of another's, models under the pointer, files that were shown.
+
+use super::{EditError, difference, read};
+use crate::app::Viewer;
+use crate::state::history::Offer;
+use crate::state::selection::actor;
+use choreo_asset::Asset;
+use choreo_motion::retarget::bind_or_retarget;
+use choreo_session::SceneVersion;
+use choreo_session::edit::{Edit, ScriptObject, cast_lines};
+use choreo_stage::Actor;
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Model files that were dropped on a viewport, and where, until they have been read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DroppedModels {
+    pub files: Vec<PathBuf>,
+    /// World, metres.
+    pub at: DVec3,
+}
+
+/// Folder beside the script into which files from elsewhere are copied.
+const ASSETS: &str = "assets";
+
+impl Viewer {
+    /// Lets an actor play a clip from a time on: a clip of its own file, or of that of another actor (`of`), which is retargeted.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn add_clip(&mut self, name: &str, of: &str, clip: &str, secs: f64) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let found = |name: &str| actor(&scene.stage, name).ok_or(EditError::Gone);
+        let (index, source) = (found(name)?, found(of)?);
+        let place = |index: usize| scene.places.actors.get(index).cloned().unwrap_or_default();
+        let (place, of_place) = (place(index), place(source));
+        let follow = self.joints_that_follow(of, clip, name);
+        if let Some((0, 1..)) = follow {
+            return Err(EditError::refused_at(&place, &format!("no joint of {name} follows {clip} of {of}")));
+        }
+        let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
+        let plays = scene.stage.actors[index].layers.first().is_some_and(|l| !l.cues.is_empty());
+        let options = if plays { ", #{ fade: 0.3 }" } else { "" };
+        let time = self.edit_time(secs);
+        self.change(&place, siblings, |text| {
+            let object = ScriptObject::at(text, place.line, place.column)?;
+            match index == source {
+                true => object.play(clip, time, options, None),
+                false => {
+                    let of = ScriptObject::at(text, of_place.line, of_place.column)?;
+                    object.play(clip, time, options, Some(&of))
+                }
+            }
+        })?;
+        self.note = follow.map(|(joints, moved)| {
+            format!("{clip} of {of} on {name}: {joints} of {moved} animated joints are followed")
+        });
+        Ok(())
+    }
+
+    /// How many of the joints that a clip of one actor moves are followed by another actor, and how many it moves; `None` for its own.
+    pub fn joints_that_follow(&self, of: &str, clip: &str, on: &str) -> Option<(usize, usize)> {
+        let stage = &self.scene.as_ref()?.stage;
+        let asset = |name: &str| Some(&stage.actors[actor(stage, name)?].asset);
+        let (from, to) = (asset(of)?, asset(on)?);
+        if of == on || Arc::ptr_eq(from, to) {
+            return None;
+        }
+        let clip = from.clips.iter().find(|c| c.name == clip)?;
+        let (_, coverage, _) = bind_or_retarget(clip, &from.skeleton, &to.skeleton);
+        Some((coverage.followed(), coverage.moved))
+    }
+
+    /// Puts models on stage where they were dropped: each with a clip that suits, in a row along x. `read`: the stage on which they
+    /// were read. Files from outside the script's folder are copied into `assets/` if the user agrees.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn add_models(&mut self, dropped: &DroppedModels, read: &SceneVersion) -> Result<(), EditError> {
+        let path = self.path.clone().ok_or(EditError::NoScript)?;
+        let told = || read.problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
+        let scene = read.scene.as_ref().ok_or_else(|| EditError::refused(told()))?;
+        let folder = folder_of(&path);
+        let text = super::read(&path)?;
+        let (mut lines, mut copies, mut refused) = (String::new(), Vec::new(), Vec::new());
+        let mut shown = scene.stage.actors.iter().peekable();
+        for file in &dropped.files {
+            let is_it = |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
+            let Some(actor) = shown.next_if(is_it) else {
+                refused.push(format!("{}: it cannot be read", file.display()));
+                continue;
+            };
+            let file = file.canonicalize().unwrap_or_else(|_| file.clone());
+            let name = match file.strip_prefix(&folder) {
+                Ok(inside) => inside.to_path_buf(),
+                Err(_) => copied(&file, &folder, &read.read, &mut copies),
+            };
+            let beside = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
+            let at = (dropped.at + beside).map(|v| (v * 100.0).round() / 100.0);
+            let clip = suitable_clip(&actor.asset);
+            lines += &cast_lines(&format!("{text}{lines}"), &slashed(&name), at, clip);
+        }
+        if lines.is_empty() {
+            return Err(EditError::refused(refused.join("; ")));
+        }
+        let break_before = if text.is_empty() || text.ends_with('\n') { "" } else { "\n" };
+        let edit = Edit { range: text.len()..text.len(), text: format!("{break_before}{lines}") };
+        match copies.is_empty() {
+            true => self.write_edit(&path, &text, edit)?,
+            false => {
+                let difference = difference::lines(&text, &edit.apply(&text));
+                let count =
+                    if copies.len() == 1 { "a file".into() } else { format!("{} files", copies.len()) };
+                let why = format!("{count} from outside the script's folder, copied into {ASSETS}/:");
+                self.offer =
+                    Some(Offer { why, agree: "Copy and add".into(), difference, copies, edit, text });
+            }
+        }
+        if refused.is_empty() { Ok(()) } else { Err(EditError::refused(refused.join("; "))) }
+    }
+
+    /// Puts files that were dropped and are shown on stage: a line each at the end of the script, as one change; several where they are shown.
+    ///
+    /// # Errors
+    /// Returns the files that are not added, and why: they cannot be read, or lie outside the script's folder. The others are added.
+    pub fn add_guests(&mut self) -> Result<(), EditError> {
+        let path = self.path.clone().ok_or(EditError::NoScript)?;
+        let folder = folder_of(&path);
+        let mut text = read(&path)?;
+        let (before, begins) = (text.clone(), text.len());
+        if !text.is_empty() && !text.ends_with('\n') {
+            text.push('\n');
+        }
+        let scene = self
+            .scene
+            .clone()
+            .filter(|_| !self.faulty)
+            .ok_or_else(|| EditError::refused("what was dropped cannot be read"))?;
+        let (mut shown, mut refused) = (scene.stage.actors.iter().peekable(), Vec::new());
+        for guest in &self.guests {
+            // The actors follow the order in which the files were dropped, without those that cannot be read.
+            let is_it = |actor: &&Actor| guest.file_name().is_some_and(|name| *name == *actor.asset.name);
+            let Some(actor) = shown.next_if(is_it) else {
+                refused.push(format!("{}: it cannot be read", guest.display()));
+                continue;
+            };
+            let file = guest.canonicalize().unwrap_or_else(|_| guest.clone());
+            let at = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
+            match file.strip_prefix(&folder) {
+                Ok(inside) => {
+                    let lines = cast_lines(&text, &slashed(inside), at, None);
+                    text.push_str(&lines);
+                }
+                Err(_) => refused.push(format!(
+                    "{}: it lies outside the script's folder, where load(…) may not read; put it there first",
+                    file.display()
+                )),
+            }
+        }
+        if refused.len() < self.guests.len() {
+            let edit = Edit { range: begins..begins, text: text.split_off(begins) };
+            self.write_edit(&path, &before, edit)?;
+            self.guests_leave = true;
+        }
+        if refused.is_empty() { Ok(()) } else { Err(EditError::refused(refused.join("; "))) }
+    }
+}
+
+fn folder_of(script: &Path) -> PathBuf {
+    script.canonicalize().ok().and_then(|p| Some(p.parent()?.to_path_buf())).unwrap_or_default()
+}
+
+/// A path as `load` takes it.
+fn slashed(path: &Path) -> String {
+    path.to_string_lossy().replace('\\', "/")
+}
+
+/// The clip that a character plays when nothing else is said: one in which it stands, else its first.
+fn suitable_clip(asset: &Asset) -> Option<&str> {
+    let stands = |name: &str| ["idle", "stand", "rest"].iter().any(|word| name.to_lowercase().contains(word));
+    let clips = || asset.clips.iter().map(|clip| clip.name.as_str());
+    clips().find(|name| stands(name)).or_else(|| clips().next())
+}
+
+/// The place of a file in the assets of a folder, with what was read for it from its own folder: a buffer, images. Adds the copies.
+fn copied(
+    file: &Path,
+    folder: &Path,
+    files_read: &[PathBuf],
+    copies: &mut Vec<(PathBuf, PathBuf)>,
+) -> PathBuf {
+    let home = file.parent().unwrap_or(Path::new(""));
+    let others: Vec<&PathBuf> = files_read.iter().filter(|f| *f != file && f.starts_with(home)).collect();
+    // Several files get a folder of their own, in which they lie as they did.
+    let stem = choreo_session::model::name(file);
+    let own = if others.is_empty() { PathBuf::from(ASSETS) } else { Path::new(ASSETS).join(stem) };
+    let mut inside = PathBuf::new();
+    for from in std::iter::once(file).chain(others.into_iter().map(PathBuf::as_path)) {
+        let to = own.join(from.strip_prefix(home).unwrap_or(from));
+        copies.push((from.to_path_buf(), folder.join(&to)));
+        if from == file {
+            inside = to;
+        }
+    }
+    inside
+}
+
+/// Copies a file; one of the same content may be there already.
+pub(super) fn copy(from: &Path, to: &Path) -> Result<(), EditError> {
+    let failed = |source| EditError::Copy { path: to.to_path_buf(), source };
+    let bytes = std::fs::read(from).map_err(|source| EditError::Copy { path: from.to_path_buf(), source })?;
+    if std::fs::read(to).is_ok_and(|there| there == bytes) {
+        return Ok(());
+    }
+    if to.exists() {
+        return Err(failed(std::io::Error::other("another file of this name is there")));
+    }
+    if let Some(folder) = to.parent() {
+        std::fs::create_dir_all(folder).map_err(failed)?;
+    }
+    std::fs::write(to, bytes).map_err(failed)
+}

@@ -1,0 +1,267 @@
+//! Clips as strips: trimmed, rolled, slipped, split, duplicated, copied and pasted, disabled, faster, weaker.
+
+use super::{EditError, Step};
+use crate::app::Viewer;
+use crate::state::selection::{Selected, actor};
+use crate::state::timeline::{Bar, Strip};
+use choreo_motion::Repeat;
+use choreo_session::edit::{
+    CueTime, EditTime, Rest, ScriptObject, copied_start, copy_cue, duplicate_cue, follows, has_end,
+    paste_cue, set_disabled, set_number, set_trim, split_cue,
+};
+
+/// Seconds of a clip that count as none.
+const NOTHING: f64 = 1e-6;
+
+impl Viewer {
+    /// Lets a clip begin at another time with what it shows from there on: its start is trimmed. Where it follows another clip, that one's
+    /// end moves with it (a roll).
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed. Here and below.
+    pub fn trim_cue(&mut self, what: &Selected, secs: f64) -> Result<(), EditError> {
+        let (bar, strip) = self.strip(what)?;
+        if strip.repeat != Repeat::Once {
+            let why = "it repeats, so a trim would shorten every round; drag without Alt, or write .once()";
+            return Err(EditError::refused_at(&bar.place, why));
+        }
+        let played = (secs - bar.start.as_secs()) * strip.speed.abs();
+        let [mut from, mut to] = strip.trim;
+        match strip.speed < 0.0 {
+            false => from += played,
+            true => to -= played,
+        }
+        if from < -NOTHING || to > strip.clip + NOTHING || to - from < NOTHING {
+            let why = format!("its clip has nothing there: it runs from 0 s to {:.3} s", strip.clip);
+            return Err(EditError::refused_at(&bar.place, &why));
+        }
+        let trim = [from.max(0.0), to.min(strip.clip)];
+        let layer = self.layer_of(what);
+        let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
+        let known = self.known().ok_or(EditError::NothingShown)?;
+        let mut steps =
+            vec![match at.checked_sub(1).filter(|_| follows(&known, bar.place.line, bar.place.column)) {
+                Some(before) => self.time_step(&layer[before], CueTime::End, secs),
+                None => self.time_step(&bar, CueTime::Start, secs),
+            }];
+        if let Some(before) = at.checked_sub(1).map(|before| &layer[before])
+            && !follows(&known, bar.place.line, bar.place.column)
+            && before.until == bar.start
+            && has_end(&known, before.place.line, before.place.column)
+        {
+            // They meet: the edge between them moves.
+            steps.push(self.time_step(before, CueTime::End, secs));
+        }
+        steps.push(self.step(&bar, move |text, line, column| set_trim(text, line, column, trim)));
+        self.change_all(steps)
+    }
+
+    /// Shows other content of its clip between the same ends, `by` seconds later in the clip.
+    pub fn slip_cue(&mut self, what: &Selected, by: f64) -> Result<(), EditError> {
+        let (bar, strip) = self.strip(what)?;
+        let trim = slipped(&bar, &strip, by);
+        let trim = trim.ok_or_else(|| {
+            EditError::refused_at(&bar.place, "its clip is played whole: there is nothing beyond its ends")
+        })?;
+        let steps = vec![self.step(&bar, move |text, line, column| set_trim(text, line, column, trim))];
+        self.change_all(steps)
+    }
+
+    /// Splits clips at a time into two with the same content.
+    pub fn split_cues(&mut self, all: &[Selected], at: f64) -> Result<(), EditError> {
+        let mut steps = Vec::new();
+        for what in all {
+            let (bar, strip) = self.strip(what)?;
+            if at <= bar.start.as_secs() + NOTHING || at >= bar.until.as_secs() - NOTHING {
+                return Err(EditError::refused_at(&bar.place, "the playhead is not within it"));
+            }
+            let rest = rest(&bar, &strip, at)?;
+            let upper = matches!(what, Selected::Cue { layer: 1.., .. });
+            let fade_out = Some(bar.fade_out.as_secs()).filter(|fade| upper && *fade > 0.0);
+            let time = self.edit_time(at);
+            steps.push(
+                self.step(&bar, move |text, line, column| {
+                    split_cue(text, line, column, time, rest, fade_out)
+                }),
+            );
+        }
+        self.change_all(steps)
+    }
+
+    /// Plays a clip once more right after it; later clips of its layer move on.
+    pub fn duplicate_cue(&mut self, what: &Selected) -> Result<(), EditError> {
+        let (bar, strip) = self.strip(what)?;
+        let known = self.known().ok_or(EditError::NothingShown)?;
+        let ends = has_end(&known, bar.place.line, bar.place.column);
+        if !ends && strip.repeat != Repeat::Once {
+            let why = "it repeats to the end of the scene; give it an end first";
+            return Err(EditError::refused_at(&bar.place, why));
+        }
+        let length = match ends {
+            true => (bar.until - bar.start).as_secs(),
+            false => strip.length(),
+        };
+        let layer = self.layer_of(what);
+        let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
+        let until = ends.then(|| self.edit_time(bar.until.as_secs() + length));
+        let mut steps =
+            vec![self.step(&bar, move |text, line, column| duplicate_cue(text, line, column, None, until))];
+        let moved = self.move_steps(&layer, &|index| index > at, length)?;
+        // What follows it by its end does so again.
+        let first_follows =
+            layer.get(at + 1).is_some_and(|next| follows(&known, next.place.line, next.place.column));
+        steps.extend(moved.into_iter().filter(|step| !(first_follows && step.place == bar.place)));
+        self.change_all(steps)
+    }
+
+    /// Clips as text for the clipboard, a line each.
+    pub fn copy_cues(&self, all: &[Selected]) -> Result<String, EditError> {
+        let known = self.known().ok_or(EditError::NothingShown)?;
+        let mut bars: Vec<Bar> = Vec::new();
+        for what in all {
+            bars.push(self.strip(what)?.0);
+        }
+        bars.sort_by_key(|bar| bar.start);
+        let lines = bars.iter().map(|bar| {
+            let (line, column) = (bar.place.line, bar.place.column);
+            let until = has_end(&known, line, column).then(|| self.edit_time(bar.until.as_secs()));
+            copy_cue(&known, line, column, self.edit_time(bar.start.as_secs()), until)
+                .map_err(|refused| EditError::Refused { why: refused.why, line: refused.line })
+        });
+        Ok(lines.collect::<Result<Vec<_>, _>>()?.join("\n"))
+    }
+
+    /// Plays copied clips on an actor, the first of them from a time on.
+    pub fn paste_cues(&mut self, name: &str, copied: &str, secs: f64) -> Result<(), EditError> {
+        let (place, siblings) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::Gone)?;
+        let fps = self.playhead.fps().as_fps();
+        let lines: Vec<String> =
+            copied.lines().map(str::trim).filter(|line| !line.is_empty()).map(str::to_string).collect();
+        let starts: Vec<f64> = lines.iter().map(|line| copied_start(line, fps).unwrap_or(0.0)).collect();
+        let first = starts.iter().copied().fold(f64::INFINITY, f64::min);
+        if lines.is_empty() {
+            return Err(EditError::refused("the clipboard holds no clip of a timeline"));
+        }
+        let steps = lines.into_iter().zip(starts).map(|(copied, start)| {
+            let from = self.edit_time(secs + start - first);
+            let make = move |text: &str, line, column| paste_cue(text, line, column, &copied, from);
+            Step { place: place.clone(), siblings, make: Box::new(make) }
+        });
+        let steps = steps.collect();
+        self.change_all(steps)
+    }
+
+    /// Gives clips no weight, or their weight again if all of them have none.
+    pub fn toggle_cues(&mut self, all: &[Selected]) -> Result<(), EditError> {
+        let mut strips = Vec::new();
+        for what in all {
+            let (bar, strip) = self.strip(what)?;
+            if matches!(what, Selected::Cue { layer: 0, cue: 0, .. }) {
+                let why = "the first clip of the base layer always has all the weight; delete it, or hide the actor";
+                return Err(EditError::refused_at(&bar.place, why));
+            }
+            strips.push((bar, strip));
+        }
+        let off = strips.iter().any(|(_, strip)| strip.weight > 0.0);
+        let changed = strips.iter().filter(|(_, strip)| (strip.weight > 0.0) == off);
+        let steps = changed
+            .map(|(bar, _)| self.step(bar, move |text, line, column| set_disabled(text, line, column, off)));
+        let steps = steps.collect();
+        self.change_all(steps)
+    }
+
+    /// Plays a clip so fast that it ends at a time.
+    pub fn stretch_cue(&mut self, what: &Selected, end: f64) -> Result<(), EditError> {
+        let (bar, strip) = self.strip(what)?;
+        let known = self.known().ok_or(EditError::NothingShown)?;
+        let ends = has_end(&known, bar.place.line, bar.place.column);
+        let start = bar.start.as_secs();
+        let length = if ends { (bar.until - bar.start).as_secs() } else { strip.length() };
+        if end - start < NOTHING || strip.is_keyed {
+            let why = if strip.is_keyed { "keys state its time" } else { "it would have no length" };
+            return Err(EditError::refused_at(&bar.place, why));
+        }
+        let speed = strip.speed * length / (end - start);
+        let mut steps =
+            vec![self.step(&bar, move |text, line, column| set_number(text, line, column, "speed", speed))];
+        if ends {
+            steps.push(self.time_step(&bar, CueTime::End, end));
+        }
+        self.change_all(steps)
+    }
+
+    pub fn set_weight(&mut self, what: &Selected, weight: f64) -> Result<(), EditError> {
+        let (bar, _) = self.strip(what)?;
+        let weight = weight.clamp(0.0, 1.0);
+        let steps =
+            vec![self.step(&bar, move |text, line, column| set_number(text, line, column, "weight", weight))];
+        self.change_all(steps)
+    }
+
+    /// A time of an effect or a title.
+    pub(super) fn object_time_step(&self, bar: &Bar, part: CueTime, secs: f64) -> Step<'static> {
+        let time: EditTime = self.edit_time(secs.max(0.0));
+        let name = if part == CueTime::Start { "from" } else { "until" };
+        self.step(bar, move |text, line, column| ScriptObject::at(text, line, column)?.time(name, time))
+    }
+
+    /// The actor on whose row copied clips are pasted: that of the selection, else the first.
+    pub(crate) fn paste_target(&self) -> Option<String> {
+        let stage = &self.scene.as_ref()?.stage;
+        let selected = self.selection.as_ref().and_then(Selected::actor).map(str::to_string);
+        selected
+            .filter(|name| actor(stage, name).is_some())
+            .or_else(|| Some(stage.actors.first()?.name.clone()))
+    }
+
+    fn strip(&self, what: &Selected) -> Result<(Bar, Strip), EditError> {
+        let bar = self.bar(what)?;
+        match bar.strip {
+            Some(strip) => Ok((bar, strip)),
+            None => {
+                Err(EditError::refused_at(&bar.place, "only the clips of actors can be changed like this"))
+            }
+        }
+    }
+}
+
+/// The part of the clip that is then played; `None` where all of it is.
+fn slipped(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
+    let [from, to] = strip.trim;
+    if strip.repeat == Repeat::Once && strip.speed > 0.0 {
+        // What lies behind the end counts: only what is seen must be there.
+        let seen = ((bar.until - bar.start).as_secs() * strip.speed).min(to - from);
+        let slipped = (from + by).clamp(0.0, (strip.clip - seen).max(0.0));
+        let open = to >= strip.clip - NOTHING;
+        let end = if open { strip.clip } else { (to + slipped - from).min(strip.clip) };
+        return ((slipped - from).abs() > NOTHING).then_some([slipped, end]);
+    }
+    let by = by.clamp(-from, strip.clip - to);
+    (by.abs() > NOTHING).then_some([from + by, to + by])
+}
+
+/// The content of a clip from a time on.
+fn rest(bar: &Bar, strip: &Strip, at: f64) -> Result<Rest, EditError> {
+    let refuse = |why: &str| Err(EditError::refused_at(&bar.place, why));
+    let played = (at - bar.start.as_secs()) * strip.speed.abs();
+    let [from, to] = strip.trim;
+    let length = to - from;
+    if strip.is_keyed {
+        return refuse("keys state its time; split it in the script");
+    }
+    match strip.repeat {
+        Repeat::Once if played >= length - NOTHING => refuse("its clip is over there; the last pose is held"),
+        Repeat::Once if strip.speed < 0.0 => Ok(Rest::Trim([from, to - played])),
+        Repeat::Once => Ok(Rest::Trim([from + played, to])),
+        Repeat::Loop if strip.speed > 0.0 && length > NOTHING => {
+            let into = played % length;
+            // To the thousandth, as it is written.
+            if into < 5e-4 || length - into < 5e-4 {
+                return Ok(Rest::Same);
+            }
+            let end = bar.end.as_secs().max(at + 1.0);
+            Ok(Rest::ClipTime([[at, from + into], [end, from + into + (end - at) * strip.speed]]))
+        }
+        _ => refuse("it plays to and fro, or backwards again and again; split it in the script"),
+    }
+}

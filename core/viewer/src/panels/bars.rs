@@ -1,0 +1,410 @@
+//! Bars in a row of the sequencer: drawn, selected, dragged by their middle, their ends and their handles.
+
+use super::bar_menu::{self, Command};
+use super::marks;
+use super::sequencer::{COLORS, STRIP};
+use crate::app::Viewer;
+use crate::editing::EditError;
+use crate::state::selection::Selected;
+use crate::state::timeline::{Bar, Timeline};
+use choreo_motion::{Repeat, Time};
+use choreo_session::edit::CueTime;
+use egui::{
+    Align2, Color32, CornerRadius, CursorIcon, FontId, Painter, PointerButton, Rect, Response, Sense, Stroke,
+    StrokeKind, Ui, pos2, vec2,
+};
+
+/// Points within which a dragged time snaps to another.
+const REACH: f32 = 6.0;
+/// Marks of rounds in one bar at most; further ones would not be told apart.
+const MOST_ROUNDS: usize = 200;
+
+/// What the user does with a bar.
+pub enum Act {
+    Select(Selected, bool),
+    Move(Bar, f64, Drag),
+    /// Seconds of the clip.
+    Slip(Selected, f64),
+    /// A time that was dragged by its handle; `true`: the content keeps its place.
+    Time(Bar, CueTime, f64, bool),
+    Stretch(Selected, f64),
+    Weight(Selected, f64),
+    Run(Command),
+}
+
+/// How a bar is moved.
+#[derive(Clone, Copy, PartialEq)]
+pub enum Drag {
+    Alone,
+    /// All later bars of its layer move, too.
+    Ripple,
+    /// Over the one before it.
+    Overlap,
+}
+
+/// Where times lie in a row.
+pub struct Lane {
+    pub rect: Rect,
+    /// Number of the row.
+    pub row: usize,
+}
+
+impl Lane {
+    pub fn x(&self, viewer: &Viewer, secs: f64) -> f32 {
+        self.rect.left() + viewer.span.x_of(secs, self.rect.width())
+    }
+
+    pub fn secs(&self, viewer: &Viewer, x: f32) -> f64 {
+        viewer.span.secs_at(x - self.rect.left(), self.rect.width())
+    }
+
+    /// Seconds within which a dragged time snaps to another.
+    fn reach(&self, viewer: &Viewer) -> f64 {
+        self.secs(viewer, REACH) - self.secs(viewer, 0.0)
+    }
+
+    /// A dragged time, snapped to times near it that do not belong to what is dragged, else to frames.
+    pub fn snapped(&self, viewer: &Viewer, x: f32, not: Option<&Bar>) -> f64 {
+        let secs = self.secs(viewer, x);
+        viewer.attracted(secs, self.reach(viewer), not).unwrap_or_else(|| viewer.snapped(secs))
+    }
+
+    fn place(&self, viewer: &Viewer, from: f64, to: f64) -> Rect {
+        let (left, right) = (self.x(viewer, from), self.x(viewer, to));
+        let bottom = self.rect.bottom() - STRIP - 1.0;
+        Rect::from_min_max(pos2(left, self.rect.top() + 1.5), pos2(right, bottom))
+    }
+}
+
+/// Draws the bars of a row; gives what the user does.
+pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, locked: bool) -> Option<Act> {
+    let mut act = None;
+    for (number, bar) in bars.iter().enumerate() {
+        let place = lane.place(viewer, bar.start.as_secs(), bar.end.as_secs()).intersect(lane.rect);
+        if place.width() <= 0.0 {
+            continue;
+        }
+        let sense = if locked { Sense::click() } else { Sense::click_and_drag() };
+        let response = ui.interact(place, ui.id().with(("bar", lane.row, number)), sense);
+        let name = format!("{} on {label}", bar.label);
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, name.clone()));
+        let selected = viewer.is_selected(&bar.what);
+        let wrong = Timeline::severity(&bar.place, &viewer.problems);
+        draw(&ui.painter_at(lane.rect), viewer, bar, place, lane, (selected, wrong));
+        if response.clicked() {
+            let add = ui.input(|i| i.modifiers.command || i.modifiers.shift);
+            act = Some(Act::Select(bar.what.clone(), add));
+        }
+        act = carried(ui, viewer, bar, &response, lane).or(act);
+        act = bar_menu::show(&response, viewer, bar).or(act);
+        response.on_hover_text(hover(viewer, bar));
+        if locked {
+            continue;
+        }
+        for (part, at) in handles(bar) {
+            act = handle(ui, viewer, bar, part, at, number, lane).or(act);
+        }
+        if viewer.selection.as_ref() == Some(&bar.what) && bar.strip.is_some() {
+            act = speed_handle(ui, viewer, bar, number, lane).or(act);
+            act = weight_handle(ui, bar, number, lane, place).or(act);
+        }
+    }
+    act
+}
+
+/// Does it to the script, or to the selection.
+pub fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
+    match act {
+        Act::Select(what, true) => viewer.select_more(what),
+        Act::Select(what, false) => {
+            let again = viewer.selection.as_ref() == Some(&what) && viewer.more().is_empty();
+            viewer.selection = (!again).then_some(what);
+        }
+        Act::Move(bar, secs, drag) => viewer.edit(|v| v.move_bar(&bar, secs, drag)),
+        Act::Slip(what, by) => viewer.edit(|v| v.slip_cue(&what, by)),
+        Act::Time(bar, part, secs, keep) => viewer.edit(|v| match (bar.cut, part) {
+            (Some(cut), _) => v.set_cut(cut, secs),
+            (None, CueTime::Start) if keep => v.trim_cue(&bar.what, secs),
+            (None, part) => v.set_cue(&bar.what, part, secs),
+        }),
+        Act::Stretch(what, end) => viewer.edit(|v| v.stretch_cue(&what, end)),
+        Act::Weight(what, weight) => viewer.edit(|v| v.set_weight(&what, weight)),
+        Act::Run(command) => bar_menu::run(ui, viewer, command),
+    }
+}
+
+impl Viewer {
+    fn move_bar(&mut self, bar: &Bar, secs: f64, drag: Drag) -> Result<(), EditError> {
+        let all = self.selected_bars();
+        if let Some(cut) = bar.cut {
+            return self.set_cut(cut, secs);
+        }
+        match (&bar.what, drag) {
+            (Selected::Camera(_), _) => {
+                let why = "the first camera is on from the start; drag the cut at its end";
+                Err(EditError::refused_at(&bar.place, why))
+            }
+            (Selected::Cue { .. }, Drag::Overlap) => self.overlap_cue(&bar.what, secs),
+            (Selected::Cue { .. }, Drag::Ripple) => self.move_cue(&bar.what, secs, true),
+            _ if all.len() > 1 && all.contains(&bar.what) => self.move_bars(&all, secs - bar.start.as_secs()),
+            (Selected::Cue { .. }, _) => self.move_cue(&bar.what, secs, false),
+            _ => self.move_bars(std::slice::from_ref(&bar.what), secs - bar.start.as_secs()),
+        }
+    }
+}
+
+/// The handles of a bar, and their times.
+fn handles(bar: &Bar) -> Vec<(CueTime, Time)> {
+    match bar.what {
+        Selected::Cue { .. } | Selected::Title(_) => {
+            let fade = (bar.start + bar.fade_in).min(bar.end);
+            let mut all = vec![(CueTime::Start, bar.start), (CueTime::End, bar.until)];
+            all.extend((bar.fade_in > Time::ZERO).then_some((CueTime::FadeIn, fade)));
+            all
+        }
+        Selected::Effect(_) => vec![(CueTime::Start, bar.start), (CueTime::End, bar.until)],
+        _ if bar.cut.is_some() => vec![(CueTime::Start, bar.start)],
+        _ => Vec::new(),
+    }
+}
+
+/// Draws where a bar goes that is dragged; once it is let go, gives its new start, or how far it slipped.
+fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane) -> Option<Act> {
+    if !response.dragged_by(PointerButton::Primary) && !response.drag_stopped() {
+        return None;
+    }
+    let id = response.id.with("grabbed");
+    if response.drag_started() {
+        let origin = ui.input(|i| i.pointer.press_origin())?;
+        ui.data_mut(|d| d.insert_temp(id, origin.x - lane.x(viewer, bar.start.as_secs())));
+    }
+    // Points from the start of the bar to where it was taken.
+    let grabbed: f32 = ui.data(|d| d.get_temp(id))?;
+    let pointer = response.interact_pointer_pos()?.x - grabbed;
+    let (alt, shift, command) = ui.input(|i| (i.modifiers.alt, i.modifiers.shift, i.modifiers.command));
+    let length = (bar.end - bar.start).as_secs();
+    let painter = ui.painter_at(lane.rect);
+    let outline = Stroke::new(2.0, ui.visuals().strong_text_color());
+    if let (true, Some(strip)) = (alt, bar.strip) {
+        // The content goes with the pointer, so that an earlier part of it is seen where it is dragged later.
+        let by = (bar.start.as_secs() - lane.secs(viewer, pointer)) * strip.speed.abs();
+        let start = bar.start.as_secs() - (strip.trim[0] + by) / strip.speed.abs();
+        let ghost = lane.place(viewer, start, start + strip.clip / strip.speed.abs());
+        painter.rect_stroke(ghost, CornerRadius::same(3), outline, StrokeKind::Inside);
+        return (response.drag_stopped() && by != 0.0).then(|| Act::Slip(bar.what.clone(), by));
+    }
+    let (wanted, reach) = (lane.secs(viewer, pointer), lane.reach(viewer));
+    // Whichever edge is nearer to something.
+    let starts = viewer.attracted(wanted, reach, Some(bar));
+    let ends = viewer.attracted(wanted + length, reach, Some(bar)).map(|end| end - length);
+    let near = starts.into_iter().chain(ends);
+    let near = near.min_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs()));
+    let start = near.unwrap_or_else(|| viewer.snapped(wanted));
+    let start = start.max(0.0);
+    let ghost = lane.place(viewer, start, start + length);
+    painter.rect_stroke(ghost, CornerRadius::same(3), outline, StrokeKind::Inside);
+    let drag = match (shift, command) {
+        (true, _) => Drag::Ripple,
+        (_, true) => Drag::Overlap,
+        _ => Drag::Alone,
+    };
+    let moved = response.drag_stopped() && start != bar.start.as_secs();
+    moved.then(|| Act::Move(bar.clone(), start, drag))
+}
+
+/// A place at which something is dragged to another time.
+fn grip(ui: &Ui, place: Rect, id: egui::Id, label: String, cursor: CursorIcon) -> Response {
+    let response = ui.interact(place, id, Sense::drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
+    response.on_hover_cursor(cursor)
+}
+
+/// Draws a handle; once it is let go, gives the new value in seconds, on a whole frame.
+fn handle(
+    ui: &Ui,
+    viewer: &Viewer,
+    bar: &Bar,
+    part: CueTime,
+    at: Time,
+    number: usize,
+    lane: &Lane,
+) -> Option<Act> {
+    let x = lane.x(viewer, at.as_secs());
+    let rect = lane.rect;
+    // The fade's handle is above, the ends' are as high as the bar.
+    let bottom = if part == CueTime::FadeIn { rect.top() + 8.0 } else { rect.bottom() };
+    // The start's lies within the bar where another one's end is beside it.
+    let right = if part == CueTime::Start { x + 5.0 } else { x + 4.0 };
+    let place = Rect::from_min_max(pos2(x - 4.0, rect.top()), pos2(right, bottom)).intersect(rect);
+    if place.width() <= 0.0 {
+        return None;
+    }
+    let id = ui.id().with(("handle", lane.row, number, part as u8));
+    let name = match part {
+        CueTime::Start => "start of",
+        CueTime::End => "end of",
+        CueTime::FadeIn => "fade of",
+    };
+    let label = format!("{name} {} in row {}", bar.label, lane.row);
+    let response = grip(ui, place, id, label, CursorIcon::ResizeHorizontal);
+    let pointer =
+        response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped())?;
+    let secs = lane.snapped(viewer, pointer.x, Some(bar));
+    let stroke = Stroke::new(2.0, ui.visuals().strong_text_color());
+    ui.painter_at(rect).vline(lane.x(viewer, secs), rect.y_range(), stroke);
+    let value = if part == CueTime::FadeIn { (secs - bar.start.as_secs()).max(0.0) } else { secs };
+    let keep = ui.input(|i| i.modifiers.alt);
+    response.drag_stopped().then(|| Act::Time(bar.clone(), part, value, keep))
+}
+
+/// The corner below the end of a selected clip: dragged, it plays faster or slower.
+fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane) -> Option<Act> {
+    let (x, bottom) = (lane.x(viewer, bar.until.as_secs()), lane.rect.bottom() - STRIP - 1.0);
+    let place = Rect::from_min_max(pos2(x - 14.0, bottom - 7.0), pos2(x - 4.0, bottom)).intersect(lane.rect);
+    if place.width() <= 0.0 {
+        return None;
+    }
+    let id = ui.id().with(("speed", lane.row, number));
+    let response = grip(ui, place, id, format!("speed of {}", bar.label), CursorIcon::ResizeEast);
+    let corner = vec![place.right_top(), place.right_bottom(), place.left_bottom()];
+    ui.painter_at(lane.rect).add(egui::Shape::convex_polygon(corner, Color32::WHITE, Stroke::NONE));
+    let speed = bar.strip.map_or(1.0, |strip| strip.speed);
+    let pointer = response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped());
+    let Some(pointer) = pointer else {
+        response.on_hover_text(format!("speed {speed:.2}: drag to play it faster or slower"));
+        return None;
+    };
+    let end = lane.snapped(viewer, pointer.x, Some(bar));
+    let length = (bar.until - bar.start).as_secs() / (end - bar.start.as_secs()).max(1e-3);
+    let ghost = lane.place(viewer, bar.start.as_secs(), end);
+    let stroke = Stroke::new(2.0, ui.visuals().strong_text_color());
+    ui.painter_at(lane.rect).rect_stroke(ghost, CornerRadius::same(3), stroke, StrokeKind::Inside);
+    beside(ui, pointer, &format!("speed {:.2}", speed * length));
+    response.drag_stopped().then(|| Act::Stretch(bar.what.clone(), end))
+}
+
+/// The line of the weight of a selected clip, at the height of the weight: dragged up and down.
+fn weight_handle(ui: &Ui, bar: &Bar, number: usize, lane: &Lane, bar_place: Rect) -> Option<Act> {
+    // The first clip of the base layer always has all the weight.
+    if matches!(bar.what, Selected::Cue { layer: 0, cue: 0, .. }) {
+        return None;
+    }
+    let weight = bar.strip.map_or(1.0, |strip| strip.weight);
+    let y = |weight: f64| bar_place.bottom() - bar_place.height() * weight as f32;
+    let middle = bar_place.center().x;
+    let place =
+        Rect::from_min_max(pos2(middle - 12.0, y(weight) - 3.0), pos2(middle + 12.0, y(weight) + 3.0));
+    let id = ui.id().with(("weight", lane.row, number));
+    let response = grip(ui, place, id, format!("weight of {}", bar.label), CursorIcon::ResizeVertical);
+    let dragged = response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped());
+    let to = dragged.map_or(weight, |at| {
+        // To the hundredth, as a person would write it.
+        let part = f64::from((bar_place.bottom() - at.y) / bar_place.height().max(1.0));
+        (part.clamp(0.0, 1.0) * 100.0).round() / 100.0
+    });
+    let (line, painter) = (Stroke::new(1.0, Color32::from_white_alpha(150)), ui.painter_at(lane.rect));
+    painter.hline(bar_place.x_range(), y(to), line);
+    painter.rect_filled(Rect::from_center_size(pos2(middle, y(to)), vec2(14.0, 3.0)), 1.0, Color32::WHITE);
+    let Some(at) = dragged else {
+        response.on_hover_text(format!("weight {weight:.2}: drag up or down"));
+        return None;
+    };
+    beside(ui, at, &format!("weight {to:.2}"));
+    (response.drag_stopped() && to != weight).then(|| Act::Weight(bar.what.clone(), to))
+}
+
+/// A short text beside the pointer.
+pub(super) fn beside(ui: &Ui, at: egui::Pos2, text: &str) {
+    let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Tooltip, egui::Id::new("beside")));
+    let galley = painter.layout_no_wrap(text.to_string(), FontId::proportional(12.0), Color32::WHITE);
+    let rect = Rect::from_min_size(at + vec2(14.0, -22.0), galley.size()).expand(3.0);
+    painter.rect_filled(rect, 3.0, Color32::from_black_alpha(200));
+    painter.galley(rect.min + vec2(3.0, 3.0), galley, Color32::WHITE);
+}
+
+fn hover(viewer: &Viewer, bar: &Bar) -> String {
+    let mut text =
+        format!("{}\n{} to {}", bar.label, viewer.shown_time(bar.start), viewer.shown_time(bar.end));
+    if bar.fade_in > Time::ZERO {
+        text += &format!("\nfades in over {} s", bar.fade_in.as_secs());
+    }
+    if let Some(strip) = bar.strip {
+        text += &format!("\n{:.3} to {:.3} s of {:.3} s", strip.trim[0], strip.trim[1], strip.clip);
+        if strip.speed != 1.0 {
+            text += &format!(", speed {:.2}", strip.speed);
+        }
+        if strip.weight < 1.0 {
+            text += &format!("\nweight {:.2}", strip.weight);
+        }
+    }
+    if bar.place.line > 0 {
+        text += &format!("\n{}", marks::report(&bar.place));
+    }
+    text
+}
+
+type Looks = (bool, Option<choreo_script::Severity>);
+
+fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane, (selected, wrong): Looks) {
+    let [r, g, b] = COLORS[bar.kind % COLORS.len()];
+    let color = match wrong {
+        Some(choreo_script::Severity::Error) => Color32::from_rgb(0xc0, 0x30, 0x28),
+        Some(choreo_script::Severity::Warning) => Color32::from_rgb(0xa0, 0x68, 0x00),
+        _ => Color32::from_rgb(r, g, b),
+    };
+    let x = |time: Time| lane.x(viewer, time.as_secs());
+    let round = CornerRadius::same(3);
+    let is_off = bar.strip.is_some_and(|strip| strip.weight <= 0.0);
+    painter.rect_filled(place, round, if is_off { color.gamma_multiply(0.35) } else { color });
+    if let Some(holds) = bar.holds_from {
+        // The clip is over: its last pose is held.
+        let held = Rect::from_min_max(pos2(x(holds), place.top()), place.max).intersect(place);
+        painter.rect_filled(held, round, Color32::from_black_alpha(90));
+    }
+    let wedge = |from: f32, to: f32, low: f32| {
+        let points = vec![pos2(from, place.top()), pos2(to, place.top()), pos2(low, place.bottom())];
+        painter.add(egui::Shape::convex_polygon(points, Color32::from_black_alpha(110), Stroke::NONE));
+    };
+    if bar.fade_in > Time::ZERO {
+        let end = x((bar.start + bar.fade_in).min(bar.end));
+        wedge(x(bar.start), end, x(bar.start));
+    }
+    if bar.fade_out > Time::ZERO {
+        let begin = x((bar.end - bar.fade_out).max(bar.start));
+        wedge(begin, x(bar.end), x(bar.end));
+    }
+    rounds(painter, viewer, bar, place, lane);
+    let text = painter.with_clip_rect(place.shrink2(vec2(4.0, 0.0)).intersect(painter.clip_rect()));
+    let left = pos2(place.left() + 5.0, place.center().y);
+    text.text(left, Align2::LEFT_CENTER, &bar.label, FontId::proportional(11.5), Color32::WHITE);
+    if is_off {
+        painter.hline(place.x_range(), place.center().y, Stroke::new(1.0, Color32::WHITE));
+    }
+    if selected {
+        painter.rect_stroke(place, round, Stroke::new(2.0, Color32::WHITE), StrokeKind::Inside);
+    }
+}
+
+/// Where a clip begins again, and, of one that is cut short, how far it would go.
+fn rounds(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane) {
+    let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
+    let (start, end) = (bar.start.as_secs(), bar.end.as_secs());
+    if strip.repeat == Repeat::Once || start + strip.length() > end {
+        if start + strip.length() > end + 1e-3 {
+            let ghost = lane.place(viewer, start, start + strip.length());
+            let stroke = Stroke::new(1.0, Color32::from_white_alpha(70));
+            painter.rect_stroke(ghost, CornerRadius::same(3), stroke, StrokeKind::Inside);
+        }
+        return;
+    }
+    for round in 1..MOST_ROUNDS {
+        let at = start + round as f64 * strip.length();
+        if at >= end {
+            break;
+        }
+        let x = lane.x(viewer, at);
+        let low = Stroke::new(1.0, Color32::from_white_alpha(120));
+        painter.vline(x, place.top()..=place.top() + 4.0, low);
+        painter.vline(x, place.bottom() - 4.0..=place.bottom(), low);
+    }
+}

@@ -1,0 +1,70 @@
+//! Files that are dropped on the window: models on a viewport are put on stage under the pointer; all others are shown alone.
+
+use crate::app::Viewer;
+use crate::editing::DroppedModels;
+use crate::geometry::projection::Lens;
+use egui::{Event, Pos2, Rect, Ui};
+use glam::{DVec2, DVec3};
+use std::path::PathBuf;
+
+/// Seconds after which the last known place of the pointer counts. While files are dragged it belongs to their source, and it is known
+/// again when it moves.
+const PATIENCE: f64 = 0.4;
+/// Metres; the ground further away is taken for the sky.
+const FARTHEST: f64 = 500.0;
+
+/// Files whose place is not known yet, and since when.
+#[derive(Default)]
+pub struct Waiting {
+    files: Vec<PathBuf>,
+    since: f64,
+}
+
+pub fn take(waiting: &mut Waiting, ui: &Ui, viewer: &mut Viewer) {
+    let (dropped, now) = ui.input(|i| (i.raw.dropped_files.clone(), i.time));
+    for file in dropped {
+        let path = file.path().to_path_buf();
+        // An object that is no file has no path.
+        if !path.as_os_str().is_empty() {
+            waiting.files.push(path);
+            waiting.since = now;
+        }
+    }
+    if waiting.files.is_empty() {
+        return;
+    }
+    let moved = ui.input(|i| i.events.iter().any(|event| matches!(event, Event::PointerMoved(_))));
+    if !moved && now - waiting.since < PATIENCE {
+        ui.ctx().request_repaint_after(std::time::Duration::from_secs_f64(PATIENCE));
+        return;
+    }
+    let files = std::mem::take(&mut waiting.files);
+    let is_model = |file: &PathBuf| !file.extension().is_some_and(|e| e.eq_ignore_ascii_case("rhai"));
+    let scene = viewer.path.is_some() && viewer.scene.is_some() && viewer.guests.is_empty() && !viewer.faulty;
+    let pointer = ui.input(|i| i.pointer.latest_pos());
+    let at = pointer.and_then(|at| ground(viewer, at)).filter(|_| scene && files.iter().all(is_model));
+    match at {
+        Some(at) => viewer.dropped_models = Some(DroppedModels { files, at }),
+        None => viewer.dropped.extend(files),
+    }
+}
+
+/// The place on the ground under a point of a viewport; where that is the sky, the point that the view is about.
+fn ground(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
+    let scene = viewer.scene.as_ref()?;
+    let inside = |view: &&crate::state::view::View| {
+        let [left, top, right, bottom] = view.place;
+        view.seen && Rect::from_min_max(Pos2::new(left, top), Pos2::new(right, bottom)).contains(at)
+    };
+    let view = viewer.views.iter().find(inside)?;
+    let [left, top, right, bottom] = view.place.map(f64::from);
+    let lens =
+        Lens::new(&view.now(&scene.stage)?, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
+    let (origin, direction) = lens.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
+    let far = -origin.y / direction.y;
+    if far.is_finite() && far > 0.0 && far < FARTHEST {
+        return Some(origin + direction * far);
+    }
+    let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
+    Some(DVec3::new(middle.x, 0.0, middle.z))
+}

@@ -1,0 +1,117 @@
+//! Heads of the sequencer's rows: collapse, mute, solo, lock. They change what this window shows, never the script.
+
+use crate::app::Viewer;
+use crate::state::selection::Selected;
+use crate::state::timeline::Timeline;
+use egui::{Align2, Color32, FontId, Rect, Sense, Ui, pos2, vec2};
+
+/// Points of a button.
+const WIDTH: f32 = 14.0;
+/// Points of the triangle that collapses.
+const FOLD: f32 = 13.0;
+
+/// A button of a row's head that was pressed.
+pub enum Toggle {
+    Collapse(String),
+    /// A layer of an actor's clips does not play.
+    Mute(String, usize),
+    Solo(String),
+    Lock(String),
+}
+
+fn has_layers(timeline: &Timeline, index: usize) -> bool {
+    let row = &timeline.rows[index];
+    let below = timeline.rows.get(index + 1);
+    row.layer == Some(0) && below.is_some_and(|next| next.what == row.what && next.layer > Some(0))
+}
+
+/// What is left for the name.
+pub fn name_place(timeline: &Timeline, index: usize, label: Rect) -> Rect {
+    let row = &timeline.rows[index];
+    let left = if has_layers(timeline, index) || row.layer > Some(0) { FOLD - 4.0 } else { 0.0 };
+    let buttons = match (&row.what, row.layer) {
+        (Some(Selected::Actor(_)), Some(1..)) => 1.0,
+        (Some(Selected::Actor(_)), _) => 3.0,
+        _ => 0.0,
+    };
+    Rect::from_min_max(label.min + vec2(left, 0.0), label.max - vec2(buttons * WIDTH, 0.0))
+}
+
+pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<Toggle> {
+    let row = &viewer.timeline.rows[index];
+    let Some(Selected::Actor(name)) = &row.what else { return None };
+    let shelf = &viewer.shelf;
+    let mut toggled = None;
+    if has_layers(&viewer.timeline, index) {
+        let place = Rect::from_min_size(label.min, vec2(FOLD, label.height()));
+        let closed = shelf.collapsed.contains(name);
+        let sign = if closed { "▶" } else { "▼" };
+        let about = format!("layers of {name}");
+        if button(ui, place, sign, !closed, &about, "show or hide the layers") {
+            toggled = Some(Toggle::Collapse(name.clone()));
+        }
+    }
+    let place = |number: f32| {
+        let right = label.right() - 2.0 - number * WIDTH;
+        Rect::from_min_max(pos2(right - WIDTH, label.top() + 3.0), pos2(right, label.bottom() - 3.0))
+    };
+    let layer = row.layer.unwrap_or(0);
+    let is_base = layer == 0;
+    if row.layer.is_some() {
+        let muted = shelf.muted.contains(&(name.clone(), layer));
+        let about = format!("mute {}", row.label);
+        let number = if is_base { 2.0 } else { 0.0 };
+        if button(ui, place(number), "M", muted, &about, "its clips do not play in this window") {
+            toggled = Some(Toggle::Mute(name.clone(), layer));
+        }
+    }
+    if is_base {
+        let about = format!("only {name} in rows");
+        if button(ui, place(1.0), "S", shelf.solo.contains(name), &about, "only what is solo is seen here") {
+            toggled = Some(Toggle::Solo(name.clone()));
+        }
+        let about = format!("lock the row of {name}");
+        let hint = "its bars and its gizmo cannot be dragged";
+        if button(ui, place(0.0), "L", shelf.locked.contains(name), &about, hint) {
+            toggled = Some(Toggle::Lock(name.clone()));
+        }
+    }
+    toggled
+}
+
+pub fn toggle(viewer: &mut Viewer, toggle: Toggle) {
+    let shelf = &mut viewer.shelf;
+    let (set, name) = match toggle {
+        Toggle::Mute(name, layer) => {
+            if !shelf.muted.remove(&(name.clone(), layer)) {
+                shelf.muted.insert((name, layer));
+            }
+            return;
+        }
+        Toggle::Collapse(name) => (&mut shelf.collapsed, name),
+        Toggle::Solo(name) => (&mut shelf.solo, name),
+        Toggle::Lock(name) => (&mut shelf.locked, name),
+    };
+    if !set.remove(&name) {
+        set.insert(name);
+    }
+}
+
+fn button(ui: &Ui, place: Rect, sign: &str, on: bool, about: &str, hint: &str) -> bool {
+    let response = ui.interact(place, ui.id().with(about), Sense::click());
+    response.widget_info(|| egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, on, about));
+    let visuals = ui.visuals();
+    let is_sign = sign.len() > 1;
+    let color = match on {
+        true if !is_sign => visuals.strong_text_color(),
+        _ if response.hovered() => visuals.text_color(),
+        _ => visuals.weak_text_color(),
+    };
+    if on && !is_sign {
+        ui.painter().rect_filled(place.shrink(1.0), 2.0, visuals.selection.bg_fill);
+    }
+    let font = if is_sign { FontId::proportional(8.0) } else { FontId::monospace(10.0) };
+    let color: Color32 = color;
+    ui.painter().text(place.center(), Align2::CENTER_CENTER, sign, font, color);
+    response.on_hover_text(hint).clicked()
+}
