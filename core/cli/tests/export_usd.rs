@@ -1,7 +1,5 @@
 //! `choreo export -o scene.usdc`: usd-core reads the file without warnings, its validators have nothing to say, and joints, vertices, blend
 //! shapes and cameras are where the scene has them. `cargo test -p choreo --test export_usd -- --nocapture` prints the table.
-//!
-//! `--ignored` checks all lessons.
 
 mod common;
 #[path = "common/exported.rs"]
@@ -391,8 +389,7 @@ fn the_summary_states_the_largest_error_and_what_is_left_out() {
 }
 
 #[test]
-#[ignore = "all lessons take minutes; cargo test -p choreo --test export_usd -- --ignored --nocapture"]
-fn all_lessons() {
+fn all_lessons_are_valid_and_have_their_vertices_where_they_were() {
     let Some(python) = python_with("pxr", USD) else { return };
     let mut wrong = Vec::new();
     for path in lessons() {

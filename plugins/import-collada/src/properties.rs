@@ -57,11 +57,14 @@ impl Driven {
     }
 }
 
-/// The values of one camera or light over time, in the order of its targets.
+/// The values of one camera or light, in the order of its targets.
+type ValuesOf<'f> = &'f dyn Fn(&Numbers) -> Vec<f32>;
+
+/// A camera or light over time.
 struct Moving<'d> {
     rest: Numbers,
     driven: Vec<&'d Driven>,
-    value: &'d dyn Fn(&Numbers) -> Vec<f32>,
+    value: ValuesOf<'d>,
 }
 
 impl Moving<'_> {
@@ -88,12 +91,12 @@ pub fn curves(
     for (index, camera) in (0u32..).zip(&objects.cameras) {
         let driven = of(camera.element);
         let kind = name_of(camera.numbers_of);
-        let (target, metres) = (PropertyTarget::CameraYfov(index), objects.metres);
+        let metres = objects.metres;
         let angle = |n: &Numbers| vec![n.angle().unwrap_or(0.7).clamp(1e-3, 3.1) as f32];
         let height = move |n: &Numbers| vec![(n.height() * metres).max(1e-6) as f32];
-        let (target, value): (_, &dyn Fn(&Numbers) -> Vec<f32>) = match kind {
+        let (target, value): (_, ValuesOf<'_>) = match kind {
             "orthographic" => (PropertyTarget::CameraHeight(index), &height),
-            _ => (target, &angle),
+            _ => (PropertyTarget::CameraYfov(index), &angle),
         };
         let moving = Moving { rest: Numbers::read(xml, camera.numbers_of)?, driven, value };
         add(xml, &moving, &[target], range, &mut out)?;

@@ -17,7 +17,7 @@ pub struct Clips<'a> {
     pub start: f64,
     pub rate: f64,
     pub curves: Vec<Curve>,
-    /// Of cameras and lights.
+    /// Curves of cameras and lights.
     pub properties: Vec<PropertyCurve>,
 }
 

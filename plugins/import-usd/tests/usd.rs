@@ -232,8 +232,7 @@ fn the_three_kinds_of_files_are_the_same_scene() {
 fn an_image_of_a_dome_is_named() {
     let text = "#usda 1.0\ndef DomeLight \"sky\" {\n asset inputs:texture:file = @./env.exr@\n}\n";
     let asset = import_bytes(&UsdImporter, "a.usda", text).unwrap();
-    let said =
-        "/sky: is a DomeLight with an image, which is left out; sky(\"env.exr\") in a script shows it";
+    let said = "/sky: is a DomeLight with an image, which is left out; sky(\"env.exr\") in a script shows it";
     assert_eq!(warnings(&asset), [said]);
     assert_eq!(asset.ambient, glam::Vec3::ZERO);
 }

@@ -6,6 +6,7 @@
 mod baking;
 mod bloom;
 mod chains;
+mod compositor;
 mod crossfade;
 mod deferred;
 mod detail;
@@ -20,7 +21,6 @@ mod film;
 mod foot_locking;
 mod gif;
 mod glass;
-mod gltf_export;
 mod ik;
 mod images;
 mod keys;
@@ -35,6 +35,7 @@ mod retargeting;
 mod root_motion;
 mod rotation;
 mod samples;
+mod scene_export;
 mod scenes;
 mod shadows;
 mod skinning;
@@ -70,7 +71,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// Sections by name, in the order of the report.
-const SECTIONS: [(&str, Measure); 43] = [
+const SECTIONS: [(&str, Measure); 44] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -113,7 +114,8 @@ const SECTIONS: [(&str, Measure); 43] = [
     ("yuv", yuv::section),
     ("video", video::section),
     ("gif", gif::section),
-    ("gltf_export", gltf_export::section),
+    ("scene_export", scene_export::section),
+    ("compositor", compositor::section),
 ];
 
 /// Seconds for the timings of one choice.

@@ -1,4 +1,4 @@
-//! How close keys of an exported glTF file are to the scene, and what that costs.
+//! How close keys of an exported glTF or USD file are to the scene, and what that costs.
 
 use crate::images::stage;
 use crate::scenes::import;
@@ -35,10 +35,10 @@ fn name(metres: f64) -> String {
     format!("{} mm", metres * 1e3)
 }
 
-fn exported(registry: &Registry, scene: &Arc<Stage>, metres: f64) -> Result<Vec<u8>, String> {
-    let exporter = registry.scene_exporter_for("out.glb").ok_or("no exporter writes .glb")?;
+fn exported(registry: &Registry, scene: &Arc<Stage>, file: &str, metres: f64) -> Result<Vec<u8>, String> {
+    let exporter = registry.scene_exporter_for(file).ok_or(format!("no exporter writes {file}"))?;
     let mut scene = ExportedScene::new("scene.rhai", scene.clone());
-    scene.extension = "glb".into();
+    scene.extension = file.rsplit('.').next().unwrap_or_default().into();
     scene.options = exporter.manifest().complete(&scene.options).map_err(|e| e.message)?;
     scene.options.0.insert("tolerance".into(), OptionValue::Number(metres));
     let mut files = MemoryFiles::default();
@@ -47,8 +47,12 @@ fn exported(registry: &Registry, scene: &Arc<Stage>, metres: f64) -> Result<Vec<
 }
 
 /// Metres that joints are off, with the place of the worst.
-fn errors(scene: &Arc<Stage>, registry: &Registry, glb: Vec<u8>) -> Result<(Spread, String), String> {
-    let again = import(registry, "out.glb", glb, &[])?;
+fn errors(
+    scene: &Arc<Stage>,
+    registry: &Registry,
+    (file, bytes): (&str, Vec<u8>),
+) -> Result<(Spread, String), String> {
+    let again = import(registry, file, bytes, &[])?;
     let clip = again.clips.first().ok_or("the file has no animation")?;
     let names = scene.actors[0].asset.skeleton.names();
     let joints: Vec<usize> = names
@@ -71,41 +75,54 @@ fn errors(scene: &Arc<Stage>, registry: &Registry, glb: Vec<u8>) -> Result<(Spre
     Ok((error, place))
 }
 
-pub fn section() -> Result<Section, String> {
-    let registry = choreo::registry();
-    let scene = stage(SCENE, &registry)?;
-    let mut choice = Choice::new("gltf_export", "How far may joints of an exported scene be off?");
+/// Tolerances of one format.
+fn choice(
+    registry: &Registry,
+    scene: &Arc<Stage>,
+    (file, key, format): (&str, &str, &str),
+) -> Result<Choice, String> {
+    let mut choice = Choice::new(key, format!("How far may joints of a scene exported as {format} be off?"));
     choice.error_unit = "mm";
     choice.reference = format!(
-        "the scene itself at {TIMES} times between its frames; the file's keys by slerp in f64, as glTF states"
+        "the scene itself at {TIMES} times between its frames; the file's keys, read again, with slerp in f64"
     );
     choice.per = "export of 6 s of one character".into();
     for metres in TOLERANCES {
-        let glb = exported(&registry, &scene, metres)?;
-        let bytes = glb.len() as f64;
-        let (error, place) = errors(&scene, &registry, glb)?;
+        let written = exported(registry, scene, file, metres)?;
+        let bytes = written.len() as f64;
+        let (error, place) = errors(scene, registry, (file, written))?;
         choice
             .rows
             .push(Row::new(name(metres)).error(error.worst * 1e3, error.mean() * 1e3).at(place).bytes(bytes));
     }
     let case = |metres: &f64| {
-        let (registry, scene, metres) = (&registry, &scene, *metres);
-        Case::new(1, move || drop(std::hint::black_box(exported(registry, scene, metres))))
+        let metres = *metres;
+        Case::new(1, move || drop(std::hint::black_box(exported(registry, scene, file, metres))))
     };
     let nanos =
         interleaved(Clock::Process, 4.0 * BUDGET_SECS, &mut TOLERANCES.iter().map(case).collect::<Vec<_>>());
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
-    choice.choose(
+    Ok(choice)
+}
+
+pub fn section() -> Result<Section, String> {
+    let registry = choreo::registry();
+    let scene = stage(SCENE, &registry)?;
+    let mut gltf = choice(&registry, &scene, ("out.glb", "gltf_export", "glTF"))?;
+    gltf.choose(
         &name(DEFAULT),
         "closer than any player shows, for a file that is a third larger than with a millimetre",
     );
+    let mut usd = choice(&registry, &scene, ("out.usdc", "usd_export", "USD"))?;
+    usd.choose(&name(DEFAULT), "the same as for glTF, so that a scene is as exact in all programs");
     Ok(Section {
         title: "Exported animation",
         text: "Keys of a glTF file have straight lines and slerp between them, and a callback, a held foot or an arm that reaches goes along \
                other curves. Where these are off by more than half of the tolerance, more keys are sampled; keys that follow from the others \
-               go for the other half (decision 61). The mesh is part of each size."
+               go for the other half (decision 61). All joints of a USD skeleton share their times, so that one joint's key is one of all. The mesh is \
+               part of each size."
             .into(),
-        choices: vec![choice],
+        choices: vec![gltf, usd],
         tables: Vec::new(),
         off_front: Vec::new(),
     })
