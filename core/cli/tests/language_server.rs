@@ -139,7 +139,8 @@ fn applied(text: &str, action: &Value, uri: &str) -> String {
         let units: Vec<u16> = line.encode_utf16().collect();
         let at = |p: &Value| p["character"].as_u64().unwrap() as usize;
         let text = |units: &[u16]| String::from_utf16(units).unwrap();
-        *line = text(&units[..at(start)]) + edit["newText"].as_str().unwrap() + &text(&units[at(end)..]);
+        *line =
+            text(&units[..at(start)]) + edit["newText"].as_str().unwrap() + text(&units[at(end)..]).as_str();
     }
     lines.join("\n")
 }
@@ -273,6 +274,10 @@ fn short_names_of_joints_are_known() {
     assert!(about.contains("**LeftHand** — `hand.l_Armature`, joint of `godette.vrm`"), "{about}");
     let about = editor.hover(&uri, "load(\"kni¦ght.glb\");");
     assert!(about.starts_with("**knight.glb**") && !about.contains("—"), "{about}");
+    let joints = editor.labels(&uri, &format!("{head}a.joint(\"Right¦\");"));
+    for name in ["RightHand", "Head", "hand.r_Armature"] {
+        assert!(joints.iter().any(|joint| joint == name), "{name} is not in {joints:?}");
+    }
     for (slip, meant) in
         [("LeftHnd", "LeftHand"), ("Haed", "Head"), ("hnad.l", "hand.l"), ("RigthFoot", "RightFoot")]
     {
@@ -280,6 +285,88 @@ fn short_names_of_joints_are_known() {
         let found = messages(&editor.checked(&uri)).join("\n");
         assert!(found.contains(&format!("did you mean \"{meant}\"?")), "{slip}: {found}");
     }
+}
+
+/// Clients filter by the label: each joint is offered by a name that begins as the guide writes it, and scripts may use it.
+#[test]
+fn joints_are_offered_by_their_short_names() {
+    let folder = project();
+    let joints = ["mixamorig:Hips", "mixamorig:Spine", "mixamorig:HeadTop_End", "Armature|Tail", "own"];
+    let nodes: Vec<Value> = (0..joints.len())
+        .map(|i| match i + 1 < joints.len() {
+            true => json!({ "name": joints[i], "children": [i + 1], "translation": [0, 1, 0] }),
+            false => json!({ "name": joints[i] }),
+        })
+        .collect();
+    let model =
+        json!({ "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": nodes });
+    std::fs::write(folder.path().join("models/mixamo.gltf"), model.to_string()).unwrap();
+    let uri = script(folder.path(), "");
+    let mut editor = Editor::start(folder.path());
+    let head = "let m = load(\"models/mixamo.gltf\");\nlet a = cast(\"a\", m);\n";
+    let labels = editor.labels(&uri, &format!("{head}a.joint(\"¦\");"));
+    let of_file = joints.iter().map(|name| name.to_string());
+    let short = ["Hips", "Spine", "HeadTop_End", "Tail"].map(String::from);
+    for name in of_file.chain(short.clone()) {
+        assert_eq!(labels.iter().filter(|label| **label == name).count(), 1, "{name}: {labels:?}");
+    }
+    let patterns = editor.labels(&uri, &format!("{head}a.spring(\"¦\");"));
+    assert!(patterns.contains(&"Spine..".to_string()), "{patterns:?}");
+    for name in short {
+        editor.set(&uri, &format!("{head}a.joint(\"{name}\");"));
+        let found = messages(&editor.checked(&uri)).join("\n");
+        assert!(!found.contains("joint"), "{name}: {found}");
+    }
+}
+
+/// The rows of the guide's dialogue, and the actors of a scene in its test.
+#[test]
+fn completion_follows_maps_and_scenes() {
+    let folder = project();
+    let root = folder.path().canonicalize().unwrap();
+    std::fs::create_dir_all(root.join("shots/tests")).unwrap();
+    std::fs::create_dir_all(root.join("shots/models")).unwrap();
+    std::fs::copy(root.join("models/tri.gltf"), root.join("shots/models/tri.gltf")).unwrap();
+    let scene = format!("{HEAD}let cam = camera(\"wide\");\n");
+    std::fs::write(root.join("shots/scene.rhai"), scene).unwrap();
+    let main = script(folder.path(), "");
+    let test = uri(&root.join("shots/tests/film.rhai"));
+    let mut editor = Editor::start(folder.path());
+    let rows = format!("{HEAD}let lines = [#{{ who: hero, from: 0.5 }}, #{{ who: hero, until: 2.8 }}];\n");
+    let film = "test(\"a\", || {\n    let film = scene(\"../scene.rhai\");\n";
+    let mut has = |uri: &str, text: String, wanted: &[&str], unwanted: &[&str]| {
+        let labels = editor.labels(uri, &text);
+        for label in wanted {
+            assert!(labels.iter().any(|l| l == label), "{text}: {label} is not in {labels:?}");
+        }
+        for label in unwanted {
+            assert!(!labels.iter().any(|l| l == label), "{text}: {label} is in {labels:?}");
+        }
+    };
+    has(&main, format!("{rows}for line in lines {{ line.¦ }}"), &["who", "from", "until"], &["play"]);
+    has(&main, format!("{rows}for line in lines {{ line.who.¦ }}"), &["play", "look_at"], &["cut", "who"]);
+    has(
+        &main,
+        format!("{rows}for line in lines {{ line.who.key(\"¦\", []); }}"),
+        &["position", "morph"],
+        &["cone"],
+    );
+    has(&main, format!("{rows}for line in lines {{ line.who.joint(\"¦\"); }}"), &["Root", "Slider"], &[]);
+    has(&main, format!("{HEAD}let q = #{{ who: hero }};\nq.who.¦"), &["play"], &["cut"]);
+    has(&test, format!("{film}    film.actor(\"¦\")"), &["hero"], &["wide"]);
+    has(&test, format!("{film}    film.camera(\"¦\")"), &["wide"], &["hero"]);
+    has(&test, format!("{film}    film.actor(\"hero\").¦"), &["joint", "play"], &["cut"]);
+    has(&test, format!("{film}    film.actor(\"hero\").joint(\"¦\")"), &["Root", "Slider"], &[]);
+    // Nothing outside the folder that is open.
+    has(
+        &test,
+        "test(\"a\", || {\n    let film = scene(\"../../../scene.rhai\");\n    film.actor(\"¦\")".into(),
+        &[],
+        &["hero"],
+    );
+    let text = format!("{rows}for line in lines {{ line.w¦ho.hide(); }}");
+    let about = editor.hover(&main, &text);
+    assert!(about.starts_with("**who**: Actor \"hero\" of models/tri.gltf"), "{about}");
 }
 
 /// A test beside a scene: its sections are run while they are typed, and nothing is missing on stage.
@@ -313,6 +400,44 @@ fn sections_of_tests_have_diagnostics() {
         m["params"]["uri"] == scene.as_str() && m["params"]["diagnostics"][0].is_object()
     });
     assert!(told["params"]["diagnostics"][0]["message"].as_str().unwrap().contains("plya"), "{told}");
+}
+
+/// A new test that was never saved is checked as a saved one is.
+#[test]
+fn sections_of_new_files_have_diagnostics() {
+    let folder = project();
+    let root = folder.path().canonicalize().unwrap();
+    std::fs::create_dir(root.join("tests")).unwrap();
+    std::fs::write(root.join("scene.rhai"), HEAD).unwrap();
+    let of_film = |call: &str| {
+        let scene = "let film = scene(\"scene.rhai\");";
+        format!("test(\"stands\", || {{\n    {scene}\n    {call};\n}});\n")
+    };
+    let beside = uri(&root.join("new.rhai"));
+    let in_tests = uri(&root.join("tests/new.rhai"));
+    let of_code = format!("untitled:{}", root.join("tests/code.rhai").display());
+    let mut editor = Editor::start(&root);
+    for uri in [&beside, &in_tests, &of_code, &"untitled:Untitled-1".to_string()] {
+        editor.open(uri, "");
+        for (call, line, expected) in [
+            ("expect(film.actor(\"hreo\")).y().above(-9.0)", 2, "did you mean \"hero\"?"),
+            ("expect(film.actor(\"hero\")).sped().above(0.0)", 2, "Expect has no method \"sped\""),
+            ("expect_picture(\"a\", #{ sz: [8, 8] })", 2, "unknown option \"sz\""),
+        ] {
+            editor.set(uri, &of_film(call));
+            let found = editor.checked(uri);
+            assert_eq!(found.len(), 1, "{uri} {call}: {found:?}");
+            assert!(messages(&found)[0].contains(expected), "{uri} {call}: {found:?}");
+            assert_eq!(found[0]["range"]["start"]["line"], line, "{uri} {call}: {found:?}");
+        }
+        editor.set(uri, &of_film("expect(film.actor(\"hero\")).y().above(-9.0)"));
+        assert_eq!(messages(&editor.checked(uri)), [""; 0], "{uri}");
+        // A test of its own stage, which only compares an image.
+        editor.set(uri, "test(\"looks\", || {\n    expect_picture(\"a\", #{ sz: [8, 8] });\n});\n");
+        let found = messages(&editor.checked(uri));
+        assert!(found.len() == 1 && found[0].contains("unknown option \"sz\""), "{uri}: {found:?}");
+    }
+    assert!(!root.join("new.rhai").exists() && !root.join("untitled.rhai").exists());
 }
 
 #[test]
@@ -531,8 +656,27 @@ fn names_are_found_and_renamed_where_they_mean_the_same() {
             "{refused}"
         );
     }
-    let position = editor.place(&main, "let a¦ = 1;\nprint(`${a}`);\n");
-    assert_eq!(editor.request("textDocument/rename", rename(&position, "b")), Err(-32803));
+    // The code inside a text is renamed, from there, too; its letters are not.
+    for marked in [
+        "let kai¦ = [1];\nprint(`kai ${kai[0]} ${#{ kai: kai.len() }.kai} ${`${kai}`}`);\n",
+        "let kai = [1];\nprint(`kai ${k¦ai[0]} ${#{ kai: kai.len() }.kai} ${`${kai}`}`);\n",
+    ] {
+        let position = editor.place(&main, marked);
+        let edits = editor.request("textDocument/rename", rename(&position, "mia")).unwrap();
+        let renamed = applied(&marked.replace('¦', ""), &json!({ "edit": edits }), &main);
+        let expected = "let mia = [1];\nprint(`kai ${mia[0]} ${#{ kai: mia.len() }.kai} ${`${mia}`}`);\n";
+        assert_eq!(renamed, expected);
+        let range = editor.at("textDocument/prepareRename", &main, marked)["range"].clone();
+        assert_eq!(part(expected, &range).replace("mia", "kai"), "kai");
+    }
+    for text in [
+        "let a¦ = 1;\nprint(`${b}`);\n",
+        "let a¦ = 1;\nprint(`${[1].map(|a| a)}`);\n",
+        "fn a¦() { 1 }\nprint(`${x.a()}`);\n",
+    ] {
+        let position = editor.place(&main, text);
+        assert_eq!(editor.request("textDocument/rename", rename(&position, "b")), Err(-32803), "{text}");
+    }
 
     // A function of a module, in both files.
     let text = "import \"steps\" as s;\ns::step¦per(\"a\");\nlet stepper = 1;\n";
@@ -617,6 +761,140 @@ fn the_options_are_those_that_the_calls_accept() {
         compared += accepted.len();
     }
     assert!(compared > 100, "{compared}");
+}
+
+/// A call of each entry that takes options, `OPT`; of several, one must accept an option that is offered.
+const CALLS: &str = "\
+    stage: stage(OPT)
+    load: load(\"models/tri.gltf\", OPT)
+    load: load(\"choreo:mannequin\", OPT)
+    shape: shape(\"box\", OPT)
+    shape: shape(\"sphere\", OPT)
+    shape: shape(\"torus\", OPT)
+    shape: shape(\"capsule\", OPT)
+    shape: shape(\"cylinder\", OPT)
+    shape: shape(\"plane\", OPT)
+    mesh: mesh(OPT)
+    lines: lines(OPT)
+    points: points(OPT)
+    image: image(2, 2, [], OPT)
+    image: image(\"a.png\", OPT)
+    image: image(OPT)
+    Asset.texture: shape(\"box\").texture(0, \"color\", image(1, 1, [[0, 0, 0]]), OPT)
+    Asset.repeat: shape(\"box\").repeat([OPT])
+    Asset.repeat: shape(\"box\").repeat(OPT)
+    sun: sun(OPT)
+    point: point(OPT)
+    spot: spot(OPT)
+    ambient: ambient(OPT)
+    sky: sky(\"studio\", OPT)
+    text: text(\"a\", OPT)
+    title: title(\"a\", OPT)
+    picture: picture(image(1, 1, [[0, 0, 0]]), OPT)
+    panel: panel(OPT)
+    letterbox: letterbox(2.0, OPT)
+    Flat.outline: text(\"a\").outline(OPT)
+    Flat.panel: text(\"a\").panel(OPT)
+    fade_in: fade_in(1, OPT)
+    fade_out: fade_out(1, OPT)
+    effect: effect(\"bloom\", OPT)
+    Effect.on: effect(\"bloom\").on(h, OPT)
+    perform: perform(h, |w| { w.hide(); }, OPT)
+    Actor.attach: h.attach(b, OPT)
+    Actor.detach: h.detach(OPT)
+    Actor.shadow: h.shadow(OPT)
+    Actor.surfaces: h.surfaces(OPT)
+    Actor.play: h.play(walk, OPT)
+    Actor.look_at: h.look_at([0, 0, 0], OPT)
+    Actor.reach: h.reach(\"LeftHand\", [0, 0, 0], OPT)
+    Actor.aim: h.aim(\"LeftHand\", [0, 0, 0], OPT)
+    Actor.plant_feet: h.plant_feet(OPT)
+    Actor.mirror: h.mirror(OPT)
+    Actor.spring: h.spring(\"Head\", OPT)
+    Actor.springs: h.springs(OPT)
+    Actor.collider: h.collider(\"Head\", OPT)
+    Actor.root_motion: h.root_motion(OPT)
+    Actor.in_place: h.in_place(OPT)
+    Actor.path: h.path([[0, 0, 0], [1, 0, 0]], OPT)
+    Actor.walk_to: h.walk_to([1, 0, 1], OPT)
+    Joint.limit: h.joint(\"Head\").limit(OPT)
+    Cue.then: h.play(walk).then(walk, OPT)
+    Cue.on: h.play(walk).on(\"Spine1..\", OPT)
+    Cue.root_motion: h.play(walk).root_motion(OPT)
+    Cue.in_place: h.play(walk).in_place(OPT)
+    Clip.retarget: walk.retarget(a, OPT)
+    Clip.mapping: walk.mapping(a, OPT)
+    Clip.offset: walk.offset(\"Head\", OPT)
+    Clip.reduce: walk.reduce(0.01, OPT)
+    Camera.look_at: c.look_at([0, 0, 0], OPT)
+    Camera.shake: c.shake(OPT)
+    Camera.orbit: c.orbit([0, 0, 0], OPT)
+    Camera.frame: c.frame(OPT)
+    Camera.cut: c.cut(1, OPT)
+    test: test(\"a\", OPT, || { expect(h).y().above(0.0); })
+    scene: TEST scene(\"other.rhai\", OPT)
+    plan: TEST plan(OPT)
+    expect_picture: TEST expect_picture(\"a\", OPT)
+    Expect.on_floor: TEST expect(h).on_floor(OPT)
+    Expect.in_frame: TEST expect(h).in_frame(OPT)
+    Expect.slide: TEST expect(h).slide(OPT)";
+
+/// Whether the calls of an entry take an option: none of them may report it as unknown. The last one is unknown to all.
+fn refused_options(editor: &mut Editor, uri: &str, call: &str, options: &[String]) -> Vec<String> {
+    const HEAD: &str = "let a = load(\"choreo:mannequin\"); let walk = a.clip(\"Walk\"); let c = camera(\"c\"); \
+        let h = cast(\"h\", a); let b = cast(\"b\", a);\n";
+    let line = |name: &String| {
+        let call = call.replace("OPT", &format!("#{{ {name}: () }}"));
+        match call.strip_prefix("TEST ") {
+            Some(call) => format!("test(\"{name}\", || {{ {call}; }});\n"),
+            None => format!("{call};\n"),
+        }
+    };
+    // A second call of `stage` is refused whatever its options are, and after some failed statements a script ends.
+    let at_once = if call.starts_with("stage") { 1 } else { 12 };
+    let mut refused = Vec::new();
+    for options in options.chunks(at_once) {
+        let lines: String = options.iter().map(line).collect();
+        editor.set(uri, &format!("{HEAD}{lines}"));
+        for message in messages(&editor.checked(uri)) {
+            let name = message.split_once(": unknown option \"").and_then(|(_, rest)| rest.split('"').next());
+            refused.extend(name.map(str::to_string));
+        }
+    }
+    refused
+}
+
+/// Each option that is offered is accepted, in all calls of the API.
+#[test]
+fn every_offered_option_is_accepted() {
+    let folder = project();
+    let root = folder.path().canonicalize().unwrap();
+    std::fs::write(root.join("other.rhai"), HEAD).unwrap();
+    let uri = script(folder.path(), "");
+    let mut editor = Editor::start(folder.path());
+    editor.open(&uri, "");
+    let calls = || CALLS.lines().map(|line| line.trim().split_once(": ").unwrap());
+    let (mut invented, mut offered) = (Vec::new(), 0);
+    for entry in choreo_script::describe::entries() {
+        let mut options: Vec<String> = entry.options().into_iter().map(|option| option.name).collect();
+        let own: Vec<&str> =
+            calls().filter(|(name, _)| *name == entry.full_name()).map(|(_, call)| call).collect();
+        assert!(
+            options.is_empty() || !own.is_empty(),
+            "{} is tried with no call: {options:?}",
+            entry.full_name()
+        );
+        offered += options.len();
+        for call in own {
+            options.push("no_such_option".to_string());
+            let refused = refused_options(&mut editor, &uri, call, &options);
+            assert!(refused.contains(&"no_such_option".to_string()), "{call} does not look at its options");
+            options.retain(|option| refused.contains(option) && option != "no_such_option");
+        }
+        invented.extend(options.iter().map(|option| format!("{}: {option}", entry.full_name())));
+    }
+    assert!(invented.is_empty(), "offered, but not accepted: {invented:?}");
+    assert!(offered > 300, "{offered}");
 }
 
 /// Neovim's own client, without a window: what it gets is printed by a script in Lua.

@@ -4,7 +4,7 @@
 use crate::{Host, Project};
 use choreo_plugin::{ImportScope, PluginPanic};
 use choreo_script::testing::{TestOptions, has_sections, section_errors};
-use choreo_script::{AssetCache, Diagnostic, Places, ScriptOptions, run_file_touching, run_text};
+use choreo_script::{AssetCache, Diagnostic, Places, ScriptOptions, run_file_touching};
 use choreo_stage::Stage;
 use std::collections::{BTreeMap, BTreeSet};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -22,11 +22,11 @@ pub type Unsaved = Arc<BTreeMap<PathBuf, Arc<str>>>;
 pub struct Job {
     pub uri: String,
     pub version: i64,
-    /// Its file; `None` for a text that was never saved.
+    /// Its path, also where it was never saved; `None` for a text without one.
     pub path: Option<PathBuf>,
     pub text: Arc<str>,
     pub unsaved: Unsaved,
-    /// The folder in which a text without a file looks for files.
+    /// The folder that is open in the editor, in which a text without a path looks for files.
     pub folder: PathBuf,
 }
 
@@ -121,7 +121,7 @@ fn empty(job: &Job) -> Checked {
         of_assets: Vec::new(),
         stage: None,
         read: BTreeSet::new(),
-        main: main_name(job),
+        main: script_path(job).display().to_string(),
         took: Duration::ZERO,
     }
 }
@@ -132,42 +132,46 @@ fn failed(job: &Job, panic: &(dyn std::any::Any + Send)) -> Checked {
     Checked { diagnostics: vec![Diagnostic::error(what)], ..empty(job) }
 }
 
-fn main_name(job: &Job) -> String {
-    job.path.as_ref().map_or_else(|| job.uri.clone(), |path| path.display().to_string())
+/// The path of a script; a text without one is taken to lie in the folder.
+fn script_path(job: &Job) -> PathBuf {
+    job.path.clone().unwrap_or_else(|| job.folder.join("untitled.rhai"))
+}
+
+/// The unsaved texts with that of the script itself, which may have no file.
+fn with_script(job: &Job, path: &Path) -> Unsaved {
+    if job.unsaved.contains_key(path) {
+        return job.unsaved.clone();
+    }
+    let mut unsaved = BTreeMap::clone(&job.unsaved);
+    unsaved.insert(path.to_path_buf(), job.text.clone());
+    Arc::new(unsaved)
 }
 
 /// Runs a script; nothing where `is_old` says meanwhile that its text is no longer the latest.
 fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> bool) -> Option<Checked> {
     let begun = Instant::now();
     let mut checked = empty(job);
-    let project = match host.project(job.path.as_deref().unwrap_or(&job.folder.join("untitled.rhai"))) {
+    let path = script_path(job);
+    let project = match host.project(&path) {
         Ok(project) => project,
         Err(why) => {
             checked.diagnostics.push(Diagnostic::error(why.to_string()));
             return Some(checked);
         }
     };
-    let root = has_sections(&job.text).then(|| root_of(job, &project)).flatten();
+    let has_sections = has_sections(&job.text);
+    let root = has_sections.then(|| tests_root(&path, &job.folder, &project)).flatten();
     let options = ScriptOptions {
         root: root.clone(),
         search_paths: project.search.clone(),
         limits: project.limits.clone(),
         needs: ImportScope::NO_PIXELS,
         assets: assets.clone(),
-        unsaved: job.unsaved.clone(),
+        unsaved: with_script(job, &path),
         ..ScriptOptions::default()
     };
-    let result = match job.path.as_deref().filter(|path| path.is_file()) {
-        Some(path) => {
-            let (result, touched) = run_file_touching(path, &project.registry, &options);
-            checked.read = touched.read.into_keys().collect();
-            result
-        }
-        None => {
-            let folder = job.path.as_deref().and_then(Path::parent).unwrap_or(&job.folder);
-            run_text(&checked.main, &job.text, folder, &project.registry, &options)
-        }
-    };
+    let (result, touched) = run_file_touching(&path, &project.registry, &options);
+    checked.read = touched.read.into_keys().collect();
     if is_old() {
         return None;
     }
@@ -179,10 +183,10 @@ fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> b
             checked.diagnostics.extend(host.survey(&stage, &places, &project));
             checked.of_assets = of_assets(&stage);
             checked.stage = Some((stage, places));
-            if let Some(path) = job.path.as_deref().filter(|path| path.is_file() && has_sections(&job.text)) {
+            if has_sections {
                 let goes_on = || !is_old() && begun.elapsed() < SECTIONS_TIME;
                 let test = TestOptions { script: options, root, ..TestOptions::default() };
-                let found = section_errors(path, &project.registry, &test, &goes_on);
+                let found = section_errors(&path, &project.registry, &test, &goes_on);
                 checked.diagnostics.extend(found.errors);
                 checked.read.extend(found.read);
             }
@@ -195,10 +199,9 @@ fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> b
     Some(checked)
 }
 
-/// The folder in which the tests of a script may read.
-fn root_of(job: &Job, project: &Project) -> Option<PathBuf> {
-    let path = job.path.as_deref()?;
-    let open = || path.starts_with(job.folder.canonicalize().ok()?).then(|| job.folder.clone());
+/// The folder in which the tests of a script may read: the project's, else the one that is open in the editor.
+pub fn tests_root(script: &Path, open: &Path, project: &Project) -> Option<PathBuf> {
+    let open = || script.starts_with(open.canonicalize().ok()?).then(|| open.to_path_buf());
     project.root.clone().or_else(open)
 }
 

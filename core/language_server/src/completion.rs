@@ -113,9 +113,14 @@ impl Items<'_> {
         self.items.push(value);
     }
 
-    /// Methods of the value that ends at a dot.
+    /// Methods of the value that ends at a dot; keys of an object map.
     fn methods(&mut self, dot: usize) {
-        let on = self.view.types().ending_at(dot);
+        let types = self.view.types();
+        let on = types.ending_at(dot);
+        for key in types.keys(&on) {
+            let detail = in_words(&types.field(&on, &key));
+            self.push(Item { detail, ..Item::new(&key, Kind::Property) });
+        }
         let known = !on.kind.is_empty();
         let mut seen = BTreeSet::new();
         for entry in describe::entries().iter().filter(|entry| !entry.on.is_empty()) {
@@ -388,8 +393,8 @@ impl Items<'_> {
             }
             Names::Markers => self.plain(names::given(self.view.source, "marker", 2, false)),
             Names::ClipMarkers => self.plain(names::given(self.view.source, "marker", 2, true)),
-            Names::Actors => self.plain(names::given(self.view.source, "cast", 2, false)),
-            Names::Cameras => self.plain(names::given(self.view.source, "camera", 1, false)),
+            Names::Actors => self.plain(self.of_scene(site, "cast", 2)),
+            Names::Cameras => self.plain(self.of_scene(site, "camera", 1)),
             Names::Colors => {
                 for (name, rgb) in color::NAMES {
                     self.push(Item {
@@ -409,6 +414,13 @@ impl Items<'_> {
                 }
             }
         }
+    }
+
+    /// Names that the script of a `Scene` gives by a function, where the receiver is one; else those of this script.
+    fn of_scene(&self, site: &CallSite, function: &str, arguments: usize) -> Vec<String> {
+        let scene = site.on.as_ref().filter(|on| on.kind == "Scene").and_then(|on| on.name.as_ref());
+        let script = scene.and_then(|file| self.view.modules.module(file));
+        names::given(script.as_deref().unwrap_or(self.view.source), function, arguments, false)
     }
 
     fn plain(&mut self, names: Vec<String>) {
@@ -463,19 +475,26 @@ impl Items<'_> {
         }
     }
 
+    /// Joints by their short names, then by those of the file.
     fn joints(&mut self, asset: &Asset, patterns: bool) {
         let skeleton = &asset.skeleton;
         let parents = skeleton.parents();
-        for (index, name) in skeleton.names().iter().enumerate() {
+        let short = facts::short_joints(skeleton);
+        for (index, own) in skeleton.names().iter().enumerate() {
             let parent =
                 parents[index].map(|parent| format!("child of {}", skeleton.names()[parent as usize]));
-            let detail = parent.unwrap_or_else(|| "root".to_string());
-            self.push(Item { detail, ..Item::new(name, Kind::Value) });
-            let below = || parents.contains(&Some(index as u32));
-            if patterns && below() {
-                let all = format!("{name}..");
-                let detail = format!("{name} and all below it");
-                self.push(Item { detail, ..Item::new(&all, Kind::Value) });
+            let place = parent.unwrap_or_else(|| "root".to_string());
+            let has_children = parents.contains(&Some(index as u32));
+            for name in short[index].iter().chain([own]) {
+                let is_short = name != own;
+                let detail = if is_short { format!("{own}, {place}") } else { place.clone() };
+                let order = if is_short { 4 } else { 5 };
+                self.push(Item { detail, order, ..Item::new(name, Kind::Value) });
+                if patterns && has_children {
+                    let all = format!("{name}..");
+                    let detail = format!("{name} and all below it");
+                    self.push(Item { detail, order, ..Item::new(&all, Kind::Value) });
+                }
             }
         }
         const PARTS: [&str; 12] = [

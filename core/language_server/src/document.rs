@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 pub struct Document {
     pub uri: String,
-    /// Its file, canonical where it exists; `None` for a text that was never saved.
+    /// Its path, canonical where its folder exists; `None` for a text without one, such as `untitled:Untitled-1`.
     pub path: Option<PathBuf>,
     pub version: i64,
     pub source: Arc<Source>,
@@ -16,7 +16,7 @@ pub struct Document {
 
 impl Document {
     pub fn new(uri: &str, version: i64, text: &str) -> Document {
-        let path = path_of(uri).map(|path| path.canonicalize().unwrap_or(path));
+        let path = path_of(uri).map(resolved);
         Document { uri: uri.to_string(), path, version, source: Arc::new(Source::new(text)) }
     }
 
@@ -43,9 +43,17 @@ impl Document {
     }
 }
 
-/// The path of a `file:` URI; `None` for other schemes and other machines.
+/// The canonical path of a file, or of one that is still to be saved in a folder.
+fn resolved(path: PathBuf) -> PathBuf {
+    let in_folder = || Some(path.parent()?.canonicalize().ok()?.join(path.file_name()?));
+    let found = path.canonicalize().ok().or_else(in_folder);
+    found.unwrap_or(path)
+}
+
+/// The path of a `file:` URI, or of a new file that VS Code has not saved yet, `untitled:/…`; `None` for other schemes and other machines.
 pub fn path_of(uri: &str) -> Option<PathBuf> {
-    let rest = uri.strip_prefix("file://")?;
+    let new = uri.strip_prefix("untitled:").filter(|path| path.starts_with('/'));
+    let rest = new.or_else(|| uri.strip_prefix("file://"))?;
     let path = &rest[rest.find('/')?..];
     let host = &rest[..rest.len() - path.len()];
     if !host.is_empty() && host != "localhost" {
@@ -90,6 +98,7 @@ mod tests {
         assert_eq!(path_of("file:///a/b%20c/%C3%A4.rhai"), Some("/a/b c/ä.rhai".into()));
         assert_eq!(uri_of(Path::new("/a/b c/ä.rhai")), "file:///a/b%20c/%C3%A4.rhai");
         assert_eq!(path_of("file:///c%3A/scenes/a.rhai"), Some("c:/scenes/a.rhai".into()));
+        assert_eq!(path_of("untitled:/a/new%20one.rhai"), Some("/a/new one.rhai".into()));
         assert_eq!(
             [path_of("untitled:1"), path_of("file://server/x"), path_of("file:///%f")],
             [None, None, None]

@@ -1,7 +1,7 @@
 //! Descriptions of files, clips and options, for hovers and completions.
 
 use choreo_asset::{Asset, Topology};
-use choreo_motion::{Clip, RootMotion, RootParts, Time};
+use choreo_motion::{Clip, RootMotion, RootParts, Skeleton, Time};
 use choreo_plugin::OptionSpec;
 use choreo_script::describe::{Entry, OptionEntry};
 use std::sync::Arc;
@@ -76,6 +76,19 @@ pub fn morphs(asset: &Asset) -> Vec<String> {
     names.sort();
     names.dedup();
     names
+}
+
+/// The short name that scripts may write for each joint in place of the file's, if it has one: `RightHand` for `mixamorig:RightHand`
+/// and for `hand.r_Armature`.
+pub fn short_joints(skeleton: &Skeleton) -> Vec<Option<String>> {
+    let own = skeleton.names();
+    let mut short: Vec<Option<String>> = vec![None; own.len()];
+    let without_prefix = |name: &String| name.rsplit([':', '|']).next().unwrap_or(name).to_string();
+    for name in skeleton.short_names().into_iter().chain(own.iter().map(without_prefix)) {
+        let Some(joint) = skeleton.find(&name).filter(|joint| own[*joint] != name) else { continue };
+        short[joint].get_or_insert(name);
+    }
+    short
 }
 
 /// "joint of `a.glb`, child of Hips, 3 joints below it". The name is one that scripts may use, as LeftHand for hand.l.

@@ -43,9 +43,15 @@ impl Files {
         Files { cache: AssetCache::by_times(), reads: BTreeMap::new() }
     }
 
-    /// The contents of a file as a script in a folder loads it. Begins to read it, and waits a moment.
-    pub fn contents(&mut self, project: &Project, folder: &Path, name: &str) -> Contents {
-        let import = match self.begin(project, folder, name) {
+    /// The contents of a file as a script in a folder loads it. Begins to read it, and waits a moment. Tests may read in all of a root.
+    pub fn contents(
+        &mut self,
+        project: &Project,
+        folder: &Path,
+        tests_root: Option<&Path>,
+        name: &str,
+    ) -> Contents {
+        let import = match self.begin(project, folder, tests_root, name) {
             Ok(import) => import,
             Err(why) => return Contents::Unreadable(why),
         };
@@ -61,8 +67,14 @@ impl Files {
     }
 
     /// Begins to read a file that is not being read yet, or has changed.
-    pub fn begin(&mut self, project: &Project, folder: &Path, name: &str) -> Result<Arc<Import>, String> {
-        let folders = folders(project, folder)?;
+    fn begin(
+        &mut self,
+        project: &Project,
+        folder: &Path,
+        tests_root: Option<&Path>,
+        name: &str,
+    ) -> Result<Arc<Import>, String> {
+        let folders = folders(project, folder, tests_root)?;
         let stamp = match name.starts_with(BUILT_IN) {
             true => None,
             false => {
@@ -82,8 +94,12 @@ impl Files {
     }
 }
 
-fn folders(project: &Project, folder: &Path) -> Result<Folders, String> {
-    Folders::new(folder, &project.search, project.limits.file).map_err(|e| e.message)
+fn folders(project: &Project, folder: &Path, tests_root: Option<&Path>) -> Result<Folders, String> {
+    let folders = Folders::new(folder, &project.search, project.limits.file).map_err(|e| e.message)?;
+    match tests_root {
+        Some(root) => folders.with_root(root).map_err(|e| e.message),
+        None => Ok(folders),
+    }
 }
 
 /// Names of files with some extensions (all, if there are none) in the folder of a script and on the search paths, relative to
@@ -166,7 +182,7 @@ mod tests {
         assert_eq!(names(&project, &scene, &["glb".into()]), ["a.glb", "models/b.GLB"]);
         assert_eq!(names(&project, &scene, &[]), ["a.glb", "models/b.GLB", "models/c.txt"]);
         let mut files = Files::new();
-        let outside = files.contents(&project, &scene, "../outside.glb");
+        let outside = files.contents(&project, &scene, None, "../outside.glb");
         assert!(matches!(outside, Contents::Unreadable(why) if why.contains("leads out of the folders")));
         std::fs::remove_dir_all(root).unwrap();
     }

@@ -29,6 +29,9 @@ fn of_word(view: &View, token: usize) -> Option<String> {
     let word = source.get(token);
     if matches!(source.before(token, 1), "." | "?.") {
         let on = types.ending_at(token - 1);
+        if types.keys(&on).iter().any(|key| key == word) {
+            return Some(of_value(view, word, &types.field(&on, word)));
+        }
         let of_kind = describe::entry(&on.kind, word);
         let entry = match on.kind.is_empty() {
             true => describe::entries().iter().find(|entry| !entry.on.is_empty() && entry.name == word),

@@ -2,7 +2,7 @@
 
 use crate::document::uri_of;
 use crate::request::Request;
-use crate::source::{Source, is_string, is_word};
+use crate::source::{InnerWord, Source, is_string, is_word};
 use crate::transport::ResponseError;
 use crate::values::{Budget, Declaration, Declared, Modules, Types, is_keyword};
 use crate::view::View;
@@ -14,6 +14,8 @@ use std::sync::Arc;
 /// A name that the cursor is on.
 struct Named {
     name: String,
+    /// Its bytes there.
+    range: Range<usize>,
     /// The module that declares it; `None`: this script.
     module: Option<String>,
     declaration: Declaration,
@@ -24,6 +26,9 @@ const MOST_FILES: usize = 300;
 
 pub fn definition(request: &Request) -> Result<Value, ResponseError> {
     let view = request.view;
+    if let Some(named) = named_at(view, request.byte()) {
+        return Ok(declared_at(request, &named).unwrap_or(Value::Null));
+    }
     let Some(token) = view.source.token_at(request.byte()) else { return Ok(Value::Null) };
     if is_string(view.source.get(token)) {
         let name = view.source.string(token).unwrap_or_default();
@@ -34,8 +39,7 @@ pub fn definition(request: &Request) -> Result<Value, ResponseError> {
         let path = view.modules.path(&name).filter(|_| opens);
         return Ok(path.map_or(Value::Null, |path| location(&uri_of(&path), start())));
     }
-    let Some(named) = named(view, token) else { return Ok(Value::Null) };
-    Ok(declared_at(request, &named).unwrap_or(Value::Null))
+    Ok(Value::Null)
 }
 
 fn start() -> Value {
@@ -57,21 +61,38 @@ fn declared_at(request: &Request, named: &Named) -> Option<Value> {
     Some(location(&uri_of(&view.modules.path(module)?), range))
 }
 
-/// The variable, parameter, function or module that a token names; nothing of the API.
-fn named(view: &View, token: usize) -> Option<Named> {
+/// The variable, parameter, function or module that a place names, also in the code inside a string; nothing of the API.
+fn named_at(view: &View, byte: usize) -> Option<Named> {
     let (source, types) = (view.source, view.types());
-    let name = source.get(token);
+    let touches = |word: &InnerWord| (word.range.start..=word.range.end).contains(&byte);
+    if let Some(word) = source.inner_words().find(touches) {
+        if is_keyword(word.text) || word.is_member() {
+            return None;
+        }
+        if word.before[0] == "::" {
+            return of_module(view, word.before[1], word.text, word.string, word.range);
+        }
+        let declaration = types.declaration(word.text, word.string)?;
+        return Some(Named { name: word.text.to_string(), range: word.range, module: None, declaration });
+    }
+    let token = source.token_at(byte)?;
+    let (name, range) = (source.get(token), source.tokens[token].clone());
     if !is_word(name) || is_keyword(name) || is_member(source, token) {
         return None;
     }
     if source.before(token, 1) == "::" {
-        let alias = types.declaration(source.before(token, 2), token)?;
-        let module = types.declared(&alias).name?;
-        let declaration = exported(&*view.modules.module(&module)?, name, view.modules)?;
-        return Some(Named { name: name.to_string(), module: Some(module), declaration });
+        return of_module(view, source.before(token, 2), name, token, range);
     }
     let declaration = types.declares(token).or_else(|| types.declaration(name, token))?;
-    Some(Named { name: name.to_string(), module: None, declaration })
+    Some(Named { name: name.to_string(), range, module: None, declaration })
+}
+
+/// The name of a module that is imported by another name, as it is seen from a token.
+fn of_module(view: &View, alias: &str, name: &str, from: usize, range: Range<usize>) -> Option<Named> {
+    let types = view.types();
+    let module = types.declared(&types.declaration(alias, from)?).name?;
+    let declaration = exported(&*view.modules.module(&module)?, name, view.modules)?;
+    Some(Named { name: name.to_string(), range, module: Some(module), declaration })
 }
 
 /// Whether a token is the name of a method or property, or the key of an object map.
@@ -90,34 +111,46 @@ fn exported(source: &Source, name: &str, modules: &dyn Modules) -> Option<Declar
     declared.find(|d| d.kind == Declared::Function || source.before(d.token, 2) == "export")
 }
 
-/// The tokens of a source that mean a declaration of this source.
-fn uses(source: &Source, named: &Named, modules: &dyn Modules) -> Vec<usize> {
-    let candidates = (0..source.tokens.len()).filter(|token| source.get(*token) == named.name);
+/// The bytes in a source that mean a declaration of this source.
+fn uses(source: &Source, named: &Named, modules: &dyn Modules) -> Vec<Range<usize>> {
+    let is_it = |declared: Option<Declaration>| declared.as_ref() == Some(&named.declaration);
     let own = |token: &usize| {
         let budget = Budget::default();
         let types = Types::new(source, modules, &budget);
         let other = is_member(source, *token) || source.before(*token, 1) == "::";
-        !other
-            && types.declares(*token).or_else(|| types.declaration(&named.name, *token)).as_ref()
-                == Some(&named.declaration)
+        !other && is_it(types.declares(*token).or_else(|| types.declaration(&named.name, *token)))
     };
-    candidates.filter(own).collect()
+    let inner = |word: &InnerWord| {
+        let budget = Budget::default();
+        let types = Types::new(source, modules, &budget);
+        let other = word.text != named.name || word.is_member() || word.before[0] == "::";
+        !other && is_it(types.declaration(word.text, word.string))
+    };
+    let tokens = (0..source.tokens.len()).filter(|token| source.get(*token) == named.name);
+    let tokens = tokens.filter(own).map(|token| source.tokens[token].clone());
+    in_order(tokens.chain(source.inner_words().filter(inner).map(|word| word.range)))
 }
 
-/// The tokens of a script that mean a name of a module.
-fn uses_of_module(source: &Source, module: &str, name: &str) -> Vec<usize> {
+fn in_order(ranges: impl Iterator<Item = Range<usize>>) -> Vec<Range<usize>> {
+    let mut ranges: Vec<_> = ranges.collect();
+    ranges.sort_by_key(|range| range.start);
+    ranges
+}
+
+/// The bytes of a script that mean a name of a module.
+fn uses_of_module(source: &Source, module: &str, name: &str) -> Vec<Range<usize>> {
     let imports = (0..source.tokens.len()).filter(|i| {
         source.before(*i, 1) == "import"
             && source.string(*i).is_some_and(|s| s.trim_end_matches(".rhai") == module)
     });
     let aliases: Vec<&str> =
         imports.filter(|i| source.get(i + 1) == "as").map(|i| source.get(i + 2)).collect();
-    let means = |token: &usize| {
-        source.get(*token) == name
-            && source.before(*token, 1) == "::"
-            && aliases.contains(&source.before(*token, 2))
-    };
-    (0..source.tokens.len()).filter(means).collect()
+    let means =
+        |text: &str, before: [&str; 2]| text == name && before[0] == "::" && aliases.contains(&before[1]);
+    let own = |token: &usize| means(source.get(*token), [source.before(*token, 1), source.before(*token, 2)]);
+    let tokens = (0..source.tokens.len()).filter(own).map(|token| source.tokens[token].clone());
+    let inner = source.inner_words().filter(|word| means(word.text, word.before)).map(|word| word.range);
+    in_order(tokens.chain(inner))
 }
 
 /// All places of a name: URI, source and bytes.
@@ -130,8 +163,8 @@ fn places(request: &Request, named: &Named) -> Vec<(String, Arc<Source>, Range<u
     };
     let Some((home_uri, home)) = home else { return Vec::new() };
     let mut found: Vec<(String, Arc<Source>, Range<usize>)> = Vec::new();
-    let mut add = |uri: &str, source: &Arc<Source>, tokens: Vec<usize>| {
-        found.extend(tokens.into_iter().map(|t| (uri.to_string(), source.clone(), source.tokens[t].clone())));
+    let mut add = |uri: &str, source: &Arc<Source>, ranges: Vec<Range<usize>>| {
+        found.extend(ranges.into_iter().map(|range| (uri.to_string(), source.clone(), range)));
     };
     add(&home_uri, &home, uses(&home, named, view.modules));
     if exported(&home, &named.name, view.modules).as_ref() != Some(&named.declaration) {
@@ -160,8 +193,7 @@ fn scripts_name(view: &View, uri: &str) -> Option<String> {
 }
 
 pub fn references(request: &Request) -> Result<Value, ResponseError> {
-    let token = request.view.source.token_at(request.byte());
-    let Some(named) = token.and_then(|token| named(request.view, token)) else { return Ok(json!([])) };
+    let Some(named) = named_at(request.view, request.byte()) else { return Ok(json!([])) };
     let with_declaration = request.parameters["context"]["includeDeclaration"] != false;
     let declared = declared_at(request, &named);
     let all =
@@ -171,12 +203,10 @@ pub fn references(request: &Request) -> Result<Value, ResponseError> {
 
 pub fn prepare_rename(request: &Request) -> Result<Value, ResponseError> {
     let view = request.view;
-    let token = view.source.token_at(request.byte());
-    let found = token.and_then(|token| Some((token, named(view, token)?)));
-    let Some((token, named)) = found else {
+    let Some(named) = named_at(view, request.byte()) else {
         return Err(refused("only variables, parameters, functions and names of modules can be renamed"));
     };
-    Ok(json!({ "range": view.source.range(&view.source.tokens[token]), "placeholder": named.name }))
+    Ok(json!({ "range": view.source.range(&named.range), "placeholder": named.name }))
 }
 
 fn refused(why: &str) -> ResponseError {
@@ -185,8 +215,7 @@ fn refused(why: &str) -> ResponseError {
 
 pub fn rename(request: &Request) -> Result<Value, ResponseError> {
     let view = request.view;
-    let token = view.source.token_at(request.byte());
-    let Some(named) = token.and_then(|token| named(view, token)) else {
+    let Some(named) = named_at(view, request.byte()) else {
         return Err(refused("only variables, parameters, functions and names of modules can be renamed"));
     };
     let new = request.parameters["newName"].as_str().unwrap_or_default();
@@ -215,22 +244,36 @@ pub fn rename(request: &Request) -> Result<Value, ResponseError> {
 /// Why a name cannot be changed with certainty in a source.
 fn unsafe_name(source: &Source, named: &Named, new: &str) -> Option<String> {
     let is_function = named.declaration.kind == Declared::Function;
+    let line = |range: &Range<usize>| source.lines.line_of(range.start) + 1;
+    let used = |line: usize| Some(format!("line {line} uses the name {new} already"));
+    let as_method = |line: usize| Some(format!("line {line} may call {} as a method", named.name));
     for token in 0..source.tokens.len() {
-        let text = source.get(token);
-        let line = source.lines.line_of(source.tokens[token].start) + 1;
+        let (text, line) = (source.get(token), line(&source.tokens[token]));
         if text == new && !is_member(source, token) {
-            return Some(format!("line {line} uses the name {new} already"));
+            return used(line);
         }
         let words =
             |text: &str| text.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|w| w == named.name);
-        if text.starts_with('`') && text.contains("${") && words(text) {
-            return Some(format!("line {line} uses {} inside a text, which is not changed", named.name));
-        }
         if is_function && is_string(text) && source.before(token, 2) == "Fn" && words(text) {
             return Some(format!("line {line} calls {} by a text", named.name));
         }
         if is_function && text == named.name && matches!(source.before(token, 1), "." | "?.") {
-            return Some(format!("line {line} may call {} as a method", named.name));
+            return as_method(line);
+        }
+    }
+    for word in source.inner_words() {
+        let line = line(&word.range);
+        if word.text == new && !word.is_member() {
+            return used(line);
+        }
+        let declares = matches!(word.before[0], "let" | "const" | "for" | "|")
+            || word.next == "|"
+            || (word.before[0] == "(" && word.before[1] == "for");
+        if word.text == named.name && declares {
+            return Some(format!("line {line} declares another {} inside a text", named.name));
+        }
+        if is_function && word.text == named.name && matches!(word.before[0], "." | "?.") {
+            return as_method(line);
         }
     }
     None

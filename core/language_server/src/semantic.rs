@@ -2,7 +2,7 @@
 
 use crate::context::call_around;
 use crate::names::{self, Names};
-use crate::source::{is_string, is_word};
+use crate::source::{InnerWord, is_string, is_word};
 use crate::values::{Declaration, Declared, Types, is_keyword};
 use crate::view::View;
 use choreo_script::{comments, describe};
@@ -82,8 +82,8 @@ pub fn tokens(view: &View, range: Option<&Value>) -> Value {
         for comment in comments(&source.text, behind..token.start) {
             encoded.push(comment.range, Kind::Comment, 0);
         }
-        if let Some((kind, modifiers)) = meaning.of(index).filter(|_| token.start < bytes.end) {
-            encoded.push(token.clone(), kind, modifiers);
+        if token.start < bytes.end {
+            meaning.push(index, &mut encoded);
         }
         behind = token.end;
     }
@@ -159,6 +159,30 @@ impl<'v> Meaning<'v> {
         Meaning { view, types, declarations, kinds }
     }
 
+    /// A token with its meaning; of an interpolated string, its letters and the words and numbers of its code.
+    fn push(&self, token: usize, encoded: &mut Encoded) {
+        let (source, range) = (self.view.source, self.view.source.tokens[token].clone());
+        let inner = source.inner_code(token);
+        let Some((kind, modifiers)) = self.of(token) else { return };
+        let mut behind = range.start;
+        for code in inner {
+            encoded.push(behind..code.range.start, kind, modifiers);
+            for (at, own) in code.tokens.iter().enumerate() {
+                let word = InnerWord::new(source, code, at);
+                let meaning = match word.text {
+                    text if is_word(text) => Some(self.of_inner_word(&word)),
+                    text if is_string(text) => Some((Kind::String, 0)),
+                    text => of_number(text),
+                };
+                if let Some((kind, modifiers)) = meaning {
+                    encoded.push(own.clone(), kind, modifiers);
+                }
+            }
+            behind = code.range.end;
+        }
+        encoded.push(behind..range.end, kind, modifiers);
+    }
+
     fn of(&self, token: usize) -> Option<(Kind, u32)> {
         let text = self.view.source.get(token);
         if is_string(text) {
@@ -167,26 +191,24 @@ impl<'v> Meaning<'v> {
         if is_word(text) {
             return Some(self.of_word(token));
         }
-        let is_number = text.trim_start_matches('-').starts_with(|c: char| c.is_ascii_digit());
-        is_number.then_some((Kind::Number, 0))
+        of_number(text)
     }
 
     fn of_word(&self, token: usize) -> (Kind, u32) {
         let source = self.view.source;
         let (word, before, next) = (source.get(token), source.before(token, 1), source.get(token + 1));
-        match (before, next) {
-            ("." | "?.", "(") => return (Kind::Method, DEFAULT_LIBRARY),
-            ("." | "?.", _) => return (Kind::Property, 0),
-            (_, ":") => return (Kind::Property, 0),
-            (_, "::") => return (Kind::Namespace, 0),
-            ("::", "(") => return (Kind::Function, 0),
-            ("::", _) => return (Kind::Variable, 0),
-            _ if is_keyword(word) => return (Kind::Keyword, 0),
-            _ => {}
-        }
-        if let Some(kind) = self.kinds.get(&token) {
-            return (*kind, DECLARATION);
-        }
+        let in_place = of_place(word, before, next);
+        let declared = || self.kinds.get(&token).map(|kind| (*kind, DECLARATION));
+        in_place.or_else(declared).unwrap_or_else(|| self.of_name(word, next, token))
+    }
+
+    fn of_inner_word(&self, word: &InnerWord) -> (Kind, u32) {
+        let in_place = of_place(word.text, word.before[0], word.next);
+        in_place.unwrap_or_else(|| self.of_name(word.text, word.next, word.string))
+    }
+
+    /// A name that is declared before a token, or is one of the API.
+    fn of_name(&self, word: &str, next: &str, token: usize) -> (Kind, u32) {
         let declared = self.declarations.get(word).map_or(&[][..], Vec::as_slice);
         let before = declared.partition_point(|declaration| declaration.token < token);
         let seen = self.types.seen(declared[..before].iter().rev().cloned(), token);
@@ -240,4 +262,23 @@ impl<'v> Meaning<'v> {
         let argument = key.as_deref().or_else(|| site.argument_name(source)).unwrap_or_default();
         entry.values(argument).contains(&text)
     }
+}
+
+/// The meaning of a word by its neighbours alone.
+fn of_place(word: &str, before: &str, next: &str) -> Option<(Kind, u32)> {
+    Some(match (before, next) {
+        ("." | "?.", "(") => (Kind::Method, DEFAULT_LIBRARY),
+        ("." | "?.", _) => (Kind::Property, 0),
+        (_, ":") => (Kind::Property, 0),
+        (_, "::") => (Kind::Namespace, 0),
+        ("::", "(") => (Kind::Function, 0),
+        ("::", _) => (Kind::Variable, 0),
+        _ if is_keyword(word) => (Kind::Keyword, 0),
+        _ => return None,
+    })
+}
+
+fn of_number(text: &str) -> Option<(Kind, u32)> {
+    let is_number = text.trim_start_matches('-').starts_with(|c: char| c.is_ascii_digit());
+    is_number.then_some((Kind::Number, 0))
 }

@@ -1,6 +1,6 @@
 //! The server: takes messages in their order, answers requests, and passes on what the checker finds.
 
-use crate::checker::{Checked, Checker, Job, Unsaved};
+use crate::checker::{Checked, Checker, Job, Unsaved, tests_root};
 use crate::commands::{self, Asked, Running};
 use crate::document::{Document, path_of};
 use crate::files::Files;
@@ -18,7 +18,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{BufRead, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
@@ -234,13 +234,15 @@ impl Server {
             .project(document)
             .map_err(|why| ResponseError::new(ResponseError::FAILED, why.to_string()))?;
         let folder = document.folder().unwrap_or(&self.root);
-        let modules = OpenModules { documents: &self.documents, folder: Some(folder), known: &self.modules };
+        let tests_root = self.tests_root(document, &project);
+        let modules = self.modules(folder, tests_root.as_deref());
         let last = self.last.get(uri);
         let stage = last.and_then(|checked| checked.stage.as_ref());
         let view = View {
             source: &document.source,
             project: &project,
             folder: Some(folder),
+            tests_root: tests_root.as_deref(),
             files: &self.files,
             modules: &modules,
             budget: Budget::default(),
@@ -248,6 +250,17 @@ impl Server {
             snippets: self.can.snippets,
         };
         answer(&Request { view: &view, uri, parameters: p, last, settings: &self.settings })
+    }
+
+    fn modules<'m>(&'m self, folder: &'m Path, tests_root: Option<&'m Path>) -> OpenModules<'m> {
+        OpenModules { documents: &self.documents, folder: Some(folder), tests_root, known: &self.modules }
+    }
+
+    /// The folder in all of which a document may read, where it has tests.
+    fn tests_root(&self, document: &Document, project: &Project) -> Option<PathBuf> {
+        let untitled = self.root.join("untitled.rhai");
+        let script = document.path.as_deref().unwrap_or(&untitled);
+        document.source.has_tests().then(|| tests_root(script, &self.root, project)).flatten()
     }
 
     /// Starts a command; its first argument names the file: `{ uri, line?, time?, section?, silent? }`.
@@ -406,7 +419,7 @@ impl Server {
             return;
         };
         let folder = document.folder().unwrap_or(&self.root);
-        let modules = OpenModules { documents: &self.documents, folder: Some(folder), known: &self.modules };
+        let modules = self.modules(folder, None);
         let new = diagnostics::by_file(&checked, &document.source, document.folder(), &modules);
         let old = self.published.insert(uri.clone(), new).unwrap_or_default();
         let mut targets: Vec<String> = old.into_keys().collect();

@@ -1,7 +1,7 @@
 //! A script's text with its tokens, as Rhai's own lexer finds them. Unlike a syntax tree they are there for a text that is being typed.
 
 use crate::position::Lines;
-use choreo_script::token_ranges;
+use choreo_script::{InnerCode, tokens_with_inner};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -9,6 +9,8 @@ pub struct Source {
     pub text: Arc<str>,
     pub lines: Lines,
     pub tokens: Vec<Range<usize>>,
+    /// Code inside interpolated strings, in order.
+    inner: Vec<InnerCode>,
     /// The bracket that belongs to a bracket.
     partner: Vec<Option<usize>>,
     /// The innermost bracket around each token.
@@ -32,15 +34,49 @@ pub fn is_string(token: &str) -> bool {
     token.starts_with(['"', '`'])
 }
 
+/// A word of the code inside an interpolated string.
+pub struct InnerWord<'s> {
+    pub text: &'s str,
+    pub range: Range<usize>,
+    /// The string.
+    pub string: usize,
+    /// The tokens before and behind it.
+    pub before: [&'s str; 2],
+    pub next: &'s str,
+}
+
+impl<'s> InnerWord<'s> {
+    pub fn new(source: &'s Source, code: &InnerCode, at: usize) -> InnerWord<'s> {
+        let get = |at: Option<usize>| {
+            let range = at.and_then(|at| code.tokens.get(at));
+            range.map_or("", |range| &source.text[range.clone()])
+        };
+        let range = code.tokens[at].clone();
+        InnerWord {
+            text: get(Some(at)),
+            string: source.count_before(range.end).saturating_sub(1),
+            range,
+            before: [get(at.checked_sub(1)), get(at.checked_sub(2))],
+            next: get(Some(at + 1)),
+        }
+    }
+
+    /// Whether it is the name of a method or property, or the key of an object map.
+    pub fn is_member(&self) -> bool {
+        matches!(self.before[0], "." | "?.") || (matches!(self.before[0], "#{" | ",") && self.next == ":")
+    }
+}
+
 impl Source {
     pub fn new(text: &str) -> Source {
-        let tokens = tokens(text);
+        let (tokens, inner) = tokens(text);
         let mut source = Source {
             text: text.into(),
             lines: Lines::new(text),
             partner: vec![None; tokens.len()],
             parent: vec![None; tokens.len()],
             tokens,
+            inner,
         };
         let mut open: Vec<usize> = Vec::new();
         for index in 0..source.tokens.len() {
@@ -92,6 +128,28 @@ impl Source {
         let found: Vec<usize> = (count.saturating_sub(2)..count).rev().filter(touches).collect();
         let named = |index: &&usize| is_word(self.get(**index)) || is_string(self.get(**index));
         found.iter().find(named).or(found.first()).copied()
+    }
+
+    /// The code inside an interpolated string.
+    pub fn inner_code(&self, token: usize) -> &[InnerCode] {
+        let range = self.tokens[token].clone();
+        let first = self.inner.partition_point(|code| code.range.start < range.start);
+        let end = self.inner.partition_point(|code| code.range.start < range.end);
+        &self.inner[first..end]
+    }
+
+    /// The words of the code inside all interpolated strings.
+    pub fn inner_words(&self) -> impl Iterator<Item = InnerWord<'_>> {
+        self.inner.iter().flat_map(move |code| {
+            let words = (0..code.tokens.len()).filter(|at| is_word(&self.text[code.tokens[*at].clone()]));
+            words.map(move |at| InnerWord::new(self, code, at))
+        })
+    }
+
+    /// Whether a test is declared at any place.
+    pub fn has_tests(&self) -> bool {
+        let is_test = |at: &usize| self.get(*at) == "test" && self.get(at + 1) == "(";
+        (0..self.tokens.len()).any(|at| is_test(&at) && self.before(at, 1) != ".")
     }
 
     /// Whether a byte lies in a comment: between two tokens, behind `//` or inside `/* */`.
@@ -167,13 +225,20 @@ impl Source {
     }
 }
 
-/// The tokens of a text. A string that is not closed ends with its line, so that what follows is still seen.
-fn tokens(text: &str) -> Vec<Range<usize>> {
+/// The tokens of a text, and the code inside its strings. A string that is not closed ends with its line, so that what follows is still
+/// seen.
+fn tokens(text: &str) -> (Vec<Range<usize>>, Vec<InnerCode>) {
     let mut tokens: Vec<Range<usize>> = Vec::new();
+    let mut inner: Vec<InnerCode> = Vec::new();
     let mut base = 0;
     loop {
-        let found = token_ranges(&text[base..]).into_iter().filter(|token| !token.is_empty());
-        tokens.extend(found.map(|token| base + token.start..base + token.end));
+        let moved = |range: Range<usize>| base + range.start..base + range.end;
+        let (found, codes) = tokens_with_inner(&text[base..]);
+        tokens.extend(found.into_iter().filter(|token| !token.is_empty()).map(moved));
+        inner.extend(codes.into_iter().map(|code| InnerCode {
+            range: moved(code.range),
+            tokens: code.tokens.into_iter().map(moved).collect(),
+        }));
         let Some(last) = tokens.last_mut().filter(|last| last.end == text.len()) else { break };
         let token = &text[last.clone()];
         let open = token.starts_with('"') && (token.len() == 1 || token.contains('\n'));
@@ -181,7 +246,7 @@ fn tokens(text: &str) -> Vec<Range<usize>> {
         last.end = last.start + token[..end].trim_end_matches('\r').len();
         base = last.start + end;
     }
-    tokens
+    (tokens, inner)
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! Types of expressions, from the results that the API states for its calls. Nothing is run.
 
 use crate::source::{Source, is_string, is_word};
+use choreo_script::BUILT_IN;
 use choreo_script::describe::{self, Returns};
 use std::cell::Cell;
 use std::ops::Range;
@@ -20,11 +21,19 @@ pub struct Value {
     pub clip: Option<(String, String)>,
     /// Element of an array.
     pub item: Option<Box<Value>>,
+    /// Brackets of the object maps in this source that it may be: one, or the rows of an array.
+    maps: Vec<usize>,
 }
 
 impl Value {
     fn of(kind: &str) -> Value {
         Value { kind: kind.to_string(), ..Value::default() }
+    }
+
+    /// The value as it is known in another source, where the maps of this one cannot be looked at.
+    fn elsewhere(self) -> Value {
+        let item = self.item.map(|item| Box::new(item.elsewhere()));
+        Value { item, maps: Vec::new(), ..self }
     }
 
     pub fn is_handle(&self) -> bool {
@@ -111,7 +120,7 @@ impl<'a> Types<'a> {
                     let called = open.checked_sub(1).filter(|before| {
                         let token = self.source.get(*before);
                         (is_word(token) && (!is_keyword(token) || self.is_after_dot(*before)))
-                            || (self.source.get(open) == "[" && token == ")")
+                            || (self.source.get(open) == "[" && matches!(token, ")" | "]"))
                     });
                     match called {
                         Some(before) => index = before,
@@ -146,6 +155,15 @@ impl<'a> Types<'a> {
                     value = deeper.method(&value, index + 1);
                     index = self.source.partner(index + 2).map_or(tokens.end, |close| close + 1);
                 }
+                "." | "?." if value.kind == "map" => {
+                    value = deeper.field(&value, self.source.get(index + 1));
+                    index += 2;
+                }
+                "[" if value.kind == "map" => {
+                    let key = self.source.string(index + 1).unwrap_or_default();
+                    value = deeper.field(&value, &key);
+                    index = self.source.partner(index).map_or(tokens.end, |close| close + 1);
+                }
                 "[" => {
                     value = value.item.map(|item| *item).unwrap_or_default();
                     index = self.source.partner(index).map_or(tokens.end, |close| close + 1);
@@ -162,11 +180,15 @@ impl<'a> Types<'a> {
         let token = self.source.get(index);
         match token {
             "[" => {
-                let first = self.source.arguments(index).into_iter().next();
-                let item = first.map(|first| Box::new(self.value(first)));
+                let rows = self.source.arguments(index);
+                let mut item = rows.first().map(|first| Box::new(self.value(first.clone())));
+                if let Some(item) = item.as_mut().filter(|item| item.kind == "map") {
+                    let maps = rows.iter().skip(1).map(|row| row.start);
+                    item.maps.extend(maps.filter(|row| self.source.get(*row) == "#{"));
+                }
                 (Value { item, ..Value::of("array") }, after(index))
             }
-            "#{" => (Value::of("map"), after(index)),
+            "#{" => (Value { maps: vec![index], ..Value::of("map") }, after(index)),
             "(" => (self.value(index + 1..self.source.partner(index).unwrap_or(end)), after(index)),
             "|" | "||" => (Value::of("function"), end),
             "true" | "false" => (Value::of("flag"), index + 1),
@@ -189,6 +211,33 @@ impl<'a> Types<'a> {
         }
     }
 
+    /// The entries of a map in this source: keys, and the tokens of their values.
+    fn map_entries(self, open: usize) -> impl Iterator<Item = (String, Range<usize>)> {
+        let source = self.source;
+        let entries = source.arguments(open).into_iter();
+        entries.filter(move |entry| source.get(entry.start + 1) == ":").map(move |entry| {
+            let key = source.string(entry.start).unwrap_or_else(|| source.get(entry.start).to_string());
+            (key, entry.start + 2..entry.end)
+        })
+    }
+
+    /// The value of an entry of an object map.
+    pub fn field(self, map: &Value, key: &str) -> Value {
+        let mut entries = map.maps.iter().flat_map(|open| self.map_entries(*open));
+        entries.find(|(known, _)| known == key).map(|(_, tokens)| self.value(tokens)).unwrap_or_default()
+    }
+
+    /// The keys of an object map, of all rows where it is one of an array.
+    pub fn keys(self, map: &Value) -> Vec<String> {
+        let mut keys: Vec<String> = Vec::new();
+        for (key, _) in map.maps.iter().flat_map(|open| self.map_entries(*open)) {
+            if !keys.contains(&key) {
+                keys.push(key);
+            }
+        }
+        keys
+    }
+
     /// The result of a function call, given the token of its name.
     fn function(self, name: usize) -> Value {
         let called = self.source.get(name);
@@ -204,9 +253,32 @@ impl<'a> Types<'a> {
         let called = self.source.get(name);
         let arguments = self.source.arguments(name + 1);
         match describe::entry(&on.kind, called) {
-            Some(entry) => self.result(entry.gives, on, &arguments, called),
+            Some(entry) => {
+                let value = self.result(entry.gives, on, &arguments, called);
+                let scene = on.name.as_deref().filter(|_| on.kind == "Scene" && called == "actor");
+                let cast = scene.zip(value.name.as_deref());
+                cast.and_then(|(scene, name)| self.cast_in(scene, name)).unwrap_or(value)
+            }
             None => Value::default(),
         }
+    }
+
+    /// The actor that the script of another file casts by a name.
+    fn cast_in(self, file: &str, name: &str) -> Option<Value> {
+        let source = self.modules.module(file)?;
+        let types = Types { source: &source, ..self.deeper()? };
+        let casts = |at: &usize| {
+            let given = || source.arguments(at + 1).into_iter().next().and_then(|a| source.string(a.start));
+            source.get(*at) == "cast" && source.get(at + 1) == "(" && given().as_deref() == Some(name)
+        };
+        let value = types.function((0..source.tokens.len()).find(casts)?).elsewhere();
+        // Its files lie beside it.
+        let folder = file.rsplit_once('/').map(|(folder, _)| folder);
+        let beside = |model: String| match folder.filter(|_| !model.starts_with(BUILT_IN)) {
+            Some(folder) => format!("{folder}/{model}"),
+            None => model,
+        };
+        Some(Value { file: value.file.map(beside), ..value })
     }
 
     fn result(self, gives: Returns, on: &Value, arguments: &[Range<usize>], called: &str) -> Value {
@@ -294,6 +366,8 @@ impl<'a> Types<'a> {
             ("fn", _) => Declared::Function,
             ("for", "in" | ",") => Declared::Loop,
             ("as", _) if is_string(source.before(token, 2)) => Declared::Module,
+            // `for (line, number) in lines`.
+            ("(" | ",", ")" | ",") if self.is_loop_pair(token) => Declared::Loop,
             ("(" | ",", ")" | ",") => {
                 let open = source.parent(token)?;
                 let named = source.before(open, 2) == "fn" && source.get(open) == "(";
@@ -309,6 +383,10 @@ impl<'a> Types<'a> {
             _ => return None,
         };
         Some(Declaration { token, kind })
+    }
+
+    fn is_loop_pair(self, token: usize) -> bool {
+        self.source.parent(token).is_some_and(|open| self.source.before(open, 1) == "for")
     }
 
     /// The `|` before the parameters of a closure of which a token is one.
@@ -351,7 +429,10 @@ impl<'a> Types<'a> {
             Declared::Function => Value::of("function"),
             Declared::Module => Value { name: source.string(token - 2), ..Value::of("module") },
             Declared::Loop => {
-                let Some(start) = (token..token + 4).find(|i| source.get(*i) == "in") else {
+                if source.before(token, 1) == "," {
+                    return Value::of("number");
+                }
+                let Some(start) = (token..token + 5).find(|i| source.get(*i) == "in") else {
                     return Value::default();
                 };
                 let end = (start..source.tokens.len()).find(|i| source.get(*i) == "{");
@@ -442,10 +523,11 @@ impl<'a> Types<'a> {
         };
         let types = Types { source: &source, ..types };
         let wanted = self.source.get(name);
-        match self.source.get(name + 1) {
+        let value = match self.source.get(name + 1) {
             "(" => types.own_function(wanted).map(|f| types.result_of(f)).unwrap_or_default(),
             _ => types.variable(wanted, source.tokens.len()),
-        }
+        };
+        value.elsewhere()
     }
 }
 
@@ -467,7 +549,7 @@ mod tests {
     struct Steps;
     impl Modules for Steps {
         fn module(&self, path: &str) -> Option<Arc<Source>> {
-            let text = "fn walker(x) { let a = load(\"walk.bvh\"); a.clip(\"Walk\") }";
+            let text = "fn walker(x) { let a = load(\"walk.bvh\"); a.clip(\"Walk\") } fn table() { #{ who: sun() } }";
             (path == "steps").then(|| Arc::new(Source::new(text)))
         }
         fn path(&self, _: &str) -> Option<PathBuf> {
@@ -494,6 +576,7 @@ mod tests {
         assert_eq!(kind("let a = cast(\"x\", load(\"a\")); a.play(a.joint(\"b\")).until(3).|"), "Cue");
         assert_eq!(kind("let l = [camera(\"a\"), camera(\"b\")]; l[0].|"), "Camera");
         assert_eq!(kind("for c in [camera(\"a\")] { c.| }"), "Camera");
+        assert_eq!(kind("for (c, i) in [camera(\"a\")] { c.| }"), "Camera");
         assert_eq!(kind("(sun()).|"), "Light");
         assert_eq!(kind("x.|"), "");
         assert_eq!(kind("let x = x.|"), "");
@@ -508,6 +591,29 @@ mod tests {
         let cue = at_mark("let h = cast(\"h\", load(\"b\")); h.play(load(\"c\").clip(\"Run\")).|");
         assert_eq!((cue.file.as_deref(), cue.clip), (Some("b"), Some(("c".into(), "Run".into()))));
         assert_eq!(at_mark("effect(\"bloom\").|").name.as_deref(), Some("bloom"));
+    }
+
+    /// The rows of the guide's dialogue.
+    #[test]
+    fn maps_have_the_values_of_their_keys() {
+        let rows = "let ada = cast(\"ada\", load(\"a.glb\")); let ben = cast(\"ben\", load(\"b.glb\"));\n\
+                    let lines = [#{ who: ada, from: 0.5 }, #{ \"who\": ben, until: camera(\"c\") }];\n";
+        let of = |rest: &str| at_mark(&format!("{rows}{rest}"));
+        let who = of("for line in lines { line.who.| }");
+        assert_eq!((who.kind.as_str(), who.file.as_deref()), ("Actor", Some("a.glb")));
+        assert_eq!(of("for line in lines { line.who.play(x).| }").kind, "Cue");
+        assert_eq!(of("for line in lines { line.until.| }").kind, "Camera");
+        assert_eq!(of("let q = lines[1]; q.who.|").kind, "Actor");
+        assert_eq!(of("lines[0][\"who\"].|").kind, "Actor");
+        assert_eq!(of("let m = #{ a: #{ b: sun() } }; m.a.b.|").kind, "Light");
+        assert_eq!([of("lines[0].none.|").kind, of("let m = #{ a: m.a }; m.a.|").kind], ["", ""]);
+        let source = Source::new(rows);
+        let types = Types::new(&source, &Steps, &Budget::default());
+        let row = types.variable("lines", source.tokens.len()).item.unwrap();
+        assert_eq!(types.keys(&row), ["who", "from", "until"]);
+        // Brackets of another source mean nothing here.
+        let module = at_mark("import \"steps\" as s; s::table().who.|");
+        assert_eq!(module.kind, "");
     }
 
     #[test]

@@ -19,6 +19,8 @@ pub struct View<'v> {
     pub project: &'v Project,
     /// The folder of the script.
     pub folder: Option<&'v Path>,
+    /// The folder in all of which a script with tests may read.
+    pub tests_root: Option<&'v Path>,
     pub files: &'v RefCell<Files>,
     pub modules: &'v dyn Modules,
     pub budget: Budget,
@@ -35,7 +37,7 @@ impl View<'_> {
 
     /// The contents of a file, if the script has a folder.
     pub fn contents(&self, name: &str) -> Option<Contents> {
-        Some(self.files.borrow_mut().contents(self.project, self.folder?, name))
+        Some(self.files.borrow_mut().contents(self.project, self.folder?, self.tests_root, name))
     }
 
     /// Names of files that the script can read.
@@ -92,6 +94,8 @@ impl View<'_> {
 pub struct OpenModules<'m> {
     pub documents: &'m BTreeMap<String, Document>,
     pub folder: Option<&'m Path>,
+    /// The folder in all of which a script with tests may read.
+    pub tests_root: Option<&'m Path>,
     pub known: &'m RefCell<ModuleFiles>,
 }
 
@@ -99,12 +103,15 @@ pub struct OpenModules<'m> {
 pub type ModuleFiles = BTreeMap<PathBuf, (Option<SystemTime>, Arc<Source>)>;
 
 impl Modules for OpenModules<'_> {
-    /// Only the script's own folder is looked at.
+    /// Only the script's own folder is looked at, and the root of tests.
     fn path(&self, name: &str) -> Option<PathBuf> {
         /// Bytes of a script at most.
         const LARGEST: u64 = 4 << 20;
         let name = if name.ends_with(".rhai") { name.to_string() } else { format!("{name}.rhai") };
-        let folders = Folders::new(self.folder?, &[], LARGEST).ok()?;
+        let mut folders = Folders::new(self.folder?, &[], LARGEST).ok()?;
+        if let Some(root) = self.tests_root {
+            folders = folders.with_root(root).ok()?;
+        }
         folders.find(None, &name).ok().map(|found| found.path)
     }
 

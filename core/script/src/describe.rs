@@ -214,7 +214,9 @@ fn option_list(paragraph: &str, is_first: bool) -> Option<&str> {
         return Some(paragraph);
     }
     let (heading, list) = paragraph.split_once(": ").filter(|_| !is_first)?;
+    // The options of a callback are among those described before; the text about it names no others.
     let is_heading = heading.len() < 100
+        && heading != "In a callback"
         && heading.starts_with(char::is_uppercase)
         && !heading.contains(['(', '.', '`', '"']);
     is_heading.then_some(list)

@@ -9,6 +9,7 @@ use crate::compile::{
 use crate::def::Def;
 use crate::diagnostic::Severity;
 use crate::limits::raise_hint;
+use crate::misread::Misread;
 use crate::suggest::{closest, did_you_mean, list};
 use crate::synonyms::{self, Suggestion};
 use crate::value::{HandleKind, POISON};
@@ -57,10 +58,25 @@ pub fn explain(error: &EvalAltResult, file: &str, shared: &Shared) -> (Place, Ap
         EvalAltResult::ErrorTerminated(value, at) if value.is::<Thrown>() => runtime(value, place(*at)),
         other => {
             let place = place(other.position());
-            let error = described(other, &place, shared);
-            (place, error)
+            let misread = match other {
+                EvalAltResult::ErrorParsing(kind, _) => misread(kind, &place, shared),
+                _ => None,
+            };
+            misread.unwrap_or_else(|| {
+                let error = described(other, &place, shared);
+                (place, error)
+            })
         }
     }
+}
+
+/// A parser's error that has another cause than where the parser stops, with its place.
+fn misread(kind: &ParseErrorType, place: &Place, shared: &Shared) -> Option<(Place, ApiError)> {
+    let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
+    let text = sources.get(&place.file).cloned()?;
+    drop(sources);
+    let Misread { line, column, error } = Misread::find(kind, (place.line, place.column), &text)?;
+    Some((Place { line, column, ..place.clone() }, error))
 }
 
 /// The text and the hint of an error that comes from the interpreter itself.
@@ -214,6 +230,10 @@ fn parsing(kind: &ParseErrorType, place: &Place, shared: &Shared) -> ApiError {
             ApiError::new(format!("unexpected '{letters}' ({})", codes.join(" ")))
                 .hint("names are of the letters a to z, digits and _; others belong into texts and comments")
         }
+        ParseErrorType::BadInput(LexError::MalformedChar(text)) => {
+            ApiError::new(format!("'{text}' is no single character"))
+                .hint(format!("texts stand in double quotes: \"{text}\""))
+        }
         ParseErrorType::BadInput(LexError::UnterminatedString) => {
             ApiError::new("this text has no closing quote")
         }
@@ -339,6 +359,7 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
     let known: Vec<&str> = globals
         .chain(shared.defs.maths.iter().map(|f| f.0))
         .chain(own.iter().map(|(n, _)| n.as_str()))
+        .chain(synonyms::ALIASES.iter().map(|(alias, _)| *alias))
         .collect();
     let unknown = format!("unknown function \"{name}\"");
     // A call on a number or a text is no method of a handle, so functions come first.

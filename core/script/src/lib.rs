@@ -35,6 +35,7 @@ mod limits;
 mod lint;
 mod load;
 mod loader;
+mod misread;
 mod modules;
 mod parsed;
 mod procedural;
@@ -62,7 +63,7 @@ pub use lint::{ClipMarkers, Places};
 pub use loader::{BUILT_IN, ImportChoice, Loader, PlayedClips};
 pub use reference::reference;
 pub use run::{NO_THREAD, Script, ScriptOptions, Touched, run_file, run_file_touching, run_text};
-pub use tokens::{comments, token_ranges};
+pub use tokens::{InnerCode, comments, token_ranges, tokens_with_inner};
 // The same words for a slip of the hand everywhere.
 pub use api::clip::{NothingFollows, mapping_lines};
 pub(crate) use choreo_plugin::suggest;

@@ -43,7 +43,8 @@ pub struct ScriptOptions {
     pub imports: Imports,
     /// A folder that holds the script and in all of which it may read, as its tests may.
     pub root: Option<PathBuf>,
-    /// Texts of scripts and modules that an editor has not saved, by canonical path. They are read in place of the files.
+    /// Texts of scripts and modules that an editor has not saved, by canonical path. They are read in place of the files; a script among
+    /// them need not exist as a file.
     pub unsaved: Arc<BTreeMap<PathBuf, Arc<str>>>,
 }
 
@@ -156,12 +157,14 @@ pub fn open(
     if let Some(root) = root {
         folders = folders.with_root(root).map_err(fail)?;
     }
-    // The script itself may be a link to elsewhere: the user named it. What it loads may not.
-    let canonical =
-        path.canonicalize().map_err(|e| Diagnostic::error(format!("cannot read script \"{shown}\": {e}")))?;
-    if !canonical.is_file() {
-        return Err(Diagnostic::error(format!("cannot read script \"{shown}\": it is not a file")));
-    }
+    let canonical = match path.canonicalize() {
+        // The script itself may be a link to elsewhere: the user named it. What it loads may not.
+        Ok(canonical) if canonical.is_file() => canonical,
+        Ok(_) => return Err(Diagnostic::error(format!("cannot read script \"{shown}\": it is not a file"))),
+        // A text that was never saved has a path and no file.
+        Err(_) if options.unsaved.contains_key(path) => path.to_path_buf(),
+        Err(e) => return Err(Diagnostic::error(format!("cannot read script \"{shown}\": {e}"))),
+    };
     let shared = new_shared(folders, mode, registry, options);
     let found = crate::folders::FoundFile { path: canonical };
     let text = read_text(&shared, &found, &name)?;

@@ -40,18 +40,45 @@ impl TokenKind {
     }
 }
 
+/// Code inside an interpolated string: `${…}`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct InnerCode {
+    /// From its opening brace to its closing one.
+    pub range: Range<usize>,
+    /// Its tokens, the braces among them. Letters of strings inside of it are none.
+    pub tokens: Vec<Range<usize>>,
+}
+
+/// The tokens of a text, and the code inside its interpolated strings, in order.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Tokens {
+    pub all: Vec<ScriptToken>,
+    pub inner: Vec<InnerCode>,
+}
+
 /// Byte ranges of all tokens, in order.
 pub fn token_ranges(text: &str) -> Vec<Range<usize>> {
     tokens(text).into_iter().map(|token| token.range).collect()
 }
 
-/// All tokens, in order, as Rhai's own lexer finds them.
+/// Byte ranges of all tokens, and the code inside interpolated strings, in order.
+pub fn tokens_with_inner(text: &str) -> (Vec<Range<usize>>, Vec<InnerCode>) {
+    let Tokens { all, inner } = lexed(text);
+    (all.into_iter().map(|token| token.range).collect(), inner)
+}
+
+/// All tokens, in order.
 pub(crate) fn tokens(text: &str) -> Vec<ScriptToken> {
+    lexed(text).all
+}
+
+/// The tokens of a text as Rhai's own lexer finds them.
+fn lexed(text: &str) -> Tokens {
     let engine = Engine::new_raw();
     let texts = [text];
     let (mut tokens, control) = engine.lex(&texts);
     let mut cursor = Cursor { text, line: 1, column: 0, byte: 0 };
-    let mut found: Vec<ScriptToken> = Vec::new();
+    let Tokens { all: mut found, mut inner } = Tokens::default();
     // Interpolated strings that are open: the first byte, and the braces open inside.
     let mut strings: Vec<(usize, usize)> = Vec::new();
     let mut is_text = false;
@@ -61,6 +88,7 @@ pub(crate) fn tokens(text: &str) -> Vec<ScriptToken> {
         let start = cursor.advance_to(before);
         let end = cursor.advance_to(tokens.pos);
         let resumed = std::mem::take(&mut is_text);
+        let is_outermost = strings.len() == 1;
         match &token {
             Token::EOF => break,
             Token::LexError(error) if matches!(**error, LexError::UnterminatedString) => {
@@ -86,6 +114,13 @@ pub(crate) fn tokens(text: &str) -> Vec<ScriptToken> {
                     found.push(ScriptToken { range: start..end, kind });
                 }
                 Some((_, depth)) => {
+                    if is_outermost && *depth == 0 {
+                        inner.push(InnerCode { range: start..end, tokens: Vec::new() });
+                    }
+                    if let Some(code) = inner.last_mut() {
+                        code.range.end = end;
+                        code.tokens.push(start..end);
+                    }
                     *depth += usize::from(matches!(token, Token::LeftBrace | Token::MapStart));
                     *depth -= usize::from(token == Token::RightBrace && *depth > 0);
                     is_text = token == Token::RightBrace && *depth == 0;
@@ -95,7 +130,7 @@ pub(crate) fn tokens(text: &str) -> Vec<ScriptToken> {
         }
     }
     found.extend(strings.first().map(|(start, _)| string(*start..text.len())));
-    found
+    Tokens { all: found, inner }
 }
 
 /// A comment.
@@ -222,6 +257,23 @@ mod tests {
         );
         assert_eq!(texts("a(\"x\n b"), ["a", "(", "\"x\n b"]);
         assert_eq!(texts("a(`x ${b"), ["a", "(", "`x ${b"]);
+    }
+
+    #[test]
+    fn code_inside_strings_has_tokens() {
+        let text = "é(`x ${ b + f(#{ c: `${d} y` }) } z ${e.g}`); `${h";
+        let (_, inner) = tokens_with_inner(text);
+        let codes: Vec<(&str, Vec<&str>)> = inner
+            .into_iter()
+            .map(|code| (&text[code.range], code.tokens.into_iter().map(|token| &text[token]).collect()))
+            .collect();
+        let first = ["{", "b", "+", "f", "(", "#{", "c", ":", "{", "d", "}", "}", ")", "}"];
+        let expected = [
+            ("{ b + f(#{ c: `${d} y` }) }", first.to_vec()),
+            ("{e.g}", vec!["{", "e", ".", "g", "}"]),
+            ("{h", vec!["{", "h"]),
+        ];
+        assert_eq!(codes, expected);
     }
 
     #[test]

@@ -205,7 +205,12 @@ fn turn(c: &mut Call) -> Reply {
 
 fn rotate(c: &mut Call) -> Reply {
     let rotation = match c.len() {
-        1 => keys::quaternion(&c.value(0), "rotate")?,
+        1 => keys::quaternion(&c.value(0), "rotate").map_err(|e| match c.number(0) {
+            Ok(angle) => e.hint(format!(
+                "write .turn({angle}) to rotate about the vertical axis, or three angles: .rotate(0, {angle}, 0)"
+            )),
+            Err(_) => e,
+        })?,
         _ => euler(DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?)),
     };
     turned(c, rotation)

@@ -25,6 +25,9 @@ pub fn one_of(v: &Dynamic, label: &str, allowed: &[&'static str]) -> Result<&'st
 pub fn wrong(v: &Dynamic, label: &str, allowed: &str) -> ApiError {
     let mut error = ApiError::new(format!("{label} must be {allowed}, got {}", describe(v)));
     error.focus = v.clone().into_string().ok();
+    if let Ok(letter) = v.as_char() {
+        error.hint = Some(format!("texts stand in double quotes: \"{letter}\""));
+    }
     error
 }
 
@@ -42,6 +45,9 @@ pub fn describe(v: &Dynamic) -> String {
     }
     if let Ok(n) = v.as_float() {
         return format!("{n:?}");
+    }
+    if let Ok(letter) = v.as_char() {
+        return format!("the single character '{letter}'");
     }
     if v.is_string() {
         let s = v.into_string().unwrap_or_default();

@@ -1,5 +1,6 @@
 //! Formatting of scripts. Only what lies between tokens changes: blanks, indentation, blank lines. Line breaks are the author's, so
-//! that chains and maps stay as they were laid out, and places in messages keep their lines; comments and strings stay as they are.
+//! that chains and maps stay as they were laid out, and places in messages keep their lines; comments and the letters of strings stay as
+//! they are.
 //!
 //! ```text
 //! text ─► pieces (Rhai's tokens, comments) ─► lines (where they begin, how deep), blanks ─► comments (aligned) ─► edits
@@ -9,11 +10,13 @@ mod blanks;
 mod comments;
 mod lines;
 mod pieces;
+mod strings;
 
 use lines::Line;
 use pieces::{Piece, Role, pieces};
 use std::fmt;
 use std::ops::Range;
+use strings::{formatted_string, is_same_string};
 
 /// Blanks of one step of indentation.
 const STEP: usize = 4;
@@ -99,6 +102,7 @@ fn is_same(pieces_before: &[Piece], text: &str) -> bool {
         old.role == new.role
             && match old.role {
                 Role::BlockComment => old.text.lines().map(str::trim).eq(new.text.lines().map(str::trim)),
+                _ if old.text.starts_with('`') => is_same_string(old.text, new.text),
                 _ => old.text == new.text,
             }
     };
@@ -159,6 +163,9 @@ fn changes(text: &str, pieces: &[Piece]) -> Vec<Edit> {
             let moved = comments::moved(text, piece, line.depth * STEP, line_break);
             edits.replace(piece.range.clone(), moved);
         }
+        if piece.text.starts_with('`') {
+            edits.replace(piece.range.clone(), formatted_string(piece.text));
+        }
         behind = piece.range.end;
     }
     let end = if pieces.is_empty() { "" } else { line_break };
@@ -214,7 +221,9 @@ mod tests {
             ("import\"a\"as b;b :: c( );let d=#{ };", "import \"a\" as b; b::c(); let d = #{};"),
             ("switch x{1=>a,_=>{b}}", "switch x { 1 => a, _ => { b } }"),
             ("f!( a );x!=y;!z;a?.b?[0]??c;p!in q", "f!(a); x != y; !z; a?.b?[0] ?? c; p !in q"),
-            ("print(`a ${ b+1 } c`);f(/* x */1,/*y*/ 2);", "print(`a ${ b+1 } c`); f(/* x */1, /*y*/ 2);"),
+            ("print(`a ${ b+1 } c`);f(/* x */1,/*y*/ 2);", "print(`a ${b + 1} c`); f(/* x */1, /*y*/ 2);"),
+            ("f(`a  b${g( `c  ${ d+1 }` )}${}`)", "f(`a  b${g(`c  ${d + 1}`)}${}`)"),
+            ("f(`${ a\n+b }`);", "f(`${ a\n+b }`);"),
             ("return-1;return;x+=1;let f=|x|-x;", "return -1; return; x += 1; let f = |x| -x;"),
         ];
         for (text, expected) in cases {

@@ -15,8 +15,14 @@ pub(crate) const ALIASES: &[(&str, &str)] = &[
     ("stage: resolution", "stage: size"),
 ];
 
-/// Words for parameters of effects, and the parameter that they mean where an effect has it.
+/// Words for parameters of effects, options and allowed values, and the one that they mean where a call has it.
 const PARAMETERS: &[(&str, &str)] = &[
+    ("cone", "outer"),
+    ("coneangle", "outer"),
+    ("spotangle", "outer"),
+    ("angle", "outer"),
+    ("cube", "box"),
+    ("ball", "sphere"),
     ("aperture", "f_number"),
     ("fstop", "f_number"),
     ("bokeh", "f_number"),
@@ -154,9 +160,15 @@ pub(crate) fn of_option(defs: &Defs, name: &str, function: &str, known: &[&str])
     let topic = topic(name)?;
     let of_this = |target: &&Target| target.entry(defs).is_some_and(|(_, def)| def.name == function);
     let options = || topic.calls.iter().filter(|target| target.option().is_some_and(|o| known.contains(&o)));
-    if let Some(target) = options().find(of_this).or(options().next()) {
+    if let Some(target) = options().find(of_this) {
         let option = target.option().unwrap_or_default();
         return Some(Suggestion { name: option.to_string(), hint: topic.hint(*target, defs) });
+    }
+    // The option of another call, which this one has, too: its own description counts.
+    if let Some((target, option)) = options().find_map(|target| Some((target, target.option()?))) {
+        let own = option_hint(defs, function, option);
+        let hint = own.unwrap_or_else(|| topic.hint(*target, defs));
+        return Some(Suggestion { name: option.to_string(), hint });
     }
     // The parameters of an effect are its own: a call of another kind does not set them.
     let target = *topic.calls.first().filter(|_| function != "effect")?;
@@ -167,6 +179,20 @@ pub(crate) fn of_option(defs: &Defs, name: &str, function: &str, known: &[&str])
     Some(Suggestion { name, hint: topic.hint(target, defs) })
 }
 
+/// What the reference says about an option of a call, and its page, where it describes the option there.
+fn option_hint(defs: &Defs, function: &str, option: &str) -> Option<String> {
+    let own = defs.all.iter().filter(|(_, def)| def.name == function);
+    let mut found = own.filter_map(|(title, def)| Some((title, def, in_parentheses(&def.about(), option)?)));
+    let (title, def, about) = found.next()?;
+    let usage = format!("{}(#{{ {option} }})", def.full_name());
+    Some(format!("{usage}: {}. See {}", first_sentence(&about), page(title)))
+}
+
+/// Entries describe their options after the first sentence.
+fn first_sentence(about: &str) -> &str {
+    about.split_once(". ").map_or(about, |(first, _)| first).trim_end_matches('.')
+}
+
 /// The parameter of an effect that replaces the unknown `name`: `f_number` for `aperture`.
 fn of_parameter<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     let spelled = letters(name);
@@ -174,13 +200,17 @@ fn of_parameter<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     known.iter().copied().find(|known| known == meant)
 }
 
-/// The known value that replaces the unknown text `given`: `bloom` for `glow`.
+/// The known value that replaces the unknown text `given`: `bloom` for `glow`, `position` for `location`.
 pub(crate) fn of_value<'a>(given: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let known: Vec<&str> = known.into_iter().collect();
     let is_value = |known: &&str| {
         topic(given).is_some_and(|topic| topic.calls.iter().any(|target| target.value() == Some(known)))
     };
-    of_parameter(given, &known).or_else(|| known.iter().copied().find(is_value))
+    // Words of one topic are synonyms; of a list of kinds, as of shapes, none can be chosen.
+    let terms = topic(given).map_or(&[][..], |topic| &topic.terms);
+    let of_topic: Vec<&str> = known.iter().copied().filter(|known| terms.contains(known)).collect();
+    let only = of_topic.first().copied().filter(|_| of_topic.len() == 1);
+    of_parameter(given, &known).or_else(|| known.iter().copied().find(is_value)).or(only)
 }
 
 impl Topic {
@@ -192,8 +222,7 @@ impl Topic {
     fn hint(&self, target: Target, defs: &Defs) -> String {
         let Call { usage, about, page, .. } = Call::of(target, defs);
         let about = about.unwrap_or_default();
-        // Entries describe their options after the first sentence.
-        let sentence = about.split_once(". ").map_or(&*about, |(first, _)| first).trim_end_matches('.');
+        let sentence = first_sentence(&about);
         let note = self.note.map(|note| format!(" {note}")).unwrap_or_default();
         format!("{usage}: {sentence}.{note} See {page}")
     }
@@ -282,16 +311,18 @@ fn first_line(def: &Def) -> String {
 
 /// The reference's text about an option: its name with the parentheses that follow it, or the item that names it.
 fn describe_option(def: &Def, option: &str) -> Option<String> {
-    let with_range = format!("{option} (");
     let about = def.about();
+    in_parentheses(&about, option).or_else(|| about.into_iter().find(|item| item.contains(option)))
+}
+
+/// The name of an option with the parentheses that follow it in a description.
+fn in_parentheses(about: &[String], option: &str) -> Option<String> {
+    let with_range = format!("{option} (");
     let whole = |item: &str, at: &usize| !item[..*at].ends_with(char::is_alphanumeric);
-    let found = about.iter().find_map(|item| {
+    let (item, at) = about.iter().find_map(|item| {
         let mut places = item.match_indices(&with_range).map(|(at, _)| at);
         Some((item, places.find(|at| whole(item, at))?))
-    });
-    let Some((item, at)) = found else {
-        return about.into_iter().find(|item| item.contains(option));
-    };
+    })?;
     let text = &item[at..];
     let mut depth = 0;
     let end = text.find(|c| {

@@ -146,6 +146,19 @@ fn options_and_values_have_synonyms() {
     assert_eq!(of_value("spline", ["linear", "cubic", "catmull_rom"]), Some("cubic"));
     assert_eq!(of_value("glow", ["fog", "bloom"]), Some("bloom"));
     assert_eq!(of_value("glow", ["fog"]), None);
+    assert_eq!(of_value("location", ["rotation", "position", "scale"]), Some("position"));
+    assert_eq!(of_value("orientation", ["position", "rotation"]), Some("rotation"));
+    let spot = ["inner", "outer", "name", "color"];
+    assert_eq!(option("cone", "spot", &spot).as_deref(), Some("outer"));
+    let hint = |name, function, known: &[&str]| of_option(defs(), name, function, known).unwrap().hint;
+    assert!(
+        hint("colour", "sun", &spot).starts_with("sun(#{ color }): "),
+        "{}",
+        hint("colour", "sun", &spot)
+    );
+    assert!(hint("colour", "shape", &["color"]).starts_with("shape(#{ color }): "));
+    assert_eq!(of_value("cube", ["plane", "box", "sphere"]), Some("box"));
+    assert_eq!(of_value("floor", ["box", "sphere", "cone"]), None);
 }
 
 #[test]

@@ -1,0 +1,40 @@
+//! Interpolated strings: the code inside `${…}` is formatted as code is, the letters stay.
+
+use super::formatted;
+use crate::tokens::tokens_with_inner;
+
+/// A string with its code formatted; code of several lines stays.
+pub fn formatted_string(string: &str) -> String {
+    let (mut new, mut behind) = (String::with_capacity(string.len()), 0);
+    for code in tokens_with_inner(string).1 {
+        let inside = code.range.start + 1..code.range.end - 1;
+        new.push_str(&string[behind..inside.start]);
+        new.push_str(
+            &on_one_line(&string[inside.clone()]).unwrap_or_else(|| string[inside.clone()].to_string()),
+        );
+        behind = inside.end;
+    }
+    new + &string[behind..]
+}
+
+fn on_one_line(code: &str) -> Option<String> {
+    let new = formatted(code).ok().filter(|_| !code.contains('\n'))?;
+    let line = new.trim_end();
+    (!line.contains('\n')).then(|| line.to_string())
+}
+
+/// Whether two strings have the same letters, and code of the same tokens.
+pub fn is_same_string(old: &str, new: &str) -> bool {
+    let parts = |string: &str| {
+        let (mut letters, mut tokens, mut behind) = (Vec::new(), Vec::new(), 0);
+        for code in tokens_with_inner(string).1 {
+            letters.push(string[behind..code.range.start].to_string());
+            tokens.extend(code.tokens.into_iter().map(|token| string[token].to_string()));
+            behind = code.range.end;
+        }
+        letters.push(string[behind..].to_string());
+        (letters, tokens)
+    };
+    let visible = |string: &str| string.chars().filter(|c| !c.is_whitespace()).collect::<String>();
+    old == new || (parts(old) == parts(new) && visible(old) == visible(new))
+}

@@ -1,0 +1,180 @@
+//! The causes of the parser's errors, where they lie before the place at which it stops: a bracket that is not closed, an object map
+//! without `#`, a reserved word as a key. They are found by the tokens around that place.
+
+use crate::api_error::ApiError;
+use crate::tokens::{ScriptToken, TokenKind, tokens};
+use rhai::{LexError, ParseErrorType};
+
+/// An error with the line and column of its cause, from 1.
+pub struct Misread {
+    pub line: usize,
+    pub column: usize,
+    pub error: ApiError,
+}
+
+/// The tokens of a text, and for each bracket its partner.
+struct Brackets<'t> {
+    text: &'t str,
+    tokens: Vec<ScriptToken>,
+    partner: Vec<Option<usize>>,
+}
+
+impl Misread {
+    /// The cause of an error that the parser found at a line and column.
+    pub fn find(kind: &ParseErrorType, at: (usize, usize), text: &str) -> Option<Misread> {
+        let misses_end = match kind {
+            ParseErrorType::MissingToken(token, _) => matches!(&**token, ")" | "]" | "}" | ","),
+            ParseErrorType::UnexpectedEOF => true,
+            _ => false,
+        };
+        let may_be_key = matches!(
+            kind,
+            ParseErrorType::MissingToken(..)
+                | ParseErrorType::VariableUndefined(_)
+                | ParseErrorType::PropertyExpected
+                | ParseErrorType::Reserved(_)
+                | ParseErrorType::BadInput(_)
+                | ParseErrorType::UnexpectedEOF
+        );
+        if !misses_end && !may_be_key {
+            return None;
+        }
+        let brackets = Brackets::new(text);
+        let stop = brackets.token_at(at);
+        let around = brackets.around(stop);
+        let key = brackets.key_near(stop).filter(|_| may_be_key).zip(around);
+        if let Some(misread) = key.and_then(|(key, open)| brackets.of_key(key, open)) {
+            return Some(misread);
+        }
+        let ends_list = begins_statement(kind, brackets.get(stop));
+        let is_meant = |open: &usize| misses_end || (ends_list && brackets.get(*open) != "{");
+        let is_open = |open: &usize| brackets.partner[*open].is_none() && is_meant(open);
+        let open = around.filter(is_open)?;
+        Some(brackets.never_closed(open, stop))
+    }
+}
+
+impl Brackets<'_> {
+    fn new(text: &str) -> Brackets<'_> {
+        let tokens = tokens(text);
+        let mut brackets = Brackets { text, partner: vec![None; tokens.len()], tokens };
+        let mut open: Vec<usize> = Vec::new();
+        for index in 0..brackets.tokens.len() {
+            if brackets.closing(index).is_some() {
+                open.push(index);
+            }
+            let own = brackets.get(index);
+            // A bracket that is not closed ends with the one around it.
+            let Some(depth) = open.iter().rposition(|o| brackets.closing(*o) == Some(own)) else { continue };
+            brackets.partner[open[depth]] = Some(index);
+            open.truncate(depth);
+        }
+        brackets
+    }
+
+    fn get(&self, index: usize) -> &str {
+        self.tokens.get(index).map_or("", |token| &self.text[token.range.clone()])
+    }
+
+    fn before(&self, index: usize, places: usize) -> &str {
+        index.checked_sub(places).map_or("", |index| self.get(index))
+    }
+
+    fn kind(&self, index: usize) -> Option<TokenKind> {
+        self.tokens.get(index).map(|token| token.kind)
+    }
+
+    /// The bracket that closes an opening one.
+    fn closing(&self, index: usize) -> Option<&'static str> {
+        match self.get(index) {
+            "(" => Some(")"),
+            "[" | "?[" => Some("]"),
+            "{" | "#{" => Some("}"),
+            _ => None,
+        }
+    }
+
+    /// The first token that begins at a line and column or behind.
+    fn token_at(&self, (line, column): (usize, usize)) -> usize {
+        let start: usize = self.text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
+        let rest = self.text[start..].chars().take(column.saturating_sub(1));
+        let byte = start + rest.map(char::len_utf8).sum::<usize>();
+        self.tokens.partition_point(|token| token.range.start < byte)
+    }
+
+    fn place(&self, index: usize) -> (usize, usize) {
+        let before = &self.text[..self.tokens.get(index).map_or(self.text.len(), |token| token.range.start)];
+        let line = before.rsplit('\n').next().unwrap_or(before);
+        (before.matches('\n').count() + 1, line.chars().count() + 1)
+    }
+
+    /// The innermost bracket that is open before a token.
+    fn around(&self, index: usize) -> Option<usize> {
+        let is_open = |open: &usize| {
+            self.closing(*open).is_some() && self.partner[*open].is_none_or(|end| end >= index)
+        };
+        (0..index.min(self.tokens.len())).rev().find(is_open)
+    }
+
+    /// The word or text before a colon at which the parser stops: at either, or behind both.
+    fn key_near(&self, stop: usize) -> Option<usize> {
+        let is_key = |index: &usize| {
+            matches!(self.kind(*index), Some(TokenKind::Word | TokenKind::Text)) && self.get(index + 1) == ":"
+        };
+        [Some(stop), stop.checked_sub(1)].into_iter().flatten().find(is_key)
+    }
+
+    fn error(&self, index: usize, text: String, hint: String) -> Misread {
+        let (line, column) = self.place(index);
+        Misread { line, column, error: ApiError::new(text).hint(hint) }
+    }
+
+    /// `KEY:` where the bracket around it is one that has no keys, or the key is a word of the language.
+    fn of_key(&self, key: usize, open: usize) -> Option<Misread> {
+        let name = self.get(key);
+        let begins_entry = matches!(self.before(key, 1), "#{" | ",");
+        let is_value = matches!(self.before(open, 1), "(" | "," | "[" | "=" | ":" | "return");
+        match self.get(open) {
+            "#{" if begins_entry && self.kind(key) == Some(TokenKind::Word) => Some(self.error(
+                key,
+                format!("\"{name}\" is a reserved word and cannot be a key"),
+                format!("put it in quotes, #{{ \"{name}\": … }}, or take another name"),
+            )),
+            "{" if is_value && open + 1 == key => Some(self.error(
+                open,
+                "an object map begins with #{, a block of statements with {".to_string(),
+                format!("write #{{ {name}: … }}"),
+            )),
+            "(" if matches!(self.before(key, 1), "(" | ",") && self.is_call(open) => Some(self.error(
+                key,
+                format!("\"{name}:\" is no argument: options stand in an object map"),
+                format!(
+                    "write {}({}#{{ {name}: … }})",
+                    self.before(open, 1),
+                    if key == open + 1 { "" } else { "…, " }
+                ),
+            )),
+            _ => None,
+        }
+    }
+
+    fn is_call(&self, open: usize) -> bool {
+        open.checked_sub(1).is_some_and(|name| self.kind(name) == Some(TokenKind::Word))
+    }
+
+    fn never_closed(&self, open: usize, stop: usize) -> Misread {
+        let end = self.closing(open).unwrap_or_default();
+        let before = match stop < self.tokens.len() {
+            true => format!("before \"{}\" in line {}", self.get(stop), self.place(stop).0),
+            false => "before the end of the script".to_string(),
+        };
+        let text = format!("this \"{}\" is never closed", self.get(open));
+        self.error(open, text, format!("a \"{end}\" is missing {before}"))
+    }
+}
+
+/// Whether the parser stops at a word that begins a statement, as it does in a list that is not closed.
+fn begins_statement(kind: &ParseErrorType, stop: &str) -> bool {
+    let is_word = matches!(stop, "let" | "const" | "fn" | "for" | "while" | "import" | "export" | "return");
+    is_word && matches!(kind, ParseErrorType::BadInput(LexError::UnexpectedInput(_)))
+}
