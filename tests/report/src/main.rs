@@ -5,6 +5,7 @@
 
 mod baking;
 mod bloom;
+mod brdf;
 mod chains;
 mod crossfade;
 mod deferred;
@@ -70,7 +71,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// Sections by name, in the order of the report.
-const SECTIONS: [(&str, Measure); 43] = [
+const SECTIONS: [(&str, Measure); 44] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -94,6 +95,7 @@ const SECTIONS: [(&str, Measure); 43] = [
     ("texture_filters", texture_filters::section),
     ("srgb", srgb::section),
     ("sky", sky::section),
+    ("brdf", brdf::section),
     ("environment_brdf", environment_brdf::section),
     ("parallax", parallax::section),
     ("displacement", displacement::section),
