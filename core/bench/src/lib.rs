@@ -9,6 +9,7 @@ pub mod moment;
 pub mod plots;
 pub mod rotation;
 pub mod scene;
+pub mod skins;
 pub mod timing;
 pub mod truth;
 pub mod vertex;

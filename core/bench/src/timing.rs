@@ -51,7 +51,8 @@ pub struct Nanos {
 }
 
 impl Nanos {
-    fn of(mut rounds: Vec<f64>) -> Nanos {
+    /// From the rounds.
+    pub fn of(mut rounds: Vec<f64>) -> Nanos {
         rounds.sort_by(f64::total_cmp);
         let at = |share: usize| rounds.get(rounds.len() * share / 4).copied().unwrap_or(f64::NAN);
         Nanos { median: at(2), quartiles: [at(1), at(3)] }
@@ -61,6 +62,13 @@ impl Nanos {
     /// of the other's.
     pub fn is_less(&self, other: &Nanos) -> bool {
         self.median * 1.05 < other.median && self.quartiles[1] < other.quartiles[0]
+    }
+}
+
+impl Nanos {
+    /// Whether one of two takes less time, and not by chance.
+    pub fn differs(&self, other: &Nanos) -> bool {
+        self.is_less(other) || other.is_less(self)
     }
 }
 

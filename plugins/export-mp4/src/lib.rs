@@ -113,11 +113,19 @@ impl Coding {
     }
 }
 
-/// Quantiser 42 … 18 … 12, H.264's logarithmic scale: 6 steps double the error. The encoder takes none below 12.
-fn quantiser(quality: f64) -> u8 {
+/// Quantizer 42 … 18 … 12, H.264's logarithmic scale: 6 steps double the error. The encoder takes none below 12 (`GOM_MIN_QP_MODE` in its
+/// `rc.h`, to which `ParamValidation` raises the range of every rate control), and whole numbers only, so that the 25 numbers above the
+/// default have six steps: three of them from 95 on. Half steps were tried: a range of two quantizers, of which each block takes one by its texture.
+/// The first frame then gets the coarser one and the next ones repair it, which makes files larger than the finer one alone does.
+fn quantizer(quality: f64) -> u8 {
     let quality = quality.clamp(0.0, 100.0);
-    (42.0 - 0.32 * quality.min(DEFAULT_QUALITY) - 0.24 * (quality - DEFAULT_QUALITY).max(0.0)).round() as u8
+    let to_default = 0.32 * quality.min(DEFAULT_QUALITY);
+    let to_end = 0.2 * (quality.min(END) - DEFAULT_QUALITY).max(0.0);
+    (42.0 - to_default - to_end - 0.4 * (quality - END).max(0.0)).round() as u8
 }
+
+/// Quality from which on steps are denser.
+const END: f64 = 95.0;
 
 /// Frames that one encoder makes. Its state cannot be stored, so each segment starts with a new one and depends on its
 /// own frames only: a render that was killed goes on from the last whole segment and the kept frames of the next. Whole
@@ -173,7 +181,7 @@ impl Mp4Sink {
         Ok(Mp4Sink {
             segment: segment(info),
             coding: Coding {
-                qp: quantiser(quality),
+                qp: quantizer(quality),
                 keyframes: keyframes(info),
                 fps: info.fps.as_fps() as f32,
             },

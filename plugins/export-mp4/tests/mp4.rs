@@ -152,9 +152,12 @@ fn quality_trades_size_for_error() {
     };
     let (Some(low), Some(high)) = (at(20.0), at(95.0)) else { return };
     assert!(low.0 > 1.3 * high.0 && low.1 * 2 < high.1, "{low:?} {high:?}");
-    // Up to the end of the scale.
-    let (high, highest) = (at(95.0).unwrap(), at(100.0).unwrap());
-    assert!(high.0 > highest.0 && high.1 < highest.1, "{high:?} {highest:?}");
+    // Every quantizer that the encoder has left at the end of the scale: 14, 13 and 12, each for two numbers.
+    let all: Vec<(f64, usize)> = (95..=100).map(|quality| at(f64::from(quality)).unwrap()).collect();
+    println!("error and size from quality 95 to 100: {all:?}");
+    let pairs = all.as_chunks::<2>().0;
+    assert!(pairs.iter().all(|[a, b]| a == b), "{all:?}");
+    assert!(pairs.is_sorted_by(|a, b| a[0].0 > b[0].0 && a[0].1 < b[0].1), "{all:?}");
 }
 
 #[test]

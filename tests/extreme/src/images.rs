@@ -24,6 +24,15 @@ pub const CASES: &[Case] = &[
         wall(1e7, 1e-4)
     }),
     Case::new("10,000 km from the origin", "steps of 255 off the same at the origin", 0.0, far_away),
+    Case::new("a shadow on a ground of 10 m", "share of pixels off rays in f64, edges apart", 0.0, || {
+        shadow_off_rays(&shadow(10.0, 1.0, false))
+    }),
+    Case::new(
+        "a shadow on a ground of 100 km, by rays",
+        "share of pixels off them, edges apart",
+        0.0,
+        || shadow_off_rays(&shadow(1e5, 1.0, false)),
+    ),
     Case::new("a shadow on a ground of 1 km", "share over 2 of 255 off that on 10 m", 0.0, || {
         shadow_moved(1e3, 1.0, false)
     }),
@@ -199,6 +208,46 @@ fn shadow(ground: f64, scale: f64, far_box: bool) -> Stage {
         put(&mut stage, wide(0.25), Placement::at(0.0, 0.25, -5e3));
     }
     stage
+}
+
+/// Against rays in f64: pixels of the ground that lie wholly in the light or wholly in the shadow of the board, whatever point of them and of
+/// the sun's disc is taken.
+fn shadow_off_rays(stage: &Stage) -> f64 {
+    const SIDE: usize = 96;
+    let Ok(rgba) = draw(stage, [SIDE as u32; 2]) else { return f64::NAN };
+    let sun = -DVec3::new(-0.4, -0.3, -0.8).normalize();
+    let (across, up) = (sun.cross(DVec3::Y).normalize(), sun.cross(DVec3::Y).normalize().cross(sun));
+    // Twice the disc's radius, since edges are filtered over texels, too.
+    let disc = f64::from(choreo_stage::SUN_ANGLE);
+    let suns = [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
+        .map(|(x, y)| (sun + (across * x + up * y) * disc).normalize());
+    let turn = DQuat::from_rotation_y(0.3);
+    let hits_board = |from: DVec3, way: DVec3| {
+        let (from, way) = (turn.inverse() * (from - DVec3::new(0.0, 0.5, 0.0)), turn.inverse() * way);
+        let at = from - way * (from.z / way.z);
+        from.z / way.z < 0.0 && at.x.abs() < 0.5 && at.y.abs() < 0.5
+    };
+    let eye = DVec3::new(0.0, 1.0, 3.0);
+    // In the shadow or not, of the ground at a place of the image; `None` where the board is before it.
+    let ground = |x: f64, y: f64, sun: DVec3| {
+        let half = libm::tan(0.4) * 2.0 / SIDE as f64;
+        let way = DVec3::new((x - SIDE as f64 / 2.0) * half, (SIDE as f64 / 2.0 - y) * half, -1.0);
+        let at = eye - way * (eye.y / way.y);
+        (!hits_board(eye, way) && way.y < 0.0).then(|| hits_board(at, sun))
+    };
+    let (mut sure, mut dark, mut wrong) = (0u32, 0u32, 0u32);
+    for (x, y) in (SIDE * 2 / 3..SIDE).flat_map(|y| (0..SIDE).map(move |x| (x, y))) {
+        let places = [-1.0, 0.5, 2.0].map(|dx| [-1.0, 0.5, 2.0].map(|dy| (x as f64 + dx, y as f64 + dy)));
+        let all: Vec<Option<bool>> =
+            places.iter().flatten().flat_map(|(x, y)| suns.map(|sun| ground(*x, *y, sun))).collect();
+        let Some(shaded) = all[0].filter(|first| all.iter().all(|other| *other == Some(*first))) else {
+            continue;
+        };
+        sure += 1;
+        dark += u32::from(shaded);
+        wrong += u32::from((rgba[4 * (y * SIDE + x)] == 0) != shaded);
+    }
+    if sure < (SIDE * SIDE / 8) as u32 || dark < 50 { f64::NAN } else { f64::from(wrong) / f64::from(sure) }
 }
 
 /// Against the same shadow in a scene of 10 m, where the board meets the ground.

@@ -2,7 +2,7 @@
 
 use crate::images::{drawn, stage, times};
 use crate::{BUDGET_SECS, Section};
-use choreo_bench::plots::{Cell, Table};
+use choreo_bench::plots::{Cell, Table, ratio, time};
 use choreo_bench::timing::Clock;
 use choreo_image_diff::compare;
 use choreo_motion::Time;
@@ -81,15 +81,15 @@ fn table() -> Result<Table, String> {
     let columns = [
         (">lights", "lights"),
         (">walls", "walls"),
-        (">forward ms", "forward_ms"),
-        (">deferred ms", "deferred_ms"),
+        (">forward", "forward"),
+        (">deferred", "deferred"),
         (">deferred / forward", "ratio"),
         (">mean difference", "mean"),
         (">worst", "worst"),
         ("the plan takes", "chosen"),
         ("by", "estimate"),
     ];
-    let title = format!("Milliseconds an image of {}×{}, {}", SIZE[0], SIZE[1], Clock::Process.words());
+    let title = format!("Time of an image of {}×{}, {}", SIZE[0], SIZE[1], Clock::Process.words());
     let mut table = Table::new(title, &columns);
     let mut gpu = VulkanRenderer::new(GpuOptions::default()).map_err(|e| e.to_string())?;
     for layers in OVERDRAW {
@@ -104,14 +104,13 @@ fn table() -> Result<Table, String> {
             let off = compare(&there, &here, 2).map_err(|e| e.to_string())?;
             let took = times(&mut gpu, &[&forward, &deferred], 2.0 * BUDGET_SECS);
             let number = |v: f64, digits: usize| Cell::number(format!("{v:.digits$}"), v);
-            let [a, b] = [took[0].median / 1e6, took[1].median / 1e6];
             let chosen = if auto.deferred.is_some() { "deferred" } else { "forward" };
             table.rows.push(vec![
                 Cell::count(lights),
                 Cell::count(layers),
-                number(a, 1),
-                number(b, 1),
-                number(b / a, 2),
+                time(took[0]),
+                time(took[1]),
+                ratio(&took[0], &took[1]),
                 number(off.mean, 3),
                 Cell::count(usize::from(off.worst)),
                 Cell::text(chosen),

@@ -3,8 +3,8 @@
 use crate::images::{drawn, renderers, rows, stage};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::moment::Moment;
-use choreo_bench::plots::{Cell, Choice, Table, duration, time};
-use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::plots::{Cell, Choice, Table, difference, ratio, time};
+use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_motion::Time;
 use choreo_plugin::{Effect, EffectImage, Hook, LightSample, Registry, Shutter, SurfaceSample};
 use choreo_render::plan::motion_blur::{plan_at, times};
@@ -24,10 +24,10 @@ pub fn section() -> Result<Section, String> {
     let registry = choreo::registry();
     Ok(Section {
         title: "Effects",
-        text: "What an effect costs is what its frame takes beyond that of the same scene without it. Effects on surfaces cost what their \
+        text: "What an effect costs is what its frame takes beyond that of the same scene without it, where that is more than chance. Effects on surfaces cost what their \
                function does on the pixels that have it; those over the image need float targets and a pass. Motion blur is the mean of images \
                at exact times: the error falls with their number, and so does the speed. On the CPU the WGSL of an effect is evaluated over \
-               32 pixels at a time; tone mapping written by hand in Rust is its rival. FXAA finds edges in the finished image, where samples \
+               32 pixels at a time; tone mapping written by hand in Rust, in loops over eight pixels, is its rival. FXAA finds edges in the finished image, where samples \
                know them."
             .into(),
         choices: vec![blur(&registry)?, edges(&registry)?],
@@ -113,7 +113,7 @@ fn costs(registry: &Registry) -> Result<Table, String> {
     let resources = Arc::new(SceneResources::new(&stages[0]));
     let plans: Result<Vec<_>, _> = stages.iter().map(|s| planned(s, effects, SIZE, 1)).collect();
     let plans = plans?;
-    let time = |renderer: &mut dyn Renderer| -> Result<Vec<f64>, String> {
+    let timed = |renderer: &mut dyn Renderer| -> Result<Vec<Nanos>, String> {
         renderer.load(resources.clone()).map_err(|e| e.to_string())?;
         let mut times = vec![Vec::new(); plans.len()];
         for _ in 0..ROUNDS {
@@ -127,9 +127,10 @@ fn costs(registry: &Registry) -> Result<Table, String> {
                 }
             }
         }
-        Ok(times.into_iter().map(median).collect())
+        Ok(times.into_iter().map(Nanos::of).collect())
     };
-    let nanos = renderers(registry).iter_mut().map(|(_, r)| time(&mut **r)).collect::<Result<Vec<_>, _>>()?;
+    let nanos =
+        renderers(registry).iter_mut().map(|(_, r)| timed(&mut **r)).collect::<Result<Vec<_>, _>>()?;
     for (i, (name, _)) in EFFECTS.iter().enumerate() {
         let mut row = vec![Cell::text(*name)];
         for renderer in 0..2 {
@@ -137,13 +138,8 @@ fn costs(registry: &Registry) -> Result<Table, String> {
                 row.extend([Cell::empty(), Cell::empty()]);
                 continue;
             };
-            let beyond = nanos[i] - nanos[0];
-            let sign = if beyond < 0.0 { "−" } else { "+" };
-            row.push(Cell::number(duration(nanos[i]), nanos[i]));
-            row.push(match i {
-                0 => Cell::empty(),
-                _ => Cell::number(format!("{sign}{}", duration(beyond.abs())), beyond),
-            });
+            row.push(time(nanos[i]));
+            row.push(if i == 0 { Cell::empty() } else { difference(&nanos[0], &nanos[i]) });
         }
         table.rows.push(row);
     }
@@ -153,7 +149,7 @@ fn costs(registry: &Registry) -> Result<Table, String> {
 /// Pixels of the image and points of the surfaces on which functions are evaluated.
 const EVALUATED: [u32; 2] = [256, 144];
 
-/// The time of each effect's function on the CPU, and that of tone mapping written by hand in Rust.
+/// The time of each effect's function on the CPU, and that of tone mapping written by hand in Rust, eight pixels at once.
 fn evaluation(registry: &Registry) -> Result<Table, String> {
     let effects: Vec<_> = registry.effects().iter().filter(|e| e.shader().is_some()).cloned().collect();
     let image = discs();
@@ -165,10 +161,7 @@ fn evaluation(registry: &Registry) -> Result<Table, String> {
         cases.push(Case::new(image.len(), move || results.borrow_mut()[i] = evaluated(effect, image)));
     }
     cases.push(Case::new(image.len(), || {
-        let mapped = image
-            .iter()
-            .map(|color| choreo_bench::scene::tones::effect(0.0, color.truncate()).extend(color.w));
-        *by_hand.borrow_mut() = mapped.collect();
+        *by_hand.borrow_mut() = choreo_bench::scene::tones::effect_of_eights(&image);
     }));
     let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
     drop(cases);
@@ -196,8 +189,7 @@ fn evaluation(registry: &Registry) -> Result<Table, String> {
                 results[i].iter().zip(&by_hand).map(|(a, b): (&Vec4, &Vec4)| (*a - *b).abs().max_element());
             let error = f64::from(apart.fold(0.0, f32::max));
             row.push(time(hand));
-            let ratio = nanos[i].median / hand.median;
-            row.push(Cell::number(format!("{ratio:.2}"), ratio));
+            row.push(ratio(&hand, &nanos[i]));
             row.push(Cell::number(format!("{error:.1e}"), error));
         } else {
             row.extend([Cell::empty(), Cell::empty(), Cell::empty()]);
@@ -267,11 +259,6 @@ fn evaluated(effect: &Effect, image: &[Vec4]) -> Vec<Vec4> {
         _ => {}
     }
     colors
-}
-
-fn median(mut of: Vec<f64>) -> f64 {
-    of.sort_by(f64::total_cmp);
-    of[of.len() / 2]
 }
 
 fn blur(registry: &Registry) -> Result<Choice, String> {

@@ -3,7 +3,7 @@
 use crate::images::{renderers, stage, times};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::moment::Moment;
-use choreo_bench::plots::{Cell, Choice, Row, Table, duration, time};
+use choreo_bench::plots::{Cell, Choice, Row, Table, difference, time};
 use choreo_bench::timing::{Case, Clock, interleaved};
 use choreo_bench::truth::Spread;
 use choreo_motion::Time;
@@ -223,12 +223,12 @@ fn costs() -> Result<Table, String> {
             crate::images::drawn(&mut *renderer, plan)?;
             nanos.extend(times(&mut *renderer, &[plan], BUDGET_SECS));
         }
-        let beyond = nanos[1].median - nanos[0].median;
-        let beyond = match nanos[0].is_less(&nanos[1]) {
-            true => Cell::number(duration(beyond), beyond),
-            false => Cell::text("within the noise"),
-        };
-        table.rows.push(vec![Cell::text(name), time(nanos[0]), time(nanos[1]), beyond]);
+        table.rows.push(vec![
+            Cell::text(name),
+            time(nanos[0]),
+            time(nanos[1]),
+            difference(&nanos[0], &nanos[1]),
+        ]);
     }
     Ok(table)
 }

@@ -5,6 +5,7 @@
 
 mod baking;
 mod bloom;
+mod brdf;
 mod chains;
 mod compositor;
 mod crossfade;
@@ -95,6 +96,7 @@ const SECTIONS: [(&str, Measure); 44] = [
     ("texture_filters", texture_filters::section),
     ("srgb", srgb::section),
     ("sky", sky::section),
+    ("brdf", brdf::section),
     ("environment_brdf", environment_brdf::section),
     ("parallax", parallax::section),
     ("displacement", displacement::section),

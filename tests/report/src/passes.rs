@@ -3,7 +3,7 @@
 use crate::images::{renderers, stage, times};
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::moment::Moment;
-use choreo_bench::plots::{Cell, Table};
+use choreo_bench::plots::{Cell, Table, ratio, time};
 use choreo_motion::Time;
 use choreo_plugin::Registry;
 use choreo_render::Plan;
@@ -57,11 +57,11 @@ fn tables() -> Result<Vec<Table>, String> {
         };
         let columns = [
             ("passes", "that draw each body"),
-            (">by each, ms", "one figure"),
-            (">once, ms", "one figure"),
+            (">by each", "one figure"),
+            (">once", "one figure"),
             (">ratio", "one figure"),
-            (">by each, ms ", "25 figures"),
-            (">once, ms ", "25 figures"),
+            (">by each ", "25 figures"),
+            (">once ", "25 figures"),
             (">ratio ", "25 figures"),
         ];
         let mut table = Table::new(format!("Pre-skinned once, or by every pass: {name}"), &columns);
@@ -73,10 +73,8 @@ fn tables() -> Result<Vec<Table>, String> {
                 let plan = |skin_once| Plan { skin_once, ..moment.plan(SIZE, 1) };
                 let plans = [plan(SkinOnce::Never), plan(SkinOnce::Always)];
                 let nanos = times(&mut *renderer, &plans.each_ref(), 2.0 * BUDGET_SECS);
-                let ms: Vec<f64> = nanos.iter().map(|n| n.median * 1e-6).collect();
-                cells.extend(ms.iter().map(|ms| Cell::number(format!("{ms:.1}"), *ms)));
-                let ratio = ms[1] / ms[0];
-                cells.push(Cell::number(format!("{ratio:.2}"), ratio));
+                cells.extend(nanos.iter().copied().map(time));
+                cells.push(ratio(&nanos[0], &nanos[1]));
             }
             table.rows.push(cells);
         }

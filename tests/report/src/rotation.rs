@@ -1,18 +1,18 @@
 //! Rotations between two keys.
 
 use crate::{BUDGET_SECS, Random, Section};
-use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
-use choreo_bench::rotation::{Interpolate, WAYS};
+use choreo_bench::plots::{Cell, Choice, Row, Table, quantity, time};
+use choreo_bench::rotation::{Eight, Interpolate, Rotations, WAYS, lane, rows, unit};
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_bench::truth::{Spread, angle_between};
-use choreo_motion::{Clip, Curve, Interpolation, Path, Pose, Sample, Time};
+use choreo_motion::{Clip, Curve, Interpolation, Level, Path, Pose, Sample, Time};
 use glam::{DQuat, DVec3, Quat};
 use std::sync::Arc;
 
 const DEGREES: [f64; 8] = [1.0, 5.0, 10.0, 20.0, 45.0, 90.0, 135.0, 179.0];
 const STEPS: usize = 64;
 const AXES: usize = 12;
-const OURS: &str = "Sample (power series, 8 joints at once)";
+const OURS: &str = "Sample (power series, as many terms as the keys need)";
 const SPLINE: &str = "cubic spline with the true tangents";
 
 pub fn section() -> Result<Section, String> {
@@ -47,8 +47,9 @@ pub fn section() -> Result<Section, String> {
     choice.error_unit = "°";
     choice.reference =
         "a turn at even speed about one axis, a closed form in f64; keys 1° to 179° apart".into();
-    choice.per = "rotation".into();
-    let nanos = times(&names)?;
+    choice.per =
+        "rotation, keys 30° apart; each way finds eight at once at one time, in the same portable instructions".into();
+    let (nanos, best) = times(&names)?;
     for (((name, error), place), nanos) in names.iter().zip(&all).zip(places).zip(nanos) {
         choice.rows.push(Row::new(*name).error(error.worst, error.mean()).at(place).nanos(nanos));
     }
@@ -64,14 +65,25 @@ pub fn section() -> Result<Section, String> {
         let cells = errors.iter().map(|e| Cell::number(quantity(e.worst), e.worst));
         table.rows.push([Cell::text(*name)].into_iter().chain(cells).collect());
     }
+    let mut levels = Table::new(
+        "What runs, on the widest registers of this machine",
+        &[("instructions", "level"), (">a rotation", "nanos")],
+    );
+    let portable = choice.rows[names.len() - 1].nanos.unwrap_or_default();
+    levels.rows.push(vec![Cell::text("portable, as above"), time(portable)]);
+    levels.rows.push(vec![Cell::text(format!("{:?}", Level::best())), time(best)]);
     Ok(Section {
         title: "Rotations between keys",
         text: "glTF asks for slerp. Files from capture have keys a few degrees apart, where every way will do; hand-made clips have \
-               keys up to half a turn apart, where nlerp lags by up to 8°. The series needs more terms the wider its keys are, at most 26."
+               keys up to half a turn apart, where nlerp lags by up to 8°. The series needs more terms the wider its keys are, at most 26; \
+               a clip knows how far apart its keys are, two poses that are blended do not."
             .into(),
         choices: vec![choice],
-        tables: vec![table],
-        off_front: Vec::new(),
+        tables: vec![table, levels],
+        off_front: vec![(
+            "rotation",
+            "all ways but it are exact only for keys that are near to each other, or compute terms that its keys do not need.",
+        )],
     })
 }
 
@@ -87,25 +99,28 @@ impl Turn {
         DQuat::from_axis_angle(self.axis, self.degrees.to_radians() * t) * self.start
     }
 
-    fn between(&self, way: Interpolate, t: f64) -> Quat {
+    /// The first and the last rotation, in one hemisphere.
+    fn ends(&self) -> [Quat; 2] {
         let (a, b) = (self.at(0.0).as_quat(), self.at(1.0).as_quat());
-        way(a, if a.dot(b) < 0.0 { -b } else { b }, t as f32)
+        [a, if a.dot(b) < 0.0 { -b } else { b }]
     }
 
-    /// glTF's CUBICSPLINE, with the derivative of the quaternion, ½ ω q, as its tangents.
-    fn spline(&self, t: f64) -> Quat {
+    /// The derivative of the quaternion, ½ ω q, at both ends: what glTF's CUBICSPLINE has as tangents.
+    fn tangents(&self) -> [Quat; 2] {
         let omega = self.axis * (self.degrees.to_radians() * 0.5);
-        let tangent = |q: DQuat| (DQuat::from_xyzw(omega.x, omega.y, omega.z, 0.0) * q).as_quat();
-        let (a, b) = (self.at(0.0), self.at(1.0));
-        let (m0, m1) = (tangent(a), tangent(b));
-        let (a, b) = (a.as_quat(), b.as_quat());
-        let t = t as f32;
-        let (t2, t3) = (t * t, t * t * t);
-        let q = a * (2.0 * t3 - 3.0 * t2 + 1.0)
-            + m0 * (t3 - 2.0 * t2 + t)
-            + b * (3.0 * t2 - 2.0 * t3)
-            + m1 * (t3 - t2);
-        q.normalize()
+        let omega = DQuat::from_xyzw(omega.x, omega.y, omega.z, 0.0);
+        [0.0, 1.0].map(|t| (omega * self.at(t)).as_quat())
+    }
+
+    fn between(&self, way: Interpolate, t: f64) -> Quat {
+        let [a, b] = self.ends().map(|q| rows(&[q; 8]));
+        lane(&way(&a, &b, t as f32), 0)
+    }
+
+    fn spline(&self, t: f64) -> Quat {
+        let (a, b) = (self.at(0.0).as_quat(), self.at(1.0).as_quat());
+        let [m0, m1] = self.tangents();
+        lane(&spline(&[a, m0, b, m1].map(|q| rows(&[q; 8])), t as f32), 0)
     }
 
     /// Eight joints that all turn so, from 0 s to 1 s.
@@ -130,57 +145,74 @@ fn sampled(clip: &Clip, t: f64) -> Quat {
     pose.get(0).rotation
 }
 
-/// Keys 30° apart, as a clip of twelve poses a second has them in quick parts.
-fn times(names: &[&str]) -> Result<Vec<Nanos>, String> {
+/// glTF's CUBICSPLINE, eight at once: value and tangent of the first key and of the second.
+fn spline([a, m0, b, m1]: &[Rotations; 4], t: f32) -> Rotations {
+    let (t2, t3) = (t * t, t * t * t);
+    let [of_a, of_m0] = [2.0 * t3 - 3.0 * t2 + 1.0, t3 - 2.0 * t2 + t];
+    let [of_b, of_m1] = [3.0 * t2 - 2.0 * t3, t3 - t2];
+    let row = |row: usize| -> Eight {
+        std::array::from_fn(|i| {
+            (a[row][i] * of_a + m0[row][i] * of_m0) + (b[row][i] * of_b + m1[row][i] * of_m1)
+        })
+    };
+    unit(&std::array::from_fn(row))
+}
+
+/// Keys 30° apart, as a clip of twelve poses a second has them in quick parts: the time of each way, and of [`OURS`] on the widest registers.
+fn times(names: &[&str]) -> Result<(Vec<Nanos>, Nanos), String> {
     const PAIRS: usize = 256;
+    const AT: f32 = 0.37;
     let mut random = Random(3);
     let turns: Vec<Turn> = (0..PAIRS)
         .map(|_| Turn { start: random.rotation(), axis: random.direction(), degrees: 30.0 })
         .collect();
-    let keys: Vec<(Quat, Quat, f32)> = turns
+    let eights = turns.as_chunks::<8>().0;
+    let rows_of =
+        |eight: &[Turn; 8], of: &dyn Fn(&Turn) -> Quat| rows(&eight.each_ref().map(|turn| of(turn)));
+    let keys: Vec<[Rotations; 2]> =
+        eights.iter().map(|eight| [0, 1].map(|end| rows_of(eight, &|turn| turn.ends()[end]))).collect();
+    let splines: Vec<[Rotations; 4]> = eights
         .iter()
-        .map(|turn| {
-            let (a, b) = (turn.at(0.0).as_quat(), turn.at(1.0).as_quat());
-            (a, if a.dot(b) < 0.0 { -b } else { b }, random.unit() as f32)
+        .map(|eight| {
+            [
+                rows_of(eight, &|turn| turn.at(0.0).as_quat()),
+                rows_of(eight, &|turn| turn.tangents()[0]),
+                rows_of(eight, &|turn| turn.at(1.0).as_quat()),
+                rows_of(eight, &|turn| turn.tangents()[1]),
+            ]
         })
         .collect();
     let clip = many(&turns)?;
-    let mut pose = Pose::identity(PAIRS);
     let mut cases: Vec<Case> = Vec::new();
     for (_, way) in WAYS {
         let keys = &keys;
+        let mut out = vec![[[0.0; 8]; 4]; keys.len()];
         cases.push(Case::new(PAIRS, move || {
-            for (a, b, t) in keys {
-                std::hint::black_box(way(*a, *b, *t));
+            for ([a, b], out) in keys.iter().zip(&mut out) {
+                *out = way(a, b, AT);
             }
+            std::hint::black_box(&out);
         }));
     }
-    let turns = &turns;
-    let tangents: Vec<(Quat, Quat)> = turns
-        .iter()
-        .map(|turn| {
-            let omega = turn.axis * (turn.degrees.to_radians() * 0.5);
-            let tangent = |q: DQuat| (DQuat::from_xyzw(omega.x, omega.y, omega.z, 0.0) * q).as_quat();
-            (tangent(turn.at(0.0)), tangent(turn.at(1.0)))
-        })
-        .collect();
-    let keys = &keys;
+    let mut out = vec![[[0.0; 8]; 4]; splines.len()];
+    let splines = &splines;
     cases.push(Case::new(PAIRS, move || {
-        for ((a, b, t), (m0, m1)) in keys.iter().zip(&tangents) {
-            let (t2, t3) = (t * t, t * t * t);
-            let q = *a * (2.0 * t3 - 3.0 * t2 + 1.0)
-                + *m0 * (t3 - 2.0 * t2 + t)
-                + *b * (3.0 * t2 - 2.0 * t3)
-                + *m1 * (t3 - t2);
-            std::hint::black_box(q.normalize());
+        for (keys, out) in splines.iter().zip(&mut out) {
+            *out = spline(keys, AT);
         }
+        std::hint::black_box(&out);
     }));
-    cases.push(Case::new(PAIRS, move || {
-        Sample { clip: &clip, time: Time::from_secs(0.37), pose: &mut pose }.run();
-        std::hint::black_box(&pose);
-    }));
-    assert_eq!(cases.len(), names.len());
-    Ok(interleaved(Clock::Thread, BUDGET_SECS, &mut cases))
+    for level in [Level::Portable, Level::best()] {
+        let (clip, mut pose) = (&clip, Pose::identity(PAIRS));
+        cases.push(Case::new(PAIRS, move || {
+            Sample { clip, time: Time::from_secs(f64::from(AT)), pose: &mut pose }.run_on(level);
+            std::hint::black_box(&pose);
+        }));
+    }
+    assert_eq!(cases.len(), names.len() + 1);
+    let mut nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
+    let best = nanos.pop().unwrap_or_default();
+    Ok((nanos, best))
 }
 
 /// A joint for each turn.

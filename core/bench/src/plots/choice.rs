@@ -200,9 +200,42 @@ pub fn time(nanos: Nanos) -> Cell {
     Cell::number(text + &spread, median)
 }
 
+/// Stands where a difference may be chance.
+const WITHIN_NOISE: &str = "within the noise";
+
+/// How many times as long a way takes as another, where they do not differ by chance.
+pub fn ratio(of: &Nanos, way: &Nanos) -> Cell {
+    let times = way.median / of.median;
+    if of.differs(way) { Cell::number(format!("{times:.2}"), times) } else { Cell::text(WITHIN_NOISE) }
+}
+
+/// What a way takes beyond another, where they do not differ by chance.
+pub fn difference(of: &Nanos, beyond: &Nanos) -> Cell {
+    if !of.differs(beyond) {
+        return Cell::text(WITHIN_NOISE);
+    }
+    let more = beyond.median - of.median;
+    let sign = if more < 0.0 { "−" } else { "+" };
+    Cell::number(format!("{sign}{}", duration(more.abs())), more)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn differences_by_chance_are_no_results() {
+        let [short, long] =
+            [100.0, 150.0].map(|median| Nanos { median, quartiles: [median - 1.0, median + 1.0] });
+        let noisy = Nanos { median: 120.0, quartiles: [90.0, 140.0] };
+        let text = |of, beyond| difference(of, beyond).text;
+        assert_eq!([text(&short, &long), text(&long, &short)], ["+50.0 ns", "−50.0 ns"]);
+        assert_eq!([text(&short, &noisy), text(&noisy, &short)], ["within the noise"; 2]);
+        assert_eq!(
+            [ratio(&short, &long), ratio(&short, &noisy)].map(|c| c.text),
+            ["1.50", "within the noise"]
+        );
+    }
 
     #[test]
     fn the_front_is_what_no_other_beats() {

@@ -21,7 +21,7 @@ mod table;
 mod timeline;
 
 pub use bars::byte_bars;
-pub use choice::{Choice, Row, time};
+pub use choice::{Choice, Row, difference, ratio, time};
 pub use number::{bytes, duration, quantity};
 pub use plot::{plot, stacked};
 pub use table::{Cell, Column, Table};

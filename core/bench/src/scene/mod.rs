@@ -29,8 +29,10 @@ pub struct MeasuredScene<'a> {
     pub at: Time,
     /// Pixels.
     pub size: [u32; 2],
-    /// The first is the CPU renderer; the last is the one that the program would draw with.
+    /// The first is the CPU renderer.
     pub renderers: Vec<Box<dyn Renderer>>,
+    /// Whether a Vulkan device was asked for: then it is taken, whatever it is.
+    pub asks_for_vulkan: bool,
     /// Seconds for the timings of one choice.
     pub budget_secs: f64,
 }

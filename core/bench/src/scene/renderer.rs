@@ -70,23 +70,33 @@ pub fn choices(scene: &mut MeasuredScene, moment: &Moment) -> Result<SceneChoice
     }
     let wanted = scene.stage.settings.samples.unwrap_or(4);
     choice.rows = rows.iter().zip(nanos).map(|((_, row), nanos)| row.clone().nanos(nanos)).collect();
-    // The last renderer is the one that the program takes.
-    let chosen = rows.iter().rposition(|(samples, _)| *samples == wanted);
-    if let Some(chosen) = chosen {
-        let [one, four] = [1, 4].map(|n| {
-            let at = rows.iter().rposition(|(samples, _)| *samples == n).unwrap_or(chosen);
-            choice.rows[at].clone()
-        });
+    let kinds: Vec<DeviceKind> = scene.renderers.iter().map(|r| r.device().kind).collect();
+    let (taken, reason) = taken(&kinds, scene.asks_for_vulkan);
+    // Two rows a renderer.
+    let of_taken = |samples: u32| (2 * taken..2 * taken + 2).find(|i| rows[*i].0 == samples);
+    if let (Some(chosen), Some(one), Some(four)) = (of_taken(wanted), of_taken(1), of_taken(4)) {
+        let [one, four] = [one, four].map(|row| choice.rows[row].clone());
         let times = four.cost().unwrap_or(1.0) / one.cost().unwrap_or(1.0);
         let left = four.mean / one.mean.max(1e-9) * 100.0;
         let asked = if scene.stage.settings.samples.is_some() { "as the script asks" } else { "the default" };
         let why = format!(
-            "{asked}; 4 samples leave {left:.0} % of the mean error of 1 and take {times:.1} times as long"
+            "{asked}, {reason}; 4 samples leave {left:.0} % of the mean error of 1 and take {times:.1} times as long"
         );
         let name = choice.rows[chosen].name.clone();
         choice.choose(&name, why);
     }
     Ok(SceneChoices::Choices(vec![choice]))
+}
+
+/// The renderer that the program takes of these, and why: a driver that draws on the CPU, too, only where it is asked for (decision 30).
+fn taken(kinds: &[DeviceKind], asks_for_vulkan: bool) -> (usize, &'static str) {
+    let of = |kind: DeviceKind| kinds.iter().position(|k| *k == kind);
+    match (of(DeviceKind::VulkanGpu), of(DeviceKind::VulkanCpu)) {
+        (Some(gpu), _) => (gpu, "on the GPU"),
+        (None, Some(driver)) if asks_for_vulkan => (driver, "by the driver that was asked for"),
+        (None, Some(_)) => (0, "by the CPU renderer, since the Vulkan driver draws on the CPU, too"),
+        (None, None) => (0, "by the CPU renderer, the only one here"),
+    }
 }
 
 fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, BenchError> {
@@ -102,4 +112,17 @@ fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, BenchError> {
 /// "llvmpipe (LLVM 15.0.6, 256 bits)" is llvmpipe.
 fn short(device: &str) -> &str {
     device.split(" (").next().unwrap_or(device)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_driver_that_draws_on_the_cpu_is_taken_only_where_it_is_asked_for() {
+        use DeviceKind::{CpuReference, VulkanCpu, VulkanGpu};
+        assert_eq!(taken(&[CpuReference], false).0, 0);
+        assert_eq!([false, true].map(|asks| taken(&[CpuReference, VulkanCpu], asks).0), [0, 1]);
+        assert_eq!([false, true].map(|asks| taken(&[CpuReference, VulkanGpu], asks).0), [1, 1]);
+    }
 }

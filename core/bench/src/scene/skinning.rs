@@ -3,7 +3,8 @@
 use super::vertices::model_from_mesh;
 use super::{MeasuredScene, SceneChoices};
 use crate::moment::Moment;
-use crate::plots::{Choice, Row};
+use crate::plots::{Choice, Row, quantity};
+use crate::skins::{self, Parted};
 use crate::timing::{Case, Clock, interleaved};
 use crate::truth::Spread;
 use choreo_asset::Primitive;
@@ -34,15 +35,20 @@ pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     let mut choice =
         Choice::new("skinning", "Do vertices follow their joints linearly, or by dual quaternions?");
     choice.error_unit = "mm";
-    choice.reference = "glTF's formula, linear blending, in f64 from matrices in f64, on this frame".into();
+    choice.reference = "the mean of the rigid motions of a vertex's joints after that of their stretches, in f64, written apart: what keeps the \
+                        girth of a limb; on this frame"
+        .into();
     choice.per = format!("vertex of {vertices}, on the CPU");
-    let mut errors = [Spread::default(), Spread::default()];
+    let (mut errors, mut rounding) = ([Spread::default(); 2], [Spread::default(); 2]);
     let mut places = [String::new(), String::new()];
     for p in &posed {
-        let exact = p.exact();
+        let [mean, linear, dual] = p.exact();
         for (way, how) in [Skinning::Linear, Skinning::DualQuaternion].into_iter().enumerate() {
-            for (v, (skinned, exact)) in p.skinned(how).iter().zip(&exact).enumerate() {
-                if errors[way].add((skinned.as_dvec3() - *exact).length() * 1e3) {
+            let formula = if way == 0 { &linear } else { &dual };
+            for (v, skinned) in p.skinned(how).iter().enumerate() {
+                let off = |exact: &[DVec3]| (skinned.as_dvec3() - exact[v]).length() * 1e3;
+                rounding[way].add(off(formula));
+                if errors[way].add(off(&mean)) {
                     places[way] = format!("{}, vertex {v}", p.place);
                 }
             }
@@ -55,7 +61,9 @@ pub fn choices(scene: &MeasuredScene, moment: &Moment) -> SceneChoices {
     let mut cases = [timed(Skinning::Linear), timed(Skinning::DualQuaternion)];
     let nanos = interleaved(Clock::Thread, scene.budget_secs, &mut cases);
     for (way, (error, place)) in errors.iter().zip(places).enumerate() {
-        choice.rows.push(Row::new(NAMES[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place));
+        let note = format!("{} mm off its own formula in f64", quantity(rounding[way].worst));
+        let row = Row::new(NAMES[way]).error(error.worst, error.mean()).nanos(nanos[way]).at(place);
+        choice.rows.push(row.note(note));
     }
     let dual = scene.stage.actors.iter().any(|a| a.skinning == Skinning::DualQuaternion);
     match dual {
@@ -111,19 +119,21 @@ fn narrow(map: &DAffine3) -> Affine3A {
 }
 
 impl Posed<'_> {
-    /// Positions in the model by glTF 2.0 §3.7.3.3, written independently of the skinning that is measured.
-    fn exact(&self) -> Vec<DVec3> {
+    /// Positions in the model: by the mean motion, by linear blending, and by dual quaternions.
+    fn exact(&self) -> [Vec<DVec3>; 3] {
         let p = self.primitive;
-        let per_vertex = p.influences;
-        let one = |(v, position): (usize, &glam::Vec3)| {
-            let influences = v * per_vertex..(v + 1) * per_vertex;
-            let weights = influences.clone().map(|i| f64::from(p.joint_weights[i]));
-            let moved = influences.clone().zip(weights).map(|(i, weight)| {
-                self.maps[usize::from(p.joint_indices[i])].transform_point3(position.as_dvec3()) * weight
-            });
-            moved.sum::<DVec3>()
-        };
-        p.positions.iter().enumerate().map(one).collect()
+        let parts: Vec<Parted> = self.maps.iter().map(Parted::of).collect();
+        let mut out = [Vec::new(), Vec::new(), Vec::new()];
+        let all = p.joint_indices.chunks(p.influences).zip(p.joint_weights.chunks(p.influences));
+        for (position, (joints, weights)) in p.positions.iter().zip(all) {
+            let influence = |(joint, weight): (&u16, &f32)| (usize::from(*joint), f64::from(*weight));
+            let influences: Vec<(usize, f64)> = joints.iter().zip(weights).map(influence).collect();
+            let point = position.as_dvec3();
+            out[0].push(skins::mean_motion(&parts, &influences, point));
+            out[1].push(skins::linear(&self.maps, &influences, point));
+            out[2].push(skins::dual(&parts, &influences, point));
+        }
+        out
     }
 
     /// Positions in the model.

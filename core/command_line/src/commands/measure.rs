@@ -43,6 +43,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
         at: at.unwrap_or(middle),
         size: size.unwrap_or(stage.settings.size),
         renderers,
+        asks_for_vulkan: args.device == Device::Vulkan,
         budget_secs: DEFAULT_BUDGET,
     };
     let mut choices: Vec<Choice> = Vec::new();

@@ -12,7 +12,7 @@ use choreo_asset::srgb_from_linear;
 use choreo_render::scene_resources::mipmap::srgb_to_linear_table;
 use choreo_render::{CpuRenderer, Renderer};
 use choreo_stage::ViewTransform;
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec4};
 use std::hint::black_box;
 use std::sync::Arc;
 
@@ -129,6 +129,27 @@ pub fn effect(curve: f32, light: Vec3) -> Vec3 {
     mapped.clamp(Vec3::ZERO, Vec3::ONE)
 }
 
+/// [`effect`] with curve 0 of many colors, in loops over eight, which compilers turn into vector instructions.
+pub fn effect_of_eights(colors: &[Vec4]) -> Vec<Vec4> {
+    type Eight = [f32; 8];
+    fn rows(m: &[[f32; 3]; 3], [x, y, z]: &[Eight; 3]) -> [Eight; 3] {
+        m.map(|r| std::array::from_fn(|i| r[0] * x[i] + r[1] * y[i] + r[2] * z[i]))
+    }
+    let mut out = colors.to_vec();
+    for eight in out.chunks_mut(8) {
+        let light =
+            |channel: usize, i: usize| eight.get(i).map_or(0.0, |c| c[channel].clamp(0.0, 16_777_216.0));
+        let light: [Eight; 3] = std::array::from_fn(|c| std::array::from_fn(|i| light(c, i)));
+        let curve = rows(&HILL_IN, &light).map(|channel| channel.map(hill_curve));
+        let mapped = rows(&HILL_OUT, &curve);
+        for (i, color) in eight.iter_mut().enumerate() {
+            *color = Vec4::new(mapped[0][i], mapped[1][i], mapped[2][i], color.w);
+            *color = color.truncate().clamp(Vec3::ZERO, Vec3::ONE).extend(color.w);
+        }
+    }
+    out
+}
+
 fn rows(m: [[f32; 3]; 3], v: Vec3) -> Vec3 {
     let dot = |r: [f32; 3]| r[0] * v.x + r[1] * v.y + r[2] * v.z;
     Vec3::new(dot(m[0]), dot(m[1]), dot(m[2]))
@@ -136,11 +157,17 @@ fn rows(m: [[f32; 3]; 3], v: Vec3) -> Vec3 {
 
 /// Stephen Hill's fit of the ACES reference and output transforms, sRGB to sRGB (BakingLab, ACES.hlsl).
 fn hill(color: Vec3) -> Vec3 {
-    let v =
-        rows([[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]], color);
-    let a = v * (v + 0.0245786) - 0.000090537;
-    let b = v * (0.983729 * v + 0.432951) + 0.238081;
-    rows([[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]], a / b)
+    rows(HILL_OUT, Vec3::from(rows(HILL_IN, color).to_array().map(hill_curve)))
+}
+
+const HILL_IN: [[f32; 3]; 3] =
+    [[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]];
+const HILL_OUT: [[f32; 3]; 3] =
+    [[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]];
+
+#[inline(always)]
+fn hill_curve(v: f32) -> f32 {
+    (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.432951) + 0.238081)
 }
 
 /// Troy Sobotka's AgX by Benjamin Wrensch's polynomial ("Minimal AgX Implementation", 2023): 16.5 stops, mid gray at 10 of them.
