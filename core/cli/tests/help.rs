@@ -61,7 +61,6 @@ fn commands_rules_and_the_guide_are_found() {
         (
             "pass",
             &[
-                "choreo render --passes",
                 "  Passes with textures of their own\n",
                 "core/wgsl_effect/README.md",
             ],

@@ -266,8 +266,8 @@ pub struct ImportOptions(pub BTreeMap<String, OptionValue>);
 /// The same for exporters.
 ///
 /// ```
-/// use choreo_plugin::{ExportOptions, OptionValue};
-/// let options = ExportOptions([("digits".to_string(), OptionValue::Number(3.0))].into());
+/// use choreo_plugin::{ExportOptions, ImportOptions, OptionValue};
+/// let options: ExportOptions = ImportOptions([("digits".to_string(), OptionValue::Number(3.0))].into());
 /// assert_eq!(options.number("digits"), Some(3.0));
 /// ```
 pub type ExportOptions = ImportOptions;

@@ -9,7 +9,6 @@ use glam::{DAffine3, DVec3, Vec4};
 /// Input of an effect that draws an overlay: the stage, and its state at a time.
 ///
 /// ```
-/// use choreo_plugin::asset::Asset;
 /// use choreo_plugin::glam::{DVec3, Vec4};
 /// use choreo_plugin::motion::{Time, Transform};
 /// use choreo_plugin::stage::Stage;

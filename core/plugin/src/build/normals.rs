@@ -94,7 +94,8 @@ fn of_triangle(positions: &[Vec3], triangle: &[u32]) -> Vec3 {
 /// ```
 /// use choreo_plugin::{MeshData, build, glam::Vec3};
 /// let positions = vec![0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
-/// let mut primitive = build::primitive(&MeshData { positions, normals: vec![0.0; 9], ..MeshData::default() })?;
+/// let mut primitive = build::primitive(&MeshData { positions, ..MeshData::default() })?;
+/// primitive.normals = vec![Vec3::ZERO; 3];
 /// build::normals::replace_zero(&mut primitive);
 /// assert_eq!(primitive.normals, [Vec3::Z; 3]);
 /// # Ok::<(), choreo_plugin::BuildError>(())
