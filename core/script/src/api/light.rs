@@ -27,7 +27,7 @@ api! {
     ///   `point`, name. The default of inner is 0.8 times outer; color, range and intensity as in `point`.
     spot("options?") -> Light = spot, options(|| documented(&default_spot()));
     /// Sets the ambient light: a color, a strength of white light, or #{ up, down } for light from above and from
-    /// below; `strength` multiplies it.
+    /// below; `strength` multiplies it. Without it, a file's own (a dome light of USD) takes the place of the default.
     ambient("color, strength? | options") -> () = ambient, in_frames;
     /// Sets the position in metres.
     Light.at("x, y, z | point") = at, in_frames;
