@@ -15,6 +15,8 @@ mod easing;
 mod effects;
 mod environment_brdf;
 mod far_away;
+mod farm;
+mod farm_model;
 mod fbx;
 mod film;
 mod foot_locking;
@@ -70,7 +72,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// Sections by name, in the order of the report.
-const SECTIONS: [(&str, Measure); 43] = [
+const SECTIONS: [(&str, Measure); 44] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -114,6 +116,7 @@ const SECTIONS: [(&str, Measure); 43] = [
     ("video", video::section),
     ("gif", gif::section),
     ("gltf_export", gltf_export::section),
+    ("farm", farm::section),
 ];
 
 /// Seconds for the timings of one choice.
