@@ -17,6 +17,8 @@ mod easing;
 mod effects;
 mod environment_brdf;
 mod far_away;
+mod farm;
+mod farm_model;
 mod fbx;
 mod film;
 mod foot_locking;
@@ -72,7 +74,7 @@ pub struct Section {
 type Measure = fn() -> Result<Section, String>;
 
 /// Sections by name, in the order of the report.
-const SECTIONS: [(&str, Measure); 44] = [
+const SECTIONS: [(&str, Measure); 46] = [
     ("rotation", rotation::section),
     ("crossfade", crossfade::section),
     ("baking", baking::section),
@@ -118,6 +120,7 @@ const SECTIONS: [(&str, Measure); 44] = [
     ("gif", gif::section),
     ("scene_export", scene_export::section),
     ("compositor", compositor::section),
+    ("farm", farm::section),
 ];
 
 /// Seconds for the timings of one choice.

@@ -1,8 +1,14 @@
 //! `cargo xtask farm`: a Slurm cluster of one controller and three nodes on the loopback interface runs a job of `choreo farm`, once
 //! undisturbed, once with a node that dies and one that is drained; the films have the bytes of one machine. Slurm comes from Debian's packages,
-//! unpacked into a folder of build outputs, and no daemon stays.
+//! unpacked into a folder of build outputs, and no daemon stays. What tasks cost is measured apart, and the model of the report predicts the
+//! undisturbed job from it; both are written into the report's section "farm".
 
-use crate::{cargo, run, target};
+#[path = "../../report/src/farm_model.rs"]
+#[expect(dead_code, reason = "the report uses all of it")]
+mod farm_model;
+
+use crate::{cargo, root, run, target};
+use farm_model::{Farm, Join};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -56,7 +62,16 @@ pub fn farm(program: Option<&str>) -> Result<(), String> {
     run(here(&choreo, &folder, &one), "the render of one machine")?;
     let alone = start.elapsed().as_secs_f64();
     let mut cluster = Cluster::start(&root, &folder)?;
+    let before = Costs::measured(&choreo, &folder, &cluster)?;
     let whole = cluster.film(&choreo, "whole", false)?;
+    let start = Instant::now();
+    run(here(&choreo, &folder, &["join", "whole/segments", "-o", "joined.mp4", "--quiet"]), "choreo join")?;
+    let join = start.elapsed().as_secs_f64();
+    // The machine may have other work: costs on both sides of the job.
+    let costs = before.mean(&Costs::measured(&choreo, &folder, &cluster)?, join);
+    let predicted = costs.farm().run().joined;
+    println!("predicted for the three nodes: {predicted:.1} s, {:+.0} %", (predicted / whole - 1.0) * 100.0);
+    costs.write(whole)?;
     let faulty = cluster.film(&choreo, "faulty", true)?;
     println!("| {CHUNKS} chunks of 24 frames, 640×360 | seconds |\n|---|---|");
     println!("| one machine | {alone:.1} |");
@@ -64,6 +79,103 @@ pub fn farm(program: Option<&str>) -> Result<(), String> {
     println!("| the same, a node killed and one drained | {faulty:.1} |");
     println!("the films are equal byte for byte");
     Ok(())
+}
+
+/// What a task costs here, measured without a job: three side by side, since the nodes share this machine.
+struct Costs {
+    /// Seconds to the first frame, of a frame, of Slurm between two tasks of a node, and of the join.
+    start: f64,
+    frame: f64,
+    gap: f64,
+    join: f64,
+}
+
+impl Costs {
+    fn measured(choreo: &Path, folder: &Path, cluster: &Cluster) -> Result<Costs, String> {
+        run(here(choreo, folder, &["pack", "s.rhai", "-o", "s.choreo", "--quiet"]), "choreo pack")?;
+        // The seconds of three tasks of this many frames each, at three places of the film.
+        let three = |frames: usize| {
+            let start = Instant::now();
+            let task = |place: usize| {
+                let range = format!("{}-{}", place * 192, place * 192 + frames - 1);
+                let words = [
+                    "render",
+                    "s.choreo",
+                    "-o",
+                    "film.mp4",
+                    "--segment",
+                    "costs",
+                    "--quiet",
+                    "--frames",
+                    &range,
+                ];
+                here(choreo, folder, &[&words[..], &OPTIONS].concat()).spawn()
+            };
+            let tasks = (0..3).map(task).collect::<Result<Vec<_>, _>>()?;
+            for mut task in tasks {
+                task.wait()?;
+            }
+            Ok::<f64, std::io::Error>(start.elapsed().as_secs_f64())
+        };
+        let failed = |e: std::io::Error| e.to_string();
+        let (one, chunk) = (three(1).map_err(failed)?, three(24).map_err(failed)?);
+        let frame = (chunk - one) / 23.0;
+        // Tasks that sleep as long as a chunk takes: what is left is Slurm's own time.
+        cluster.wait("three idle nodes", Cluster::three_are_idle)?;
+        let start = Instant::now();
+        cluster.ask("sbatch", &["--array=0-23", "--output=/dev/null", &format!("--wrap=sleep {chunk:.2}")]);
+        cluster.wait("an end of the sleeping tasks", |cluster| cluster.ask("squeue", &["-h"]).is_empty())?;
+        let gap = (start.elapsed().as_secs_f64() / 8.0 - chunk).max(0.0);
+        Ok(Costs { start: one - frame, frame, gap, join: 0.0 })
+    }
+
+    fn mean(&self, other: &Costs, join: f64) -> Costs {
+        let mean = |a: f64, b: f64| (a + b) / 2.0;
+        Costs {
+            start: mean(self.start, other.start),
+            frame: mean(self.frame, other.frame),
+            gap: mean(self.gap, other.gap),
+            join,
+        }
+    }
+
+    fn farm(&self) -> Farm {
+        let Costs { start, frame, gap, join } = *self;
+        Farm {
+            workers: 3,
+            frames: 24 * CHUNKS as u64,
+            chunk: 24,
+            start,
+            frame,
+            gap,
+            dispatch: 0.0,
+            scene_bytes: 0.0,
+            frame_bytes: 0.0,
+            storage: 1e9,
+            failures: 0.0,
+            recovery: 0.0,
+            stragglers: 0.0,
+            slowness: 1.0,
+            // The job that joins waits for Slurm as a task does.
+            join: Join::One { bytes_per_second: 1e9, fixed: join + gap },
+        }
+    }
+
+    /// Writes the costs for the report, with the seconds that the job took.
+    fn write(&self, seconds: f64) -> Result<(), String> {
+        let path = root().join("tests/report/src/farm_measured.rs");
+        let Costs { start, frame, gap, join } = self;
+        let text = format!(
+            "// Written by `cargo xtask farm`: what it measured on its three nodes, and how long the job took.
+const START: f64 = {start:.3};
+const FRAME: f64 = {frame:.4};
+const GAP: f64 = {gap:.3};
+const JOIN: f64 = {join:.3};
+const SECONDS: f64 = {seconds:.2};
+"
+        );
+        fs::write(&path, text).map_err(|e| format!("{}: {e}", path.display()))
+    }
 }
 
 fn here(program: &Path, folder: &Path, args: &[&str]) -> Command {
@@ -148,14 +260,16 @@ impl Cluster {
         output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned()).unwrap_or_default()
     }
 
+    fn three_are_idle(&self) -> bool {
+        self.ask("sinfo", &["-h", "-N", "-t", "idle"]).lines().count() == 3
+    }
+
     /// Runs a job; gives its seconds.
     fn film(&mut self, choreo: &Path, job: &str, faults: bool) -> Result<f64, String> {
         let words =
             ["farm", "s.rhai", "-o", "film.mp4", "--for", "slurm", "--to", job, "--chunk", "24", "--quiet"];
         run(here(choreo, &self.folder, &[&words[..], &OPTIONS].concat()), "choreo farm")?;
-        self.wait("three idle nodes", |cluster| {
-            cluster.ask("sinfo", &["-h", "-N", "-t", "idle"]).lines().count() == 3
-        })?;
+        self.wait("three idle nodes", Cluster::three_are_idle)?;
         let start = Instant::now();
         let mut submit = slurm(&self.root, &self.folder, "/bin/sh");
         let path = std::env::var("PATH").unwrap_or_default();

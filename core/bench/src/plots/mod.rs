@@ -14,6 +14,7 @@
 
 mod bars;
 mod choice;
+mod lines;
 mod number;
 mod plot;
 mod svg;
@@ -22,6 +23,7 @@ mod timeline;
 
 pub use bars::byte_bars;
 pub use choice::{Choice, Row, difference, ratio, time};
+pub use lines::Lines;
 pub use number::{bytes, duration, quantity};
 pub use plot::{plot, stacked};
 pub use table::{Cell, Column, Table};

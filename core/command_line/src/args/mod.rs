@@ -244,7 +244,7 @@ pub(crate) struct FarmArgs {
     /// Print how far the job in this folder is, from what its workers leave there: chunks, frames a second, time left, what failed
     #[arg(long, value_name = "DIR", conflicts_with_all = ["output", "engine", "to", "chunk", "set_from", "preview", "set"])]
     pub status: Option<PathBuf>,
-    /// With --status: write a contact sheet, the first frame of each chunk with its state
+    /// A contact sheet to be written with --status: the first frame of each chunk with its state
     #[arg(long, value_name = "FILE.png", requires = "status")]
     pub sheet: Option<PathBuf>,
     #[command(flatten)]

@@ -179,7 +179,7 @@ fn filled(part: &str, row: &Row, pattern: &str) -> Result<String, Failure> {
     }
 }
 
-/// What lies before the first `{name}`, the name, and what lies behind.
+/// The text before the first `{name}`, the name, and the text behind it.
 fn placeholder(text: &str) -> Option<(&str, &str, &str)> {
     let (before, rest) = text.split_once('{')?;
     let (name, after) = rest.split_once('}')?;

@@ -33,7 +33,7 @@ use std::num::NonZeroU64;
 use std::path::{Component, Path, PathBuf};
 use std::time::Instant;
 
-/// What the command line says of a new job.
+/// A new job, as the command line describes it.
 struct Order<'a> {
     args: &'a FarmArgs,
     output: &'a str,
@@ -176,7 +176,7 @@ fn films_of_rows(
     }
 }
 
-/// What a chunk of the film costs, measured unless its length is given. `start`: when the scene began to be opened.
+/// The cost of the film's frames, measured unless the length of chunks is given. `start`: when the scene began to be opened.
 fn cost(
     order: &Order,
     render_args: &RenderArgs,

@@ -89,7 +89,7 @@ fn length(film: &Film) -> u64 {
     film.chunks.iter().map(|(first, last)| last - first + 1).max().unwrap_or(1)
 }
 
-/// What a step runs.
+/// The script of a step.
 fn script(args: Value) -> Value {
     // A render that gets a signal to stop ends its frame and keeps what is finished.
     let cancelation = json!({ "mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": 60 });

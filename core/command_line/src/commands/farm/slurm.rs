@@ -22,7 +22,7 @@ struct Array {
     chunks: &'static str,
     render: &'static str,
     join: &'static str,
-    /// In messages.
+    /// The word for it in messages.
     name: &'static str,
 }
 

@@ -78,7 +78,7 @@ fn of_row(args: &RenderArgs, row: &Row, output: &str) -> RenderArgs {
     RenderArgs { scene, output: output.to_string(), set_from: None, row: None, ..args.clone() }
 }
 
-/// What all rows share.
+/// The state that all rows share.
 struct Batch {
     registry: Registry,
     keep: Keep,

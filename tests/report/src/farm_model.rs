@@ -1,0 +1,294 @@
+//! A model of a render farm, event by event: machines that open the scene, draw chunks and write segments, fail and are slow, before a storage
+//! and a scheduler that serve one after the other. `cargo xtask farm` predicts its cluster with it, and the section "farm" of the report
+//! what is too large to be tried.
+
+use std::cmp::Ordering;
+use std::collections::{BinaryHeap, VecDeque};
+
+/// A film, the machines, and what they wait for. Times in seconds.
+#[derive(Clone, Copy, Debug)]
+pub struct Farm {
+    pub workers: usize,
+    pub frames: u64,
+    /// Frames of a chunk.
+    pub chunk: u64,
+    /// From the start of a task to its first frame, and a frame.
+    pub start: f64,
+    pub frame: f64,
+    /// The scheduler between two tasks of one machine, and its time for each task, one after the other.
+    pub gap: f64,
+    pub dispatch: f64,
+    /// Bytes of the packed scene and of a frame in a segment, and of all traffic of the storage a second.
+    pub scene_bytes: f64,
+    pub frame_bytes: f64,
+    pub storage: f64,
+    /// Failures of a machine in an hour, and the time until its task runs elsewhere and it is back.
+    pub failures: f64,
+    pub recovery: f64,
+    /// The share of machines that are slow, and how many times slower they are.
+    pub stragglers: f64,
+    pub slowness: f64,
+    pub join: Join,
+}
+
+/// How segments become the film.
+#[derive(Clone, Copy, Debug)]
+pub enum Join {
+    /// One machine reads all of it twice and writes it, this many bytes a second, and takes this long for anything else.
+    One { bytes_per_second: f64, fixed: f64 },
+    /// Groups of this many are joined side by side, level by level.
+    Tree { bytes_per_second: f64, fixed: f64, group: usize },
+    /// Groups are joined side by side, and the storage composes the film of their files.
+    Composed { bytes_per_second: f64, fixed: f64, group: usize },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// Until the last segment is there, and until the film is.
+    pub rendered: f64,
+    pub joined: f64,
+    /// The time that the frames alone would take on all machines, over the time until the last segment is there.
+    pub efficiency: f64,
+    pub failures: u64,
+}
+
+/// What happens to a machine next.
+#[derive(Clone, Copy, Debug)]
+enum Event {
+    /// It takes a chunk.
+    Idle,
+    /// It has the scene, and draws this many frames.
+    Loaded(u64),
+    /// It has drawn so many frames, and writes them; of the chunk so many are left.
+    Drawn(u64, u64),
+}
+
+struct Timed {
+    at: f64,
+    /// Events of one time come in the order in which they were made.
+    order: u64,
+    worker: usize,
+    event: Event,
+}
+
+impl PartialEq for Timed {
+    fn eq(&self, other: &Timed) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Timed {}
+
+impl PartialOrd for Timed {
+    fn partial_cmp(&self, other: &Timed) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Timed {
+    /// The earliest is the greatest: the heap gives it first.
+    fn cmp(&self, other: &Timed) -> Ordering {
+        other.at.total_cmp(&self.at).then(other.order.cmp(&self.order))
+    }
+}
+
+struct Run<'a> {
+    farm: &'a Farm,
+    random: u64,
+    events: BinaryHeap<Timed>,
+    made: u64,
+    /// Chunks that nobody has, in frames.
+    chunks: VecDeque<u64>,
+    /// When the storage and the scheduler are free.
+    storage_free: f64,
+    scheduler_free: f64,
+    /// Machines without work.
+    resting: Vec<usize>,
+    last: f64,
+    failures: u64,
+}
+
+impl Farm {
+    pub fn run(&self) -> Outcome {
+        let count = self.frames.div_ceil(self.chunk.max(1));
+        let length = |i: u64| self.chunk.min(self.frames - i * self.chunk);
+        let mut run = Run {
+            farm: self,
+            random: 1,
+            events: BinaryHeap::new(),
+            made: 0,
+            chunks: (0..count).map(length).collect(),
+            storage_free: 0.0,
+            scheduler_free: 0.0,
+            resting: Vec::new(),
+            last: 0.0,
+            failures: 0,
+        };
+        (0..self.workers).for_each(|worker| run.add(0.0, worker, Event::Idle));
+        while let Some(Timed { at, worker, event, .. }) = run.events.pop() {
+            run.event(at, worker, event);
+        }
+        let ideal = self.frames as f64 * self.frame / self.workers as f64;
+        let joined = run.last + self.join(count as f64);
+        Outcome { rendered: run.last, joined, efficiency: ideal / run.last, failures: run.failures }
+    }
+
+    fn join(&self, segments: f64) -> f64 {
+        let bytes = self.frames as f64 * self.frame_bytes;
+        match self.join {
+            Join::One { bytes_per_second, fixed } => fixed + 3.0 * bytes / bytes_per_second,
+            Join::Composed { bytes_per_second, fixed, group } => {
+                let groups = (segments / group as f64).ceil();
+                2.0 * fixed + 3.0 * bytes / (bytes_per_second * groups).min(self.storage)
+            }
+            Join::Tree { bytes_per_second, fixed, group } => {
+                let (mut seconds, mut parts) = (0.0, segments);
+                while parts > 1.0 {
+                    parts = (parts / group as f64).ceil();
+                    // Those of a level work side by side, as fast as the storage lets them.
+                    let rate = (bytes_per_second * parts).min(self.storage);
+                    seconds += fixed + 3.0 * bytes / rate;
+                }
+                seconds
+            }
+        }
+    }
+}
+
+impl Run<'_> {
+    fn add(&mut self, at: f64, worker: usize, event: Event) {
+        self.made += 1;
+        self.events.push(Timed { at, order: self.made, worker, event });
+    }
+
+    fn event(&mut self, at: f64, worker: usize, event: Event) {
+        let farm = *self.farm;
+        match event {
+            Event::Idle => match self.chunks.pop_front() {
+                None => self.resting.push(worker),
+                Some(frames) => {
+                    let begun = served(&mut self.scheduler_free, at, farm.dispatch) + farm.gap;
+                    let loaded = served(&mut self.storage_free, begun, farm.scene_bytes / farm.storage);
+                    self.add(loaded.max(begun), worker, Event::Loaded(frames));
+                }
+            },
+            Event::Loaded(frames) => {
+                // Slow machines are spread evenly.
+                let (a, b) = (worker as f64 * farm.stragglers, (worker + 1) as f64 * farm.stragglers);
+                let slowness = if b.floor() > a.floor() { farm.slowness } else { 1.0 };
+                let (start, frame) = (farm.start * slowness, farm.frame * slowness);
+                let end = start + frames as f64 * frame;
+                let fails = if farm.failures > 0.0 {
+                    -3600.0 / farm.failures * (1.0 - self.unit()).ln()
+                } else {
+                    f64::MAX
+                };
+                if fails >= end {
+                    return self.add(at + end, worker, Event::Drawn(frames, 0));
+                }
+                // What is finished stays in the folder; the rest is taken by whoever is free.
+                self.failures += 1;
+                let done = (((fails - start) / frame).max(0.0) as u64).min(frames - 1);
+                self.add(at + fails, worker, Event::Drawn(done, frames - done));
+            }
+            Event::Drawn(done, left) => {
+                let written =
+                    served(&mut self.storage_free, at, done as f64 * farm.frame_bytes / farm.storage);
+                self.last = self.last.max(written);
+                let mut back = written;
+                if left > 0 {
+                    back += farm.recovery;
+                    self.chunks.push_front(left);
+                    if let Some(other) = self.resting.pop() {
+                        self.add(back, other, Event::Idle);
+                    }
+                }
+                self.add(back, worker, Event::Idle);
+            }
+        }
+    }
+
+    /// splitmix64, 0..1.
+    fn unit(&mut self) -> f64 {
+        self.random = self.random.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut z = self.random;
+        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// The end of a service that takes one after the other.
+fn served(free: &mut f64, at: f64, seconds: f64) -> f64 {
+    *free = free.max(at) + seconds;
+    *free
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PLAIN: Farm = Farm {
+        workers: 1,
+        frames: 100,
+        chunk: 10,
+        start: 2.0,
+        frame: 1.0,
+        gap: 0.0,
+        dispatch: 0.0,
+        scene_bytes: 0.0,
+        frame_bytes: 0.0,
+        storage: 1e9,
+        failures: 0.0,
+        recovery: 0.0,
+        stragglers: 0.0,
+        slowness: 1.0,
+        join: Join::One { bytes_per_second: 1e8, fixed: 0.0 },
+    };
+
+    fn near(a: f64, b: f64) {
+        assert!((a - b).abs() <= 1e-9 * b.abs(), "{a} and {b}");
+    }
+
+    /// Closed forms: chunks in rounds, a storage and a scheduler that are the bottleneck.
+    #[test]
+    fn simple_farms_take_what_can_be_calculated() {
+        near(PLAIN.run().rendered, 10.0 * 12.0);
+        near(PLAIN.run().efficiency, 100.0 / 120.0);
+        near(Farm { workers: 3, ..PLAIN }.run().rendered, 4.0 * 12.0);
+        near(Farm { workers: 1000, ..PLAIN }.run().rendered, 12.0);
+        near(Farm { gap: 0.5, ..PLAIN }.run().rendered, 125.0);
+        // The last frame waits for all others to be written.
+        let storage = Farm { workers: 10, frame_bytes: 1e9, start: 0.0, ..PLAIN };
+        near(storage.run().rendered, 10.0 + 100.0);
+        let scene = Farm { workers: 10, scene_bytes: 5e9, ..PLAIN };
+        near(scene.run().rendered, 50.0 + 12.0);
+        near(Farm { workers: 10, dispatch: 3.0, ..PLAIN }.run().rendered, 30.0 + 12.0);
+        // One machine of two is three times slower: it makes 3 chunks while the other makes 7 (84 s), the third ends at 108 s.
+        near(Farm { workers: 2, stragglers: 0.5, slowness: 3.0, ..PLAIN }.run().rendered, 108.0);
+        let join = Farm { frame_bytes: 1e6, storage: 1e12, ..PLAIN }.run();
+        near(join.joined - join.rendered, 3.0);
+        let tree = Join::Tree { bytes_per_second: 1e8, fixed: 0.1, group: 4 };
+        let tree = Farm { frame_bytes: 1e6, storage: 1e12, join: tree, ..PLAIN }.run();
+        // 10 segments become 3, and these 1.
+        near(tree.joined - tree.rendered, 0.1 + 1.0 + 0.1 + 3.0);
+        let composed = Join::Composed { bytes_per_second: 1e8, fixed: 0.1, group: 4 };
+        let composed = Farm { frame_bytes: 1e6, storage: 1e12, join: composed, ..PLAIN }.run();
+        near(composed.joined - composed.rendered, 0.1 + 1.0 + 0.1);
+    }
+
+    /// Failures cost what they throw away, and no frame is lost: with resumed chunks each costs a start and the recovery, half a frame
+    /// in the mean.
+    #[test]
+    fn failures_cost_their_starts() {
+        let farm = Farm { frames: 200_000, chunk: 100, failures: 6.0, recovery: 30.0, ..PLAIN };
+        let outcome = farm.run();
+        let calm = 2000.0 * 102.0;
+        let expected = calm + outcome.failures as f64 * (2.0 + 30.0 + 0.5);
+        assert!(
+            outcome.failures > 300 && (outcome.rendered / expected - 1.0).abs() < 0.002,
+            "{outcome:?} {expected}"
+        );
+        assert_eq!(farm.run(), outcome);
+    }
+}
