@@ -21,15 +21,20 @@ pub struct Image {
 /// An image as a file of a common format.
 #[derive(Clone, PartialEq, Eq)]
 pub struct ImageFile {
+    /// The format that the bytes have.
     pub format: ImageFileFormat,
+    /// The whole file.
     pub bytes: Arc<Vec<u8>>,
 }
 
 /// Formats of image files that other programs read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ImageFileFormat {
+    /// Portable Network Graphics.
     Png,
+    /// JPEG File Interchange Format.
     Jpeg,
+    /// WebP, with or without loss.
     WebP,
 }
 

@@ -123,6 +123,9 @@ struct EffectWithImages {
     made: Effect,
 }
 
+/// An importer with its claim on a file.
+type Claimed<'r> = (Claim, &'r Arc<dyn Importer>);
+
 impl Registry {
     /// One of the same name is replaced, here and below: a plugin of the user's own comes in place of ours.
     pub fn add_importer(&mut self, plugin: impl Importer + 'static) {
@@ -287,7 +290,7 @@ impl Registry {
         self.ask(source).1
     }
 
-    fn ask(&self, source: &Source) -> (Vec<(Claim, &Arc<dyn Importer>)>, Vec<PluginPanic>) {
+    fn ask(&self, source: &Source) -> (Vec<Claimed<'_>>, Vec<PluginPanic>) {
         let (extension, mut failures) = (source.extension(), Vec::new());
         let mut claim = |importer: &Arc<dyn Importer>| {
             importer.checked_claim(source).unwrap_or_else(|panic| {
