@@ -33,9 +33,12 @@ pub struct ViewOverrides {
     pub outlined: Option<usize>,
     /// Transform that replaces an actor's while it is being dragged: world-from-model.
     pub moved: Option<(usize, DAffine3)>,
-    /// Layers whose clips do not play: actor and layer.
-    pub muted: Vec<(usize, usize)>,
+    /// What the viewer has muted, or left out by solo.
+    pub muted: MutedLayers,
 }
+
+/// Layers whose clips do not play: actor and layer.
+pub type MutedLayers = Vec<(usize, usize)>;
 
 /// Pixels of the line around what is selected, and its color, linear.
 const OUTLINE: [(&str, f64); 4] = [("width", 2.5), ("color_r", 1.0), ("color_g", 0.3), ("color_b", 0.04)];
@@ -45,7 +48,7 @@ const OUTLINE: [(&str, f64); 4] = [("width", 2.5), ("color_r", 1.0), ("color_g",
 pub(crate) struct ViewEvaluators {
     scene: Option<Arc<Scene>>,
     /// The stage without the layers that do not play, and which they are.
-    muted: Option<(Vec<(usize, usize)>, Arc<Stage>)>,
+    muted: Option<(MutedLayers, Arc<Stage>)>,
     own: Option<Evaluator>,
     /// The stage with one camera on all the time.
     cameras: BTreeMap<usize, Evaluator>,

@@ -245,7 +245,7 @@ fn costs(moment: &Moment, registry: &Registry) -> Result<Table, String> {
         renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
         let plans: Vec<Plan> = lists
             .iter()
-            .map(|list| Ok(plan(moment, SIZE, Passes::parse(list)?)))
+            .map(|list| Ok(plan(moment, SIZE, Passes::parse(list).map_err(|e| e.to_string())?)))
             .collect::<Result<_, String>>()?;
         if *name == "CPU renderer" {
             for (plan, list) in plans.iter().zip(lists) {

@@ -93,12 +93,9 @@ fn open_to_others(folder: &Path) -> std::io::Result<()> {
     {
         use std::os::unix::fs::PermissionsExt;
         let beneath = folder.join("files");
-        return std::fs::set_permissions(
-            folder,
-            std::fs::Permissions::from_mode(beneath.metadata()?.permissions().mode()),
-        );
+        let mode = beneath.metadata()?.permissions().mode();
+        std::fs::set_permissions(folder, std::fs::Permissions::from_mode(mode))?;
     }
-    #[cfg(not(unix))]
     Ok(())
 }
 
