@@ -37,7 +37,7 @@ pub(super) struct FadeSteps<'a> {
     pub leg_length: f64,
     pub samples: &'a FootSamples,
     pub clips: &'a FootContacts<'a>,
-    /// Where the feet stand for as long as the standing clip plays alone, if they do.
+    /// Places of the feet for as long as the standing clip plays alone, if they keep them.
     pub places: Option<&'a [DVec3]>,
 }
 
