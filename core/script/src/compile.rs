@@ -81,7 +81,7 @@ fn more_places(ast: &AST, unknown: &mut Vec<UnknownVariable>) {
     if unknown.is_empty() {
         return;
     }
-    // What a closure captures stands beside it, with the first place in it; in its body all that is captured looks unknown.
+    // The captured variables of a closure stand beside it, with the first place in it; in its body all of them look unknown.
     let mut functions = ast.clone_functions_only();
     functions.retain_functions(|_, _, name, _| !name.starts_with("anon$"));
     for part in [ast.clone_statements_only(), functions] {

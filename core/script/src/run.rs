@@ -251,7 +251,7 @@ pub fn execute(engine: &Engine, name: &str, shared: &Shared, script: Result<(&Pa
         }
         Ok((parsed, ast)) => {
             errors::take_as_known(&parsed.unknown, shared);
-            // Those of a section are reported by its own run.
+            // The run of a section reports those in it.
             if !matches!(shared.mode, Mode::Section(_)) {
                 errors::note_unknown(&parsed.unknown, name, shared);
             }

@@ -453,8 +453,31 @@ fn callbacks_use_every_rig_lens_and_plane() {
             assert!(off < 1e-6, "{in_frames} at {secs} s: {g:?}, not {e:?}");
         }
     }
-    // What a framing camera sets is kept.
-    let Projection::Perspective { near, far, .. } = camera_at(0.0, "c.frame().near(0.5).far(70);").projection
+}
+
+/// A lens and planes that a script sets count for cameras of files, which see 0.7 rad, and for framing cameras.
+#[test]
+fn what_a_camera_sets_is_kept() {
+    for (set, yfov, near, far) in [
+        ("", 0.7, None, None),
+        (".fov(20).near(0.5).far(33)", 20f32.to_radians(), Some(0.5), Some(33.0)),
+        (".focal_length(50)", 0.471_5, None, None),
+        (".key(\"focal_length\", [[0, 50]])", 0.471_5, None, None),
+    ] {
+        let text = format!("let h = load(\"hero.toy\"); cast(\"a\", h).camera(\"eye\"){set};");
+        let Projection::Perspective { yfov: y, near: n, far: f } =
+            good(&text).stage.at(Time::ZERO).unwrap().camera.projection
+        else {
+            panic!()
+        };
+        assert!((y - yfov).abs() < 1e-3, "{set}: {y}");
+        assert!(
+            near.is_none_or(|near| near == n) && far.is_none_or(|far| Some(far) == f),
+            "{set}: {n} {f:?}"
+        );
+    }
+    let framed = good("cast(\"a\", load(\"hero.toy\")); camera(\"c\").frame().near(0.5).far(70);");
+    let Projection::Perspective { near, far, .. } = framed.stage.at(Time::ZERO).unwrap().camera.projection
     else {
         panic!()
     };

@@ -84,7 +84,12 @@ pub(crate) fn evaluate(
                 }
                 (of_file, _) => animated(&stage.actors[*actor], *camera, of_file, time),
             };
-            state(position, rotation_of(&world_from_camera.matrix3), scaled(projection, scale))
+            let mut projection = scaled(projection, scale);
+            if stage.cameras[index].lens_is_set && !keys_fov {
+                projection = with_lens(projection, stage.cameras[index].projection);
+            }
+            set_planes(&stage.cameras[index], &mut projection);
+            state(position, rotation_of(&world_from_camera.matrix3), projection)
         }
         Rig::Frame { azimuth, elevation } => {
             let mut framed = frame(Some(index), *azimuth, *elevation, projection)?;
@@ -98,7 +103,21 @@ pub(crate) fn evaluate(
     with_planes_in_order(camera, edits, time, moved(stage, edits, time, index, actors, of_rig))
 }
 
-/// The clipping planes that a framing camera sets itself, instead of those that fit what it frames.
+/// The clipping planes of one projection with the lens of another.
+fn with_lens(planes: Projection, lens: Projection) -> Projection {
+    let (near, far) = match planes {
+        Projection::Perspective { near, far, .. } => (near, far),
+        Projection::Orthographic { near, far, .. } => (near, Some(far)),
+    };
+    match lens {
+        Projection::Perspective { yfov, .. } => Projection::Perspective { yfov, near, far },
+        Projection::Orthographic { height, far: usual, .. } => {
+            Projection::Orthographic { height, near, far: far.unwrap_or(usual) }
+        }
+    }
+}
+
+/// The clipping planes that a script sets for a camera that frames or is a file's, instead of those that it has by itself.
 fn set_planes(camera: &Camera, projection: &mut Projection) {
     let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = projection;
     if camera.near_is_set {

@@ -38,7 +38,7 @@ const MAX_VIEWS: usize = 16;
 pub(crate) struct Framings {
     /// One slot a camera, the last for a stage without any.
     boxes: Vec<OnceLock<Boxes>>,
-    /// Those of views that callbacks ask for, by azimuth and elevation.
+    /// Bounds of views that callbacks ask for, by azimuth and elevation.
     views: Mutex<BTreeMap<[u64; 2], Arc<Boxes>>>,
     foot_locks: FootLocks,
 }
@@ -74,7 +74,7 @@ impl Framings {
         Ok(CameraState { camera: index, world_from_view, projection })
     }
 
-    /// What a callback frames.
+    /// The bounds of a view that a callback asks for.
     fn view(&self, stage: &Stage, angles: [f64; 2]) -> Arc<Boxes> {
         let known = || self.views.lock().unwrap_or_else(PoisonError::into_inner);
         let key = angles.map(f64::to_bits);

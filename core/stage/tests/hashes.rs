@@ -41,7 +41,7 @@ fn a_stage_built_twice_has_one_hash_and_every_change_another() {
     let mut warned = scene();
     warned.warnings.push("clip longer than its slot".into());
     assert_eq!(first, warned.content_hash(), "warnings are no content");
-    let changes: [fn(&mut Stage); 29] = [
+    let changes: [fn(&mut Stage); 30] = [
         |s| s.settings.length = secs(5.0),
         |s| s.settings.background = Background::default(),
         |s| s.actors[0].name = "boris".into(),
@@ -66,6 +66,7 @@ fn a_stage_built_twice_has_one_hash_and_every_change_another() {
         |s| s.cameras[0].rig = Rig::Frame { azimuth: 0.0, elevation: 0.1 },
         |s| s.cuts.push(Cut::new(Time::ZERO, 0)),
         |s| s.cameras[0].near_is_set = true,
+        |s| s.cameras[0].lens_is_set = true,
         |s| s.lights[0].light.kind = LightKind::Point,
         |s| s.lights[0].shadow = Some(Shadow::default()),
         |s| s.actors[0].asset = stick(),

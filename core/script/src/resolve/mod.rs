@@ -224,7 +224,8 @@ fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
             Projection::Perspective { yfov: draft.perspective.unwrap_or(yfov), near, far: draft.far }
         }
     };
-    let mut camera = Camera { projection, near_is_set: draft.near.is_some(), ..draft.camera };
+    let lens_is_set = draft.perspective.is_some() || draft.ortho.is_some();
+    let mut camera = Camera { projection, near_is_set: draft.near.is_some(), lens_is_set, ..draft.camera };
     camera.looks = looks(draft.looks);
     let placed = draft.position.is_some() || draft.look_at.is_some() || draft.rotation != DQuat::IDENTITY;
     let rigged = draft.rig.is_some();

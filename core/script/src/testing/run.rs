@@ -3,6 +3,7 @@
 use super::file::Listing;
 use super::*;
 use crate::build::{Mode, Shared};
+use crate::compile::UnknownVariable;
 use crate::resolve::finish_stage;
 use crate::run::{Opened, begin, execute, on_own_thread, open};
 use choreo_plugin::Registry;
@@ -235,13 +236,8 @@ fn run_here(
     };
     let mut expected = of_section(all_expected, &info, sections);
     if let Ok(file) = &file {
-        let within = |s: &SectionInfo, line: usize| (s.line..=s.end_line).contains(&line);
-        let mut own = file.parsed.unknown.clone();
-        own.retain(|variable| {
-            let line = variable.at.line().unwrap_or(0);
-            within(&info, line) || !sections.iter().any(|s| within(s, line))
-        });
-        crate::errors::note_unknown(&own, name, shared);
+        let unknown = unknown_in(&file.parsed.unknown, &info, sections);
+        crate::errors::note_unknown(&unknown, name, shared);
     }
     let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
     let mut came = std::mem::take(&mut build.diagnostics);
@@ -276,6 +272,14 @@ fn run_here(
         printed: std::mem::take(&mut build.printed),
         files_used,
     }))
+}
+
+/// The unknown variables without those in other sections.
+fn unknown_in(all: &[UnknownVariable], own: &SectionInfo, sections: &[SectionInfo]) -> Vec<UnknownVariable> {
+    let within = |s: &SectionInfo, line: usize| (s.line..=s.end_line).contains(&line);
+    let line = |variable: &UnknownVariable| variable.at.line().unwrap_or(0);
+    let is_own = |v: &&UnknownVariable| within(own, line(v)) || !sections.iter().any(|s| within(s, line(v)));
+    all.iter().filter(is_own).cloned().collect()
 }
 
 /// The diagnostics without those that other sections expect.

@@ -32,6 +32,8 @@ described! {
         projection: Projection = Projection::default();
         /// The near plane is as `projection` has it. Otherwise it is brought nearer for a target that is close.
         near_is_set: bool = false;
+        /// The angle or height of `projection` counts for the camera of a file, too.
+        lens_is_set: bool = false;
         rig: Rig = Rig::Frame { azimuth: 0.0, elevation: 0.0 };
         channels: Vec<Channel> = Vec::new();
         /// Targets in place of that of its rig; sorted by start.
