@@ -58,13 +58,7 @@ fn commands_rules_and_the_guide_are_found() {
         ("hand over", &["  A hand-over\n", "scripts/guide/src/recipes/hand_over.md"]),
         ("retargeting", &["scripts/guide/src/concepts/retargeting.md"]),
         ("troubleshooting", &["scripts/guide/src/troubleshooting.md"]),
-        (
-            "pass",
-            &[
-                "  Passes with textures of their own\n",
-                "core/wgsl_effect/README.md",
-            ],
-        ),
+        ("pass", &["  Passes with textures of their own\n", "core/wgsl_effect/README.md"]),
         ("plugins in other programs", &["plugins/COMPARISON.md"]),
         ("wasm plugin", &["core/wasm_plugin/README.md"]),
     ] {
