@@ -327,6 +327,12 @@ fn blender_has_the_joints_where_they_were() {
         let result = text.lines().find_map(|line| line.strip_prefix("RESULT "));
         let result = result.unwrap_or_else(|| panic!("{text}{}", String::from_utf8_lossy(&run.stderr)));
         let read: Value = serde_json::from_str(result).unwrap();
+        // Shots are custom properties, from which the guide makes cuts.
+        let mut starts: Vec<f64> = stage.cuts.iter().map(|cut| cut.at.as_secs()).collect();
+        starts.insert(0, 0.0);
+        let apart =
+            numbers(&read["starts"]).iter().zip(&starts).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(numbers(&read["starts"]).len() == starts.len() && apart < 1e-6, "{}", read["starts"]);
         let (mut evaluator, mut worst) = (Evaluator::new(stage.clone()), Worst::default());
         for (number, frame) in frames.iter().enumerate() {
             let time = stage.settings.fps.time_of(*frame as _);

@@ -1,5 +1,6 @@
 """Imports a USD file into Blender and prints where the bones of its armatures are at some frames, and what else is there, as JSON after
-RESULT: {"joints": {actor: {joint: [[x, y, z], ...]}}, "kinds": {kind of object: number}, "shapes": {object: [name, ...]}}; +Y up.
+RESULT: {"joints": {actor: {joint: [[x, y, z], ...]}}, "kinds": {kind of object: number}, "shapes": {object: [name, ...]},
+"starts": [seconds at which each shot begins, ...]}; +Y up.
 With a fourth argument, it also renders the last frame to this file through the camera of the fifth's name."""
 
 import json
@@ -13,6 +14,7 @@ scene = bpy.context.scene
 scene.render.fps = 30
 bpy.ops.wm.usd_import(filepath=path)
 out = {"joints": {}, "kinds": {}, "shapes": {}}
+out["starts"] = sorted(o.data["start"] for o in scene.objects if o.type == "CAMERA")
 for o in scene.objects:
     out["kinds"][o.type] = out["kinds"].get(o.type, 0) + 1
     if o.type == "MESH" and o.data.shape_keys:
