@@ -50,8 +50,8 @@ api! {
     /// - Arrays: positions, indices (three per triangle, counter-clockwise seen from outside; default: the vertices
     ///   in their order), normals (default: smooth where triangles share vertices), uvs (texture coordinates, v
     ///   down), uvs2 (a second set, for textures with uv_set: 1), colors (one per vertex).
-    /// - Format: vectors, [[x, y, z], …]; their numbers one after another; or blobs of little-endian 32-bit floats,
-    ///   of 32-bit integers for indices and of 4 bytes per color.
+    /// - Format: arrays of vectors, [[x, y, z], …]; their numbers one after another; or blobs of little-endian 32-bit
+    ///   floats, of 32-bit integers for indices and of 4 bytes per color.
     /// - Material: all options of `shape` except size.
     mesh("options") -> Asset = mesh;
     /// Makes lines. They are unlit.

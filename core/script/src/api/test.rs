@@ -35,7 +35,7 @@ api! {
     /// stage.
     stage_of("build") -> Stage = stage_of, in_tests;
     /// Returns the render plan of a frame, for `expect`: what is needed to draw it. Options: size ([width, height]
-    /// in pixels), samples (per pixel, 1 or 4); default: those of the stage.
+    /// in pixels, default that of the stage), samples (per pixel, 1 or 4, default those of the stage).
     plan("options?") -> Plan = plan, in_tests;
     /// Compares a frame with its golden image (reference image), which is stored beside the test.
     /// - Frame: at (time in seconds, default 0), size ([width, height]; default: the shape of the stage with at
