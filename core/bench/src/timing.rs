@@ -51,7 +51,7 @@ pub struct Nanos {
 }
 
 impl Nanos {
-    /// From the rounds.
+    /// Median and quartiles of the rounds.
     pub fn of(mut rounds: Vec<f64>) -> Nanos {
         rounds.sort_by(f64::total_cmp);
         let at = |share: usize| rounds.get(rounds.len() * share / 4).copied().unwrap_or(f64::NAN);

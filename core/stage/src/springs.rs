@@ -51,7 +51,7 @@ pub(crate) struct SpringCheckpoints(Mutex<Checkpoints>);
 struct Checkpoints {
     /// Number of steps between states that are kept; doubled whenever they take too much memory.
     stride: i64,
-    /// Those of each group.
+    /// Kept states of each group.
     groups: Vec<BTreeMap<Key, Arc<States>>>,
     /// Whether all actors are one group, because a callback attaches some.
     joined: bool,
@@ -349,7 +349,7 @@ fn advance(
 /// The states that a step moves.
 #[derive(Clone, Copy)]
 enum Moves {
-    /// Those at points of the grid, of the groups that have come to this one.
+    /// States at points of the grid, of the groups that have come to this one.
     Grid(i64),
     /// Copies of them, beyond the last point.
     Shown,

@@ -288,6 +288,16 @@ fn springs_that_carry_what_is_seen_are_simulated() {
     assert_eq!(image.actors[bell].model_from_joint, whole.actors[bell].model_from_joint);
     // rex, the one on whose tail the bell hangs, and the bell.
     assert_eq!(seen.costs(&image).spring_bones, 9);
+    // Long after the bell has left the tail, whose owner is out of view again, it still swings as that one has swung it.
+    let mut stage = (*stage).clone();
+    stage.actors[bell].parents[1] = Parenting { keep: false, ..Parenting::from(None, secs(4.0)) };
+    let stage = Arc::new(stage);
+    let whole = stage.at(secs(4.1)).unwrap();
+    let mut seen = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);
+    let image = seen.at(secs(4.1)).unwrap();
+    assert!(image.actors[away].culled && !image.actors[bell].culled);
+    assert_eq!(image.actors[bell].model_from_joint, whole.actors[bell].model_from_joint);
+    assert_eq!(seen.costs(&image).spring_bones, 9);
 }
 
 /// A callback may attach what swings to what swings elsewhere; then all move together.

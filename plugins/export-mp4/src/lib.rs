@@ -93,7 +93,7 @@ impl Coding {
     fn encoder(&self) -> Result<Encoder, ExportError> {
         let config = EncoderConfig::new()
             .skip_frames(false)
-            // "Buffer based" with one allowed quantiser is constant quality: animation is clean, and flat
+            // "Buffer based" with one allowed quantizer is constant quality: animation is clean, and flat
             // backgrounds must not pump with a bit rate.
             .rate_control_mode(RateControlMode::Bufferbased)
             .qp(QpRange::new(self.qp, self.qp))

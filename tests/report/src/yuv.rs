@@ -208,7 +208,7 @@ fn in_8_bits(rgba: &[u8]) -> Planes {
             // The mean first, since eight times it would not fit.
             let mean = |sum: &u16| ((*sum + 4) >> 3) as i16;
             let sum = mean(r) * w[0] + mean(g) * w[1] + mean(b) * w[2];
-            *out = ((sum + 128 >> 8) + 128) as u8;
+            *out = (((sum + 128) >> 8) + 128) as u8;
         }
     };
     converted(
@@ -216,7 +216,7 @@ fn in_8_bits(rgba: &[u8]) -> Planes {
         |byte| byte as u16,
         |[r, g, b], out| {
             for (((r, g), b), out) in r.iter().zip(g).zip(b).zip(out) {
-                *out = ((r * 47 + g * 157 + b * 16 + 128 >> 8) + 16) as u8;
+                *out = (((r * 47 + g * 157 + b * 16 + 128) >> 8) + 16) as u8;
             }
         },
         tent,

@@ -209,7 +209,7 @@ pub fn ratio(of: &Nanos, way: &Nanos) -> Cell {
     if of.differs(way) { Cell::number(format!("{times:.2}"), times) } else { Cell::text(WITHIN_NOISE) }
 }
 
-/// What a way takes beyond another, where they do not differ by chance.
+/// The time that a way takes beyond another, where they do not differ by chance.
 pub fn difference(of: &Nanos, beyond: &Nanos) -> Cell {
     if !of.differs(beyond) {
         return Cell::text(WITHIN_NOISE);
