@@ -88,14 +88,13 @@ fn is_folder(output: &Path) -> bool {
 }
 
 /// Gives a folder the permissions of a new one, in place of those of a temporary one.
+#[cfg(unix)]
 fn open_to_others(folder: &Path) -> std::io::Result<()> {
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::PermissionsExt;
-        let beneath = folder.join("files");
-        let mode = beneath.metadata()?.permissions().mode();
-        std::fs::set_permissions(folder, std::fs::Permissions::from_mode(mode))?;
-    }
+    std::fs::set_permissions(folder, folder.join("files").metadata()?.permissions())
+}
+
+#[cfg(not(unix))]
+fn open_to_others(_: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
