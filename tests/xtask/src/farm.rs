@@ -4,7 +4,7 @@
 //! undisturbed job from it; both are written into the report's section "farm".
 
 #[path = "../../report/src/farm_model.rs"]
-#[expect(dead_code, reason = "the report uses all of it")]
+#[allow(dead_code, reason = "the report uses all of it")]
 mod farm_model;
 
 use crate::{cargo, root, run, target};
