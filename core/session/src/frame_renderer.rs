@@ -6,7 +6,7 @@ use crate::{Scene, ViewOverrides, ViewportCamera};
 use choreo_motion::Time;
 use choreo_plugin::{Effect, Frame, PluginPanic};
 use choreo_render::plan::Draw;
-use choreo_render::plan::motion_blur::{plan_alone, plan_with};
+use choreo_render::plan::motion_blur::{left_out_alone, plan_alone, plan_with};
 use choreo_render::renderer::CreatedCounts;
 use choreo_render::{DeviceInfo, DeviceUsage, PlanOptions, RenderError, Renderer, SceneResources};
 use choreo_stage::{Snapshot, StageError};
@@ -108,6 +108,8 @@ pub struct FrameInfo {
     pub snapshot: Snapshot,
     /// Features that it left out, and why.
     pub left_out: Vec<(String, String)>,
+    /// Parts of it that are not drawn while the view moves.
+    pub waiting: Vec<&'static str>,
     pub draws: usize,
     pub triangles: u64,
     pub device: DeviceInfo,
@@ -293,12 +295,14 @@ impl RenderState {
         let start = Instant::now();
         let options = PlanOptions { effects, ..PlanOptions::new(request.size, request.samples) };
         let stage = self.views.stage(request);
+        let mut waiting = Vec::new();
         let (snapshot, plan, evaluated_in) = if request.moving {
             // A moving view gets one image a frame instead of many for motion blur.
             let snapshot = self.views.at(request, request.time)?;
             let evaluated_in = start.elapsed();
             let at = |time| self.views.at(request, time);
             let plan = plan_alone(&scene.resources, &stage, &snapshot, &options, at)?;
+            waiting = left_out_alone(&stage, &snapshot, &options);
             (snapshot, plan, evaluated_in)
         } else {
             let at = |time| self.views.at(request, time);
@@ -319,6 +323,7 @@ impl RenderState {
             size: [frame.width, frame.height],
             snapshot,
             left_out,
+            waiting,
             draws,
             triangles,
             device,

@@ -8,6 +8,7 @@ use crate::state::history::{History, Offer};
 use crate::state::orbit::Orbit;
 use crate::state::performance::Performance;
 use crate::state::playhead::Playhead;
+use crate::state::reduction::Reduction;
 use crate::state::selection::{self, Selected};
 use crate::state::span::Span;
 use crate::state::timeline::{Bar, Timeline};
@@ -85,6 +86,8 @@ pub struct Viewer {
     pub dragging: Option<Dragging>,
     pub shelf: Shelf,
     pub selection: Option<Selected>,
+    /// The clips that were copied last, a line each.
+    pub(crate) copied: String,
     /// What is selected beside it, and beside which.
     pub(crate) more: (Option<Selected>, Vec<Selected>),
     pub span: Span,
@@ -107,6 +110,10 @@ pub struct Viewer {
     pub drawn: CreatedCounts,
     pub held: DeviceUsage,
     pub performance: Performance,
+    /// Resolution while the view moves.
+    pub reduction: Reduction,
+    /// The view, the playhead or an object is being dragged.
+    pub scrubs: bool,
     pub build_took: Duration,
     samples: Option<u32>,
     reloads: u64,
@@ -137,6 +144,7 @@ impl Viewer {
             dragging: None,
             shelf: Shelf::default(),
             selection: None,
+            copied: String::new(),
             more: (None, Vec::new()),
             span: Span::whole(1.0),
             in_seconds: true,
@@ -151,6 +159,8 @@ impl Viewer {
             drawn: CreatedCounts::default(),
             held: DeviceUsage::default(),
             performance: Performance::default(),
+            reduction: Reduction::default(),
+            scrubs: false,
             build_took: Duration::ZERO,
             samples: None,
             reloads: 0,
@@ -185,6 +195,7 @@ impl Viewer {
     /// A frame that was drawn; gives its pixels, to be shown in its view. What could not be drawn leaves the last image.
     pub fn take_frame(&mut self, reply: FrameReply) -> Option<(usize, Frame)> {
         let index = reply.view as usize;
+        let last_view = self.views.len() - 1;
         let view = self.views.get_mut(index)?;
         if reply.ticket == view.ticket {
             view.waiting = false;
@@ -195,6 +206,16 @@ impl Viewer {
         match reply.result {
             Ok((frame, shown)) => {
                 self.performance.add(shown.evaluated_in, shown.planned_in, shown.drawn_in);
+                let took = shown.evaluated_in + shown.planned_in + shown.drawn_in;
+                let asked = view.asked.as_ref().filter(|asked| asked.time == shown.time);
+                if asked.is_some_and(|asked| asked.moving) && view.resolution == Resolution::Fitted {
+                    let budget = 1e3 / self.playhead.fps().as_fps();
+                    self.reduction.took(took.as_secs_f64() * 1e3, budget);
+                }
+                if index == self.active.min(last_view) {
+                    let frame = self.playhead.frame_at(shown.time);
+                    self.reduction.shown(frame, self.playhead.is_playing());
+                }
                 view.shown = Some(shown);
                 Some((index, frame))
             }
@@ -211,10 +232,14 @@ impl Viewer {
         // Four, as `render` has it.
         let samples = self.samples.or(scene.stage.settings.samples).unwrap_or(4);
         let overrides = self.overrides(&scene);
+        let moving = self.is_moving();
         for (index, view) in self.views.iter_mut().enumerate().filter(|(_, v)| v.seen && !v.waiting) {
             let size = match view.resolution {
                 Resolution::Full => scene.stage.settings.size.map(|s| s.clamp(1, LARGEST)),
-                Resolution::Fitted => fitted(scene.stage.settings.size, view.room, LARGEST),
+                Resolution::Fitted => {
+                    let divisor = self.reduction.divisor(moving);
+                    fitted(scene.stage.settings.size, view.room, divisor, LARGEST)
+                }
             };
             let wish = Wish {
                 number: scene.number,
@@ -223,7 +248,7 @@ impl Viewer {
                 size,
                 samples,
                 viewport_camera: view.viewport_camera(&scene.stage),
-                moving: self.playhead.is_playing(),
+                moving,
                 overrides: overrides.clone(),
             };
             if view.asked.as_ref() == Some(&wish) {
@@ -275,6 +300,11 @@ impl Viewer {
     /// How often shaders have changed so far.
     pub fn reloads(&self) -> u64 {
         self.reloads
+    }
+
+    /// Whether images are seen for a moment only.
+    pub(crate) fn is_moving(&self) -> bool {
+        self.playhead.is_playing() || self.scrubs || self.dragging.is_some()
     }
 
     /// Whether a frame is being drawn.

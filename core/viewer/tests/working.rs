@@ -8,7 +8,7 @@ use choreo_session::ViewportCamera;
 use choreo_viewer::geometry::picking;
 use choreo_viewer::geometry::projection::Lens;
 use choreo_viewer::state::selection::Selected;
-use choreo_viewer::state::view::ViewCamera;
+use choreo_viewer::state::view::{Resolution, ViewCamera};
 use egui::accesskit::Role;
 use egui::{Key, Modifiers, pos2, vec2};
 use egui_kittest::Harness;
@@ -217,6 +217,7 @@ fn a_view_follows_flies_and_looks_through_any_camera() {
 #[test]
 fn what_is_picked_is_what_is_seen() {
     let mut place = Place::new(SCRIPT);
+    place.viewer.views[0].resolution = Resolution::Full;
     let frame = place.paint().unwrap();
     let viewer = &place.viewer;
     let (scene, shown) = (viewer.scene.clone().unwrap(), viewer.shown().unwrap());
@@ -269,6 +270,7 @@ fn a_skinned_model_of_others_is_picked_where_it_is_seen() {
     std::fs::copy(file, folder.path().join("model.glb")).unwrap();
     let mut place = Place::within(folder, script);
     place.viewer.playhead.seek(Time::from_secs(0.4));
+    place.viewer.views[0].resolution = Resolution::Full;
     let frame = place.paint().unwrap();
     let (scene, shown) = (place.viewer.scene.clone().unwrap(), place.viewer.shown().unwrap());
     let lens = Lens::new(&shown.snapshot.camera, DVec2::ZERO, DVec2::new(320.0, 180.0));
@@ -297,10 +299,12 @@ fn a_click_in_the_picture_selects_and_what_is_locked_stays() {
     let mut desk = desk();
     let rect = desk.get_by_label("picture").rect();
     let shown = desk.state().viewer.shown().unwrap();
-    // The lens matches the image on the screen: pixel on pixel in the middle.
-    let corner = rect.center() - vec2(160.0, 90.0);
-    let corner = DVec2::new(f64::from(corner.x.round()), f64::from(corner.y.round()));
-    let lens = Lens::new(&shown.snapshot.camera, corner, DVec2::new(320.0, 180.0));
+    // The image fills the panel: 16 : 9, in its middle.
+    let width = rect.width().min(rect.height() * 16.0 / 9.0);
+    let size = vec2(width, width * 9.0 / 16.0);
+    let corner = rect.center() - size / 2.0;
+    let vector = |v: egui::Vec2| DVec2::new(f64::from(v.x), f64::from(v.y));
+    let lens = Lens::new(&shown.snapshot.camera, vector(corner.to_vec2()), vector(size));
     let at = lens.point(picking::middle(
         &desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].asset,
         &shown.snapshot.actors[0],

@@ -134,6 +134,17 @@ pub fn plan_alone<E>(
     Ok(Plan::new(resources, stage, snapshot, &PlanOptions { before: &before, ..options.clone() }))
 }
 
+/// The parts of a frame, in words, that [`plan_alone`] leaves out: those that need other frames.
+pub fn left_out_alone(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<&'static str> {
+    let parts = [
+        ("motion blur", exposure_of(stage, snapshot, options.effects).is_some()),
+        ("effects of earlier frames", history_of(stage, snapshot, options.effects, Hook::Image) > 0),
+        ("effects of motion", reads_motion(stage, snapshot, options)),
+        ("dissolve", snapshot.dissolve.is_some()),
+    ];
+    parts.into_iter().filter(|(_, needs)| *needs).map(|(name, _)| name).collect()
+}
+
 /// Times of the sub-frames: evenly spaced while the shutter is open, each in the middle of its interval.
 pub fn times(stage: &Stage, time: Time, exposure: &Shutter) -> Vec<Time> {
     let samples = exposure.samples.max(1);

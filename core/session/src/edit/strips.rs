@@ -222,7 +222,9 @@ pub fn split_cue(
         second += &format!(".fade_out({})", format_number(fade_out));
     }
     let end = strip.end();
-    let mut after = format!("{}{second}{}", &text[..end], &text[end..]);
+    // Behind a .fade(…), which would set it again.
+    let off = if fade_out.is_some() && strip.last("fade_out").is_none() { ".fade_out(0.0)" } else { "" };
+    let mut after = format!("{}{off}{second}{}", &text[..end], &text[end..]);
     let first_end = CueChange { line, column, part: CueTime::End, time: at };
     after = match until {
         Some(until) if strip.last("until").is_none() => {
@@ -231,7 +233,7 @@ pub fn split_cue(
         }
         _ => set_times(&after, &[first_end])?.apply(&after),
     };
-    if fade_out.is_some() {
+    if fade_out.is_some() && strip.last("fade_out").is_some() {
         after = set_number(&after, line, column, "fade_out", 0.0)?.apply(&after);
     }
     Ok(Edit::between(text, &after))
@@ -410,154 +412,4 @@ pub fn shift_keys(text: &str, line: usize, column: usize, by: EditTime) -> Resul
         after = edit.apply(&after);
     }
     Ok(Edit::between(text, &after))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The text without the mark `|`, and where it stands.
-    fn marked(text: &str) -> (String, usize, usize) {
-        let at = text.find('|').unwrap();
-        let column = text[..at].rsplit('\n').next().unwrap().chars().count() + 1;
-        (text.replacen('|', "", 1), text[..at].matches('\n').count() + 1, column)
-    }
-
-    fn at(secs: f64) -> EditTime {
-        EditTime { secs, fps: 25.0 }
-    }
-
-    type Change<'c> = &'c dyn Fn(&str, usize, usize) -> Result<Edit, EditRefused>;
-
-    fn changed(text: &str, change: Change) -> Result<String, String> {
-        let (text, line, column) = marked(text);
-        let edit = change(&text, line, column).map_err(|refused| refused.why)?;
-        let after = edit.apply(&text);
-        assert_eq!(edit.inverse(&text).apply(&after), text);
-        Ok(after)
-    }
-
-    #[test]
-    fn numbers_are_written_where_the_script_states_them() {
-        let trim = |text: &str| changed(text, &|t, l, c| set_trim(t, l, c, [0.5, 2.0]));
-        assert_eq!(trim("a.|play(c).until(2.0);").unwrap(), "a.play(c).trim(0.5, 2.0).until(2.0);");
-        assert_eq!(trim("a.|play(c).trim( 0, 1.5 );").unwrap(), "a.play(c).trim( 0.5, 2.0 );");
-        assert_eq!(trim("a.|play(c, #{ trim: [0.0, 1.0] });").unwrap(), "a.play(c, #{ trim: [0.5, 2.0] });");
-        assert_eq!(
-            trim("a.|play(c).trim(x, 1.0);").unwrap_err(),
-            "line 1: trim: x, 1.0 is computed; change it there"
-        );
-        let speed = |text: &str| changed(text, &|t, l, c| set_number(t, l, c, "speed", 1.25)).unwrap();
-        assert_eq!(speed("a.|play(c, #{ speed: 2 }).speed(3);"), "a.play(c, #{ speed: 2 }).speed(1.25);");
-    }
-
-    #[test]
-    fn a_disabled_clip_remembers_its_weight() {
-        let off = |text: &str| changed(text, &|t, l, c| set_disabled(t, l, c, true)).unwrap();
-        let on = |text: &str| changed(text, &|t, l, c| set_disabled(t, l, c, false)).unwrap();
-        for text in ["a.|play(c).until(2.0);", "a.|play(c).weight(0.5);", "a.|play(c, #{ weight: 0.7 });"] {
-            let plain = text.replace('|', "");
-            let disabled = off(text);
-            assert!(disabled.contains("0.0"), "{disabled}");
-            assert_eq!(on(&disabled.replace("play", "|play")), plain);
-        }
-        assert_eq!(off("a.|play(c).weight(0.5);"), "a.play(c).weight(0.0 /* 0.5 */);");
-        assert!(changed("a.|play(c).weight(w);", &|t, l, c| set_disabled(t, l, c, true)).is_err());
-    }
-
-    #[test]
-    fn a_split_clip_is_two_with_the_same_content() {
-        let rest = Rest::Trim([1.0, 2.5]);
-        let split =
-            |text: &str, rest, fade| changed(text, &|t, l, c| split_cue(t, l, c, at(1.5), rest, fade));
-        assert_eq!(
-            split("  a.|play(c, #{ fade: 0.3, speed: 2 }).from(0.5).until(f(75)); // in", rest, None)
-                .unwrap(),
-            "  a.play(c, #{ fade: 0.3, speed: 2 }).from(0.5).until(f(38))\n      .then(c, #{ speed: 2 }).trim(1.0, 2.5).until(f(75)); // in"
-        );
-        let chain = split("a.|play(c).weight(0.5)\n    .then(d);", Rest::Same, None).unwrap();
-        assert_eq!(chain, "a.play(c).until(1.5).weight(0.5)\n    .then(c).weight(0.5)\n    .then(d);");
-        let keys = Rest::ClipTime([[1.5, 0.25], [4.0, 2.75]]);
-        let looped = split("a.|play(c, #{ until: 4.0 });", keys, None).unwrap();
-        assert_eq!(
-            looped,
-            "a.play(c, #{ until: 1.5 })\n    .then(c).clip_time([[1.5, 0.25], [4.0, 2.75]]).until(4.0);"
-        );
-        let layer = split("a.|play(c).fade(0.5).until(2.0).on(\"Head\");", rest, Some(0.5)).unwrap();
-        assert_eq!(
-            layer,
-            "a.play(c).fade_out(0.0).fade(0.5).until(1.5).on(\"Head\")\n    .then(c).trim(1.0, 2.5).until(2.0).fade_out(0.5);"
-        );
-        let why = split("let w = a.|play(c);", rest, None).unwrap_err();
-        assert_eq!(why, "line 1: the script uses this clip as \"w\"; change it there");
-        assert!(split("let a = cast(\"a\", m).|play(c);", rest, None).is_ok());
-    }
-
-    #[test]
-    fn a_duplicate_follows_the_clip() {
-        let twice =
-            |text: &str, end, until| changed(text, &|t, l, c| duplicate_cue(t, l, c, end, until)).unwrap();
-        assert_eq!(
-            twice("a.|play(c).trim(0.5, 1).from(1.0).until(2.0).then(d);", None, Some(at(3.0))),
-            "a.play(c).trim(0.5, 1).from(1.0).until(2.0)\n    .then(c).trim(0.5, 1.0).until(3.0).then(d);"
-        );
-        assert_eq!(twice("a.|play(c);", Some(at(1.0)), None), "a.play(c).until(1.0)\n    .then(c);");
-    }
-
-    #[test]
-    fn a_copy_is_pasted_on_another_row_and_into_another_script() {
-        let text = "let m = load(\"m.glb\");\nlet a = cast(\"a\", m);\na.play(m.clip(\"x\")).on(\"Head\").until(1.0)\n    .|then(m.clip(\"y\"), #{ fade: 0.2 }).until(2.0).weight([[1.0, 0], [f(50), 1]]);\nlet b = cast(\"b\", m);\n";
-        let (text, line, column) = marked(text);
-        let copied = copy_cue(&text, line, column, at(1.0), Some(at(2.0))).unwrap();
-        assert_eq!(
-            copied,
-            "play(load(\"m.glb\").clip(\"y\"), #{ fade: 0.2 }).from(1.0).until(2.0).on(\"Head\").weight([[1.0, 0], [f(50), 1]])"
-        );
-        let pasted = paste_cue(&text, 5, 9, &copied, at(3.0)).unwrap().apply(&text);
-        let line = "\nb.play(m.clip(\"y\"), #{ fade: 0.2 }).from(3.0).until(4.0).on(\"Head\").weight([[3.0, 0], [f(100), 1]]);\n";
-        assert!(pasted.ends_with(line), "{pasted}");
-        let other = "let z = cast(\"z\", load(\"z.glb\"));";
-        let pasted = paste_cue(other, 1, 9, &copied, at(0.0)).unwrap().apply(other);
-        assert!(
-            pasted.contains("\nz.play(load(\"m.glb\").clip(\"y\"), #{ fade: 0.2 }).from(0.0).until(1.0)"),
-            "{pasted}"
-        );
-        let why = paste_cue(other, 1, 9, "play(walk).from(1.0)", at(0.0)).unwrap_err().why;
-        assert_eq!(why, "this script has no \"walk\", of which the copied clip is made");
-        for none in ["", "hello", "play(", "cast(c).from(1.0)", "play(c).from(1.0); b.play(d)"] {
-            assert_eq!(
-                paste_cue(other, 1, 9, none, at(0.0)).unwrap_err().why,
-                "the clipboard holds no clip of a timeline"
-            );
-        }
-    }
-
-    #[test]
-    fn times_of_keys_move_with_their_clip() {
-        let text = "a.|play(c).clip_time([[1.0, 0.0], [f(50), 1.0]]).freeze(1.5, 0.5).from(1.0);";
-        let moved = changed(text, &|t, l, c| shift_cue(t, l, c, at(0.4))).unwrap();
-        assert_eq!(moved, "a.play(c).clip_time([[1.4, 0.0], [f(60), 1.0]]).freeze(1.9, 0.5).from(1.4);");
-        let why =
-            changed("a.|play(c).weight([[t, 0]]);", &|t, l, c| shift_keys(t, l, c, at(1.0))).unwrap_err();
-        assert_eq!(why, "line 1: weight: [[t, 0]] is computed; change it there");
-    }
-
-    #[test]
-    fn no_text_makes_it_panic() {
-        let text = "ä.play(\"ü(\").from(1.0).weight(0.0 /* é */).then(x).until('\\'').trim(0,1);";
-        let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();
-        for from in &ends {
-            for to in ends.iter().filter(|to| *to >= from) {
-                for column in 1..9 {
-                    let part = &text[*from..*to];
-                    let _ = split_cue(part, 1, column, at(1.0), Rest::Same, Some(0.1));
-                    let _ = duplicate_cue(part, 1, column, None, None);
-                    let _ = set_disabled(part, 1, column, false);
-                    let _ = copy_cue(part, 1, column, at(0.0), None);
-                    let _ = paste_cue(part, 1, column, part, at(0.0));
-                    let _ = shift_cue(part, 1, column, at(0.0));
-                }
-            }
-        }
-    }
 }

@@ -96,6 +96,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
         }),
         Command::Copy | Command::Cut => match viewer.copy_cues(&all) {
             Ok(text) => {
+                viewer.copied.clone_from(&text);
                 ui.ctx().copy_text(text);
                 if command == Command::Cut {
                     viewer.edit(|v| v.delete_cues(&all));
@@ -103,7 +104,10 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
             }
             Err(error) => viewer.edit(|_| Err(error)),
         },
-        Command::Paste => ui.ctx().send_viewport_cmd(egui::ViewportCommand::RequestPaste),
+        Command::Paste => {
+            let copied = viewer.copied.clone();
+            paste(viewer, &copied);
+        }
         Command::Disable => viewer.edit(|v| v.toggle_cues(&all)),
         Command::Delete => viewer.edit(|v| v.delete_cues(&all)),
         Command::GoToLine => {

@@ -199,7 +199,7 @@ const KEYS: [(&str, &str); 47] = [
     ("Y", "split the selected clips at the playhead"),
     ("M", "disable or enable the selected clips"),
     ("Ctrl D", "play the selected clip once more after it"),
-    ("Ctrl C X V", "copy, cut, paste clips: as text, also into other scripts"),
+    ("Ctrl C X V", "copy, cut, paste clips"),
     ("Ctrl A", "select all clips; with Ctrl or Shift a click adds one, a drag over free rows a box"),
     ("PgUp PgDn", "select the last, the next"),
     ("Esc", "select nothing; close a question"),
@@ -230,7 +230,7 @@ const KEYS: [(&str, &str); 47] = [
     ("drag", "a clip from the inspector onto a row: adds a line"),
     ("click", "an event or a foot's strip: the playhead goes there"),
     ("Shift drag", "ruler: the part that is played"),
-    ("wheel", "viewport: nearer; sequencer: zoom, with Shift: pan"),
+    ("wheel", "viewport: nearer; sequencer: zoom, with Shift: pan, over names: other rows"),
     ("drop", "a model or clip from a file manager: shows it"),
 ];
 

@@ -39,6 +39,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     }
     scrub(ui, viewer, ruler);
     ui.allocate_rect(Rect::from_min_max(area.min, pos2(area.right(), ruler.bottom())), Sense::hover());
+    wheel(ui, viewer, area, ruler);
     let rows = viewer.shown_rows();
     let spacing = std::mem::replace(&mut ui.spacing_mut().item_spacing.y, 0.0);
     if let Some((camera, _)) = rows.split_first() {
@@ -54,7 +55,6 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         }
     });
     ui.spacing_mut().item_spacing.y = spacing;
-    wheel(ui, viewer, area, ruler);
     over_all(ui, viewer, area, ruler);
     markers::show(ui, viewer, area, ruler);
     wrong(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), ruler.bottom())));
@@ -119,6 +119,7 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
 fn scrub(ui: &mut Ui, viewer: &mut Viewer, ruler: Rect) {
     let response = ui.interact(ruler, ui.id().with("ruler"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, "time"));
+    viewer.scrubs |= response.dragged();
     if let Some(pointer) = response.interact_pointer_pos() {
         let time = |x: f32| {
             let secs = viewer.span.secs_at(x - ruler.left(), ruler.width());
@@ -336,7 +337,11 @@ fn wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
     else {
         return;
     };
-    let (scroll, zoom) = ui.input(|i| (i.smooth_scroll_delta, f64::from(i.zoom_delta())));
+    // Over the names of the rows the wheel scrolls them.
+    let (scroll, zoom) = ui.input_mut(|i| {
+        let scroll = std::mem::take(&mut i.smooth_scroll_delta);
+        (scroll, f64::from(i.zoom_delta()) * libm::exp(f64::from(scroll.y) / 200.0))
+    });
     let length = viewer.playhead.length().as_secs();
     let (x, width) = (pointer.x - ruler.left(), ruler.width());
     if zoom != 1.0 {

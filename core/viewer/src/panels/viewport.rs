@@ -62,7 +62,9 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
         painter.galley(rect.center() - galley.size() / 2.0, galley, Color32::GRAY);
         return;
     };
-    let place = placed(rect, size, pixels);
+    viewer.scrubs |= response.dragged();
+    let fills = viewer.views[index].resolution == Resolution::Fitted;
+    let place = placed(rect, size, pixels, fills);
     viewer.views[index].place = [place.left(), place.top(), place.right(), place.bottom()];
     let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
     painter.image(texture, place, whole, Color32::WHITE);
@@ -71,6 +73,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
         let stroke = Stroke::new(3.0, ui.visuals().error_fg_color);
         painter.rect_stroke(place, 0.0, stroke, StrokeKind::Inside);
     }
+    reduced(ui, viewer, index, place);
     let lens = viewer.scene.clone().and_then(|scene| {
         let camera = viewer.views[index].now(&scene.stage)?;
         let vector = |x: f32, y: f32| DVec2::new(f64::from(x), f64::from(y));
@@ -222,11 +225,43 @@ fn click(viewer: &mut Viewer, index: usize, lens: &Lens, at: DVec2) {
     viewer.selection = if picked == viewer.selection { None } else { picked };
 }
 
-/// The centered rectangle of an image: pixel on pixel where there is room, else as large as possible. Edges lie on the screen's
-/// pixels.
-fn placed(room: Rect, size: [u32; 2], pixels_per_point: f32) -> Rect {
+/// Names what the image lacks while the view moves: pixels, effects, frames.
+fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
+    let view = &viewer.views[index];
+    let Some(asked) = view.asked.as_ref().filter(|asked| asked.moving) else { return };
+    let mut parts: Vec<String> = Vec::new();
+    if view.resolution == Resolution::Fitted {
+        match viewer.reduction.divisor(asked.moving) {
+            2 => parts.push("½ resolution".into()),
+            4 => parts.push("¼ resolution".into()),
+            _ => {}
+        }
+    }
+    let waiting = view.shown.iter().flat_map(|shown| &shown.waiting);
+    parts.extend(waiting.map(|what| format!("{what} when it rests")));
+    if viewer.playhead.is_playing() && viewer.reduction.dropped > 0 {
+        parts.push(format!("{} frames dropped", viewer.reduction.dropped));
+    }
+    if parts.is_empty() {
+        return;
+    }
+    let text = parts.join(" · ");
+    let label = Rect::from_min_size(place.left_top(), egui::vec2(place.width(), 20.0));
+    let response = ui.interact(label, ui.id().with(("reduced", index)), Sense::hover());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, text.clone()));
+    let painter = ui.painter_at(place);
+    let galley = painter.layout_no_wrap(text.clone(), egui::FontId::proportional(11.5), Color32::WHITE);
+    let back = Rect::from_min_size(place.left_top() + egui::vec2(6.0, 6.0), galley.size()).expand(3.0);
+    painter.rect_filled(back, 3.0, Color32::from_black_alpha(170));
+    painter.galley(back.min + egui::vec2(3.0, 3.0), galley, Color32::WHITE);
+}
+
+/// The centered rectangle of an image: as large as possible if it fills the room, else pixel on pixel where there is room. Edges lie on
+/// the screen's pixels.
+fn placed(room: Rect, size: [u32; 2], pixels_per_point: f32, fills: bool) -> Rect {
     let size = Vec2::new(size[0] as f32, size[1] as f32) / pixels_per_point;
-    let scale = (room.width() / size.x).min(room.height() / size.y).min(1.0);
+    let largest = if fills { f32::INFINITY } else { 1.0 };
+    let scale = (room.width() / size.x).min(room.height() / size.y).min(largest);
     let size = size * scale;
     let on_pixels = |v: f32| (v * pixels_per_point).round() / pixels_per_point;
     let corner = room.center() - size / 2.0;
@@ -278,13 +313,16 @@ mod tests {
     fn the_picture_lies_on_whole_pixels_and_keeps_its_shape() {
         let room = Rect::from_min_max(pos2(10.3, 20.7), pos2(1033.9, 811.1));
         for (size, pixels) in [([1280, 720], 1.0), ([640, 361], 1.0), ([1280, 720], 1.5)] {
-            let place = placed(room, size, pixels);
+            let place = placed(room, size, pixels, false);
             for edge in [place.min.x, place.min.y] {
                 assert!((edge * pixels - (edge * pixels).round()).abs() < 1e-3);
             }
             let shape = place.width() / place.height();
             assert!((shape - size[0] as f32 / size[1] as f32).abs() < 1e-3);
-            assert!(place.width() <= size[0] as f32 / pixels + 1e-3, "never blown up");
+            assert!(place.width() <= size[0] as f32 / pixels + 1e-3, "pixel on pixel");
+            let filled = placed(room, size, pixels, true);
+            let free = (room.size() - filled.size()).min_elem();
+            assert!(free.abs() < 1.0, "{filled:?} in {room:?}");
         }
     }
 }

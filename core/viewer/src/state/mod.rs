@@ -5,6 +5,7 @@ pub mod history;
 pub mod orbit;
 pub mod performance;
 pub mod playhead;
+pub mod reduction;
 pub mod selection;
 pub mod settings;
 pub mod span;

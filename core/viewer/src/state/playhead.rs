@@ -44,7 +44,7 @@ impl Playhead {
     }
 
     /// The frame that is on at a time; before the first it is the first, after the last the last.
-    fn frame_at(&self, time: Time) -> i64 {
+    pub(crate) fn frame_at(&self, time: Time) -> i64 {
         let (mut low, mut high) = (0, self.frames() - 1);
         while low < high {
             let middle = low + (high - low + 1) / 2;

@@ -26,7 +26,7 @@ pub enum ViewCamera {
 /// How large the image is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Resolution {
-    /// The panel's size on the screen, pixels.
+    /// As many pixels as the panel has on the screen; fewer while the view moves, to hold the scene's rate.
     Fitted,
     /// The size that `render` uses.
     Full,
@@ -150,10 +150,11 @@ fn place(snapshot: &Snapshot, actor: usize) -> DVec3 {
     snapshot.actors.get(actor).map_or(DVec3::ZERO, |a| a.world_from_model.translation)
 }
 
-/// The largest size of the same shape with room for it; no larger than itself, no smaller than a pixel.
-pub fn fitted(size: [u32; 2], room: [u32; 2], largest: u32) -> [u32; 2] {
+/// The largest size of the same shape with room for it, a side divided by `divisor`; no smaller than a pixel.
+pub fn fitted(size: [u32; 2], room: [u32; 2], divisor: u32, largest: u32) -> [u32; 2] {
     let [width, height] = size.map(|s| f64::from(s.max(1)));
-    let scale = (f64::from(room[0]) / width).min(f64::from(room[1]) / height).min(1.0);
+    let scale = (f64::from(room[0]) / width).min(f64::from(room[1]) / height);
+    let scale = scale.min(f64::from(largest) / width.max(height)) / f64::from(divisor.max(1));
     [width, height].map(|s| ((s * scale).round() as u32).clamp(1, largest))
 }
 
@@ -162,10 +163,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_picture_is_fitted_and_never_blown_up() {
-        assert_eq!(fitted([1280, 720], [640, 640], 4096), [640, 360]);
-        assert_eq!(fitted([1280, 720], [5000, 5000], 4096), [1280, 720]);
-        assert_eq!(fitted([1280, 720], [0, 0], 4096), [1, 1]);
-        assert_eq!(fitted([720, 1280], [1000, 640], 4096), [360, 640]);
+    fn an_image_fills_its_room_and_keeps_its_shape() {
+        assert_eq!(fitted([1280, 720], [640, 640], 1, 4096), [640, 360]);
+        assert_eq!(fitted([1280, 720], [3840, 5000], 1, 4096), [3840, 2160]);
+        assert_eq!(fitted([1280, 720], [3840, 5000], 2, 4096), [1920, 1080]);
+        assert_eq!(fitted([1280, 720], [9000, 9000], 1, 4096), [4096, 2304]);
+        assert_eq!(fitted([1280, 720], [0, 0], 4, 4096), [1, 1]);
+        assert_eq!(fitted([720, 1280], [1000, 640], 1, 4096), [360, 640]);
     }
 }

@@ -1,0 +1,86 @@
+//! Resolution while the view moves: a half or a quarter where whole images take longer than the scene's rate allows, and how many
+//! frames are passed over all the same.
+
+/// The smallest part of a side: a quarter.
+const LEAST: u32 = 4;
+/// Share of a frame's time that the next larger images may take before they are tried again.
+const ROOM: f64 = 0.7;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reduction {
+    /// A side of the image is this part of the whole: 1, 2 or 4.
+    divisor: u32,
+    /// Number of the frame that was shown last while it plays.
+    last: Option<i64>,
+    /// Frames that were passed over since it plays.
+    pub dropped: i64,
+}
+
+impl Default for Reduction {
+    fn default() -> Reduction {
+        Reduction { divisor: 1, last: None, dropped: 0 }
+    }
+}
+
+impl Reduction {
+    /// Images that rest are whole.
+    pub fn divisor(&self, moving: bool) -> u32 {
+        if moving { self.divisor } else { 1 }
+    }
+
+    /// An image of a moving view took this long, of the time that the scene's rate gives it; both in milliseconds.
+    pub fn took(&mut self, millis: f64, budget: f64) {
+        if millis > budget {
+            self.divisor = (self.divisor * 2).min(LEAST);
+        } else if self.divisor > 1 && millis * 4.0 < budget * ROOM {
+            // Four times the pixels.
+            self.divisor /= 2;
+        }
+    }
+
+    /// A frame is on the screen; `playing`: the next one should be the frame after it.
+    pub fn shown(&mut self, frame: i64, playing: bool) {
+        match (self.last, playing) {
+            // A loop begins again.
+            (Some(last), true) => self.dropped += (frame - last - 1).max(0),
+            (None, true) => self.dropped = 0,
+            (_, false) => {}
+        }
+        self.last = playing.then_some(frame);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_shrink_until_they_hold_the_rate_and_grow_again() {
+        let mut r = Reduction::default();
+        assert_eq!((r.divisor(true), r.divisor(false)), (1, 1));
+        r.took(90.0, 40.0);
+        assert_eq!((r.divisor(true), r.divisor(false)), (2, 1));
+        r.took(22.0, 40.0);
+        assert_eq!(r.divisor(true), 2, "whole ones would take 88");
+        r.took(50.0, 40.0);
+        r.took(50.0, 40.0);
+        assert_eq!(r.divisor(true), 4);
+        r.took(6.0, 40.0);
+        assert_eq!(r.divisor(true), 2);
+        r.took(6.0, 40.0);
+        assert_eq!(r.divisor(true), 1);
+    }
+
+    #[test]
+    fn frames_that_are_passed_over_are_counted() {
+        let mut r = Reduction::default();
+        for (frame, dropped) in [(10, 0), (11, 0), (14, 2), (15, 2), (2, 2), (4, 3)] {
+            r.shown(frame, true);
+            assert_eq!(r.dropped, dropped, "at {frame}");
+        }
+        r.shown(90, false);
+        assert_eq!(r.dropped, 3);
+        r.shown(5, true);
+        assert_eq!(r.dropped, 0);
+    }
+}
