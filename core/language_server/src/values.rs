@@ -608,7 +608,8 @@ mod tests {
         assert_eq!(of("let m = #{ a: #{ b: sun() } }; m.a.b.|").kind, "Light");
         assert_eq!([of("lines[0].none.|").kind, of("let m = #{ a: m.a }; m.a.|").kind], ["", ""]);
         let source = Source::new(rows);
-        let types = Types::new(&source, &Steps, &Budget::default());
+        let budget = Budget::default();
+        let types = Types::new(&source, &Steps, &budget);
         let row = types.variable("lines", source.tokens.len()).item.unwrap();
         assert_eq!(types.keys(&row), ["who", "from", "until"]);
         // Brackets of another source mean nothing here.
