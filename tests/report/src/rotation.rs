@@ -167,8 +167,7 @@ fn times(names: &[&str]) -> Result<(Vec<Nanos>, Nanos), String> {
         .map(|_| Turn { start: random.rotation(), axis: random.direction(), degrees: 30.0 })
         .collect();
     let eights = turns.as_chunks::<8>().0;
-    let rows_of =
-        |eight: &[Turn; 8], of: &dyn Fn(&Turn) -> Quat| rows(&eight.each_ref().map(|turn| of(turn)));
+    let rows_of = |eight: &[Turn; 8], of: &dyn Fn(&Turn) -> Quat| rows(&eight.each_ref().map(of));
     let keys: Vec<[Rotations; 2]> =
         eights.iter().map(|eight| [0, 1].map(|end| rows_of(eight, &|turn| turn.ends()[end]))).collect();
     let splines: Vec<[Rotations; 4]> = eights
