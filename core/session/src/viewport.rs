@@ -33,22 +33,25 @@ pub struct ViewOverrides {
     pub outlined: Option<usize>,
     /// Transform that replaces an actor's while it is being dragged: world-from-model.
     pub moved: Option<(usize, DAffine3)>,
-    /// What the viewer has muted, or left out by solo.
-    pub muted: MutedLayers,
+    /// Layers whose clips do not play: actor and layer.
+    pub muted: Vec<(usize, usize)>,
 }
-
-/// Layers whose clips do not play: actor and layer.
-pub type MutedLayers = Vec<(usize, usize)>;
 
 /// Pixels of the line around what is selected, and its color, linear.
 const OUTLINE: [(&str, f64); 4] = [("width", 2.5), ("color_r", 1.0), ("color_g", 0.3), ("color_b", 0.04)];
+
+/// The stage without the layers that do not play, and which they are.
+struct Muted {
+    layers: Vec<(usize, usize)>,
+    stage: Arc<Stage>,
+}
 
 /// The evaluators of the scene that is shown, one a camera.
 #[derive(Default)]
 pub(crate) struct ViewEvaluators {
     scene: Option<Arc<Scene>>,
-    /// The stage without the layers that do not play, and which they are.
-    muted: Option<(MutedLayers, Arc<Stage>)>,
+    /// Where layers do not play.
+    muted: Option<Muted>,
     own: Option<Evaluator>,
     /// The stage with one camera on all the time.
     cameras: BTreeMap<usize, Evaluator>,
@@ -114,7 +117,7 @@ impl ViewEvaluators {
 
     fn set_scene(&mut self, request: &FrameRequest) {
         let (scene, muted) = (&request.scene, &request.overrides.muted);
-        let same_muted = self.muted.as_ref().map_or(muted.is_empty(), |(layers, _)| layers == muted);
+        let same_muted = self.muted.as_ref().map_or(muted.is_empty(), |now| now.layers == *muted);
         if self.scene.as_ref().is_some_and(|s| Arc::ptr_eq(s, scene)) && same_muted {
             return;
         }
@@ -124,7 +127,7 @@ impl ViewEvaluators {
                 let layer = stage.actors.get_mut(*actor).and_then(|a| a.layers.get_mut(*layer));
                 layer.into_iter().for_each(|layer| layer.cues.clear());
             }
-            (muted.clone(), Arc::new(stage))
+            Muted { layers: muted.clone(), stage: Arc::new(stage) }
         };
         let muted = (!muted.is_empty()).then(without);
         *self = ViewEvaluators { scene: Some(scene.clone()), muted, ..ViewEvaluators::default() };
@@ -132,7 +135,7 @@ impl ViewEvaluators {
 
     /// The scene's stage, without the layers that do not play.
     fn base(&self, scene: &Scene) -> Arc<Stage> {
-        self.muted.as_ref().map_or_else(|| scene.stage.clone(), |(_, stage)| stage.clone())
+        self.muted.as_ref().map_or_else(|| scene.stage.clone(), |muted| muted.stage.clone())
     }
 
     /// The stage with the outline, where there is one to draw.

@@ -52,16 +52,15 @@ fn what_a_moving_image_lacks_is_named_until_it_rests() {
     place.viewer.views[0].room = [64, 36];
     place.viewer.playhead.seek(Time::from_secs(1.0));
     place.viewer.playhead.play(0.0);
-    place.viewer.reduction.took(90.0, 40.0);
     place.paint();
     assert_eq!(place.viewer.shown().unwrap().waiting, ["motion blur"]);
+    // However fast the image was drawn.
+    place.viewer.reduction = Default::default();
+    place.viewer.reduction.took(90.0, 40.0);
     let mut desk = place.harness(vec2(900.0, 700.0));
     let said = |desk: &Desk| desk.query_all_by_label_contains("motion blur when it rests").next().is_some();
     assert!(said(&desk));
-    assert!(
-        desk.query_all_by_label_contains("½ resolution").next().is_some()
-            || desk.query_all_by_label_contains("¼ resolution").next().is_some()
-    );
+    assert!(desk.query_all_by_label_contains("½ resolution").next().is_some());
     desk.state_mut().viewer.playhead.pause();
     desk.state_mut().paint();
     desk.run();

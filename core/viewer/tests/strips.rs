@@ -42,7 +42,7 @@ fn text_after(change: impl FnOnce(&mut Place)) -> String {
 fn pose(place: &Place, secs: f64) -> Vec<glam::Affine3A> {
     let scene = place.viewer.scene.as_ref().unwrap();
     let snapshot = scene.evaluator.clone().at(Time::from_secs(secs)).unwrap();
-    snapshot.actors[0].model_from_joint.to_vec()
+    snapshot.actors[0].model_from_joint.clone()
 }
 
 fn farthest(a: &[glam::Affine3A], b: &[glam::Affine3A]) -> f32 {
@@ -318,7 +318,6 @@ fn what_is_muted_does_not_play() {
     place.viewer.shelf.muted.insert(("ada".into(), 1));
     place.paint();
     let shown = place.viewer.shown().unwrap().snapshot.actors[0].model_from_joint.clone();
-    let shown: Vec<glam::Affine3A> = shown.into_iter().collect();
     let without: String = SCRIPT.lines().filter(|l| !l.contains("Bow")).map(|l| format!("{l}\n")).collect();
     let at = place.viewer.playhead.time().as_secs();
     assert!(farthest(&shown, &pose(&place, at)) > 0.05);
