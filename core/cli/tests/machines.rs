@@ -188,7 +188,7 @@ fn differing(file: &Path, methods: &[&str], types: &[&str]) -> Vec<String> {
 
 const POSES: &str = "28b2f144c66d6d9c";
 const PICTURES: &[(&str, &[f64], &str)] = &[
-    ("01_first_dance.rhai", &[0.5, 3.2], "27650f5aba40e79e"),
+    ("01_first_dance.rhai", &[0.5, 3.2], "59125a215dd34854"),
     ("05_lights.rhai", &[1.0], "7d155636b62eb2cd"),
     ("07_keys_and_frames.rhai", &[1.4, 2.9], "bf0da5cfb1084e72"),
 ];

@@ -180,11 +180,8 @@ fn each_type_arrives_in_functions_of_a_place() {
             let frame = drawn(renderer, &scene);
             for (index, value) in expected(is_given).into_iter().enumerate() {
                 let got = pixel(&frame, 10 * index as u32 + 5, 75);
-                assert_color(
-                    got,
-                    [value; 3],
-                    &format!("{name} on {device}, value {index}, given {is_given}"),
-                );
+                let what = format!("{name} on {device}, value {index}, given {is_given}");
+                assert_dithered_color(got, [value; 3], &what);
             }
         }
     });

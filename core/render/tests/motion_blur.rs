@@ -69,7 +69,7 @@ fn each_pixel_is_as_bright_as_the_share_of_the_times_that_cover_it() {
         shares.insert((share * 12.0) as u32);
         // Brighter than white before the mean: nothing is cut off that a later time would need.
         let expected = [4.0 * share, share, 0.25 * share].map(|c| c.min(1.0));
-        assert_color(pixel(&frame, x, 30), expected, &format!("column {x}"));
+        assert_dithered_color(pixel(&frame, x, 30), expected, &format!("column {x}"));
     }
     assert!(shares.len() > 5, "{shares:?}");
 }

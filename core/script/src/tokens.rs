@@ -43,7 +43,7 @@ impl TokenKind {
 /// Code inside an interpolated string: `${…}`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InnerCode {
-    /// From its opening brace to its closing one.
+    /// The code with its opening brace and its closing one.
     pub range: Range<usize>,
     /// Its tokens, the braces among them. Letters of strings inside of it are none.
     pub tokens: Vec<Range<usize>>,

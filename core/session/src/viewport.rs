@@ -50,7 +50,7 @@ struct Muted {
 #[derive(Default)]
 pub(crate) struct ViewEvaluators {
     scene: Option<Arc<Scene>>,
-    /// Where layers do not play.
+    /// The stage with layers that do not play.
     muted: Option<Muted>,
     own: Option<Evaluator>,
     /// The stage with one camera on all the time.

@@ -66,7 +66,7 @@ pub struct Viewer {
     pub message_line: Option<usize>,
     /// How many changes were refused so far.
     pub refusals: u64,
-    /// What the last change means beyond what is seen.
+    /// A note on the last change, beyond what is seen.
     pub note: Option<String>,
     /// The last good one.
     pub scene: Option<Arc<Scene>>,
@@ -88,7 +88,7 @@ pub struct Viewer {
     pub selection: Option<Selected>,
     /// The clips that were copied last, a line each.
     pub(crate) copied: String,
-    /// What is selected beside it, and beside which.
+    /// The further parts that are selected, and beside which.
     pub(crate) more: (Option<Selected>, Vec<Selected>),
     pub span: Span,
     /// Times are shown as seconds instead of frames.
@@ -371,7 +371,7 @@ impl Viewer {
         }
     }
 
-    /// What is selected beside the selection.
+    /// The further parts that are selected beside the selection.
     pub(crate) fn more(&self) -> &[Selected] {
         if self.more.0 == self.selection { &self.more.1 } else { &[] }
     }

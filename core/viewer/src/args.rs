@@ -42,6 +42,9 @@ struct Args {
     /// Begin playing
     #[arg(long)]
     play: bool,
+    /// Draw images in the size that render uses, in place of one that fills the viewport
+    #[arg(long)]
+    full_size: bool,
     /// Lose the device at these frames of the window, for tests; repeatable
     #[arg(long = "lose-device-at", value_name = "FRAME", hide = true)]
     lose: Vec<u64>,
@@ -55,6 +58,8 @@ pub(crate) struct ViewerOptions {
     pub source: SceneSource,
     pub at: f64,
     pub play: bool,
+    /// Images have the size that `render` uses.
+    pub full_size: bool,
     /// Frames of the window at which its device is as good as lost.
     pub lose: Vec<u64>,
     /// Reports on standard output what is shown, a line each.
@@ -115,7 +120,8 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         shaders: args.shaders,
         ..SceneSource::new(args.input)
     };
-    Ok(ViewerOptions { source, at: args.at, play: args.play, lose: args.lose, event_log: args.event_log })
+    let Args { at, play, full_size, lose, event_log, .. } = args;
+    Ok(ViewerOptions { source, at, play, full_size, lose, event_log })
 }
 
 #[cfg(test)]

@@ -168,11 +168,17 @@ fn another_scale(managed: bool) {
 /// A square, as a file manager would have it: with a blank in its name.
 const SQUARE: &str = "v -1 0 0\nv 1 0 0\nv 1 2 0\nv -1 2 0\nf 1 2 3 4\n";
 
+/// Moves the pointer over the stage tree: what is dropped on the image is placed there at once.
+fn beside_the_image(screen: &Screen, window: &str) {
+    screen.xdotool(&["mousemove", "--window", window, "60", "420"]);
+}
+
 #[test]
 fn a_file_that_is_dropped_is_shown_and_added() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let (viewer, window) = open(&screen, folder.path(), &[]);
+    beside_the_image(&screen, &window);
     let file = folder.path().join("my square.obj");
     fs::write(&file, SQUARE).unwrap();
     // Over the window, and away again: nothing has happened.
@@ -226,6 +232,7 @@ fn files_that_are_dropped_together_are_all_shown_and_added() {
     let Some(screen) = Screen::new() else { return };
     let folder = tempfile::tempdir().unwrap();
     let (viewer, window) = open(&screen, folder.path(), &[]);
+    beside_the_image(&screen, &window);
     let files = ["left.obj", "middle one.obj", "right.obj"].map(|name| folder.path().join(name));
     for (file, color) in files.iter().zip(["1 0 0", "0 1 0", "0 0 1"]) {
         fs::write(file, format!("mtllib {0}.mtl\nusemtl m\n{SQUARE}", color.replace(' ', ""))).unwrap();

@@ -179,7 +179,7 @@ pub(crate) fn of_option(defs: &Defs, name: &str, function: &str, known: &[&str])
     Some(Suggestion { name, hint: topic.hint(target, defs) })
 }
 
-/// What the reference says about an option of a call, and its page, where it describes the option there.
+/// The reference's description of an option of a call, and its page, where it describes the option there.
 fn option_hint(defs: &Defs, function: &str, option: &str) -> Option<String> {
     let own = defs.all.iter().filter(|(_, def)| def.name == function);
     let mut found = own.filter_map(|(title, def)| Some((title, def, in_parentheses(&def.about(), option)?)));

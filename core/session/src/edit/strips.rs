@@ -9,7 +9,7 @@ use super::values::{format_number, literals, option_value, rewritten};
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
-/// What makes up the content of a cue, so that each part of a split cue has it.
+/// Calls that make up the content of a cue, so that each part of a split cue has them.
 const CONTENT: [&str; 7] = ["speed", "weight", "reverse", "once", "loop", "ping_pong", "hold"];
 const CONTENT_OPTIONS: [&str; 4] = ["speed", "weight", "repeat", "reverse"];
 /// Calls of a layer, which hold for all cues of a chain.

@@ -1,4 +1,4 @@
-//! What is dropped becomes lines: clips of an actor's own file or of another's, models under the pointer, files that were shown.
+//! Dropped files and clips become lines: clips of an actor's own file or of another's, models under the pointer, files that were shown.
 
 use super::{EditError, difference, read};
 use crate::app::Viewer;

@@ -13,7 +13,7 @@ pub enum Command {
     Duplicate,
     Copy,
     Cut,
-    /// On the row of the selection, at the playhead.
+    /// The row of the selection, at the playhead.
     Paste,
     Disable,
     Delete,

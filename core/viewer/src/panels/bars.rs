@@ -19,7 +19,7 @@ const REACH: f32 = 6.0;
 /// Marks of rounds in one bar at most; further ones would not be told apart.
 const MOST_ROUNDS: usize = 200;
 
-/// What the user does with a bar.
+/// A change of a bar by the user.
 pub enum Act {
     Select(Selected, bool),
     Move(Bar, f64, Drag),
@@ -38,11 +38,11 @@ pub enum Drag {
     Alone,
     /// All later bars of its layer move, too.
     Ripple,
-    /// Over the one before it.
+    /// The start moves over the bar before it.
     Overlap,
 }
 
-/// Where times lie in a row.
+/// The places of times in a row.
 pub struct Lane {
     pub rect: Rect,
     /// Number of the row.
@@ -385,7 +385,7 @@ fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane,
     }
 }
 
-/// Where a clip begins again, and, of one that is cut short, how far it would go.
+/// Marks the places at which a clip begins again, and, for one that is cut short, how far it would go.
 fn rounds(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane) {
     let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
     let (start, end) = (bar.start.as_secs(), bar.end.as_secs());

@@ -25,7 +25,7 @@ fn has_layers(timeline: &Timeline, index: usize) -> bool {
     row.layer == Some(0) && below.is_some_and(|next| next.what == row.what && next.layer > Some(0))
 }
 
-/// What is left for the name.
+/// The room that is left for the name.
 pub fn name_place(timeline: &Timeline, index: usize, label: Rect) -> Rect {
     let row = &timeline.rows[index];
     let left = if has_layers(timeline, index) || row.layer > Some(0) { FOLD - 4.0 } else { 0.0 };

@@ -6,7 +6,7 @@ use egui::{Area, Frame, Key, Order, Pos2, RichText, Ui, vec2};
 /// Points.
 const WIDEST: f32 = 420.0;
 
-/// Where a refusal is read, and how many there were.
+/// The place at which a refusal is read, and how many there were.
 #[derive(Default)]
 pub struct Refusals {
     seen: u64,

@@ -17,6 +17,7 @@ use crate::args::ViewerOptions;
 use crate::editing::DroppedModels;
 use crate::panels::Panels;
 use crate::state::settings::Settings;
+use crate::state::view::Resolution;
 use choreo::App;
 use choreo_plugin::{Frame, Registry};
 use choreo_session::{FrameRenderer, FrameReply, SceneSource, SceneVersion, SessionThread};
@@ -65,6 +66,9 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     let live = watched(asked.source.clone(), &registry, &proxy, OWN)?;
     let mut viewer = Viewer::new(name);
     viewer.path = path;
+    if asked.full_size {
+        viewer.views.iter_mut().for_each(|view| view.resolution = Resolution::Full);
+    }
     let settings_file = Settings::file();
     let settings = settings_file.as_deref().map(Settings::read).unwrap_or_default();
     let mut app = ViewerWindow {

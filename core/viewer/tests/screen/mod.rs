@@ -86,10 +86,10 @@ impl Screen {
         String::from_utf8_lossy(&output.stdout).trim().to_string()
     }
 
-    /// The viewer on this display; its settings lie in a folder of their own.
+    /// The viewer on this display, with images of the script's own size; its settings lie in a folder of their own.
     pub fn command(&self, args: &[&str], folder: &Path) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_choreo-view"));
-        command.args(args).env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
+        command.args(args).arg("--full-size").env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
         command.env("XDG_STATE_HOME", folder.join("state"));
         command
     }
