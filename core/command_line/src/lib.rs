@@ -19,12 +19,13 @@ pub use process::panics::exit_code_of_abort;
 
 use args::{Cli, Command, PluginsAction, PluginsArgs, RenderArgs, values};
 use clap::FromArgMatches;
+use commands::render::worker;
 use commands::{
     check, explain, export, farm, format, help, info, join, lsp, measure, new, pack,
     plugins as plugins_command, pose, render, test, view,
 };
 use failure::{Failure, print_json, print_json_message, print_message};
-use process::{interrupt, panics, scratch, threads, worker};
+use process::{interrupt, panics, scratch, threads};
 use scene::pack::Unpacked;
 use std::ffi::OsString;
 use std::path::Path;

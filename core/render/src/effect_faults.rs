@@ -1,7 +1,6 @@
 //! Faults of effects: results that are no numbers, and loops that do not end. Pixels become magenta, other results are left out, and a warning
 //! names the effect and the first pixel, or the part. CPU reference of effect_faults.wgsl.
 
-use crate::plan::Plan;
 use choreo_plugin::effect::endless_loop;
 use choreo_plugin::{Effect, MAX_EFFECT_STEPS};
 use glam::{Vec3, Vec4};
@@ -110,17 +109,10 @@ impl EffectFaults {
         self.record_of(&effect.manifest().name, fault, place);
     }
 
-    fn record_of(&self, effect: &str, fault: Fault, place: FaultPlace) {
+    pub(crate) fn record_of(&self, effect: &str, fault: Fault, place: FaultPlace) {
         let mut seen = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let first = seen.found.entry((effect.to_string(), fault)).or_insert(place);
         *first = place.min(*first);
-    }
-
-    /// Records the faults that were found when a frame and its parts were planned.
-    pub fn record_plan(&self, plan: &Plan) {
-        for found in std::iter::once(plan).chain(plan.sub_plans()).flat_map(|part| &part.effect_faults) {
-            self.record_of(&found.effect, found.fault, found.place);
-        }
     }
 
     /// Magenta in place of faulty colors, which are recorded with their pixels.

@@ -31,7 +31,12 @@ impl Parsed {
         let (read, unknown) = compile_all(engine, shared, text);
         let mut ast = match read {
             Ok(ast) => ast,
-            Err(error) => return Err(Unreadable { error, unknown }),
+            Err(error) => {
+                // Names of options without their map look like variables.
+                let (line, mut unknown) = (error.1.line(), unknown);
+                unknown.retain(|variable| variable.at.line() != line);
+                return Err(Unreadable { error, unknown });
+            }
         };
         ast.set_source(name);
         let end = |f: &rhai::ScriptFuncDef| f.body.end_position().line().unwrap_or(0);

@@ -5,7 +5,7 @@ use choreo_plugin::Frame;
 use std::path::{Path, PathBuf};
 
 /// Largest size of a stored image that is not marked as large: stored images stay in version control for ever.
-pub const MOST_BYTES: usize = 64 << 10;
+pub const MOST_BYTES: usize = 40 << 10;
 /// Limit of the bytes that are read of a file: no test image is larger.
 const MOST_FILE_BYTES: u64 = 64 << 20;
 

@@ -1,9 +1,9 @@
 //! The content and state of the window, apart from how it is drawn: fed with versions, frames and the clock, asked for the next
 //! frame to draw. No toolkit here.
 
-use crate::editing::DroppedModels;
 use crate::geometry::gizmo::{Change, Drag, Tool};
 use crate::geometry::picking;
+use crate::state::dropped_models::DroppedModels;
 use crate::state::history::{History, Offer};
 use crate::state::orbit::Orbit;
 use crate::state::performance::Performance;

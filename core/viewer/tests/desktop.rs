@@ -196,6 +196,7 @@ fn a_file_that_is_dropped_is_shown_and_added() {
     until("the model", || {
         let shot = screen.shot(&window);
         (shot.count(BACKGROUND) == 0
+            && runs(&shot, 4).len() >= 4
             && viewer.settled(Duration::from_millis(300), Duration::from_secs(60)).is_some())
         .then_some(())
     });

@@ -5,7 +5,7 @@ mod place;
 use choreo_motion::Time;
 use choreo_motion::retarget::bind_or_retarget;
 use choreo_session::{SceneSource, Session};
-use choreo_viewer::editing::DroppedModels;
+use choreo_viewer::state::dropped_models::DroppedModels;
 use choreo_viewer::state::selection::Selected;
 use egui::{Pos2, pos2, vec2};
 use egui_kittest::Harness;

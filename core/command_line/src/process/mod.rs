@@ -6,4 +6,3 @@ pub mod memory;
 pub mod panics;
 pub mod scratch;
 pub mod threads;
-pub mod worker;

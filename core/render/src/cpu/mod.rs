@@ -496,7 +496,7 @@ impl Renderer for CpuRenderer {
             return Err(RenderError::Usage("two frames are submitted: collect one first".into()));
         }
         self.check(&plan).and_then(|()| crate::plan::light_clusters::check(&plan))?;
-        self.faults.record_plan(&plan);
+        plan.record_faults(&self.faults);
         self.submitted.push_back(plan);
         Ok(())
     }

@@ -30,7 +30,7 @@ pub mod tiles;
 mod vertex_attributes;
 
 use crate::affine::Affine3x4;
-use crate::effect_faults::PlanFault;
+use crate::effect_faults::{EffectFaults, PlanFault};
 use crate::layers_2d::LayerImage;
 use crate::plan::dirty_rect::DirtyRect;
 use crate::plan::light_clusters::LightClusters;
@@ -161,6 +161,13 @@ impl Plan {
     pub fn surface_rows(&self) -> usize {
         let last = self.scene_effects.last().map_or(0, PostPass::rows);
         self.first_rows().last().map_or(0, |first| first as usize + last)
+    }
+
+    /// Records the faults that were found when the frame and its parts were planned.
+    pub(crate) fn record_faults(&self, faults: &EffectFaults) {
+        for found in std::iter::once(self).chain(self.sub_plans()).flat_map(|part| &part.effect_faults) {
+            faults.record_of(&found.effect, found.fault, found.place);
+        }
     }
 
     /// The plan of the scene alone, whose image stays linear: without sub-frames, effects on images and layers over it.

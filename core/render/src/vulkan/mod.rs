@@ -335,7 +335,7 @@ impl VulkanRenderer {
             let text = format!("{} frames are in flight; collect one first", self.slots.len());
             return Err(RenderError::Usage(text));
         }
-        self.faults.record_plan(plan);
+        plan.record_faults(&self.faults);
         if self.waits(plan) {
             self.check(plan)?;
             plan.sub_plans().try_for_each(|part| self.check(part))?;

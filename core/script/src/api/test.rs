@@ -42,7 +42,7 @@ api! {
     ///   most 256 pixels a side), samples (per pixel, default those of the stage, else 4), device ("cpu", the
     ///   default, or "vulkan").
     /// - Allowed difference: tolerance (per channel, in steps of 255, default 4), {}.
-    /// - `large: true` allows a golden image of more than 64 KiB.
+    /// - `large: true` allows a golden image of more than 40 KiB.
     expect_picture("name, options?") -> () = expect_picture, in_tests, options(limits);
 }
 

@@ -393,7 +393,7 @@ pub struct ImageExpectation {
     pub tolerance: u8,
     /// Limits in the order of `choreo_image_diff::METRICS`.
     pub limits: [f64; METRICS.len()],
-    /// May take more than 64 KiB.
+    /// May take more than 40 KiB.
     pub large: bool,
 }
 

@@ -2,6 +2,7 @@
 
 use super::{EditError, difference, read};
 use crate::app::Viewer;
+use crate::state::dropped_models::DroppedModels;
 use crate::state::history::Offer;
 use crate::state::selection::actor;
 use choreo_asset::Asset;
@@ -12,14 +13,6 @@ use choreo_stage::Actor;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// Model files that were dropped on a viewport, and where, until they have been read.
-#[derive(Clone, Debug, PartialEq)]
-pub struct DroppedModels {
-    pub files: Vec<PathBuf>,
-    /// World, metres.
-    pub at: DVec3,
-}
 
 /// Folder beside the script into which files from elsewhere are copied.
 const ASSETS: &str = "assets";

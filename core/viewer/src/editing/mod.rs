@@ -11,7 +11,6 @@ mod keys;
 pub mod placing;
 mod strips;
 
-pub use adding::DroppedModels;
 pub use error::EditError;
 
 use crate::app::Viewer;

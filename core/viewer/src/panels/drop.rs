@@ -1,8 +1,8 @@
 //! Files that are dropped on the window: models on a viewport are put on stage under the pointer; all others are shown alone.
 
 use crate::app::Viewer;
-use crate::editing::DroppedModels;
 use crate::geometry::projection::Lens;
+use crate::state::dropped_models::DroppedModels;
 use egui::{Event, Pos2, Rect, Ui};
 use glam::{DVec2, DVec3};
 use std::path::PathBuf;

@@ -1,5 +1,6 @@
 //! The state of the viewer: plain data without a toolkit, tested without a window.
 
+pub mod dropped_models;
 pub mod events;
 pub mod history;
 pub mod orbit;

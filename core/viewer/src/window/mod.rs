@@ -14,8 +14,8 @@ mod swapchain;
 
 use crate::app::Viewer;
 use crate::args::ViewerOptions;
-use crate::editing::DroppedModels;
 use crate::panels::Panels;
+use crate::state::dropped_models::DroppedModels;
 use crate::state::settings::Settings;
 use crate::state::view::Resolution;
 use choreo::App;

@@ -1,6 +1,7 @@
 //! Drawing a job's frames into its outputs.
 
 use crate::args::RenderArgs;
+use crate::commands::render::worker;
 use crate::commands::render::{Job, sheet};
 use crate::drawing::device;
 use crate::drawing::pipeline::{Counts, Encode, Pipeline, Pixels, PlanAt, SceneKey, render_failure};
@@ -12,7 +13,7 @@ use crate::output::segment::Segment;
 use crate::output::target::Target;
 use crate::output::video::Video;
 use crate::process::kept_frames;
-use crate::process::{interrupt, threads, worker};
+use crate::process::{interrupt, threads};
 use crate::terminal::progress::Progress;
 use choreo_files::PartFile;
 use choreo_motion::Time;

@@ -6,6 +6,7 @@ pub(crate) mod sheet;
 mod stages;
 mod summary;
 mod watch;
+pub(crate) mod worker;
 
 use crate::args::RenderArgs;
 use crate::args::values;
@@ -15,7 +16,6 @@ use crate::failure::{Failure, output_error};
 use crate::output::budget::Budgeted;
 use crate::output::segment::SegmentExporter;
 use crate::output::target::Target;
-use crate::process::worker;
 use crate::scene::{
     self, ONE_FRAME, OpenedScene,
     opening::{Keep, Opening},
