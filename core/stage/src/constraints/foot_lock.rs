@@ -265,11 +265,6 @@ impl Contact {
     }
 }
 
-/// Height in metres that a foot gets above places where it stands. `leg`: its length, metres.
-pub(super) fn clearance(leg: f64) -> f64 {
-    CLEARANCE.min(CLEARANCE_LEGS * leg)
-}
-
 /// The smoothstep from 0 to 1.
 fn smooth(w: f64) -> f64 {
     let w = w.clamp(0.0, 1.0);
@@ -319,7 +314,7 @@ impl FootLockTrack {
 
     /// The position of a foot in the air, high enough near the places where it has stood and will stand.
     fn cleared(&self, foot: DVec3, ends: [Option<DVec3>; 2]) -> DVec3 {
-        let clearance = clearance(self.leg);
+        let clearance = CLEARANCE.min(CLEARANCE_LEGS * self.leg);
         let [near, far] = CLEAR.map(|c| c * clearance);
         let raise = |at: DVec3| {
             let away = (foot - at).with_y(0.0).length();

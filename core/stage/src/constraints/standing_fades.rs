@@ -1,7 +1,7 @@
 //! Fades between a walk and a stand, within foot locking: contacts before and after a fade stay, and steps lead from the ones to the others.
 
 use crate::constraints::foot_contacts::FootContacts;
-use crate::constraints::foot_lock::{Contact, ContactSpan, clearance};
+use crate::constraints::foot_lock::{Contact, ContactSpan};
 use crate::constraints::foot_locks::{LONGEST_GAP, STEP};
 use crate::constraints::foot_samples::{FeetInMotion, FootSamples};
 use crate::constraints::footsteps::{FootState, Footstep, FootstepPlan};
@@ -37,8 +37,6 @@ pub(super) struct FadeSteps<'a> {
     pub leg_length: f64,
     pub samples: &'a FootSamples,
     pub clips: &'a FootContacts<'a>,
-    /// Places of the feet for as long as the standing clip plays alone, if they keep them.
-    pub places: Option<&'a [DVec3]>,
 }
 
 impl FadeSteps<'_> {
@@ -154,12 +152,7 @@ impl FadeSteps<'_> {
             })
         };
         let backwards = self.backwards();
-        let mut standing = cut(standing_at, backwards)?;
-        if let Some(at) = self.places.and_then(|places| places.get(leg)) {
-            let moved = *at - standing.at.unwrap_or(*at);
-            (standing.at, standing.first, standing.last) =
-                (Some(*at), standing.first + moved, standing.last + moved);
-        }
+        let standing = cut(standing_at, backwards)?;
         if lands_secs <= 0.0 {
             let walking = cut(walking_at, !backwards)?;
             let state =
@@ -183,11 +176,6 @@ impl FadeSteps<'_> {
         {
             carried = (at - here).with_y(offset.y);
             velocity = DVec3::ZERO;
-        }
-        // A step that leads to a foot in the air ends above the ground, however low the clip has it: it would scuff.
-        let above = standing.at.unwrap_or(here).y + clearance(self.leg_length) - (here + carried).y;
-        if backwards && above > 0.0 && velocity != DVec3::ZERO {
-            carried.y += above;
         }
         let at = here + carried;
         let walking = Contact {
