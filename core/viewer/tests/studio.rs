@@ -81,7 +81,7 @@ fn plugins_of_another_program_work_in_its_command_line_and_its_viewer() {
     let Some(screen) = Screen::new() else { return };
     let said = fs::File::create(folder.path().join("said.txt")).unwrap();
     let mut command = Command::new(programs.join("studio"));
-    command.args(["view", "s.rhai"]).current_dir(folder.path()).env("DISPLAY", &screen.display);
+    command.args(["view", "s.rhai", "--full-size"]).current_dir(folder.path()).env("DISPLAY", &screen.display);
     command.env_remove("WAYLAND_DISPLAY").env("XDG_STATE_HOME", folder.path().join("state"));
     let mut viewer = Running(command.stdout(said.try_clone().unwrap()).stderr(said).spawn().unwrap());
     let window = screen.window_named("studio");
