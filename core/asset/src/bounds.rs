@@ -70,7 +70,7 @@ impl Aabb {
         Aabb { min: (moved - reach).into(), max: (moved + reach).into() }
     }
 
-    /// Its eight vertices.
+    /// The eight vertices of the box.
     #[inline]
     pub fn corners(&self) -> [Vec3; 8] {
         std::array::from_fn(|i| {

@@ -21,9 +21,9 @@ pub struct Expression {
     pub uvs: Vec<UvBind>,
     /// The effect on expressions of the other groups while its own weight is above 0.
     pub over_mouth: Override,
-    /// Its effect on expressions of the group blink.
+    /// The effect on expressions of the group blink while this one is on.
     pub over_blink: Override,
-    /// Its effect on expressions of the group gaze.
+    /// The effect on expressions of the group gaze while this one is on.
     pub over_gaze: Override,
 }
 
@@ -43,7 +43,7 @@ pub struct MorphBind {
 pub struct ColorBind {
     /// Index into the asset's materials.
     pub material: u32,
-    /// Which of the material's colors.
+    /// The color of the material that changes.
     pub color: MaterialColor,
     /// Linear; alpha counts for the base color alone.
     pub to: Vec4,

@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3, Vec4};
 pub struct Mesh {
     /// Name in the file.
     pub name: String,
-    /// Its parts, one material each.
+    /// The parts of the mesh, one material each.
     pub primitives: Vec<Primitive>,
     /// Number of morph targets, the same in every primitive.
     pub morph_targets: usize,

@@ -36,7 +36,7 @@ const LESSONS: [&str; 6] = [
     "38_bodies_and_chains.rhai",
 ];
 
-/// What the tests read of an exported glTF file.
+/// The parts of an exported glTF file that the tests read.
 trait Gltf {
     fn json(&self) -> Value;
     fn again(&self) -> Stage;
@@ -266,7 +266,7 @@ fn pictures() -> (tempfile::TempDir, [Vec<u8>; 3]) {
     (dir, bytes)
 }
 
-/// Where an image is used unchanged, its file is.
+/// The file of an image is written unchanged where the image is used unchanged.
 #[test]
 fn files_of_images_stay_as_they_are() {
     let (dir, originals) = pictures();
@@ -282,7 +282,7 @@ fn files_of_images_stay_as_they_are() {
             let written = read(d, ending);
             let same = originals.get(number).is_some_and(|original| *original == written);
             assert_eq!(same, number < 2 || ending.ends_with("webp"), "{ending} of {output}");
-            // What is made anew has the same size, and holes where it was given some.
+            // An image that is made anew has the same size, and holes where it was given some.
             let image = image::load_from_memory(&written).unwrap();
             assert_eq!((image.width(), image.height()), (32, 16));
             assert_eq!(image.color().has_alpha(), number == 3, "{ending} of {output}");

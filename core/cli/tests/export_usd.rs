@@ -32,13 +32,13 @@ const LESSONS: [&str; 7] = [
     "38_bodies_and_chains.rhai",
 ];
 
-/// What usd-core finds in an exported file.
+/// The contents of an exported file, as usd-core finds them.
 trait Usd {
     fn read(&self, python: &Path, times: &[Time]) -> Value;
 }
 
 impl Usd for Exported {
-    /// What usd-core has at some times.
+    /// The values that usd-core has at some times.
     fn read(&self, python: &Path, times: &[Time]) -> Value {
         let rate = self.stage.settings.fps;
         let per_second = f64::from(rate.num) / f64::from(rate.den);
@@ -47,7 +47,7 @@ impl Usd for Exported {
     }
 }
 
-/// What usd-core has in a file at some time codes; it must have no warning, and its validators nothing to say.
+/// The values that usd-core has in a file at some time codes; it must have no warning, and its validators nothing to say.
 fn read_by_usd_core(python: &Path, path: &Path, codes: &[f64]) -> Value {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/common/usd.py");
     let codes = serde_json::to_string(codes).unwrap();

@@ -316,7 +316,7 @@ fn the_guide_lines_for_machines_without_a_scheduler_make_the_film() {
     std::fs::set_permissions(bin.join("ssh"), std::fs::Permissions::from_mode(0o755)).unwrap();
     // Chunks of a known length in place of measured ones.
     let lines = lines.replace("--to job", "--to job --chunk 7 --samples 1");
-    // What is missing here does not come.
+    // The missing segments do not come.
     let lines = lines.replace("sh join.sh", "sed -i 's/--wait 60//' join.sh && sh join.sh");
     let run = |lines: &str, dead: &str| {
         let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap_or_default());

@@ -1,4 +1,4 @@
-//! What goes wrong on a farm: full disks, files that are seen late, clocks that differ, several workers of one chunk, workers that are
+//! Faults of a farm: full disks, files that are seen late, clocks that differ, several workers of one chunk, workers that are
 //! stopped or killed. Nothing is lost, and the film has the bytes of one machine.
 #![cfg(unix)]
 
@@ -149,10 +149,10 @@ fn several_workers_of_one_chunk_make_it_once() {
     let film = whole(d);
     let mut first = worker(d, "0-59");
     wait_for_frames(d, "0000000-0000059");
-    // It holds the segment, and draws no more.
+    // The stopped worker holds the segment, and draws no more.
     signal(&first, "-STOP");
     let others = [worker(d, "0-59"), worker(d, "0-59")];
-    // They are there, and wait.
+    // The other workers are there, and wait.
     std::thread::sleep(Duration::from_millis(300));
     first.kill().unwrap();
     first.wait().unwrap();
@@ -162,7 +162,7 @@ fn several_workers_of_one_chunk_make_it_once() {
     assert!(joined(d, &[]) == film);
 }
 
-/// A file system on which segments are seen late and in pieces: the join waits as long as it was told, and names what is missing then.
+/// A file system on which segments are seen late and in pieces: the join waits as long as `--wait` says, and names what is missing then.
 #[test]
 fn a_join_waits_for_segments_that_are_seen_late() {
     let dir = scene();

@@ -108,7 +108,7 @@ fn chunks_are_done_running_failed_stopped_or_waiting() {
     );
     assert!(lines.iter().any(|line| line.starts_with("frames 36-47: stopped on ")), "{}", text.out);
     assert!(image::open(d.join("sheet.png")).unwrap().width() > 192);
-    // With notice it is stopped in order.
+    // A worker that gets notice stops in order.
     signal(&running, "-TERM");
     signal(&running, "-CONT");
     assert_eq!(ended(running).code, 130);

@@ -48,8 +48,8 @@ fn panics_of_plugins_are_errors_with_name_and_version() {
     assert!(error.contains(&format!("no importer knows this kind of file; {failed}")), "{error}");
     let out =
         Command::new(&example).args(["info", "--plugins", ".", "a.none"]).current_dir(dir.path()).output();
-    let told = String::from_utf8_lossy(&out.unwrap().stdout).into_owned();
-    assert!(told.contains(failed), "{told}");
+    let output = String::from_utf8_lossy(&out.unwrap().stdout).into_owned();
+    assert!(output.contains(failed), "{output}");
     let (code, error) = run(&["check", "loads.rhai"]);
     assert!(error.contains("loads.rhai:1:"), "{error}");
     assert!(error.contains("the plugin faulty 1.2 has failed: a.faulty has no header"), "{error}");
@@ -57,8 +57,8 @@ fn panics_of_plugins_are_errors_with_name_and_version() {
     let drawn = "effect(\"faulty\"); expect_picture(\"x\", #{ at: 0, size: [32, 24] });";
     write("tests.rhai", &format!("test(\"a\", || {{ cast(\"a\", shape(\"box\")); {drawn} }});\n"));
     let out = Command::new(&example).args(["test", "tests.rhai"]).current_dir(dir.path()).output().unwrap();
-    let told = String::from_utf8_lossy(&out.stdout) + String::from_utf8_lossy(&out.stderr);
-    assert!(told.contains("the plugin faulty 1.2 has failed: nothing to draw"), "{told}");
+    let output = String::from_utf8_lossy(&out.stdout) + String::from_utf8_lossy(&out.stderr);
+    assert!(output.contains("the plugin faulty 1.2 has failed: nothing to draw"), "{output}");
     let (code, error) = run(&["render", "draws.rhai", "-o", "x.png", "--at", "0", "--device", "cpu"]);
     assert!(error.contains("the plugin faulty 1.2 has failed: nothing to draw"), "{error}");
     assert_eq!(code, Some(1), "{error}");

@@ -106,7 +106,7 @@ fn crates_build_and_pass_their_tests() {
     HOOKS.iter().for_each(|hook| new("effect", &format!("of_{hook}"), &["--hook", hook]));
     let text = tested(dir.path());
     let passed = |tests: usize| text.matches(&format!("test result: ok. {tests} passed")).count();
-    // Of the importer; of the exporter and the eight effects.
+    // The importer has three tests; the exporter and the eight effects have two each.
     assert_eq!((passed(3), passed(2)), (1, 9), "{text}");
     for test in
         ["a_crest_is_as_high_as_the_parameter", "a_pulse_makes_it_twice_as_wide", "half_a_turn_is_half"]

@@ -59,7 +59,7 @@ fn refine(
         let way = a.1.iter().zip(&b.1).map(|(a, b)| a + (b - a) * part);
         way.zip(truth).zip(allowed).any(|((way, truth), allowed)| (way - truth).abs() > *allowed)
     };
-    // Where the middle is near enough, an S-shaped way could still leave the line beside it.
+    // A curve like an S may leave the line beside a middle that is near enough.
     let middle = row(2);
     if off(&middle) || off(&row(1)) || off(&row(3)) {
         let half = (Nearness { depth: nearness.depth - 1, ..nearness }, allowed);

@@ -22,7 +22,7 @@ pub type Unsaved = Arc<BTreeMap<PathBuf, Arc<str>>>;
 pub struct Job {
     pub uri: String,
     pub version: i64,
-    /// Its path, also where it was never saved; `None` for a text without one.
+    /// The script's path, also where it was never saved; `None` for a text without one.
     pub path: Option<PathBuf>,
     pub text: Arc<str>,
     pub unsaved: Unsaved,

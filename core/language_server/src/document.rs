@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 pub struct Document {
     pub uri: String,
-    /// Its path, canonical where its folder exists; `None` for a text without one, such as `untitled:Untitled-1`.
+    /// The document's path, canonical where its folder exists; `None` for a text without one, such as `untitled:Untitled-1`.
     pub path: Option<PathBuf>,
     pub version: i64,
     pub source: Arc<Source>,

@@ -14,7 +14,7 @@ use std::sync::Arc;
 /// A name that the cursor is on.
 struct Named {
     name: String,
-    /// Its bytes there.
+    /// The bytes of the name there.
     range: Range<usize>,
     /// The module that declares it; `None`: this script.
     module: Option<String>,

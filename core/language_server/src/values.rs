@@ -272,7 +272,7 @@ impl<'a> Types<'a> {
             source.get(*at) == "cast" && source.get(at + 1) == "(" && given().as_deref() == Some(name)
         };
         let value = types.function((0..source.tokens.len()).find(casts)?).elsewhere();
-        // Its files lie beside it.
+        // The files of that script lie beside it.
         let folder = file.rsplit_once('/').map(|(folder, _)| folder);
         let beside = |model: String| match folder.filter(|_| !model.starts_with(BUILT_IN)) {
             Some(folder) => format!("{folder}/{model}"),

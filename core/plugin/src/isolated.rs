@@ -516,7 +516,7 @@ mod tests {
         assert_eq!(asset.origin.importer, "good 2");
         assert_eq!(asset.warnings.len(), 1);
         assert!(asset.warnings[0].text.starts_with(panic), "{:?}", asset.warnings);
-        // It fails for that file alone.
+        // The claim fails for that file alone.
         let other = Source { name: "a.x".into(), ..source };
         assert!(registry.failed_claims(&other).is_empty());
         assert_eq!(registry.importer_for(&other, None).unwrap().manifest().name, "good");

@@ -54,7 +54,7 @@ fn code(linear: f32, threshold: f32) -> u8 {
     let low = nearest.saturating_sub(u8::from(table[usize::from(nearest)] > linear));
     let high = low.saturating_add(1);
     let [below, above] = [low, high].map(|code| table[usize::from(code)]);
-    // Within one step the curve is all but straight.
+    // The curve is nearly straight within one step.
     if linear - below > (1.0 - threshold) * (above - below) { high } else { low }
 }
 

@@ -56,7 +56,7 @@ impl FaultPlace {
     }
 
     /// The place in a sentence, and the consequence.
-    fn told(self) -> (String, &'static str) {
+    fn in_words(self) -> (String, &'static str) {
         let (place, consequence) = match self {
             FaultPlace::Pixel { row, column } => {
                 return (format!("at pixel ({column}, {row})"), "such pixels are magenta");
@@ -164,7 +164,7 @@ impl EffectFaults {
 }
 
 fn warning(name: &str, fault: Fault, place: FaultPlace, effects: &[Effect]) -> String {
-    let (place, consequence) = place.told();
+    let (place, consequence) = place.in_words();
     let effect = effects.iter().find(|e| e.manifest().name == name);
     let loops = effect.map_or(&[][..], Effect::loops);
     match fault {

@@ -52,7 +52,7 @@ fn about(axis: DVec3, radians: f64) -> DQuat {
     DQuat::from_xyzw(v.x, v.y, v.z, cos)
 }
 
-/// About an axis of any length.
+/// A turn about an axis of any length.
 fn about_axis(budget: &Budget, axis: Array, radians: f64) -> Result<Numbers, Refused> {
     let axis = DVec3::from_array(Rows::<3>::read(&axis.into(), "quaternion")?.row(0));
     let length = axis.length();
@@ -82,7 +82,7 @@ fn euler(budget: &Budget, order: &str, angles: &Dynamic) -> Result<Numbers, Refu
     })
 }
 
-/// First the turns `b`, then the turns `a`: a joint in its parent's space, then its parent.
+/// The turns `b` followed by the turns `a`: a joint in its parent's space, then its parent.
 fn product(budget: &Budget, a: &Dynamic, b: &Dynamic) -> Result<Numbers, Refused> {
     let (a, b) = (Rows::<4>::read(a, "product")?, Rows::<4>::read(b, "product")?);
     let count = common(a.0.len(), b.0.len(), "product")?;

@@ -531,6 +531,6 @@ fn rotations_are_quaternions_of_radians() {
         fails("product([0, 0, 0, 1, 0, 0, 0, 1], numbers([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1]));")
             .contains("one list has 2 rows, the other 3")
     );
-    // What is not found has the place -1.
+    // A text that is not found has the place -1.
     near("[file.bytes.find(\"\\x05\"), file.bytes.find(\"q\", 2)]", &[4.0, -1.0]);
 }

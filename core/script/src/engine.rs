@@ -184,7 +184,7 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
 
 /// The tokenizer has made one token of a minus and a number, which cannot be parted here.
 fn sign_of_number() -> Token {
-    let text = "write a space between the minus and the number: behind a keyword that is a name here, they are read as one number";
+    let text = "write a space between the minus and the number: after this name, a keyword of Rhai, they are read as one number";
     Token::LexError(Box::new(LexError::Runtime(text.into())))
 }
 

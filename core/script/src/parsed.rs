@@ -15,7 +15,7 @@ pub struct Parsed {
     pub ends: Arc<BTreeMap<String, usize>>,
     /// Places that load files of which only clips are used.
     pub clips_only: Vec<Place>,
-    /// They are errors, but other errors are found beside them.
+    /// Unknown variables, which are errors; other errors are found beside them.
     pub unknown: Vec<UnknownVariable>,
 }
 

@@ -129,7 +129,7 @@ impl Missing {
             {
                 true
             }
-            // They do not say of what type the value is.
+            // These calls do not say of what type the value is.
             EvalAltResult::ErrorFor(_) | EvalAltResult::ErrorDataRace(..) => poisoned,
             _ => error.to_string().contains(POISON),
         }

@@ -45,7 +45,7 @@ impl TokenKind {
 pub struct InnerCode {
     /// The code with its opening brace and its closing one.
     pub range: Range<usize>,
-    /// Its tokens, the braces among them. Letters of strings inside of it are none.
+    /// The tokens of the code, the braces among them. Letters of strings inside of it are none.
     pub tokens: Vec<Range<usize>>,
 }
 

@@ -95,9 +95,9 @@ impl Walk {
         if let Some(face) = face {
             let sight = (face - point).with_y(0.0);
             if sight.length() < NEAREST {
-                return Err(ApiError::new("walk_to: face: it stops where it should look at"));
+                return Err(ApiError::new("walk_to: face: the target is the point where it stops"));
             }
-            // As the first turn ends halfway through the start, this one begins halfway through the stop.
+            // The turn begins halfway through the stop, as the first one ends halfway through the start.
             let begins = (until - Time::from_secs(0.5 * fade.as_secs())).max(walks);
             let along = DQuat::from_rotation_y(angle) * rotation;
             rotations.extend(turn(begins, along, angle_between(way, sight)));

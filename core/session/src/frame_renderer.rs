@@ -258,7 +258,7 @@ impl RenderState {
         FrameReply { ticket, view, result, work, held, notes }
     }
 
-    /// After a panic, which may have come in the middle of anything: frames that are begun are dropped, and evaluators, effects and
+    /// Begins anew after a panic, which may have come in the middle of anything: frames that are begun are dropped, and evaluators, effects and
     /// resources are made and handed over again with the next frame.
     fn begin_anew(&mut self) {
         (self.views, self.effects, self.resources) = (ViewEvaluators::default(), Vec::new(), None);

@@ -181,7 +181,7 @@ fn a_key_moves_between_its_neighbours_and_past_them() {
     assert!(after.contains("[[1.0, 2], [f(50), 3, \"in_quad\"], [3.0, 1]]"), "{after}");
     assert_eq!(moved(1.0, 2.0).unwrap_err(), "line 1: its scale has a key at that time already");
     assert!(moved(1.5, 1.6).unwrap_err().contains("no key of its own"));
-    // Those with lines of their own keep them, and their comments.
+    // Keys with lines of their own keep them, and their comments.
     let text = "let a = cast(\"a\", m).key(\"scale\", [\n    [0.0, 1], // door\n    [1.0, 2], // table\n    [2.0, 3]\n]);";
     let after = changed(text, |o| o.move_key("scale", time(0.0), time(1.5))).unwrap();
     assert!(after.contains("[\n    [1.0, 2], // table\n    [1.5, 1],\n    [2.0, 3]\n]"), "{after}");

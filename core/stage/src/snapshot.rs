@@ -29,7 +29,7 @@ pub struct Snapshot {
     pub sky: Option<SkyState>,
     /// The visible ones, in painter's order.
     pub layers_2d: Vec<Layer2dState>,
-    /// Behind everything, where no sky is shown.
+    /// The color or gradient behind everything, where no sky is shown.
     pub background: Background,
     /// Hemisphere light from above, linear, candela per square metre.
     pub ambient_up: Vec3,

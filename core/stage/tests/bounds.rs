@@ -120,7 +120,7 @@ fn posed_meshes_follow_skin_morphs_and_placement() {
     assert!(posed_meshes(&f, &stage.at(secs(0.0)).unwrap().actors[0]).is_empty());
 }
 
-/// Who is left out of an image is surely not in it, whatever brings the weights of morph targets about; and who is far away is left out, but where a
+/// An actor that is left out of an image is surely not in it, whatever brings the weights of morph targets about; one that is far away is left out, but where a
 /// callback may set any weight.
 #[test]
 fn actors_with_morphs_are_culled_where_no_weight_brings_them_into_view() {

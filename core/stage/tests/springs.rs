@@ -267,7 +267,7 @@ fn springs_out_of_view_are_not_simulated_and_catch_up() {
     }
 }
 
-/// What is seen and hangs on the swinging joint of an actor that is not seen needs that one's springs, at all times before, too.
+/// A visible actor on the swinging joint of one that is not seen needs that one's springs, at all times before, too.
 #[test]
 fn springs_that_carry_what_is_seen_are_simulated() {
     let (mut stage, away) = seen_and_unseen();

@@ -87,9 +87,9 @@ fn a_clip_on_another_character_is_retargeted_and_the_joints_that_follow_are_coun
     let (from, to) = (&stage.actors[0].asset, &stage.actors[1].asset);
     let clip = from.clips.iter().find(|c| c.name == "Wave").unwrap();
     let (_, coverage, _) = bind_or_retarget(clip, &from.skeleton, &to.skeleton);
-    let told = format!("{} of {} animated joints", coverage.followed(), coverage.moved);
+    let followed = format!("{} of {} animated joints", coverage.followed(), coverage.moved);
     assert!(
-        coverage.moved > 10 && place.viewer.note.as_ref().unwrap().contains(&told),
+        coverage.moved > 10 && place.viewer.note.as_ref().unwrap().contains(&followed),
         "{:?}",
         place.viewer.note
     );
@@ -153,7 +153,7 @@ impl egui::DroppedFile for Dropped {
     }
 }
 
-/// What lies below the pointer is found by the image: the middle of the picture is one metre above the ground.
+/// The point below the pointer is found by the image: the middle of the picture is one metre above the ground.
 #[test]
 fn a_model_that_is_dropped_on_the_image_stands_on_the_ground_under_the_pointer() {
     let mut place = Place::new(SCRIPT);
@@ -168,7 +168,7 @@ fn a_model_that_is_dropped_on_the_image_stands_on_the_ground_under_the_pointer()
     desk.run_steps(60);
     let dropped = desk.state_mut().viewer.dropped_models.take().unwrap();
     assert_eq!(dropped.files, [file]);
-    // By hand: the camera stands 4 m away and 1 m high and looks level.
+    // Computed by hand: the camera stands 4 m away and 1 m high and looks level.
     let scene = desk.state().viewer.scene.clone().unwrap();
     let choreo_asset::Projection::Perspective { yfov, .. } = scene.stage.cameras[0].projection else {
         panic!()

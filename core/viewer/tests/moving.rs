@@ -40,7 +40,7 @@ fn an_image_fills_the_viewport_and_shrinks_while_it_plays_too_slowly() {
     let half = viewer.next_request().unwrap();
     assert!(half.moving);
     assert!((half.size[0] * 2).abs_diff(whole.size[0]) <= 1, "{:?} of {:?}", half.size, whole.size);
-    // At rest it is whole again.
+    // The image at rest is whole again.
     viewer.views[0].waiting = false;
     viewer.playhead.pause();
     assert_eq!(viewer.next_request().unwrap().size, whole.size);
@@ -88,7 +88,7 @@ fn the_wheel_zooms_the_sequencer_and_scrolls_over_the_names() {
     turn(&mut desk, at);
     let after = desk.state().viewer.span;
     assert!(after.to - after.from < (before.to - before.from) * 0.9, "{after:?}");
-    // What is under the pointer stays there.
+    // The time under the pointer stays there.
     let under = |span: choreo_viewer::state::span::Span| span.from + 0.25 * (span.to - span.from);
     assert!((under(after) - under(before)).abs() < 1e-3, "{after:?}");
 }

@@ -68,14 +68,14 @@ fn a_split_is_not_seen() {
     }
     let mut place = Place::new(SCRIPT);
     let why = place.viewer.split_cues(&[cue(0, 0)], 3.0).unwrap_err().to_string();
-    assert_eq!(why, "a.rhai:4: the playhead is not within it".replace("a.rhai", &name(&place)));
+    assert_eq!(why, "a.rhai:4: the playhead is not within this clip".replace("a.rhai", &name(&place)));
 }
 
 fn name(place: &Place) -> String {
     place.viewer.scene.as_ref().unwrap().places.main.clone()
 }
 
-/// What is trimmed keeps its place on the timeline; a slip shows another part between the same ends.
+/// A trimmed bar keeps its content's place on the timeline; a slip shows another part between the same ends.
 #[test]
 fn trims_rolls_and_slips_keep_what_they_promise() {
     let mut place = Place::new(SCRIPT);
@@ -91,7 +91,7 @@ fn trims_rolls_and_slips_keep_what_they_promise() {
     assert_eq!((bars[0].until, bars[1].start), (Time::from_secs(2.6), Time::from_secs(2.6)));
     place.viewer.undo().unwrap();
     place.reload();
-    // Of the wave that runs for 3 s, 1 s is seen.
+    // One second of the wave, which runs for 3 s, is seen.
     let short = SCRIPT.replace("until(4.0)", "until(3.0)");
     place.reload_with(&short);
     place.viewer.slip_cue(&cue(0, 1), 0.25).unwrap();
@@ -254,7 +254,7 @@ fn a_box_and_clicks_select_several_and_delete_takes_them_all() {
     let mut desk = desk();
     let ruler = desk.get_by_label("time").rect();
     let row = |desk: &Desk, label: &str| desk.get_by_label(&format!("row {label}")).rect();
-    // From below the rows of bob up to those of ada.
+    // The box reaches from below the rows of bob up to those of ada.
     let from = pos2(ruler.right() - 20.0, row(&desk, "bob").center().y);
     let to = pos2(ruler.left() + 2.5 * second(&desk), row(&desk, "ada").center().y);
     drag(&mut desk, Modifiers::NONE, from, to);

@@ -81,7 +81,10 @@ fn plugins_of_another_program_work_in_its_command_line_and_its_viewer() {
     let Some(screen) = Screen::new() else { return };
     let said = fs::File::create(folder.path().join("said.txt")).unwrap();
     let mut command = Command::new(programs.join("studio"));
-    command.args(["view", "s.rhai", "--full-size"]).current_dir(folder.path()).env("DISPLAY", &screen.display);
+    command
+        .args(["view", "s.rhai", "--full-size"])
+        .current_dir(folder.path())
+        .env("DISPLAY", &screen.display);
     command.env_remove("WAYLAND_DISPLAY").env("XDG_STATE_HOME", folder.path().join("state"));
     let mut viewer = Running(command.stdout(said.try_clone().unwrap()).stderr(said).spawn().unwrap());
     let window = screen.window_named("studio");
@@ -114,8 +117,11 @@ fn survives_a_panic(programs: &Path, folder: &Path, screen: &Screen) {
     };
     let output =
         studio(&["render", "f.rhai", "-o", "f.png", "--at", "0", "--device", "cpu"]).output().unwrap();
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(told.contains("the plugin fragile 3 has failed: there is no film in the camera"), "{told}");
+    let messages = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        messages.contains("the plugin fragile 3 has failed: there is no film in the camera"),
+        "{messages}"
+    );
     let said = fs::File::create(folder.join("failed.txt")).unwrap();
     let mut viewer = Running(studio(&["view", "f.rhai"]).stdout(Stdio::null()).stderr(said).spawn().unwrap());
     let window = screen.window_named("studio");

@@ -33,13 +33,13 @@ fn an_installed_package_in_webassembly_works_in_the_viewer() {
         command
     };
     let program = |args: &[&str]| set_up(&choreo, args);
-    let told = |output: &Output| {
+    let printed = |output: &Output| {
         format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
     };
     let good = |args: &[&str]| {
         let output = program(args).output().unwrap();
-        assert!(output.status.success(), "{args:?}: {}", told(&output));
-        told(&output)
+        assert!(output.status.success(), "{args:?}: {}", printed(&output));
+        printed(&output)
     };
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
     good(&["new", "importer", "my_format", "--wasm", "--sources", sources.to_str().unwrap()]);
@@ -48,7 +48,7 @@ fn an_installed_package_in_webassembly_works_in_the_viewer() {
     fs::copy(package.join("tests/sample.my_format"), folder.join("a.my_format")).unwrap();
     fs::write(folder.join("s.rhai"), SCRIPT).unwrap();
     let without = program(&["check", "s.rhai"]).output().unwrap();
-    assert!(told(&without).contains("no importer knows this kind of file"), "{}", told(&without));
+    assert!(printed(&without).contains("no importer knows this kind of file"), "{}", printed(&without));
     good(&["plugins", "test", "import-my-format"]);
     good(&["plugins", "install", "import-my-format"]);
     good(&["render", "s.rhai", "-o", "s.png", "--at", "0", "--device", "cpu"]);

@@ -452,7 +452,7 @@ impl OutlineEffect for WgslEffect {
         }
         let [width, r, g, b, lighting_mix] = self.call(parameters);
         let hull = InvertedHull {
-            // Without `min`, which makes a number of NaN.
+            // No `min` here: it makes a number of NaN.
             width: if width > MAX_WIDTH { MAX_WIDTH } else { width },
             color: Vec3::new(r, g, b),
             lighting_mix: lighting_mix.clamp(0.0, 1.0),

@@ -19,7 +19,7 @@ const EQUAL_AT: f64 = 5.0;
 /// A camera or light of the asset, with the element of the file that it is an instance of.
 pub struct Object<'a, T> {
     pub element: Node<'a>,
-    /// Its optics, or its kind of light: the element that holds its numbers.
+    /// The element that holds the numbers: the camera's optics, or the type of light.
     pub numbers_of: Node<'a>,
     pub object: T,
 }

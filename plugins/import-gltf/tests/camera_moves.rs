@@ -1,6 +1,6 @@
 //! A camera move and a lamp that Blender exported (`scripts/models/camera_move.py`), on a stage: where Blender has them, by its own matrices.
 //!
-//! Where Blender (PyPI `bpy`) can be had, the file is made anew.
+//! The file is made anew where Blender (PyPI `bpy`) can be had.
 
 mod common;
 

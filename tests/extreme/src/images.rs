@@ -228,7 +228,7 @@ fn shadow_off_rays(stage: &Stage) -> f64 {
         from.z / way.z < 0.0 && at.x.abs() < 0.5 && at.y.abs() < 0.5
     };
     let eye = DVec3::new(0.0, 1.0, 3.0);
-    // In the shadow or not, of the ground at a place of the image; `None` where the board is before it.
+    // Whether the ground at a place of the image is in the shadow; `None` where the board is before it.
     let ground = |x: f64, y: f64, sun: DVec3| {
         let half = libm::tan(0.4) * 2.0 / SIDE as f64;
         let way = DVec3::new((x - SIDE as f64 / 2.0) * half, (SIDE as f64 / 2.0 - y) * half, -1.0);

@@ -99,7 +99,7 @@ fn chain(length: usize, seed: u64) -> Result<(Skeleton, Pose), String> {
     Ok((skeleton, pose))
 }
 
-/// What each way fills; kept from one run to the next.
+/// The results of each way, kept from one run to the next.
 #[derive(Default)]
 struct Buffers {
     exact: Vec<DAffine3>,

@@ -219,7 +219,7 @@ fn pixels(moment: &Moment, registry: &Registry) -> Result<Choice, String> {
     Ok(choice)
 }
 
-/// What a frame costs with each pass beside color, on each device, and what the pass adds to the file.
+/// The cost of a frame with each pass beside color, on each device, and the bytes that the pass adds to the file.
 fn costs(moment: &Moment, registry: &Registry) -> Result<Table, String> {
     let columns = [
         ("passes", "passes"),

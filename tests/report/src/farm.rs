@@ -36,14 +36,9 @@ const MEASURED: Farm = Farm {
     start: START,
     frame: FRAME,
     gap: GAP,
-    dispatch: 0.0,
-    scene_bytes: 0.0,
-    frame_bytes: 0.0,
-    failures: 0.0,
-    stragglers: 0.0,
     // The job that joins waits for Slurm as a task does.
     join: Join::One { bytes_per_second: 1e9, fixed: JOIN + GAP },
-    ..FILM
+    ..Farm::PLAIN
 };
 
 /// The film on machines whose storage grows with them, as object storage does: 20 MB/s each, 1 GB/s at least.
@@ -126,7 +121,7 @@ fn best() -> Table {
     table
 }
 
-/// What limits ten thousand machines, and what removes each limit.
+/// The limits of ten thousand machines, and the means that remove them.
 fn limits() -> Table {
     let columns = [
         ("with 10,000 machines, chunks of 2 frames", "what"),

@@ -12,7 +12,7 @@ pub struct Farm {
     pub frames: u64,
     /// Frames of a chunk.
     pub chunk: u64,
-    /// From the start of a task to its first frame, and a frame.
+    /// Seconds from the start of a task to its first frame, and of a frame.
     pub start: f64,
     pub frame: f64,
     /// The scheduler between two tasks of one machine, and its time for each task, one after the other.
@@ -44,7 +44,7 @@ pub enum Join {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
-    /// Until the last segment is there, and until the film is.
+    /// Seconds until the last segment is there, and until the film is.
     pub rendered: f64,
     pub joined: f64,
     /// The time that the frames alone would take on all machines, over the time until the last segment is there.
@@ -52,14 +52,14 @@ pub struct Outcome {
     pub failures: u64,
 }
 
-/// What happens to a machine next.
+/// The next event of a machine.
 #[derive(Clone, Copy, Debug)]
 enum Event {
-    /// It takes a chunk.
+    /// The machine takes a chunk.
     Idle,
-    /// It has the scene, and draws this many frames.
+    /// The machine has the scene, and draws this many frames.
     Loaded(u64),
-    /// It has drawn so many frames, and writes them; of the chunk so many are left.
+    /// The machine has drawn so many frames, and writes them; so many of the chunk are left.
     Drawn(u64, u64),
 }
 
@@ -109,6 +109,25 @@ struct Run<'a> {
 }
 
 impl Farm {
+    /// One machine that draws a frame in a second and waits for nothing.
+    pub const PLAIN: Farm = Farm {
+        workers: 1,
+        frames: 100,
+        chunk: 10,
+        start: 2.0,
+        frame: 1.0,
+        gap: 0.0,
+        dispatch: 0.0,
+        scene_bytes: 0.0,
+        frame_bytes: 0.0,
+        storage: 1e9,
+        failures: 0.0,
+        recovery: 0.0,
+        stragglers: 0.0,
+        slowness: 1.0,
+        join: Join::One { bytes_per_second: 1e8, fixed: 0.0 },
+    };
+
     pub fn run(&self) -> Outcome {
         let count = self.frames.div_ceil(self.chunk.max(1));
         let length = |i: u64| self.chunk.min(self.frames - i * self.chunk);
@@ -145,7 +164,7 @@ impl Farm {
                 let (mut seconds, mut parts) = (0.0, segments);
                 while parts > 1.0 {
                     parts = (parts / group as f64).ceil();
-                    // Those of a level work side by side, as fast as the storage lets them.
+                    // Joins of a level work side by side, as fast as the storage lets them.
                     let rate = (bytes_per_second * parts).min(self.storage);
                     seconds += fixed + 3.0 * bytes / rate;
                 }
@@ -186,7 +205,7 @@ impl Run<'_> {
                 if fails >= end {
                     return self.add(at + end, worker, Event::Drawn(frames, 0));
                 }
-                // What is finished stays in the folder; the rest is taken by whoever is free.
+                // Finished frames stay in the folder; a free machine takes the rest.
                 self.failures += 1;
                 let done = (((fails - start) / frame).max(0.0) as u64).min(frames - 1);
                 self.add(at + fails, worker, Event::Drawn(done, frames - done));
@@ -228,23 +247,7 @@ fn served(free: &mut f64, at: f64, seconds: f64) -> f64 {
 mod tests {
     use super::*;
 
-    const PLAIN: Farm = Farm {
-        workers: 1,
-        frames: 100,
-        chunk: 10,
-        start: 2.0,
-        frame: 1.0,
-        gap: 0.0,
-        dispatch: 0.0,
-        scene_bytes: 0.0,
-        frame_bytes: 0.0,
-        storage: 1e9,
-        failures: 0.0,
-        recovery: 0.0,
-        stragglers: 0.0,
-        slowness: 1.0,
-        join: Join::One { bytes_per_second: 1e8, fixed: 0.0 },
-    };
+    const PLAIN: Farm = Farm::PLAIN;
 
     fn near(a: f64, b: f64) {
         assert!((a - b).abs() <= 1e-9 * b.abs(), "{a} and {b}");

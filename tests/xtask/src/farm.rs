@@ -81,7 +81,7 @@ pub fn farm(program: Option<&str>) -> Result<(), String> {
     Ok(())
 }
 
-/// What a task costs here, measured without a job: three side by side, since the nodes share this machine.
+/// The costs of a task here, measured without a job: three side by side, since the nodes share this machine.
 struct Costs {
     /// Seconds to the first frame, of a frame, of Slurm between two tasks of a node, and of the join.
     start: f64,
@@ -148,16 +148,9 @@ impl Costs {
             start,
             frame,
             gap,
-            dispatch: 0.0,
-            scene_bytes: 0.0,
-            frame_bytes: 0.0,
-            storage: 1e9,
-            failures: 0.0,
-            recovery: 0.0,
-            stragglers: 0.0,
-            slowness: 1.0,
             // The job that joins waits for Slurm as a task does.
             join: Join::One { bytes_per_second: 1e9, fixed: join + gap },
+            ..Farm::PLAIN
         }
     }
 

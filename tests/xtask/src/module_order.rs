@@ -1,4 +1,4 @@
-//! Imports between the modules of a crate point one way: a test reads every crate's sources and refuses circles that contain a folder.
+//! Imports between the modules of a crate point one way: a test reads every crate's sources and refuses cycles that contain a folder.
 //! Files that lie side by side in a flat crate may know each other.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,7 +8,7 @@ use std::path::Path;
 #[derive(Default)]
 struct Module {
     is_folder: bool,
-    /// Its files without comments and tests, one after the other.
+    /// The module's files without comments and tests, one after the other.
     code: String,
 }
 
@@ -106,7 +106,7 @@ fn reached<'m>(from: &str, imports: &BTreeMap<&'m str, BTreeSet<&'m str>>) -> BT
 }
 
 /// Pairs of modules that import each other, directly or through others, and of which one is a folder.
-fn circles(modules: &Modules) -> Vec<String> {
+fn cycles(modules: &Modules) -> Vec<String> {
     let imports = imports(modules);
     let reached: BTreeMap<&str, _> = imports.keys().map(|name| (*name, reached(name, &imports))).collect();
     let mut found = Vec::new();
@@ -133,8 +133,8 @@ mod tests {
                 let src = entry.path().join("src");
                 if src.is_dir() {
                     crates += 1;
-                    let circles = circles(&modules(&src)).into_iter();
-                    found.extend(circles.map(|pair| format!("{}: {pair} import each other", src.display())));
+                    let cycles = cycles(&modules(&src)).into_iter();
+                    found.extend(cycles.map(|pair| format!("{}: {pair} import each other", src.display())));
                 }
             }
         }
@@ -143,11 +143,11 @@ mod tests {
     }
 
     #[test]
-    fn planted_circles_are_found() {
+    fn planted_cycles_are_found() {
         let planted = |folder: bool, a: &str, b: &str, lib: &str| {
             let of = |code: &str| Module { is_folder: folder, code: code.into() };
             let modules = [("a", of(a)), ("b", of(b)), ("c", of("use crate::b;")), ("lib", of(lib))];
-            circles(&modules.into_iter().map(|(name, module)| (name.to_string(), module)).collect())
+            cycles(&modules.into_iter().map(|(name, module)| (name.to_string(), module)).collect())
         };
         assert_eq!(planted(true, "use crate::b::B;", "use crate::{x::y, a};", ""), ["a and b"]);
         assert_eq!(

@@ -120,7 +120,7 @@ fn waited(
             }
         };
         drop(lack);
-        // What has not changed is not read again.
+        // Segments that have not changed are not read again.
         while lengths(&args.segments) == seen && start.elapsed() < patience {
             std::thread::sleep(PAUSE);
         }

@@ -59,7 +59,7 @@ fn unpacked(args: &ViewArgs) -> Result<Vec<OsString>, Failure> {
         let what = format!("{}: the viewer takes no options of importers", args.input.display());
         return Err(Failure::Usage(what));
     }
-    // What the command line gives wins over what was packed.
+    // Options of the command line win over packed ones.
     let given: Vec<&str> = args
         .rest
         .iter()

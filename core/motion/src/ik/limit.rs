@@ -9,7 +9,7 @@ use std::f64::consts::PI;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 pub enum Limit {
-    /// It turns as it likes.
+    /// The joint turns freely.
     #[default]
     Free,
     /// A ball joint: `axis` (usually along the bone) tilts by at most `swing`, and the joint turns about it by `twist.0`..=`twist.1`.

@@ -176,7 +176,7 @@ impl<'a> Retarget<'a> {
         Retarget { from, to, map, options, source, target, scale, yaw, yaw_degrees, aligned, follow, hips }
     }
 
-    /// Which joint follows which.
+    /// The pairs of joints, followed and following.
     pub fn map(&self) -> &JointMap {
         &self.map
     }

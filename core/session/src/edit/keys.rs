@@ -55,7 +55,7 @@ impl ScriptObject<'_> {
     /// Keys a property that has no keys yet: `anna.key("position", [[2.0, [0.0, 0.0, 1.0]]]);` as a line of its own.
     ///
     /// # Errors
-    /// It has no name in the script, and something else follows it.
+    /// The object has no name in the script, and something else follows it.
     pub fn add_keys(&self, property: &str, when: EditTime, value: KeyValue) -> Result<Edit, EditRefused> {
         let value = written_like(&[], &value);
         let call = format!("key({}, [[{}, {value}]])", quoted(property), when.text(false));
@@ -92,7 +92,7 @@ impl ScriptObject<'_> {
     /// Deletes the key of a property at a time. The only one goes with its `.key(…)`.
     ///
     /// # Errors
-    /// As [`ScriptObject::move_key`].
+    /// The errors are those of [`ScriptObject::move_key`].
     pub fn delete_key(&self, property: &str, at: EditTime) -> Result<Edit, EditRefused> {
         let (call, keys) = self.keys(property, at.fps)?;
         let line = self.line_of(call.name.start);

@@ -205,7 +205,7 @@ impl<'a> ScriptObject<'a> {
     ) -> Result<Edit, EditRefused> {
         let asset = of.unwrap_or(self).asset()?;
         let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), from.text(false));
-        // What the line names is made before it.
+        // Variables that the line names are made before it.
         let last_at = self.last_at.max(of.map_or(0, |of| of.made.end));
         self.add_call(&call, last_at)
     }
@@ -213,7 +213,7 @@ impl<'a> ScriptObject<'a> {
     /// Adds a call as a line of its own after its last statement and after a byte; where it has no name, behind what made it.
     pub(super) fn add_call(&self, call: &str, last_at: usize) -> Result<Edit, EditRefused> {
         if let Some(line) = self.new_line_after(call, last_at) {
-            // After what it plays already, so that the cues stand in their order.
+            // The line comes after the cues that it plays already, so that they stand in their order.
             return Ok(line);
         }
         let end = self.calls.last().map_or(self.made.end, |c| c.end);
@@ -231,7 +231,7 @@ impl<'a> ScriptObject<'a> {
     /// The file that it is cast from, as the script writes it; by the script's own name of it, if there is one.
     ///
     /// # Errors
-    /// It is not cast from a file.
+    /// The actor is not cast from a file.
     pub(super) fn asset(&self) -> Result<String, EditRefused> {
         let inside = &self.made.inside;
         let first = self.text.value_end(inside.start, inside.end);

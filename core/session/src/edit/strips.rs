@@ -142,7 +142,7 @@ pub fn set_trim(text: &str, line: usize, column: usize, trim: [f64; 2]) -> Resul
 /// Sets the speed, the weight or the fade-out of a cue.
 ///
 /// # Errors
-/// As [`set_trim`].
+/// The errors are those of [`set_trim`].
 pub fn set_number(
     text: &str,
     line: usize,
@@ -156,7 +156,7 @@ pub fn set_number(
 /// Gives a cue the weight 0, with the weight that it had in a comment; or that weight again.
 ///
 /// # Errors
-/// As [`set_trim`].
+/// The errors are those of [`set_trim`].
 pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result<Edit, EditRefused> {
     let strip = Strip::at(text, line, column)?;
     let Some(value) = strip.value("weight") else {
@@ -188,7 +188,7 @@ pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result
 /// Splits a cue at a time: it ends there, and a second one with the rest of its clip follows. `fade_out`: of an upper layer, goes to the second.
 ///
 /// # Errors
-/// As [`set_trim`]; also where the script uses the cue as a variable.
+/// The errors are those of [`set_trim`], and the script uses the cue as a variable.
 pub fn split_cue(
     text: &str,
     line: usize,
@@ -222,7 +222,7 @@ pub fn split_cue(
         second += &format!(".fade_out({})", format_number(fade_out));
     }
     let end = strip.end();
-    // Behind a .fade(…), which would set it again.
+    // The call stands behind a .fade(…), which would set it again.
     let off = if fade_out.is_some() && strip.last("fade_out").is_none() { ".fade_out(0.0)" } else { "" };
     let mut after = format!("{}{off}{second}{}", &text[..end], &text[end..]);
     let first_end = CueChange { line, column, part: CueTime::End, time: at };
@@ -243,7 +243,7 @@ pub fn split_cue(
 /// the first states one.
 ///
 /// # Errors
-/// As [`split_cue`].
+/// The errors are those of [`split_cue`].
 pub fn duplicate_cue(
     text: &str,
     line: usize,
@@ -274,7 +274,7 @@ pub fn duplicate_cue(
 /// row or into another script.
 ///
 /// # Errors
-/// As [`set_trim`].
+/// The errors are those of [`set_trim`].
 pub fn copy_cue(
     text: &str,
     line: usize,
@@ -357,7 +357,7 @@ pub fn paste_cue(
         new.replace_range(range, &own);
     }
     let object = ScriptObject::at(text, line, column)?;
-    // What it names is made before it.
+    // Variables that it names are made before it.
     let declared_at = text.find(&format!("let {uses} ")).unwrap_or(0);
     object.add_call(&new, object.last_at().max(declared_at))
 }
@@ -371,7 +371,7 @@ pub fn copied_start(copied: &str, fps: f64) -> Option<f64> {
 /// Shifts all times of the stage in a cue: its start and end, and those of its keys and freezes.
 ///
 /// # Errors
-/// As [`set_trim`].
+/// The errors are those of [`set_trim`].
 pub fn shift_cue(text: &str, line: usize, column: usize, by: EditTime) -> Result<Edit, EditRefused> {
     let mut after = shift_keys(text, line, column, by)?.apply(text);
     for name in ["from", "until"] {
@@ -388,11 +388,11 @@ pub fn shift_cue(text: &str, line: usize, column: usize, by: EditTime) -> Result
 /// Shifts the times of the keys and freezes of a cue, which are times of the stage.
 ///
 /// # Errors
-/// As [`set_trim`].
+/// The errors are those of [`set_trim`].
 pub fn shift_keys(text: &str, line: usize, column: usize, by: EditTime) -> Result<Edit, EditRefused> {
     let mut after = text.to_string();
     let count = Strip::at(text, line, column)?.chain.len();
-    // From the end of the chain, so that an edit moves no call that is still to come.
+    // Edits go from the end of the chain to its start, so that none moves a call that is still to come.
     for index in (0..count).rev() {
         let strip = Strip::at(&after, line, column)?;
         let call = &strip.chain[index];

@@ -76,7 +76,7 @@ pub struct Settings {
     pub fps: FrameRate,
     /// Stage time at which it ends.
     pub length: Time,
-    /// Behind everything, where no sky is shown.
+    /// The color or gradient behind everything, where no sky is shown.
     pub background: Background,
     /// Light from everywhere, a hemisphere: its luminance from above, linear, in candela per square metre.
     pub ambient_up: Vec3,

@@ -72,8 +72,8 @@ impl Viewer {
     /// Why not, for the user; nothing has changed.
     pub fn add_models(&mut self, dropped: &DroppedModels, read: &SceneVersion) -> Result<(), EditError> {
         let path = self.path.clone().ok_or(EditError::NoScript)?;
-        let told = || read.problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
-        let scene = read.scene.as_ref().ok_or_else(|| EditError::refused(told()))?;
+        let problems = || read.problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ");
+        let scene = read.scene.as_ref().ok_or_else(|| EditError::refused(problems()))?;
         let folder = folder_of(&path);
         let text = super::read(&path)?;
         let (mut lines, mut copies, mut refused) = (String::new(), Vec::new(), Vec::new());

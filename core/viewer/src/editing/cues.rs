@@ -36,7 +36,7 @@ impl Viewer {
                 continue;
             }
             for (part, time) in [(CueTime::Start, bar.start), (CueTime::End, bar.until)] {
-                // What never ends keeps no end.
+                // A cue that never ends keeps no end.
                 if part == CueTime::Start || time < self.timeline.length {
                     steps.push(self.object_time_step(&bar, part, time.as_secs() + by));
                 }

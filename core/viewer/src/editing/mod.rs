@@ -145,7 +145,7 @@ impl Viewer {
 
     /// Makes several changes as one; those of one place in their order.
     pub(crate) fn change_all(&mut self, mut steps: Vec<Step>) -> Result<(), EditError> {
-        // From the end of the text, so that an edit moves no call that is still to come.
+        // Edits go from the end of the text to its start, so that none moves a call that is still to come.
         steps.sort_by_key(|step| std::cmp::Reverse((step.place.line, step.place.column)));
         let first = steps.first().ok_or(EditError::Gone)?.place.clone();
         steps.iter().try_for_each(|step| self.check_place(&step.place, step.siblings))?;

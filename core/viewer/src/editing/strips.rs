@@ -49,7 +49,7 @@ impl Viewer {
             && before.until == bar.start
             && has_end(&known, before.place.line, before.place.column)
         {
-            // They meet: the edge between them moves.
+            // The two bars meet: the edge between them moves.
             steps.push(self.time_step(before, CueTime::End, secs));
         }
         steps.push(self.step(&bar, move |text, line, column| set_trim(text, line, column, trim)));
@@ -73,7 +73,7 @@ impl Viewer {
         for what in all {
             let (bar, strip) = self.strip(what)?;
             if at <= bar.start.as_secs() + NOTHING || at >= bar.until.as_secs() - NOTHING {
-                return Err(EditError::refused_at(&bar.place, "the playhead is not within it"));
+                return Err(EditError::refused_at(&bar.place, "the playhead is not within this clip"));
             }
             let rest = rest(&bar, &strip, at)?;
             let upper = matches!(what, Selected::Cue { layer: 1.., .. });
@@ -107,7 +107,7 @@ impl Viewer {
         let mut steps =
             vec![self.step(&bar, move |text, line, column| duplicate_cue(text, line, column, None, until))];
         let moved = self.move_steps(&layer, &|index| index > at, length)?;
-        // What follows it by its end does so again.
+        // Cues that follow its end follow it again.
         let first_follows =
             layer.get(at + 1).is_some_and(|next| follows(&known, next.place.line, next.place.column));
         steps.extend(moved.into_iter().filter(|step| !(first_follows && step.place == bar.place)));
@@ -229,7 +229,7 @@ impl Viewer {
 fn slipped(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
     let [from, to] = strip.trim;
     if strip.repeat == Repeat::Once && strip.speed > 0.0 {
-        // What lies behind the end counts: only what is seen must be there.
+        // Times behind the clip's end count: only the part that is seen must be there.
         let seen = ((bar.until - bar.start).as_secs() * strip.speed).min(to - from);
         let slipped = (from + by).clamp(0.0, (strip.clip - seen).max(0.0));
         let open = to >= strip.clip - NOTHING;
@@ -255,13 +255,13 @@ fn rest(bar: &Bar, strip: &Strip, at: f64) -> Result<Rest, EditError> {
         Repeat::Once => Ok(Rest::Trim([from + played, to])),
         Repeat::Loop if strip.speed > 0.0 && length > NOTHING => {
             let into = played % length;
-            // To the thousandth, as it is written.
+            // Rounded to the thousandth, as it is written.
             if into < 5e-4 || length - into < 5e-4 {
                 return Ok(Rest::Same);
             }
             let end = bar.end.as_secs().max(at + 1.0);
             Ok(Rest::ClipTime([[at, from + into], [end, from + into + (end - at) * strip.speed]]))
         }
-        _ => refuse("it plays to and fro, or backwards again and again; split it in the script"),
+        _ => refuse("it plays as ping-pong, or backwards in a loop; split it in the script"),
     }
 }

@@ -16,7 +16,7 @@ use egui::{
 
 /// Points within which a dragged time snaps to another.
 const REACH: f32 = 6.0;
-/// Marks of rounds in one bar at most; further ones would not be told apart.
+/// Marks of rounds in one bar at most; further ones could not be distinguished.
 const MOST_ROUNDS: usize = 200;
 
 /// A change of a bar by the user.
@@ -298,7 +298,7 @@ fn weight_handle(ui: &Ui, bar: &Bar, number: usize, lane: &Lane, bar_place: Rect
     let response = grip(ui, place, id, format!("weight of {}", bar.label), CursorIcon::ResizeVertical);
     let dragged = response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped());
     let to = dragged.map_or(weight, |at| {
-        // To the hundredth, as a person would write it.
+        // Rounded to the hundredth, as a person would write it.
         let part = f64::from((bar_place.bottom() - at.y) / bar_place.height().max(1.0));
         (part.clamp(0.0, 1.0) * 100.0).round() / 100.0
     });

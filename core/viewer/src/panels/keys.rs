@@ -195,7 +195,7 @@ const KEYS: [(&str, &str); 47] = [
     ("N", "dragged times snap to frames"),
     ("Alt ← →", "the selected bar begins a frame earlier, later"),
     ("Alt Shift ← →", "the selected bar ends a frame earlier, later"),
-    ("Delete", "the selected clips leave the script"),
+    ("Delete", "delete the selected clips from the script"),
     ("Y", "split the selected clips at the playhead"),
     ("M", "disable or enable the selected clips"),
     ("Ctrl D", "play the selected clip once more after it"),

@@ -43,7 +43,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     let rows = viewer.shown_rows();
     let spacing = std::mem::replace(&mut ui.spacing_mut().item_spacing.y, 0.0);
     if let Some((camera, _)) = rows.split_first() {
-        // It stays where it is while the others scroll.
+        // The camera row stays where it is while the others scroll.
         row(ui, viewer, *camera, ruler);
     }
     let others = rows.get(1..).unwrap_or_default();
@@ -337,7 +337,7 @@ fn wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
     else {
         return;
     };
-    // Over the names of the rows the wheel scrolls them.
+    // The wheel over the names of the rows scrolls them.
     let (scroll, zoom) = ui.input_mut(|i| {
         let scroll = std::mem::take(&mut i.smooth_scroll_delta);
         (scroll, f64::from(i.zoom_delta()) * libm::exp(f64::from(scroll.y) / 200.0))

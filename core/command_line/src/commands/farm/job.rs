@@ -23,7 +23,7 @@ pub(crate) struct FarmJob {
 /// A film of a job.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Film {
-    /// Its path below [`OUTPUT`], with slashes.
+    /// The film's path below [`OUTPUT`], with slashes.
     pub output: String,
     /// The folder of its segments below [`SEGMENTS`]; empty for that folder itself.
     pub segments: String,

@@ -68,7 +68,7 @@ pub(super) fn run(folder: &Path, sheet_file: Option<&Path>, as_json: bool) -> Re
     }
 }
 
-/// The chunks that files speak of, and the planned ones that none of these touches: engines can choose other chunks.
+/// The chunks that have files, and the planned ones that none of these overlaps: engines can choose other chunks.
 fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatus>, Failure> {
     let path = folder.join(film.folder());
     let opened = Folder::open(&path);
@@ -96,7 +96,7 @@ fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatu
             Some(State::Failed) => Some(State::Failed),
             // The segment cannot be seen yet, or was removed.
             Some(State::Done) => None,
-            // Its worker has gone without a word.
+            // The worker has ended without a last report.
             _ => Some(State::Stopped),
         };
         let length = last - first + 1;

@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 const USUAL: [&str; 2] = ["tests/suite", "scripts"];
 
 pub fn run(mut args: TestArgs, no_project_file: bool, plugins: &Registry) -> Result<(), Failure> {
-    // They go with this value.
+    // The unpacked folders are removed when this value is dropped.
     let _unpacked = unpacked(&mut args)?;
     let job = Job { in_projects: !no_project_file, ..Job::new(&args)? };
     if args.watch {
