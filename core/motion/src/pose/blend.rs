@@ -181,11 +181,30 @@ pub(crate) fn dot<F: F8>(a: [F; 4], b: [F; 4]) -> F {
     a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]).add(a[3].mul(b[3])))
 }
 
+/// Horner's scheme, highest power first.
+#[inline(always)]
+fn polynomial<F: F8, const N: usize>(x: F, coefficients: [f32; N]) -> F {
+    let mut sum = F::splat(coefficients[0]);
+    for c in &coefficients[1..] {
+        sum = sum.mul(x).add(F::splat(*c));
+    }
+    sum
+}
+
+/// The straight line from `p` to `q`, on the side of `p` that the sign says.
+#[inline(always)]
+fn straight<F: F8>(mut p: [F; 4], q: [F; 4], side: F, w: F) -> [F; 4] {
+    for i in 0..4 {
+        p[i] = lerp(p[i], q[i].flipped_by(side), w);
+    }
+    p
+}
+
 impl Mix for Nlerp {
     #[inline(always)]
     fn mix<F: F8>(p: [F; 4], q: [F; 4], w: F) -> [F; 4] {
         let side = dot(p, q);
-        std::array::from_fn(|i| lerp(p[i], q[i].flipped_by(side), w))
+        straight(p, q, side, w)
     }
 }
 
@@ -195,27 +214,26 @@ impl Mix for CorrectedNlerp {
     fn mix<F: F8>(p: [F; 4], q: [F; 4], w: F) -> [F; 4] {
         let side = dot(p, q);
         let d = side.flipped_by(side);
-        let polynomial = |coefficients: &[f32]| {
-            let (first, rest) = (F::splat(coefficients[0]), &coefficients[1..]);
-            rest.iter().fold(first, |sum, c| sum.mul(d).add(F::splat(*c)))
-        };
-        let a = polynomial(&[-1.43519, 3.55645, -3.2452, 1.0904]);
-        let b = polynomial(&[0.215638, -1.06021, 0.848013]);
+        let a = polynomial(d, [-1.43519, 3.55645, -3.2452, 1.0904]);
+        let b = polynomial(d, [0.215638, -1.06021, 0.848013]);
         let middle = w.sub(F::splat(0.5));
         let k = a.mul(middle.mul(middle)).add(b);
         let w = w.add(w.mul(middle).mul(w.sub(F::splat(1.0))).mul(k));
-        std::array::from_fn(|i| lerp(p[i], q[i].flipped_by(side), w))
+        straight(p, q, side, w)
     }
 }
 
 impl Mix for Slerp {
     #[inline(always)]
-    fn mix<F: F8>(p: [F; 4], q: [F; 4], w: F) -> [F; 4] {
+    fn mix<F: F8>(mut p: [F; 4], q: [F; 4], w: F) -> [F; 4] {
         let side = dot(p, q);
-        let q = q.map(|c| c.flipped_by(side));
+        let q = [q[0].flipped_by(side), q[1].flipped_by(side), q[2].flipped_by(side), q[3].flipped_by(side)];
         // Computed from the difference instead of the product, because small angles then keep their digits.
-        let way: [F; 4] = std::array::from_fn(|i| q[i].sub(p[i]));
+        let way = [q[0].sub(p[0]), q[1].sub(p[1]), q[2].sub(p[2]), q[3].sub(p[3])];
         let (a, b) = weights_at(w, dot(way, way).mul(F::splat(0.5)), MAX_TERMS);
-        std::array::from_fn(|i| p[i].mul(a).add(q[i].mul(b)))
+        for i in 0..4 {
+            p[i] = p[i].mul(a).add(q[i].mul(b));
+        }
+        p
     }
 }

@@ -149,8 +149,8 @@ impl Bits {
     }
 }
 
-/// Three rows. Kernels call functions like this one rather than `map` with a closure: a closure that is not inlined is
-/// compiled without AVX, and then each intrinsic in it becomes a call (three times the time, once measured).
+/// Three rows. Kernels call functions like this one rather than `map` or `from_fn` with a closure: a closure that is not inlined is
+/// compiled without AVX, and then each intrinsic in it becomes a call (three and four times the time, as measured).
 #[inline(always)]
 pub(crate) fn load3<F: F8>(rows: &[Lane; 3]) -> [F; 3] {
     [F::load(&rows[0]), F::load(&rows[1]), F::load(&rows[2])]
