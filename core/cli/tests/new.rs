@@ -2,9 +2,9 @@
 
 mod common;
 
+use choreo_importer_kit_testing::outside;
 use common::*;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::path::Path;
 
 #[test]
 fn single_files_work_as_they_are() {
@@ -49,26 +49,15 @@ fn single_files_work_as_they_are() {
     assert!(dir.path().join("looks/mine/b.wgsl").is_file());
 }
 
-/// Runs the tests of the crates in a folder where no registry is asked. What they are built from is kept between runs.
-fn tested(folder: &Path) -> String {
-    // The versions that are here already.
-    std::fs::copy(sources().join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
-    let output = Command::new(env!("CARGO"))
-        .args(["test", "--offline", "--workspace", "--no-fail-fast"])
-        .current_dir(folder)
-        .env("CARGO_TARGET_DIR", Path::new(env!("CARGO_TARGET_TMPDIR")).join("new-crates"))
-        .env("CARGO_PROFILE_DEV_DEBUG", "false")
-        .env_remove("RUSTFLAGS")
-        .output()
-        .unwrap();
+const OUTPUTS: &str = env!("CARGO_TARGET_TMPDIR");
+
+/// What cargo prints about the crates in a folder.
+fn cargo(folder: &Path, arguments: &[&str]) -> String {
+    let output = outside::cargo(OUTPUTS, folder).args(arguments).arg("--offline").output().unwrap();
     let text =
         String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{text}");
     text
-}
-
-fn sources() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
 }
 
 const HOOKS: [&str; 7] = ["image", "surface", "vertex", "lighting", "shell", "overlay", "shutter"];
@@ -76,13 +65,13 @@ const HOOKS: [&str; 7] = ["image", "surface", "vertex", "lighting", "shell", "ov
 /// A crate of each kind and an effect of each hook, members of one workspace, with their own tests.
 #[test]
 fn crates_build_and_pass_their_tests() {
-    let (dir, sources) = (folder(), sources());
-    std::fs::write(dir.path().join("Cargo.toml"), "[workspace]\nresolver = \"3\"\nmembers = [\"mine/*\"]\n")
+    let (dir, sources) = (outside::folder(OUTPUTS, "new"), outside::sources());
+    std::fs::write(dir.join("Cargo.toml"), "[workspace]\nresolver = \"3\"\nmembers = [\"mine/*\"]\n")
         .unwrap();
-    std::fs::create_dir(dir.path().join("mine")).unwrap();
+    std::fs::create_dir(dir.join("mine")).unwrap();
     let new = |kind: &str, name: &str, hook: &[&str]| {
         let arguments = ["new", kind, name, "--into", "mine", "--sources", sources.to_str().unwrap()];
-        let run = choreo(dir.path(), &[&arguments, hook].concat());
+        let run = choreo(&dir, &[&arguments, hook].concat());
         assert!(
             run.code == 0 && run.out.contains("it belongs to the workspace of"),
             "{}{}",
@@ -97,14 +86,14 @@ fn crates_build_and_pass_their_tests() {
     ] {
         new(kind, "my_format", &[]);
         // None of the words of the crate that was copied is left.
-        let made = dir.path().join("mine").join(made);
+        let made = dir.join("mine").join(made);
         let text = |name: &str| std::fs::read_to_string(made.join(name)).unwrap();
         let (source, readme) = (text("src/lib.rs"), text("README.md"));
         assert!(!source.to_lowercase().contains(copied), "{source}");
         assert!(!format!("{source}{readme}").contains(" to copy"), "{readme}");
     }
     HOOKS.iter().for_each(|hook| new("effect", &format!("of_{hook}"), &["--hook", hook]));
-    let text = tested(dir.path());
+    let text = cargo(&dir, &["test", "--workspace", "--no-fail-fast"]);
     let passed = |tests: usize| text.matches(&format!("test result: ok. {tests} passed")).count();
     // The importer has three tests; the exporter and the eight effects have two each.
     assert_eq!((passed(3), passed(2)), (1, 9), "{text}");
@@ -118,11 +107,11 @@ fn crates_build_and_pass_their_tests() {
 /// Outside a workspace a crate is one.
 #[test]
 fn a_crate_on_its_own_builds() {
-    let (dir, sources) = (folder(), sources());
+    let (dir, sources) = (folder(), outside::sources());
     let run = choreo(dir.path(), &["new", "exporter", "alone", "--sources", sources.to_str().unwrap()]);
     assert_eq!(run.code, 0, "{}", run.err);
-    let text = tested(&dir.path().join("export-alone"));
-    assert!(text.contains("test result: ok. 2 passed"), "{text}");
+    let text = cargo(&dir.path().join("export-alone"), &["check", "--tests"]);
+    assert!(text.contains("Checking export-alone"), "{text}");
 }
 
 #[test]
@@ -194,7 +183,7 @@ fn settings_of_a_project_are_well_formed() {
     let workflow = text(".github/workflows/test.yml");
     assert!(workflow.contains(concat!("--tag v", env!("CARGO_PKG_VERSION"), " choreo")), "{workflow}");
     assert!(workflow.contains("choreo test"), "{workflow}");
-    let page = std::fs::read_to_string(sources().join("core/language_server/README.md")).unwrap();
+    let page = std::fs::read_to_string(outside::sources().join("core/language_server/README.md")).unwrap();
     let (_, settings) =
         text(".nvim.lua").split_once('\n').map(|(a, b)| (a.to_string(), b.to_string())).unwrap();
     assert!(page.contains(&settings), "{settings}");

@@ -1,11 +1,12 @@
 //! Shared by the tests of importers and exporters: sample files, companions that are counted, what every asset must be, damaged files,
-//! tests in a process of their own, packages from npm and PyPI, and assimp's command line as a second opinion. A dependency of tests only.
+//! tests in a process of their own, crates outside the workspace, packages from npm and PyPI, and assimp's command line as a second opinion. A dependency of tests only.
 
 pub mod alone;
 pub mod assimp;
 pub mod damage;
 pub mod export;
 pub mod npm;
+pub mod outside;
 pub mod pose;
 pub mod pypi;
 pub mod sound;

@@ -4,12 +4,13 @@
 
 mod screen;
 
+use choreo_importer_kit_testing::outside;
 use choreo_plugin::Source;
 use screen::{Running, Screen, Shot, assert_quiet, until};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 const SCRIPT: &str = r##"stage(#{ size: [320, 180], length: 0.1, background: "#204060" });
 cast("a", load("a.tri", #{ scale: 2.0 }));
@@ -17,10 +18,17 @@ camera("c").at(0.0, 1.0, 9.0).look_at([0.0, 1.0, 0.0]);
 effect("negative");
 "##;
 
-/// Copies the program out of the workspace and builds it where no registry is asked; what it is built from is kept between runs.
-/// Gives the folder of its programs.
-fn build(folder: &Path) -> PathBuf {
-    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
+/// The folder of the studio's programs, built once for all tests.
+fn programs() -> &'static Path {
+    static BUILT: OnceLock<PathBuf> = OnceLock::new();
+    BUILT.get_or_init(build)
+}
+
+/// Copies the program out of the workspace and builds it.
+fn build() -> PathBuf {
+    let outputs = env!("CARGO_TARGET_TMPDIR");
+    let folder = outside::folder(outputs, "studio");
+    let sources = outside::sources();
     let copy = |name: &str| {
         let to = folder.join(name);
         fs::create_dir_all(to.parent().unwrap()).unwrap();
@@ -28,25 +36,15 @@ fn build(folder: &Path) -> PathBuf {
         fs::write(to, text.replace("\"../../", &format!("\"{}/", sources.display()))).unwrap();
     };
     ["Cargo.toml", "src/lib.rs", "src/main.rs", "src/bin/studio-view.rs"].into_iter().for_each(copy);
-    // The versions that are here already.
-    fs::copy(sources.join("Cargo.lock"), folder.join("Cargo.lock")).unwrap();
-    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("new-crates");
-    let output = Command::new(env!("CARGO"))
-        .args(["build", "--offline", "--quiet"])
-        .current_dir(folder)
-        .env("CARGO_TARGET_DIR", &target)
-        .env("CARGO_PROFILE_DEV_DEBUG", "false")
-        .env_remove("RUSTFLAGS")
-        .output()
-        .unwrap();
+    let output = outside::cargo(outputs, &folder).args(["build", "--offline", "--quiet"]).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    target.join("debug")
+    outside::target(outputs).join("debug")
 }
 
 #[test]
 fn plugins_of_another_program_work_in_its_command_line_and_its_viewer() {
-    let (project, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let programs = build(project.path());
+    let folder = tempfile::tempdir().unwrap();
+    let programs = programs();
     fs::write(folder.path().join("a.tri"), "-1 0 0  1 0 0  0 1.5 0").unwrap();
     let script = folder.path().join("s.rhai");
     fs::write(&script, SCRIPT).unwrap();
@@ -101,7 +99,7 @@ fn plugins_of_another_program_work_in_its_command_line_and_its_viewer() {
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0));
     assert_quiet(folder.path());
-    survives_a_panic(&programs, folder.path(), &screen);
+    survives_a_panic(programs, folder.path(), &screen);
 }
 
 /// An effect of the program that panics is an error of its frames, in both of them; the viewer draws the next version of the script.
@@ -166,8 +164,8 @@ const PACKAGE: [(&str, &str); 4] = [
 
 #[test]
 fn an_installed_package_works_in_its_command_line_and_its_viewer() {
-    let (project, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let programs = build(project.path());
+    let folder = tempfile::tempdir().unwrap();
+    let programs = programs();
     let place = |name: &str| folder.path().join(name);
     fs::create_dir(place("package")).unwrap();
     PACKAGE.iter().for_each(|(name, text)| fs::write(place("package").join(name), text).unwrap());

@@ -21,6 +21,7 @@
 //! ```
 
 mod bench;
+mod binaries;
 mod book;
 mod contact;
 mod dist;

@@ -1,12 +1,10 @@
 //! `cargo xtask test`: everything, sorted by cost, with one closing count.
 
 use crate::tally::Tally;
-use crate::{assets, cargo, root, run, setup};
-use std::io::{BufRead, BufReader};
+use crate::{assets, binaries, cargo, root, run, setup};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 pub fn lint() -> Result<(), String> {
     run(cargo(&["fmt", "--all", "--check"]), "cargo fmt --check")?;
@@ -60,40 +58,23 @@ pub fn test(args: &[&str]) -> Result<(), String> {
     if problems.is_empty() { Ok(()) } else { Err(problems.join("; ")) }
 }
 
-/// The tests of all crates, with one build for all.
+/// The tests of all crates, with one build for all, then the examples in their documentation.
 fn tests(tally: &mut Tally, filters: &[&str]) -> Result<(), String> {
     // Each test's own line names it; `--show-output` so that the skips of passing tests are seen.
-    let mut command = cargo(&["test", "--workspace", "--no-fail-fast", "--", "--show-output"]);
-    // One pipe for both: cargo says on stderr which binary begins, and which one has failed.
-    let (output, input) = std::io::pipe().map_err(|e| format!("a pipe for cargo test: {e}"))?;
-    let error = input.try_clone().map_err(|e| format!("a pipe for cargo test: {e}"))?;
-    command.args(filters).stdin(Stdio::null()).stdout(input).stderr(error);
-    let mut child = command.spawn().map_err(|e| format!("cargo test did not start: {e}"))?;
-    // The command holds ends of the pipe, which would never close.
-    drop(command);
-    let (to, lines) = channel();
-    std::thread::spawn(move || {
-        BufReader::new(output).split(b'\n').map_while(Result::ok).try_for_each(|line| to.send(line))
-    });
-    loop {
-        match lines.recv_timeout(Duration::from_secs(5)) {
-            Ok(line) => {
-                let text = String::from_utf8_lossy(&line);
-                if tally.read(&text, tests_of) {
-                    println!("{text}");
-                }
-            }
-            // A program that an aborted test has left behind may hold the pipe open.
-            Err(RecvTimeoutError::Timeout) if child.try_wait().is_ok_and(|ended| ended.is_none()) => {}
-            Err(_) => break,
+    let arguments = [&["--show-output"], filters].concat();
+    let mut show = |text: &str| {
+        if tally.read(text, tests_of) {
+            println!("{text}");
         }
-    }
+    };
+    let passed = binaries::run(&arguments, &mut show)?;
+    let mut examples = cargo(&["test", "--workspace", "--doc", "--no-fail-fast", "--"]);
+    examples.args(&arguments);
+    let status = binaries::lines_of(examples, &mut show)?;
     tally.end_binary();
-    let status = child.wait().map_err(|e| format!("cargo test: {e}"))?;
-    if status.success() {
-        Ok(())
-    } else {
-        Err("cargo test failed; the failures are printed above".to_string())
+    match passed && status.success() {
+        true => Ok(()),
+        false => Err("tests failed; the failures are printed above".to_string()),
     }
 }
 

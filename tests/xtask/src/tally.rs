@@ -55,8 +55,6 @@ impl Tally {
             self.binary.rerun = Some(rerun.trim_end_matches('`').to_string());
         } else if let Some(signal) = signal(line) {
             self.end_by_signal(signal, tests_of);
-        } else if line.starts_with("error: could not compile ") {
-            self.failures.push(line.trim_start_matches("error: ").to_string());
         }
         let is_list = line.strip_prefix("    ").is_some_and(|name| self.binary.finished.contains(name));
         let is_frame = line.is_empty() || line == "successes:" || line.starts_with("running ");
@@ -221,16 +219,6 @@ mod tests {
         for unseen in ["test a_fine ... ok", "    tests::good", "successes:", "running 4 tests"] {
             assert!(!shown.contains(&unseen), "{unseen}");
         }
-    }
-
-    #[test]
-    fn a_package_that_does_not_compile_is_named() {
-        let (tally, _) =
-            read("error: could not compile `choreo-session` (test \"leaks\") due to 1 previous error\n");
-        assert_eq!(
-            tally.failures,
-            ["could not compile `choreo-session` (test \"leaks\") due to 1 previous error"]
-        );
     }
 
     #[test]

@@ -5,6 +5,7 @@ pub mod chance;
 pub mod kept;
 pub mod viewer_process;
 
+use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -64,9 +65,9 @@ impl Screen {
                 return None;
             }
         }
-        // The server picks a free number and tells it; two at once could take the same.
-        static ONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
-        let _one = ONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        // The server picks a free number and tells it; two at once, of other tests, too, could take the same.
+        let one = fs::File::create(Path::new(env!("CARGO_TARGET_TMPDIR")).join("xvfb.lock")).unwrap();
+        one.lock().unwrap();
         let mut server = Command::new("Xvfb");
         // Else it begins anew when its last client goes, under the feet of one that comes.
         server.args(["-noreset", "-displayfd", "1", "-screen", "0", "1400x1000x24", "-nolisten", "tcp"]);

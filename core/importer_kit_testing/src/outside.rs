@@ -1,0 +1,51 @@
+//! Crates outside the workspace, built as their authors build them.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The workspace's folder.
+pub fn sources() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().expect("the workspace")
+}
+
+/// An empty folder, the same each time: cargo keeps what it builds by where it lies, and outputs of other folders would stay. It lies in the
+/// workspace's folder, so that what is written there needs a workspace of its own.
+pub fn folder(outputs: &str, name: &str) -> PathBuf {
+    let folder = Path::new(outputs).join("outside").join(name);
+    if folder.exists() {
+        fs::remove_dir_all(&folder).expect("the folder of the run before");
+    }
+    fs::create_dir_all(&folder).expect("a folder for crates");
+    folder
+}
+
+/// The folder of cargo's outputs, in which the folder `outputs` lies (`CARGO_TARGET_TMPDIR`).
+pub fn target(outputs: &str) -> PathBuf {
+    Path::new(outputs).parent().expect("a folder of outputs").to_path_buf()
+}
+
+/// Cargo in `folder`, whose crates depend on the workspace's by their paths. No registry is asked: versions are those of the workspace, and
+/// its packages from registries are built as there, so that none is built once more. The workspace's own crates are others to cargo
+/// when they are built from outside, and are not optimized there.
+pub fn cargo(outputs: &str, folder: &Path) -> Command {
+    let read = |name: &str| fs::read_to_string(sources().join(name)).expect("a file of the workspace");
+    let lock = read("Cargo.lock");
+    let own = lock.split("[[package]]").filter(|package| !package.contains("\nsource = "));
+    let own: Vec<String> = own
+        .filter_map(|package| package.split('"').nth(1))
+        .map(|name| format!("[profile.dev.package.{name}]\n"))
+        .collect();
+    let manifest = read("Cargo.toml");
+    let (_, profile) = manifest.split_once("\n[profile.dev]\n").expect("a profile of development builds");
+    let tables = format!("[profile.dev]\n{profile}").replace("\n[", "\n\0[");
+    let shared = tables.split('\0').filter(|table| !own.iter().any(|own| table.starts_with(own)));
+    let own = own.iter().map(|table| format!("{table}opt-level = 0\ndebug = false\n"));
+    fs::create_dir_all(folder.join(".cargo")).expect("a folder of settings");
+    fs::write(folder.join(".cargo/config.toml"), shared.map(String::from).chain(own).collect::<String>())
+        .expect("settings");
+    fs::write(folder.join("Cargo.lock"), lock).expect("a lock file");
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.current_dir(folder).env("CARGO_TARGET_DIR", target(outputs)).env_remove("RUSTFLAGS");
+    command
+}
