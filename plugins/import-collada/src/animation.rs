@@ -24,6 +24,24 @@ enum Target {
     Object(NodeId, Vec<String>),
 }
 
+/// Keys of a clip, with what they drive.
+#[derive(Default)]
+struct Channels {
+    /// Keys of each joint.
+    joints: BTreeMap<u32, Vec<Bound>>,
+    /// Indices of targets with their keys, of each morph controller.
+    weights: BTreeMap<u32, Vec<(usize, Rc<Sampler>)>>,
+    properties: Vec<Driven>,
+}
+
+impl Channels {
+    fn samplers(&self) -> impl Iterator<Item = &Rc<Sampler>> {
+        let of_joints = self.joints.values().flatten().map(|bound| &bound.sampler);
+        let of_weights = self.weights.values().flatten().map(|(_, sampler)| sampler);
+        of_joints.chain(of_weights).chain(self.properties.iter().map(Driven::sampler))
+    }
+}
+
 pub fn read(
     xml: &Xml<'_>,
     tree: &Tree<'_>,
@@ -96,9 +114,7 @@ impl<'a> Reader<'_, 'a> {
         (start, end): (Option<Time>, Option<Time>),
         morphs: &[MorphTargets],
     ) -> Result<Option<Arc<Clip>>> {
-        let mut joints: BTreeMap<u32, Vec<Bound>> = BTreeMap::new();
-        let mut weights: BTreeMap<u32, Vec<(usize, Rc<Sampler>)>> = BTreeMap::new();
-        let mut properties: Vec<Driven> = Vec::new();
+        let mut driven = Channels::default();
         let mut before_zero = 0;
         for channel in channels {
             let Some(target) = self.target(*channel) else { continue };
@@ -106,40 +122,7 @@ impl<'a> Reader<'_, 'a> {
             before_zero += usize::from(
                 start == Some(Time::ZERO) && sampler.times.first().is_some_and(|t| *t < Time::ZERO),
             );
-            match target {
-                Target::Joints(targets, element, component) => {
-                    let wanted = match component {
-                        Component::One(_) => 1,
-                        Component::All => self.tree.joints[targets[0] as usize].stack[element].values.len(),
-                    };
-                    if sampler.width != wanted {
-                        let what = format!("drives {wanted} values, but its keys have {}", sampler.width);
-                        return Err(self.xml.problem(*channel, what));
-                    }
-                    for joint in targets {
-                        let bound = Bound { element, component, sampler: sampler.clone() };
-                        joints.entry(joint).or_default().push(bound);
-                    }
-                }
-                Target::Morph(controller, index) => {
-                    if sampler.width != 1 {
-                        return Err(self.xml.problem(
-                            *channel,
-                            format!("drives one weight, but its keys have {} values", sampler.width),
-                        ));
-                    }
-                    weights.entry(controller.get()).or_default().push((index, sampler));
-                }
-                Target::Object(object, names) => {
-                    // Colors of some programs have an alpha.
-                    if sampler.width < names.len() {
-                        let (wanted, width) = (names.len(), sampler.width);
-                        let what = format!("drives {wanted} values, but its keys have {width}");
-                        return Err(self.xml.problem(*channel, what));
-                    }
-                    properties.extend(Driven::all(object, names, &sampler));
-                }
-            }
+            self.bind(&mut driven, *channel, target, sampler)?;
         }
         if before_zero > 0 {
             self.xml.notes.warn(
@@ -150,32 +133,67 @@ impl<'a> Reader<'_, 'a> {
                 ),
             );
         }
-        let samplers = || {
-            let of_nodes =
-                joints.values().flatten().map(|b| &b.sampler).chain(weights.values().flatten().map(|w| &w.1));
-            of_nodes.chain(properties.iter().map(Driven::sampler))
-        };
-        let first = || samplers().filter_map(|s| s.times.first().copied()).min();
-        let last = || samplers().filter_map(|s| s.times.last().copied()).max();
+        let first = || driven.samplers().filter_map(|s| s.times.first().copied()).min();
+        let last = || driven.samplers().filter_map(|s| s.times.last().copied()).max();
         let start = start.or_else(first).unwrap_or(Time::ZERO);
         let end = end.or_else(last).unwrap_or(start).max(start);
         let mut curves = Vec::new();
-        for (joint, bound) in &joints {
+        for (joint, bound) in &driven.joints {
             let made = bake::joint(self.xml, self.tree, *joint, bound, (start, end));
             curves.extend(made.at(|| self.xml.place(self.tree.joints[*joint as usize].node))?);
         }
-        for (controller, samplers) in &weights {
+        for (controller, samplers) in &driven.weights {
             for morph in morphs.iter().filter(|m| m.controller.get() == *controller) {
                 curves.extend(bake::weights(self.xml, morph, samplers, (start, end))?);
             }
         }
-        let properties = properties::curves(self.xml, self.objects, &properties, (start, end))?;
+        let properties = properties::curves(self.xml, self.objects, &driven.properties, (start, end))?;
         if curves.is_empty() && properties.is_empty() {
             return Ok(None);
         }
         let clip = Clip::new(name.clone(), self.tree.joints.len(), curves);
         let clip = clip.and_then(|clip| clip.with_properties(properties));
         clip.map(|c| Some(Arc::new(c))).map_err(|e| Problem::new(format!("clip \"{name}\""), e.to_string()))
+    }
+
+    /// Adds a channel to what its target is driven by. Its keys must have as many values as the target.
+    fn bind(
+        &self,
+        driven: &mut Channels,
+        channel: Node<'a>,
+        target: Target,
+        sampler: Rc<Sampler>,
+    ) -> Result<()> {
+        let width = sampler.width;
+        let differs = |wanted: usize| {
+            let values = if wanted == 1 { "one value".into() } else { format!("{wanted} values") };
+            Err(self.xml.problem(channel, format!("drives {values}, but its keys have {width}")))
+        };
+        match target {
+            Target::Joints(targets, element, component) => {
+                let wanted = match component {
+                    Component::One(_) => 1,
+                    Component::All => self.tree.joints[targets[0] as usize].stack[element].values.len(),
+                };
+                if width != wanted {
+                    return differs(wanted);
+                }
+                for joint in targets {
+                    let bound = Bound { element, component, sampler: sampler.clone() };
+                    driven.joints.entry(joint).or_default().push(bound);
+                }
+            }
+            Target::Morph(..) if width != 1 => return differs(1),
+            Target::Morph(controller, index) => {
+                driven.weights.entry(controller.get()).or_default().push((index, sampler));
+            }
+            // Colors of some programs have an alpha.
+            Target::Object(_, names) if width < names.len() => return differs(names.len()),
+            Target::Object(object, names) => {
+                driven.properties.extend(Driven::all(object, names, &sampler));
+            }
+        }
+        Ok(())
     }
 
     fn sampler(&mut self, channel: Node<'a>) -> Result<Rc<Sampler>> {
