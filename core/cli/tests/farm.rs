@@ -311,17 +311,18 @@ fn the_guide_lines_for_machines_without_a_scheduler_make_the_film() {
     let bin = d.join("bin");
     std::fs::create_dir(&bin).unwrap();
     std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_choreo"), bin.join("choreo")).unwrap();
-    let ssh = "#!/bin/sh\n[ \"$1\" = -n ] || exit 9\necho \"$2\" >> \"$HOSTS\"\n[ \"$2\" = \"$DEAD\" ] && exit 255\nexec sh -c \"$3\"\n";
+    let ssh = "#!/bin/sh\n[ \"$1\" = -n ] || exit 9\necho \"$2\" >> \"$HOSTS\"\n[ \"$2\" = \"$DEAD\" ] && exit 255\ncd / && exec sh -c \"$3\"\n";
     std::fs::write(bin.join("ssh"), ssh).unwrap();
     std::fs::set_permissions(bin.join("ssh"), std::fs::Permissions::from_mode(0o755)).unwrap();
     // Chunks of a known length in place of measured ones.
     let lines = lines.replace("--to job", "--to job --chunk 7 --samples 1");
     // The missing segments do not come.
-    let lines = lines.replace("sh join.sh", "sed -i 's/--wait 60//' join.sh && sh join.sh");
+    let lines = lines.replace("sh job/join.sh", "sed -i 's/--wait 60//' job/join.sh && sh job/join.sh");
     let run = |lines: &str, dead: &str| {
         let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap_or_default());
         let mut shell = Command::new("sh");
         shell.args(["-c", lines]).current_dir(d).env("PATH", path).env("CHOREO_PLUGINS", "");
+        shell.env_remove("SLURM_JOB_ID");
         finished(shell.env("HOSTS", d.join("used.txt")).env("DEAD", dead).output().unwrap())
     };
     let first = run(&lines, "ben");

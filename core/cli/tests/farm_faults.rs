@@ -6,7 +6,7 @@ mod common;
 
 use common::*;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant, SystemTime};
 
 /// 60 frames of which no two are equal.
@@ -37,16 +37,15 @@ fn worker_args<'a>(frames: &'a str, into: &'a str) -> Vec<&'a str> {
     [&RENDER[..], &["--frames", frames, "--segment", into, "--resume", "--json"]].concat()
 }
 
-fn worker(folder: &Path, frames: &str) -> Child {
-    let mut command = command(folder, &worker_args(frames, "segments"));
-    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
-}
-
-/// Frames that the worker has drawn.
-fn drawn(child: Child) -> u64 {
-    let run = finished(child.wait_with_output().unwrap());
+/// Frames that a worker has drawn.
+fn drawn(worker: Process) -> u64 {
+    let run = worker.ended();
     assert_eq!(run.code, 0, "{}", run.err);
     drawn_of(&run.out)
+}
+
+fn worker(folder: &Path, frames: &str) -> Process {
+    Process::spawn(&mut command(folder, &worker_args(frames, "segments")))
 }
 
 fn drawn_of(summary: &str) -> u64 {
@@ -59,10 +58,6 @@ fn joined(folder: &Path, more: &[&str]) -> Vec<u8> {
     read(folder, "film.mp4")
 }
 
-fn signal(child: &Child, name: &str) {
-    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
-}
-
 fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
     let start = Instant::now();
     while !done() {
@@ -73,11 +68,25 @@ fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
 
 /// Waits for finished frames of a segment that is being made: its journal has more than the head.
 fn wait_for_frames(folder: &Path, segment: &str) {
-    let journal = folder.join(format!("segments/{segment}.segment.part/journal"));
-    let length = || journal.metadata().map_or(0, |metadata| metadata.len());
+    wait_for_other_frames(folder, segment, &[]);
+}
+
+/// Waits for finished frames in a part folder that is none of these; gives its name.
+fn wait_for_other_frames(folder: &Path, segment: &str, known: &[&str]) -> String {
+    let segments = folder.join("segments");
+    let start = format!("{segment}.segment.");
+    let part = || {
+        let names = if segments.is_dir() { parts(&segments) } else { Vec::new() };
+        names.into_iter().find(|name| name.starts_with(&start) && !known.contains(&name.as_str()))
+    };
+    let length = || {
+        let journal = part().map(|part| segments.join(part).join("journal"));
+        journal.and_then(|journal| journal.metadata().ok()).map_or(0, |metadata| metadata.len())
+    };
     wait_for("journal", || length() > 0);
     let head = length();
     wait_for("frames", || length() > head + 200);
+    part().unwrap()
 }
 
 fn state_of(folder: &Path, segment: &str) -> serde_json::Value {
@@ -94,8 +103,8 @@ fn a_worker_that_gets_notice_keeps_its_frames() {
     let film = whole(d);
     let first = worker(d, "0-59");
     wait_for_frames(d, "0000000-0000059");
-    signal(&first, "-TERM");
-    let run = finished(first.wait_with_output().unwrap());
+    first.signal("-TERM");
+    let run = first.ended();
     assert_eq!(run.code, 130, "{}", run.err);
     assert!(!d.join("segments/0000000-0000059.segment").exists());
     let state = state_of(d, "0000000-0000059");
@@ -116,10 +125,9 @@ fn a_killed_worker_has_a_successor_whatever_the_clocks_say() {
     let year = Duration::from_secs(365 * 86_400);
     let times = [SystemTime::UNIX_EPOCH + year, SystemTime::now() + 70 * year];
     assert_eq!(drawn(worker(d, "0-23")), 24);
-    let mut first = worker(d, "24-59");
+    let first = worker(d, "24-59");
     wait_for_frames(d, "0000024-0000059");
-    first.kill().unwrap();
-    first.wait().unwrap();
+    drop(first);
     let mut next = times.into_iter().cycle();
     for path in files_below(&d.join("segments")) {
         std::fs::File::options().write(true).open(path).unwrap().set_modified(next.next().unwrap()).unwrap();
@@ -147,19 +155,102 @@ fn several_workers_of_one_chunk_make_it_once() {
     let dir = scene();
     let d = dir.path();
     let film = whole(d);
-    let mut first = worker(d, "0-59");
+    let first = worker(d, "0-59");
     wait_for_frames(d, "0000000-0000059");
     // The stopped worker holds the segment, and draws no more.
-    signal(&first, "-STOP");
+    first.signal("-STOP");
     let others = [worker(d, "0-59"), worker(d, "0-59")];
     // The other workers are there, and wait.
     std::thread::sleep(Duration::from_millis(300));
-    first.kill().unwrap();
-    first.wait().unwrap();
+    drop(first);
     let mut counts = others.map(drawn);
     counts.sort_unstable();
     assert!(counts[0] == 0 && counts[1] > 0 && counts[1] < 60, "{counts:?}");
     assert!(joined(d, &[]) == film);
+}
+
+/// A library for `LD_PRELOAD` that answers `flock` as file systems do without locks: those that refuse them, and those whose locks do not reach from one
+/// machine to another. `None` where it cannot be built.
+fn without_locks(folder: &Path) -> Option<PathBuf> {
+    let source = r#"#include <errno.h>
+#include <stdlib.h>
+int flock(int file, int operation) {
+    int errors[] = {0, ENOLCK, ENOSYS, EOPNOTSUPP};
+    errno = errors[atoi(getenv("FLOCK_ERROR"))];
+    return errno ? -1 : 0;
+}
+"#;
+    std::fs::write(folder.join("flock.c"), source).unwrap();
+    let library = folder.join("flock.so");
+    let mut compiler = Command::new("cc");
+    let built = compiler.args(["-shared", "-fPIC", "-o"]).arg(&library).arg(folder.join("flock.c")).status();
+    let is_used = cfg!(all(target_os = "linux", target_env = "gnu"));
+    (is_used && built.is_ok_and(|status| status.success())).then_some(library)
+}
+
+/// File systems without locks: where they are refused, and where two machines hold the same one. Workers of one chunk draw side by side then, each in
+/// a folder of its own, and whoever is late finds the segment whole; the frames of a killed worker are copied by the next one.
+#[test]
+fn file_systems_without_locks_lose_nothing() {
+    let dir = scene();
+    let d = dir.path();
+    let film = whole(d);
+    let Some(library) = without_locks(d) else {
+        println!("SKIP 1: no library can be built that refuses locks");
+        return;
+    };
+    const NAMED: &[&str] = &["--uts", "--map-root-user", "sh", "-c", "hostname \"$0\" && exec \"$@\""];
+    let may_be_named = Command::new("unshare").args(NAMED).args(["ann", "true"]).status();
+    let may_be_named = may_be_named.is_ok_and(|status| status.success());
+    // NFS without a lock manager, Lustre without flock, a FUSE file system without locks.
+    for error in ["1", "2", "3"] {
+        lose_nothing_without_locks(d, &film, |_| {
+            let mut worker = command(d, &worker_args("0-59", "segments"));
+            worker.env("LD_PRELOAD", &library).env("FLOCK_ERROR", error);
+            worker
+        });
+    }
+    if !may_be_named {
+        println!("SKIP 1: machines cannot have other names here");
+        return;
+    }
+    // NFS with local locks, most FUSE file systems: each machine has the lock.
+    lose_nothing_without_locks(d, &film, |machine| {
+        let choreo = command(d, &worker_args("0-59", "segments"));
+        let mut worker = Command::new("unshare");
+        worker.args(NAMED).arg(machine).arg(choreo.get_program()).args(choreo.get_args());
+        worker.current_dir(d).env("CHOREO_PLUGINS", "").stdin(Stdio::null());
+        worker.env("LD_PRELOAD", &library).env("FLOCK_ERROR", "0");
+        worker
+    });
+}
+
+/// `worker`: that of the whole film on a machine of this name.
+fn lose_nothing_without_locks(d: &Path, film: &[u8], worker: impl Fn(&str) -> Command) {
+    const SEGMENT: &str = "0000000-0000059";
+    let segments = d.join("segments");
+    // Killed: the next one goes on with its frames.
+    let first = Process::spawn(&mut worker("ann"));
+    let part = wait_for_other_frames(d, SEGMENT, &[]);
+    drop(first);
+    let kept = std::fs::read(segments.join(&part).join("journal")).unwrap();
+    // Two at once: one stands still in the middle of its work until the other has finished.
+    let slow = Process::spawn(&mut worker("ben"));
+    let own = wait_for_other_frames(d, SEGMENT, &[&part]);
+    slow.signal("-STOP");
+    let journal = std::fs::read(segments.join(&own).join("journal")).unwrap();
+    assert!(journal.starts_with(&kept) && journal.len() > kept.len());
+    let fast = drawn(Process::spawn(&mut worker("cleo")));
+    assert!(fast > 0 && fast < 60, "{fast}");
+    assert_eq!(names(&segments), [format!("{SEGMENT}.report"), format!("{SEGMENT}.segment")]);
+    slow.signal("-CONT");
+    let run = slow.ended();
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert_eq!(drawn_of(&run.out), 0, "{}", run.out);
+    assert!(joined(d, &[]) == film);
+    assert_eq!(drawn(Process::spawn(&mut worker("dora"))), 0);
+    assert_eq!(names(&segments), [format!("{SEGMENT}.report"), format!("{SEGMENT}.segment")]);
+    std::fs::remove_dir_all(&segments).unwrap();
 }
 
 /// A file system on which segments are seen late and in pieces: the join waits as long as `--wait` says, and names what is missing then.
@@ -180,7 +271,7 @@ fn a_join_waits_for_segments_that_are_seen_late() {
     assert!(run.code == 1 && run.err.contains("these are missing: 24..=59"), "{}", run.err);
     assert!(!d.join("film.mp4").exists());
     let join = ["join", "segments", "-o", "film.mp4", "--wait", "300"];
-    let join = command(d, &join).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let join = Process::spawn(&mut command(d, &join));
     let pause = || std::thread::sleep(Duration::from_millis(700));
     pause();
     std::fs::write(&late[0].0, &late[0].1[..late[0].1.len() / 2]).unwrap();
@@ -188,7 +279,7 @@ fn a_join_waits_for_segments_that_are_seen_late() {
     std::fs::write(&late[1].0, &late[1].1).unwrap();
     pause();
     std::fs::write(&late[0].0, &late[0].1).unwrap();
-    let run = finished(join.wait_with_output().unwrap());
+    let run = join.ended();
     assert!(run.code == 0 && !run.err.contains("warning"), "{}", run.err);
     assert!(read(d, "film.mp4") == film);
 }

@@ -5,7 +5,6 @@ mod common;
 
 use common::*;
 use std::path::Path;
-use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 /// 60 frames.
@@ -16,7 +15,7 @@ cast("b", shape("box", #{ size: [1.0, 1.0, 1.0], color: color }))
 camera("c").at(0.0, 1.0, 6.0).look_at([0.0, 0.0, 0.0]);
 "##;
 
-fn worker(folder: &Path, frames: &str, more: &[&str]) -> Child {
+fn worker(folder: &Path, frames: &str, more: &[&str]) -> Process {
     let args = [
         "render",
         "film.choreo",
@@ -29,11 +28,7 @@ fn worker(folder: &Path, frames: &str, more: &[&str]) -> Child {
         "segments",
     ];
     let args = [&args[..], &["--resume", "--quiet"], more].concat();
-    command(&folder.join("job"), &args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
-}
-
-fn ended(child: Child) -> Run {
-    finished(child.wait_with_output().unwrap())
+    Process::spawn(&mut command(&folder.join("job"), &args))
 }
 
 fn status(folder: &Path) -> serde_json::Value {
@@ -48,11 +43,6 @@ fn chunks(status: &serde_json::Value) -> Vec<(String, u64)> {
         (chunk["state"].as_str().unwrap().into(), chunk["done"].as_u64().unwrap())
     };
     status["chunks"].as_array().unwrap().iter().map(chunk).collect()
-}
-
-fn signal(child: &Child, name: &str) {
-    let status = std::process::Command::new("kill").args([name, &child.id().to_string()]).status();
-    assert!(status.unwrap().success());
 }
 
 fn wait_for(what: &str, done: impl Fn() -> bool) {
@@ -74,18 +64,17 @@ fn chunks_are_done_running_failed_stopped_or_waiting() {
     let all_wait = status(d);
     assert_eq!((all_wait["frames"].as_u64(), all_wait["done"].as_u64()), (Some(60), Some(0)));
     assert_eq!(all_wait["counts"], serde_json::json!({ "waiting": 5 }));
-    assert_eq!(ended(worker(d, "0-11", &[])).code, 0);
-    assert_eq!(ended(worker(d, "48-59", &["--set", "color=nonsense"])).code, 1);
+    assert_eq!(worker(d, "0-11", &[]).ended().code, 0);
+    assert_eq!(worker(d, "48-59", &["--set", "color=nonsense"]).ended().code, 1);
     let large = ["--size", "3840x2160"];
     // One runs, and one is killed.
     let running = worker(d, "24-35", &large);
-    let mut killed = worker(d, "36-47", &large);
+    let killed = worker(d, "36-47", &large);
     for (chunk, worker) in [(2, &running), (3, &killed)] {
         wait_for("finished frames", || chunks(&status(d))[chunk].1 > 0);
-        signal(worker, "-STOP");
+        worker.signal("-STOP");
     }
-    killed.kill().unwrap();
-    killed.wait().unwrap();
+    drop(killed);
     let now = status(d);
     let states: Vec<String> = chunks(&now).into_iter().map(|(state, _)| state).collect();
     assert_eq!(states, ["done", "waiting", "running", "stopped", "failed"]);
@@ -109,9 +98,9 @@ fn chunks_are_done_running_failed_stopped_or_waiting() {
     assert!(lines.iter().any(|line| line.starts_with("frames 36-47: stopped on ")), "{}", text.out);
     assert!(image::open(d.join("sheet.png")).unwrap().width() > 192);
     // A worker that gets notice stops in order.
-    signal(&running, "-TERM");
-    signal(&running, "-CONT");
-    assert_eq!(ended(running).code, 130);
+    running.signal("-TERM");
+    running.signal("-CONT");
+    assert_eq!(running.ended().code, 130);
     assert_eq!(chunks(&status(d))[2].0, "stopped");
 }
 
@@ -125,7 +114,7 @@ fn the_contact_sheet_shows_first_frames() {
         ["farm", "s.rhai", "-o", "film.mp4", "--for", "slurm", "--to", "job", "--chunk", "20", "--quiet"];
     assert_eq!(choreo(d, &[&farm[..], &["--size", "160x90"]].concat()).code, 0);
     for frames in ["0-19", "40-59"] {
-        assert_eq!(ended(worker(d, frames, &["--size", "160x90"])).code, 0);
+        assert_eq!(worker(d, frames, &["--size", "160x90"]).ended().code, 0);
     }
     assert_eq!(choreo(d, &["farm", "--status", "job", "--sheet", "sheet.png"]).code, 0);
     let frames = ["--frames", "0,40", "-o", "f/%02d.png", "--device", "cpu", "--size", "160x90", "--quiet"];

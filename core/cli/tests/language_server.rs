@@ -231,7 +231,31 @@ fn completion_knows_the_types_the_options_and_the_files() {
     has("shape(\"box\", #{ color: \"¦\" });", &["coral", "teal"], &["box"]);
     has("let hero = camera(\"w\");\nfor c in [hero] { c.¦ }", &["cut", "orbit"], &["play"]);
     has("// hero.¦", &[], &["play", "cast"]);
+    has(&format!("{HEAD}text(`über ${{hero.¦}} im Bild`);"), &["play", "look_at"], &["cut", "cast"]);
+    has(&format!("{HEAD}text(`${{he¦}}`);"), &["hero", "tri"], &["play"]);
+    has(&format!("{HEAD}text(`hero.¦`);"), &[], &["play", "hero"]);
     has("let x = 1;\n¦", &["character", "x", "camera"], &["play"]);
+}
+
+/// The files that `choreo export` has written come behind those that a script is likely to load.
+#[test]
+fn completion_offers_exports_last() {
+    let folder = project();
+    script(folder.path(), "cast(\"t\", load(\"models/tri.gltf\"));");
+    for output in ["a.gltf", "a.glb", "a.usda"] {
+        let run = common::choreo(folder.path(), &["export", "scene.rhai", "-o", output]);
+        assert_eq!(run.code, 0, "{}", run.err);
+    }
+    let uri = script(folder.path(), "");
+    let mut editor = Editor::start(folder.path());
+    let offered = editor.complete(&uri, "let a = load(\"¦\");");
+    let rank = |name: &str| {
+        let item = offered.iter().find(|item| item["label"] == name);
+        item.unwrap_or_else(|| panic!("{name}"))["sortText"].as_str().unwrap().to_string()
+    };
+    for own in ["a.gltf", "a.glb", "a.usda"] {
+        assert!(rank(own) > rank("models/tri.gltf") && rank(own) > rank("choreo:mannequin"), "{own}");
+    }
 }
 
 #[test]

@@ -387,7 +387,7 @@ fn the_viewer_is_opened_at_the_time_of_a_line() {
     editor.open(&uri, SCENE);
     editor.checked(&uri);
     let (code, why) = editor.execute("choreo.openViewer", json!({ "uri": uri })).unwrap_err();
-    assert!(code == -32803 && why.contains("the viewer is a program of its own and is not there"), "{why}");
+    assert!(code == -32803 && why.contains("the viewer is not beside choreo"), "{why}");
 
     let viewer = programs.path().join("choreo-view");
     std::fs::write(&viewer, "#!/bin/sh\necho \"$@\" > \"$0.called\"\n").unwrap();

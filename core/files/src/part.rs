@@ -16,6 +16,13 @@ pub fn part_of(name: &Path) -> PathBuf {
     name.with_file_name(part)
 }
 
+/// `o.png` → `o.png.MACHINE.part`.
+pub(crate) fn part_of_machine(name: &Path, machine: &str) -> PathBuf {
+    let mut named = name.as_os_str().to_os_string();
+    named.push(format!(".{machine}"));
+    part_of(Path::new(&named))
+}
+
 /// One file on its way to its place. Dropped, it is removed.
 #[derive(Debug)]
 pub struct PartFile {
@@ -33,25 +40,43 @@ struct Way {
 }
 
 impl PartFile {
-    /// Written as `NAME.part`, which is locked: a second writer gets [`WriteError::Busy`]. The path is one that the user chose,
-    /// see [`Destination::of`].
+    /// Written as `NAME.part`, which is locked: a second writer gets [`WriteError::Busy`]. Where the file system refuses locks, each writer has a part of
+    /// its own, and the last one wins. The path is one that the user chose, see [`Destination::of`].
     pub fn create(path: &Path) -> Result<PartFile, WriteError> {
-        match Destination::of(path)? {
-            Destination::File { folder, name } => PartFile::take(folder, part_of(&name), name),
-            Destination::Direct(file) => Ok(PartFile { file, way: None }),
+        PartFile::create_as(path, part_of)
+    }
+
+    /// Written as `NAME.MACHINE.part`, since locks may not reach from one machine to another. Of machines that write at the same time the last one
+    /// wins.
+    pub fn create_shared(path: &Path, machine: &str) -> Result<PartFile, WriteError> {
+        PartFile::create_as(path, |name| part_of_machine(name, machine))
+    }
+
+    fn create_as(path: &Path, part: impl Fn(&Path) -> PathBuf) -> Result<PartFile, WriteError> {
+        let (folder, name) = match Destination::of(path)? {
+            Destination::File { folder, name } => (folder, name),
+            Destination::Direct(file) => return Ok(PartFile { file, way: None }),
+        };
+        let part = part(&name);
+        match PartFile::take(folder.clone(), part, name.clone())? {
+            (part, Lock::Held) => Ok(part),
+            (part, Lock::Refused) => {
+                drop(part);
+                PartFile::unlocked(Destination::File { folder, name })
+            }
         }
     }
 
     /// A locked file of this name that never gets another: it shows that a process holds it.
     pub fn claim(folder: Arc<Folder>, name: PathBuf) -> Result<PartFile, WriteError> {
-        PartFile::take(folder, name.clone(), name)
+        PartFile::take(folder, name.clone(), name).map(|(part, _)| part)
     }
 
-    fn take(folder: Arc<Folder>, part: PathBuf, name: PathBuf) -> Result<PartFile, WriteError> {
+    fn take(folder: Arc<Folder>, part: PathBuf, name: PathBuf) -> Result<(PartFile, Lock), WriteError> {
         let mut leftovers = leftovers();
-        let file = take(&folder, &part)?;
+        let (file, lock) = take(&folder, &part)?;
         let number = leftovers.add(Leftover::File(folder.clone(), part.clone()));
-        Ok(PartFile { file, way: Some(Way { folder, part, name, number }) })
+        Ok((PartFile { file, way: Some(Way { folder, part, name, number }) }, lock))
     }
 
     /// Creates a part under a name of its own, so that of several writers the last one wins.
@@ -136,7 +161,7 @@ fn write(place: Destination, bytes: &[u8]) -> Result<(), WriteError> {
 
 /// Creates a file, and locks it for this process. One that a killed process left is replaced by a new one: nothing is written
 /// into a file that was there.
-pub(crate) fn take(folder: &Folder, name: &Path) -> Result<File, WriteError> {
+pub(crate) fn take(folder: &Folder, name: &Path) -> Result<(File, Lock), WriteError> {
     let at = || folder.path().join(name);
     loop {
         if folder.kind(name).is_some() {
@@ -158,20 +183,39 @@ pub(crate) fn take(folder: &Folder, name: &Path) -> Result<File, WriteError> {
             Err(crate::FileError::Io(e)) if e.kind() == ErrorKind::AlreadyExists => continue,
             file => file.map_err(|e| WriteError::at(at(), e))?,
         };
-        lock(&file)?;
+        let locked = lock(&file)?;
         if folder.contains(name, &file) {
-            return Ok(file);
+            return Ok((file, locked));
         }
     }
 }
 
+/// Whether a file system locks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Lock {
+    Held,
+    /// It has no locks, as Lustre without `flock` or NFS without a lock manager.
+    Refused,
+}
+
 /// Locks a file for this process.
-pub(crate) fn lock(file: &File) -> Result<(), WriteError> {
+pub(crate) fn lock(file: &File) -> Result<Lock, WriteError> {
     match file.try_lock() {
-        Ok(()) => Ok(()),
+        Ok(()) => Ok(Lock::Held),
         Err(TryLockError::WouldBlock) => Err(WriteError::Busy),
-        // A file system without locks: as good as it gets.
-        Err(TryLockError::Error(e)) if e.kind() == ErrorKind::Unsupported => Ok(()),
+        Err(TryLockError::Error(e)) if e.kind() == ErrorKind::Unsupported || is_without_locks(&e) => {
+            Ok(Lock::Refused)
+        }
         Err(TryLockError::Error(e)) => Err(e.into()),
     }
+}
+
+#[cfg(unix)]
+fn is_without_locks(error: &io::Error) -> bool {
+    error.raw_os_error() == Some(rustix::io::Errno::NOLCK.raw_os_error())
+}
+
+#[cfg(not(unix))]
+fn is_without_locks(_: &io::Error) -> bool {
+    false
 }

@@ -5,7 +5,7 @@ use crate::facts;
 use crate::files::{self, Contents};
 use crate::names::{self, Names};
 use crate::snippets;
-use crate::source::{is_string, is_word};
+use crate::source::{Source, is_string, is_word};
 use crate::values::{Declared, KEYWORDS, Value as Known};
 use crate::view::View;
 use choreo_asset::Asset;
@@ -34,6 +34,8 @@ enum Kind {
 /// The items of a completion.
 pub struct Items<'v> {
     view: &'v View<'v>,
+    /// The text as the client has it.
+    written: &'v Source,
     /// The bytes that an item replaces.
     range: Range<usize>,
     items: Vec<Value>,
@@ -65,8 +67,15 @@ impl<'t> Item<'t> {
 const MOST: usize = 1500;
 
 pub fn complete(view: &View, byte: usize) -> Value {
+    match view.source.with_code_of_string(byte) {
+        Some(source) => complete_in(&view.of(&source), view.source, byte),
+        None => complete_in(view, view.source, byte),
+    }
+}
+
+fn complete_in(view: &View, written: &Source, byte: usize) -> Value {
     let source = view.source;
-    let mut items = Items { view, range: byte..byte, items: Vec::new(), incomplete: false };
+    let mut items = Items { view, written, range: byte..byte, items: Vec::new(), incomplete: false };
     let token = source.token_at(byte).filter(|token| source.tokens[*token].start < byte);
     let string = token.filter(|token| is_string(source.get(*token)) && byte <= source.inside(*token).end);
     let string = string.filter(|token| byte >= source.inside(*token).start);
@@ -102,7 +111,7 @@ impl Items<'_> {
             "sortText": format!("{}{:04}", item.order, self.items.len()),
             "filterText": item.label,
             "insertTextFormat": if snippet { 2 } else { 1 },
-            "textEdit": { "range": self.view.source.range(&self.range), "newText": text },
+            "textEdit": { "range": self.written.range(&self.range), "newText": text },
         });
         if !item.detail.is_empty() {
             value["detail"] = item.detail.into();
@@ -429,7 +438,10 @@ impl Items<'_> {
 
     fn files(&mut self, extensions: &[String], with_built_in: bool) {
         for name in self.view.files_named(extensions) {
-            self.push(Item::new(&name, Kind::File));
+            // A script may load its own export, but rarely means it.
+            let own = with_built_in && self.view.is_exported(&name);
+            let (detail, order) = if own { ("written by choreo export", 9) } else { ("", 5) };
+            self.push(Item { detail: detail.into(), order, ..Item::new(&name, Kind::File) });
         }
         if with_built_in {
             for name in files::built_in(self.view.project) {

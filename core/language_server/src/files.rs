@@ -6,6 +6,7 @@ use choreo_asset::Asset;
 use choreo_plugin::ImportScope;
 use choreo_script::{AssetCache, BUILT_IN, Folders, Import, ImportChoice, Loader};
 use std::collections::BTreeMap;
+use std::io::Read as _;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
@@ -130,6 +131,16 @@ pub fn names(project: &Project, folder: &Path, extensions: &[String]) -> Vec<Str
         }
     }
     sorted(found)
+}
+
+/// Whether `choreo export` has written a file of these names: glTF and USD state that in their first bytes.
+pub fn is_exported(project: &Project, folder: &Path, name: &str) -> bool {
+    const MARK: &[u8] = b"choreo export-";
+    let mut roots = std::iter::once(folder).chain(project.search.iter().map(PathBuf::as_path));
+    let file = roots.find_map(|root| choreo_files::open_file(&root.join(name)).ok());
+    let mut head = Vec::new();
+    let read = file.is_some_and(|file| file.take(4096).read_to_end(&mut head).is_ok());
+    read && head.windows(MARK.len()).any(|bytes| bytes == MARK)
 }
 
 fn sorted(mut names: Vec<String>) -> Vec<String> {

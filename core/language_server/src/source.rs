@@ -138,6 +138,42 @@ impl Source {
         &self.inner[first..end]
     }
 
+    /// The text with the code around a byte in the place of the interpolated string that holds it, each byte in its place: `` `a ${b.c}` `` as
+    /// ``     (b.c) ``. `None` where the byte is in no such code.
+    pub fn with_code_of_string(&self, byte: usize) -> Option<Source> {
+        let string = self.token_at(byte).filter(|token| self.get(*token).starts_with('`'))?;
+        let token = self.tokens[string].clone();
+        // Depths of braces: code of an interpolation may have blocks.
+        let (mut code, mut depth, mut before) = (None, 0usize, ' ');
+        for (at, c) in self.text[token.start..byte.min(token.end)].char_indices() {
+            match c {
+                '{' if depth > 0 => depth += 1,
+                '{' if before == '$' => (code, depth) = (Some(token.start + at + 1), 1),
+                '}' => depth = depth.saturating_sub(1),
+                _ => {}
+            }
+            before = c;
+        }
+        let start = code.filter(|_| depth > 0)?;
+        let rest = &self.text[byte..token.end];
+        let closes = |c: char| {
+            depth = if c == '{' { depth + 1 } else { depth - usize::from(c == '}') };
+            depth == 0
+        };
+        let end = rest.find(closes).or_else(|| rest.find(['\n', '`'])).map_or(token.end, |at| byte + at);
+        let mut text = self.text.as_bytes().to_vec();
+        let blank = |text: &mut Vec<u8>, range: Range<usize>| {
+            text[range].iter_mut().filter(|byte| **byte != b'\n').for_each(|byte| *byte = b' ');
+        };
+        blank(&mut text, token.start..start);
+        blank(&mut text, end..token.end);
+        text[start - 1] = b'(';
+        if end < token.end && text[end] != b'\n' {
+            text[end] = b')';
+        }
+        String::from_utf8(text).ok().map(|text| Source::new(&text))
+    }
+
     /// The words of the code inside all interpolated strings.
     pub fn inner_words(&self) -> impl Iterator<Item = InnerWord<'_>> {
         self.inner.iter().flat_map(move |code| {
@@ -288,6 +324,24 @@ mod tests {
         assert_eq!(source.arguments(1).len(), 2);
         let open = (0..source.tokens.len()).find(|i| source.get(*i) == "d").unwrap() + 1;
         assert_eq!(source.arguments(open).len(), 1);
+    }
+
+    /// The cursor is written as `¦`.
+    #[test]
+    fn code_of_interpolated_strings_stands_in_their_place() {
+        for (written, expected) in [
+            ("f(`é ${a.¦b} x ${c}`, 1);", Some("f(     (a.b)       , 1);")),
+            ("f(`${#{ a: 1 }.¦}`);", Some("f(  (#{ a: 1 }.) );")),
+            ("f(`x\n${a¦\n`); g", Some("f(  \n (a\n ); g")),
+            ("f(`${a} ¦ ${b}`);", None),
+            ("f(\"${a¦}\");", None),
+            ("f(a¦);", None),
+        ] {
+            let byte = written.find('¦').unwrap();
+            let source = Source::new(&written.replacen('¦', "", 1));
+            let inner = source.with_code_of_string(byte).map(|source| source.text.to_string());
+            assert_eq!(inner.as_deref(), expected, "{written}");
+        }
     }
 
     #[test]

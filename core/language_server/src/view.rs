@@ -31,6 +31,12 @@ pub struct View<'v> {
 }
 
 impl View<'_> {
+    /// The same for another text.
+    pub fn of<'s>(&'s self, source: &'s Source) -> View<'s> {
+        let View { project, folder, tests_root, files, modules, fps, snippets, .. } = *self;
+        View { source, project, folder, tests_root, files, modules, budget: Budget::default(), fps, snippets }
+    }
+
     pub fn types(&self) -> Types<'_> {
         Types::new(self.source, self.modules, &self.budget)
     }
@@ -43,6 +49,11 @@ impl View<'_> {
     /// Names of files that the script can read.
     pub fn files_named(&self, extensions: &[String]) -> Vec<String> {
         self.folder.map(|folder| files::names(self.project, folder, extensions)).unwrap_or_default()
+    }
+
+    /// Whether `choreo export` has written a file.
+    pub fn is_exported(&self, name: &str) -> bool {
+        self.folder.is_some_and(|folder| files::is_exported(self.project, folder, name))
     }
 
     /// Extensions of the files that the importers read.

@@ -16,12 +16,9 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     let about =
         "the edit: shots, cues, markers and titles as OpenTimelineIO, shots as EDL, titles as subtitles";
     let media = "file name of the rendered video; by default that of the output with .mp4";
-    Manifest::new("edit", env!("CARGO_PKG_VERSION"), about).extensions(["otio", "edl", "srt"]).text(
-        "media",
-        media,
-        "",
-        &[],
-    )
+    let texts = "of an .srt: texts in the place of subtitles, or all of them";
+    let manifest = Manifest::new("edit", env!("CARGO_PKG_VERSION"), about).extensions(["otio", "edl", "srt"]);
+    manifest.text("media", media, "", &[]).text("texts", texts, "subtitles", &["subtitles", "all"])
 });
 
 /// Writes OpenTimelineIO, which `cuts` in a script reads back; an edit decision list where the output is called `.edl`, the titles as
@@ -41,7 +38,18 @@ impl SceneExporter for EditExporter {
                 edl::write(scene, &media(scene), files.main())?;
                 return Ok(vec!["the format has no cues, markers and titles; .otio has them".into()]);
             }
-            "srt" => srt::write(scene, files.main())?,
+            "srt" => {
+                let all = scene.options.text("texts") == Some("all");
+                let left = srt::write(scene, all, files.main())?;
+                let plural = if left == 1 {
+                    "1 text is no subtitle".into()
+                } else {
+                    format!("{left} texts are no subtitles")
+                };
+                let why = "at the top or a side, behind the scene, or there all the time";
+                let note = format!("{plural}: {why}; --export texts=all writes all texts");
+                return Ok(if left > 0 { vec![note] } else { Vec::new() });
+            }
             _ => {
                 let timeline = otio::timeline(scene, &media(scene));
                 serde_json::to_writer_pretty(files.main(), &timeline).map_err(std::io::Error::from)?;

@@ -1,15 +1,21 @@
-//! Subtitles (SubRip): one for each text of the 2D layers.
+//! Subtitles (SubRip): one for each text of the 2D layers that stands where subtitles do.
 
 use choreo_plugin::ExportedScene;
 use choreo_plugin::motion::Time;
 use choreo_plugin::stage::{Layer2d, Layer2dContent};
 use std::io::Write;
 
+/// Where a text is read as a subtitle: in the lower third and the middle of the width. Names of speakers and credits stand at the sides, titles higher.
+const TOP: f64 = 2.0 / 3.0;
+const SIDE: f64 = 0.25;
+
 /// A text and when it is shown.
 pub struct Title<'a> {
     pub words: &'a str,
     pub from: Time,
     pub until: Time,
+    /// Whether it is read as a subtitle: over the frame, where these stand, and not all the time.
+    pub is_subtitle: bool,
 }
 
 /// The texts of the scene by start. Those outside its length are left out.
@@ -22,7 +28,9 @@ pub fn titles(scene: &ExportedScene) -> Vec<Title<'_>> {
             continue;
         };
         if from < until && !words.trim().is_empty() {
-            titles.push(Title { words, from, until });
+            let stays = (from, until) == (Time::ZERO, length);
+            let place = layer.at.y >= TOP && (SIDE..=1.0 - SIDE).contains(&layer.at.x);
+            titles.push(Title { words, from, until, is_subtitle: place && !stays && !layer.under });
         }
     }
     titles.sort_by_key(|title| title.from);
@@ -36,12 +44,15 @@ fn stamp(time: Time) -> String {
     format!("{:02}:{:02}:{:02},{:03}", secs / 3600, secs / 60 % 60, secs % 60, millis % 1000)
 }
 
-pub fn write(scene: &ExportedScene, out: &mut dyn Write) -> std::io::Result<()> {
-    for (index, title) in titles(scene).iter().enumerate() {
+/// Writes the subtitles, or all texts. Gives the number of those that are left out.
+pub fn write(scene: &ExportedScene, all: bool, out: &mut dyn Write) -> std::io::Result<usize> {
+    let (subtitles, others): (Vec<_>, Vec<_>) =
+        titles(scene).into_iter().partition(|title| all || title.is_subtitle);
+    for (index, title) in subtitles.iter().enumerate() {
         // An empty line would end the subtitle.
         let lines: Vec<&str> = title.words.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
         writeln!(out, "{}\n{} --> {}", index + 1, stamp(title.from), stamp(title.until))?;
         writeln!(out, "{}\n", lines.join("\n"))?;
     }
-    Ok(())
+    Ok(others.len())
 }

@@ -1,6 +1,6 @@
 //! The edit of a small scene, in each format, against what its cuts and titles state.
 
-use choreo_plugin::glam::{DVec3, Vec4};
+use choreo_plugin::glam::{DVec2, DVec3, Vec4};
 use choreo_plugin::motion::{Clip, FrameRate, Time, Transform};
 use choreo_plugin::stage::{Align, Camera, Cue, Cut, Font, Layer2d, Layer2dContent, Rig, Stage};
 use choreo_plugin::{AssetBuilder, ExportedScene, MemoryFiles, OptionValue, SceneExporter};
@@ -24,7 +24,7 @@ fn title(words: &str, from: f64, until: Option<f64>) -> Layer2d {
         outline: None,
         panel: None,
     };
-    Layer2d { start: secs(from), end: until.map(secs), ..Layer2d::new(content) }
+    Layer2d { start: secs(from), end: until.map(secs), at: DVec2::new(0.5, 0.9), ..Layer2d::new(content) }
 }
 
 /// Ten seconds: "wide", from 4 s on "close" after a dissolve of half a second, from 7.02 s on "wide" again.
@@ -89,6 +89,30 @@ fn subtitles_are_the_titles_by_start() {
     let expected = "1\n00:00:01,250 --> 00:00:03,000\nHello\n\n2\n00:00:02,500 --> 00:00:04,000\nthere\n\n\
         3\n00:00:08,000 --> 00:00:10,000\nThe\nend\n\n";
     assert_eq!(text("srt", scene(FPS)), expected);
+}
+
+/// What a viewer does not read as a subtitle is left out, counted, and written where all texts are asked for.
+#[test]
+fn decorations_are_no_subtitles() {
+    let mut scene = scene(FPS);
+    let others = [
+        Layer2d { at: DVec2::new(0.5, 0.2), ..title("THE TITLE", 0.5, Some(2.0)) },
+        Layer2d { at: DVec2::new(0.06, 0.8), ..title("Noa", 0.5, Some(2.0)) },
+        Layer2d { under: true, ..title("BEHIND", 0.5, Some(2.0)) },
+        title("a logo", 0.0, None),
+    ];
+    let before = text("srt", scene.clone());
+    Arc::make_mut(&mut scene.stage).layers_2d.extend(others);
+    scene.extension = "srt".into();
+    let mut files = MemoryFiles::default();
+    let notes = EditExporter.export(&scene, &mut files).unwrap();
+    assert_eq!(String::from_utf8(files.main).unwrap(), before);
+    assert!(notes.len() == 1 && notes[0].starts_with("4 texts are no subtitles: "), "{notes:?}");
+    scene.options.0.insert("texts".into(), OptionValue::Text("all".into()));
+    let all = text("srt", scene);
+    for words in ["THE TITLE", "Noa", "BEHIND", "a logo", "Hello"] {
+        assert!(all.contains(&format!("\n{words}\n")), "{words}: {all}");
+    }
 }
 
 /// Name, start and frames of each item of a track.

@@ -1,6 +1,7 @@
 //! Tables: for the terminal, for Markdown, as JSON.
 
 use serde_json::{Map, Value, json};
+use unicode_width::{UnicodeWidthChar, UnicodeWidthStr};
 
 /// Name for people, and key in JSON.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,24 +80,35 @@ impl Table {
 
     /// Columns lined up by blanks; the last one may be long.
     pub fn text(&self) -> String {
-        let widths = self.widths(|cell| cell.text.chars().count());
+        self.text_within(usize::MAX)
+    }
+
+    /// As [`Table::text`], in lines of this many characters where words allow it: longer cells go on in lines of their own.
+    pub fn text_within(&self, width: usize) -> String {
+        let widths = self.fitted(width);
         let mut out = String::new();
         if !self.title.is_empty() {
             out += &format!("{}\n", self.title);
         }
-        let line = |cells: Vec<&str>| {
+        let line = |cells: &[&str]| {
             let mut line = String::from(" ");
             for ((cell, column), width) in cells.iter().zip(&self.columns).zip(&widths) {
-                let fill = " ".repeat(width.saturating_sub(cell.chars().count()));
+                let fill = " ".repeat(width.saturating_sub(cell.width()));
                 line += &if column.right { format!(" {fill}{cell} ") } else { format!(" {cell}{fill} ") };
             }
             line.trim_end().to_string() + "\n"
         };
-        out += &line(self.columns.iter().map(|c| c.title.as_str()).collect());
+        out += &line(&self.columns.iter().map(|c| c.title.as_str()).collect::<Vec<_>>());
         for row in &self.rows {
             // A name from a file cannot begin a row of its own.
-            let cells: Vec<String> = row.iter().map(|c| c.text.replace('\n', "\u{fffd}")).collect();
-            out += &line(cells.iter().map(String::as_str).collect());
+            let cells = row.iter().map(|c| c.text.replace('\n', "\u{fffd}"));
+            let cells: Vec<Vec<String>> =
+                cells.zip(&widths).map(|(cell, width)| wrapped(&cell, *width)).collect();
+            for index in 0..cells.iter().map(Vec::len).max().unwrap_or(0) {
+                let part = |cell: &Vec<String>| cell.get(index).map_or("", String::as_str).to_string();
+                let parts: Vec<String> = cells.iter().map(part).collect();
+                out += &line(&parts.iter().map(String::as_str).collect::<Vec<_>>());
+            }
         }
         for note in &self.notes {
             out += &format!("  {note}\n");
@@ -104,10 +116,25 @@ impl Table {
         out
     }
 
+    /// Widths of the columns: the widest are narrowed until a line fits.
+    fn fitted(&self, width: usize) -> Vec<usize> {
+        /// A column of texts is not narrower.
+        const LEAST: usize = 16;
+        let mut widths = self.widths(|cell| cell.text.width());
+        let mut over = (widths.iter().map(|width| width + 2).sum::<usize>()).saturating_sub(width);
+        while over > 0 {
+            let texts = widths.iter_mut().zip(&self.columns).filter(|(width, c)| !c.right && **width > LEAST);
+            let Some((widest, _)) = texts.max_by_key(|(width, _)| **width) else { break };
+            *widest -= 1;
+            over -= 1;
+        }
+        widths
+    }
+
     fn widths(&self, width: impl Fn(&Cell) -> usize) -> Vec<usize> {
         let of_column = |(i, column): (usize, &Column)| {
             let cells = self.rows.iter().filter_map(|r| r.get(i)).map(&width);
-            cells.chain([column.title.chars().count()]).max().unwrap_or(0)
+            cells.chain([column.title.width()]).max().unwrap_or(0)
         };
         self.columns.iter().enumerate().map(of_column).collect()
     }
@@ -138,9 +165,62 @@ impl Table {
     }
 }
 
+/// The lines of a text of at most this width each, broken between words, or inside a word that is longer. Further lines are set in.
+fn wrapped(text: &str, width: usize) -> Vec<String> {
+    const INSET: &str = "  ";
+    if text.width() <= width {
+        return vec![text.to_string()];
+    }
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        let last = lines.last().map_or(0, |line| line.width());
+        if last > INSET.len() && last + 1 + word.width() > width {
+            lines.push(INSET.to_string());
+        }
+        for (index, letter) in word.char_indices() {
+            let letter_width = letter.width().unwrap_or(0);
+            if lines.last().is_some_and(|line| line.width() + letter_width > width.max(INSET.len() + 2)) {
+                lines.push(INSET.to_string());
+            }
+            let Some(line) = lines.last_mut() else { break };
+            if index == 0 && !line.trim().is_empty() {
+                line.push(' ');
+            }
+            line.push(letter);
+        }
+    }
+    lines
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lines_fit_and_lose_no_word() {
+        let mut table = Table::new("", &[("what", "what"), (">size", "bytes"), ("asked for by", "by")]);
+        let long = "triangles lit skin morph normal_map: 3 draws, 12 copies";
+        table.rows.push(vec![
+            Cell::text(long),
+            Cell::number("1.2 kB", 1200.0),
+            Cell::text("Zoë (line 3), 田中 (line 4)"),
+        ]);
+        table.rows.push(vec![Cell::text("short"), Cell::empty(), Cell::text("x".repeat(50))]);
+        assert_eq!(table.text().lines().count(), 3);
+        let words =
+            |text: &str| text.split_whitespace().collect::<String>().chars().filter(|c| *c != ' ').count();
+        for width in [60, 72, 80, 100] {
+            let text = table.text_within(width);
+            assert!(text.lines().all(|line| line.width() <= width), "{text}");
+            assert_eq!(words(&text), words(&table.text()), "{text}");
+        }
+        let expected = "  what                       size  asked for by
+  triangles lit skin       1.2 kB  Zoë (line 3),
+    morph normal_map: 3              田中 (line 4)
+    draws, 12 copies
+";
+        assert!(table.text_within(56).starts_with(expected), "{}", table.text_within(56));
+    }
 
     #[test]
     fn the_same_rows_for_people_and_machines() {

@@ -3,7 +3,7 @@
 
 use choreo_importer_kit_testing::pypi;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 
 pub struct Run {
     pub code: i32,
@@ -31,6 +31,34 @@ pub fn finished(output: Output) -> Run {
 
 pub fn choreo(folder: &Path, args: &[&str]) -> Run {
     finished(command(folder, args).output().unwrap())
+}
+
+/// A process beside the test, which ends with it, stopped or not.
+pub struct Process(Option<Child>);
+
+impl Process {
+    pub fn spawn(command: &mut Command) -> Process {
+        Process(Some(command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()))
+    }
+
+    #[cfg(unix)]
+    pub fn signal(&self, name: &str) {
+        let id = self.0.as_ref().unwrap().id().to_string();
+        assert!(Command::new("kill").args([name, &id]).status().unwrap().success());
+    }
+
+    pub fn ended(mut self) -> Run {
+        finished(self.0.take().unwrap().wait_with_output().unwrap())
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.0 {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
 }
 
 /// Names in a folder, sorted.

@@ -11,6 +11,7 @@ use crate::output::segment::{
     EXTENSION, FilmWriter, Gap, JoinError, JoinedFrames, Segment, Source, cover, ranges,
 };
 use crate::output::target::{Target, export_failure};
+use crate::process::machine;
 use crate::scene::inputs::Inputs;
 use crate::terminal::progress::Progress;
 use choreo_files::PartFile;
@@ -300,7 +301,7 @@ impl Joining<'_> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         // The job of a farm starts where nothing is but its segments.
         std::fs::create_dir_all(folder).map_err(failed)?;
-        let part = PartFile::create(&path).map_err(|e| write_failure(&shown, e))?;
+        let part = PartFile::create_shared(&path, &machine::id()).map_err(|e| write_failure(&shown, e))?;
         // Where the head is known last, the body waits in a file without a name, on the same disk.
         let mut body = match self.exporter.head_comes_last() {
             true => Some(tempfile::tempfile_in(folder).map_err(failed)?),
@@ -346,7 +347,8 @@ impl Joining<'_> {
             let opened = &self.segments[segment];
             let bytes = opened.bytes(&opened.records[place]);
             let bytes = bytes.map_err(|fault| self.failure(&shown, JoinError::Segment(segment, fault)))?;
-            let part = PartFile::create(&name).map_err(|e| write_failure(&shown, e))?;
+            let part =
+                PartFile::create_shared(&name, &machine::id()).map_err(|e| write_failure(&shown, e))?;
             let out = part.writer().map_err(|e| output_error(&shown, &e))?;
             let mut out = self.budget.count(Box::new(out));
             out.write_all(&bytes).and_then(|()| out.flush()).map_err(|e| output_error(&shown, &e))?;

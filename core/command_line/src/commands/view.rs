@@ -22,14 +22,15 @@ pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failu
         build(Path::new(&cargo), &here, &viewer)?;
     }
     if !viewer.is_file() {
-        let hint = match ours {
+        let how = match ours {
             true => {
-                "\n    hint: cargo build --release -p choreo-viewer makes target/release/choreo-view; put it beside choreo"
+                "; it is in the archive and in the Debian package of choreo, and cargo build --release -p choreo-viewer makes it"
             }
             false => "",
         };
         return Err(Failure::Device(format!(
-            "the viewer is a program of its own and is not there: {}{hint}",
+            "the viewer is not beside {}: {}{how}",
+            app.name,
             viewer.display()
         )));
     }

@@ -6,7 +6,7 @@ use crate::failure::{Failure, output_error, write_failure};
 use crate::output::journal::{self, Changes, Identity, Journal, Kept, Record, Span};
 use crate::output::provenance;
 use crate::output::target::export_failure;
-use crate::process::{interrupt, kept_frames};
+use crate::process::{interrupt, kept_frames, machine};
 use choreo_files::{Destination, Folder as OpenFolder, PartFolder, WriteError};
 use choreo_plugin::{Exporter, FrameSink, Mark, VideoInfo};
 use std::fs::File;
@@ -43,13 +43,16 @@ pub struct Begun {
 /// The only files that a part folder contains, the lock file last.
 const FILES: &[&str] = &["frames", "body", "result", "journal"];
 
+/// Bytes of a journal of another machine at most.
+const MOST_JOURNAL: u64 = 1 << 30;
+
 struct Folder {
+    /// File of the open frames, created for the first of them. It is closed before the folder goes.
+    frames: Option<File>,
     /// Its locked file is the journal.
     part: PartFolder,
     place: PathBuf,
     shown: String,
-    /// File of the open frames, created for the first of them.
-    frames: Option<File>,
     frames_end: u64,
     changes: Changes,
     scratch: Vec<u8>,
@@ -95,11 +98,14 @@ impl Video {
         };
         let part = open_part(&parent, &name, args).map_err(|e| write_failure(&shown, e))?;
         if args.resume && is_made() {
+            part.remove_others();
             return Ok((None, Begun::default()));
         }
         let mut folder = Folder::new(part, path, args);
-        let found = journal::read(BufReader::new(folder.part.lock_file())).filter(|f| !f.records.is_empty());
-        let Some(mut found) = found else {
+        if args.resume {
+            folder.copy_of_others(identity).map_err(|e| write_failure(&shown, e))?;
+        }
+        let Some(mut found) = finished_in(folder.part.lock_file()) else {
             return Ok((Some(folder.begin(exporter, info, identity)?), Begun::default()));
         };
         folder.done = found.records.len();
@@ -172,22 +178,30 @@ impl Video {
     }
 }
 
-/// Whether a process makes the output of this name in a folder.
-pub(crate) fn is_being_made(folder: &OpenFolder, name: &Path) -> bool {
-    PartFolder::is_held(folder, name, FILES)
+/// Whether a process makes an output in the part folder of this name.
+pub(crate) fn is_being_made(folder: &OpenFolder, part: &Path) -> bool {
+    PartFolder::is_held(folder, part, FILES)
 }
 
-/// Opens the part folder. A segment that another process makes is waited for with `--resume`: a farm may start a task again whose first
-/// process still runs. That one ends and leaves a whole segment, or dies and leaves its lock.
+/// Opens the part folder. Several machines may make a segment: with `--resume` one waits for another that is seen to make it, since a farm may
+/// start a task again whose first process still runs. That one ends and leaves a whole segment, or dies and leaves its frames.
 fn open_part(parent: &Arc<OpenFolder>, name: &Path, args: &RenderArgs) -> Result<PartFolder, WriteError> {
+    if args.segment.is_none() {
+        return PartFolder::open(parent.clone(), name, FILES);
+    }
     loop {
-        match PartFolder::open(parent.clone(), name, FILES) {
-            Err(WriteError::Busy) if args.resume && args.segment.is_some() && !interrupt::interrupted() => {
+        match PartFolder::open_shared(parent.clone(), name, &machine::id(), FILES) {
+            Err(WriteError::Busy) if args.resume && !interrupt::interrupted() => {
                 std::thread::sleep(Duration::from_millis(200));
             }
             opened => return opened,
         }
     }
+}
+
+/// The journal of a file, with its records; `None` where it has none.
+fn finished_in(journal: impl Read) -> Option<Journal> {
+    journal::read(BufReader::new(journal)).filter(|found| !found.records.is_empty())
 }
 
 fn joined(head: &[u8], body: &mut File, mut to: File) -> io::Result<()> {
@@ -209,6 +223,33 @@ impl Folder {
             done: 0,
             policy: Policy { resume: args.resume, discard: args.discard, again: args.again.clone() },
         }
+    }
+
+    /// Copies the part of another machine that has the most finished frames, where that are more than the own ones. It is not moved: its process may
+    /// live where locks do not reach.
+    fn copy_of_others(&mut self, identity: &Identity) -> Result<(), WriteError> {
+        let mut most = finished_in(self.part.lock_file()).map_or(0, |found| found.records.len());
+        self.part.lock_file().rewind()?;
+        let mut best = None;
+        for other in self.part.folders_of_others() {
+            let journal = other.read(Path::new("journal"), MOST_JOURNAL).unwrap_or_default();
+            let found = finished_in(&*journal).filter(|found| found.identity == *identity);
+            if let Some(found) = found.filter(|found| found.records.len() > most) {
+                most = found.records.len();
+                best = Some((other, journal));
+            }
+        }
+        let Some((other, journal)) = best else { return Ok(()) };
+        // The journal was read before the files that it speaks of: what is added to them meanwhile does not count.
+        for name in ["body", "frames"] {
+            if let Ok(mut from) = other.open_file(Path::new(name)) {
+                io::copy(&mut from, &mut self.part.create(name)?)?;
+            }
+        }
+        self.part.renew_lock()?;
+        let mut own = self.part.lock_file();
+        own.write_all(&journal)?;
+        Ok(own.rewind()?)
     }
 
     /// Refuses, without `--resume`, to delete frames that this very render can go on with, unless the user allows it. Frames
@@ -394,6 +435,7 @@ impl Folder {
             joined(head, &mut body, self.part.create("result")?)?;
             self.part.finish("result")?;
         }
+        self.part.remove_others();
         kept_frames::clear();
         Ok(())
     }

@@ -2,6 +2,7 @@
 
 pub(crate) mod interrupt;
 pub mod kept_frames;
+pub(crate) mod machine;
 pub mod memory;
 pub mod panics;
 pub mod scratch;

@@ -1,6 +1,7 @@
 //! How a scene is opened, and what is kept for opening it again.
 
 use choreo_plugin::ImportScope;
+use choreo_sandbox::memory::in_use;
 use choreo_script::{AssetCache, Touched};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
@@ -36,6 +37,16 @@ pub struct Keep {
 impl Keep {
     pub fn touched(&self) -> Touched {
         self.touched.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Of scenes that are opened one after the other, releases the assets that none of the open ones uses, once the program holds a quarter of the memory
+    /// that it may: until then a later scene finds them made.
+    pub(crate) fn release(&self, limit: u64) {
+        let held = in_use();
+        // 0: the system does not say.
+        if held == 0 || held > limit / 4 {
+            self.assets.drop_unused();
+        }
     }
 
     pub(crate) fn set_touched(&self, touched: Touched) {

@@ -5,3 +5,4 @@ pub mod json;
 pub mod page;
 pub mod pages;
 pub mod progress;
+pub(crate) mod width;

@@ -240,13 +240,23 @@ impl Costs<'_> {
         let every_frame = RequestedBy::other("every frame");
         self.frame_buffer("camera and ambient light", 1, size_of::<FrameUniform>(), every_frame);
         for (n, each, what, requested_by) in [
-            (*instances, size_of::<Instance>(), "copies", self.actors(plan.draws.iter())),
-            (*joints, size_of::<Affine3x4>(), "joint matrices", self.actors(with(Features::SKIN))),
-            (*morphs, size_of::<ActiveMorph>(), "active morph targets", self.actors(with(Features::MORPH))),
-            (*lights, size_of::<PlanLight>(), "lights", self.actors(lit)),
+            (*instances, size_of::<Instance>(), ["copy", "copies"], self.actors(plan.draws.iter())),
+            (
+                *joints,
+                size_of::<Affine3x4>(),
+                ["joint matrix", "joint matrices"],
+                self.actors(with(Features::SKIN)),
+            ),
+            (
+                *morphs,
+                size_of::<ActiveMorph>(),
+                ["active morph target", "active morph targets"],
+                self.actors(with(Features::MORPH)),
+            ),
+            (*lights, size_of::<PlanLight>(), ["light", "lights"], self.actors(lit)),
         ] {
             if n > 0 {
-                self.frame_buffer(&format!("{n} {what}"), n, each, requested_by);
+                self.frame_buffer(&format!("{n} {}", what[usize::from(n > 1)]), n, each, requested_by);
             }
         }
         for part in &plan.overlay.parts {
@@ -258,7 +268,7 @@ impl Costs<'_> {
             let n = plan.material_overrides.len();
             let requested_by = self.actors(plan.all_draws().filter(|d| d.material_override.is_some()));
             self.frame_buffer(
-                &format!("{n} overridden materials"),
+                &plural(n, "overridden material"),
                 n,
                 size_of::<MaterialUniform>(),
                 requested_by,
@@ -340,7 +350,8 @@ impl Costs<'_> {
             let color = if entry.srgb { "colors" } else { "data" };
             // The plan does not know the device. See `GpuOptions::anisotropy`.
             let filter = if anisotropic { ", anisotropic on GPUs" } else { "" };
-            let what = format!("\"{}\": {w}×{h}, {levels} levels, {color}{filter}", entry.image.name);
+            let levels = plural(levels as usize, "level");
+            let what = format!("\"{}\": {w}×{h}, {levels}, {color}{filter}", entry.image.name);
             let draws = plan.draws.iter().filter(|d| materials.contains(&d.material));
             self.add(CostKind::Texture, what, Some(bytes), self.requested_by(draws));
         }

@@ -4,7 +4,7 @@ pub use super::joint::find_joint;
 pub(crate) use super::look_at::before_start;
 use super::{expression, keys};
 use crate::build::{ActorDraft, Chain, CueDraft, ParentDraft, room};
-use crate::call::{ApiError, Call, Options, Reply, api, euler, fields, number_in, radians, rgb, unknown};
+use crate::call::{ApiError, Call, Options, Reply, api, fields, number_in, radians, rgb, unknown};
 use crate::hook;
 use crate::procedural::MOST_WIDE;
 use crate::value::{ActorRef, AssetRef, CueRef, JointRef};
@@ -204,15 +204,7 @@ fn turn(c: &mut Call) -> Reply {
 }
 
 fn rotate(c: &mut Call) -> Reply {
-    let rotation = match c.len() {
-        1 => keys::quaternion(&c.value(0), "rotate").map_err(|e| match c.number(0) {
-            Ok(angle) => e.hint(format!(
-                "write .turn({angle}) to rotate about the vertical axis, or three angles: .rotate(0, {angle}, 0)"
-            )),
-            Err(_) => e,
-        })?,
-        _ => euler(DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?)),
-    };
+    let rotation = keys::angles_or_quaternion(c)?;
     turned(c, rotation)
 }
 

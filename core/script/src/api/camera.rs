@@ -3,7 +3,7 @@
 use super::actor::before_start;
 use super::keys;
 use crate::build::{CameraDraft, DEFAULT_AZIMUTH, DEFAULT_ELEVATION, room};
-use crate::call::{ApiError, Call, Reply, api, euler, radians, unknown, wrong};
+use crate::call::{ApiError, Call, Reply, api, radians, unknown, wrong};
 use crate::hook;
 use crate::value::{ActorRef, CameraRef};
 use choreo_asset::Asset;
@@ -26,8 +26,8 @@ api! {
     /// Rotates the camera about the vertical axis, in degrees counter-clockwise. Without rotation it looks along
     /// -z. In a callback it rotates on top of all else.
     Camera.turn("degrees") = turn, in_frames;
-    /// Rotates the camera about x, then y, then z, in degrees. In a callback it rotates on top of all else.
-    Camera.rotate("x, y, z") = rotate, in_frames;
+    /// Rotates the camera about x, then y, then z, in degrees, or by a quaternion [x, y, z, w]. In a callback it rotates on top of all else.
+    Camera.rotate("x, y, z | quaternion") = rotate, in_frames;
     /// Shakes the camera by smooth noise, as a handheld camera or in a collision; further calls add to it.
     /// - Options: from (time, default 0), until (time, default none), fade (seconds that it takes to begin and to
     ///   end, default 0.3), amplitude (degrees that it pans and tilts to each side at most, 0 to 90, default 0.5; it
@@ -172,7 +172,8 @@ fn turn(c: &mut Call) -> Reply {
 }
 
 fn rotate(c: &mut Call) -> Reply {
-    rotated(c, euler(DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?)))
+    let rotation = keys::angles_or_quaternion(c)?;
+    rotated(c, rotation)
 }
 
 fn shake(c: &mut Call) -> Reply {

@@ -301,6 +301,19 @@ fn angles(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
 }
 
 /// Reads a quaternion [x, y, z, w] and normalizes it.
+/// The arguments of `rotate`: three angles about x, then y, then z, or a quaternion.
+pub fn angles_or_quaternion(c: &mut Call) -> Result<DQuat, ApiError> {
+    if c.len() > 1 {
+        return Ok(euler(DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?)));
+    }
+    quaternion(&c.value(0), "rotate").map_err(|e| match c.number(0) {
+        Ok(angle) => e.hint(format!(
+            "write .turn({angle}) to rotate about the vertical axis, or three angles: .rotate(0, {angle}, 0)"
+        )),
+        Err(_) => e,
+    })
+}
+
 pub fn quaternion(v: &Dynamic, label: &str) -> Result<DQuat, ApiError> {
     let four = numbers(v).filter(|n| n.len() == 4).map(|n| DQuat::from_xyzw(n[0], n[1], n[2], n[3]));
     let unit = four.filter(|q| q.is_finite() && q.length() > 1e-6).map(DQuat::normalize);

@@ -9,6 +9,7 @@ use crate::commands::compressed;
 use crate::failure::{Failure, print, print_json};
 use crate::output::svg;
 use crate::scene::{self, opening::Opening};
+use crate::terminal::width::columns;
 use choreo_bench::plots::{Cell, Table, byte_bars};
 use choreo_plugin::{FrameWish, Passes, Registry};
 use choreo_render::commands::{RecordOptions, record};
@@ -82,12 +83,12 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
         facts["in"] = inside.json();
         return print_json(&facts);
     }
-    let frames = frames.text();
+    let (frames, width) = (frames.text(), columns());
     print(&format!(
         "{}frames     {frames}\n\n{}\n{}",
         text(&facts),
-        inside.table().text(),
-        left_out(&plan).text()
+        inside.table().text_within(width),
+        left_out(&plan).text_within(width)
     ))
 }
 

@@ -158,6 +158,7 @@ fn films_of_rows(
         if films.is_empty() {
             measured = cost(order, &args, &job, start)?;
         }
+        keep.release(job.scene.limits.memory);
         films.push(Film {
             output: output.clone(),
             segments: row.number.to_string(),
@@ -183,13 +184,31 @@ fn cost(
     job: &render::Job,
     start: Instant,
 ) -> Result<Option<Cost>, Failure> {
-    order.args.chunk.is_none().then(|| measure::cost(render_args, job, start)).transpose()
+    match order.args.chunk {
+        None => measure::cost(render_args, job, start).map(Some),
+        Some(length) => {
+            let piece = piece(job);
+            if length % piece > 0 && !order.args.quiet && !order.args.json {
+                print_message(format_args!(
+                    "chunks of {length} frames do not end where the film's pieces of {piece} do: join encodes frames again, and copies those \
+                     of chunks of {}",
+                    aligned(length.max(piece), piece)
+                ));
+            }
+            Ok(None)
+        }
+    }
+}
+
+/// Frames of a piece of the film; 1 where the format has none.
+fn piece(job: &render::Job) -> u64 {
+    job.exporter.piece(&info(job, job.frames.len() as u64)).map_or(1, NonZeroU64::get)
 }
 
 /// The chunks of a film, at most `most`.
 fn chunks(order: &Order, job: &render::Job, cost: Option<&Cost>, most: u64) -> Vec<chunks::Chunk> {
     let frames = job.frames.len() as u64;
-    let piece = job.exporter.piece(&info(job, frames)).map_or(1, NonZeroU64::get);
+    let piece = piece(job);
     let chunks = match (order.args.chunk, cost) {
         (Some(length), _) => in_chunks_of(frames, length),
         (None, Some(cost)) => of_equal_cost(frames, piece, cost, most),

@@ -29,6 +29,7 @@ pub(super) fn write(
             Err(failure) => failures.push((row.number, failure)),
             Ok(scene) => {
                 stages.push((row, scene.stage.content_hash()));
+                keep.release(scene.limits.memory);
                 match &mut all {
                     Some(all) => {
                         all.touched.read.extend(scene.touched.read);
@@ -56,6 +57,7 @@ pub(super) fn write(
                 let (name, row) = (opened.name, row.number);
                 return Err(Failure::input(format!("{name}: row {row} is another scene where it is packed")));
             }
+            keep.release(opened.limits.memory);
         }
         Ok(())
     };

@@ -94,22 +94,30 @@ echo \"{name}render: job $render, {tasks} tasks; {name}join: job ${{join%%;*}}\"
     )
 }
 
-fn head(job: &str, log: &str) -> String {
+/// `more`: further options of the script.
+fn head(job: &str, log: &str, more: &str) -> String {
     format!(
-        "#!/bin/sh\n#SBATCH --job-name=choreo-{job}\n#SBATCH --output=logs/{log}.txt\n#SBATCH --open-mode=append\n"
+        "#!/bin/sh
+#SBATCH --job-name=choreo-{job}
+#SBATCH --output=logs/{log}.txt
+#SBATCH --open-mode=append
+{more}# Slurm starts a copy of it in the job's folder.
+[ -n \"$SLURM_JOB_ID\" ] || cd \"$(dirname \"$0\")\" || exit 1
+"
     )
 }
 
 /// Head of a script that renders, up to the variable `line`: that of the chunks with the number of the task.
 fn render_head(array: &Array) -> String {
     let stem = array.render.trim_end_matches(".sh");
-    let head = head("render", &format!("{stem}-%a"));
-    let chunks = array.chunks;
-    format!(
-        "{head}#SBATCH --requeue
+    let more = "#SBATCH --requeue
 # A render that gets a signal to stop ends its frame and keeps what is finished; a task that runs again goes on with it.
 #SBATCH --signal=B:TERM@60
-# One chunk: the line of {chunks} with the number of the task.
+";
+    let head = head("render", &format!("{stem}-%a"), more);
+    let chunks = array.chunks;
+    format!(
+        "{head}# One chunk: the line of {chunks} with the number of the task.
 line=$(sed -n \"$((SLURM_ARRAY_TASK_ID + 1))p\" {chunks})
 "
     )
@@ -143,12 +151,12 @@ const WAIT: &str = "--wait 60";
 fn join(film: &Film) -> String {
     let stem = if film.segments.is_empty() { "join" } else { "preview_join" };
     let (head, segments, output) =
-        (head("join", stem), film.folder(), quoted(&format!("{OUTPUT}/{}", film.output)));
+        (head("join", stem, ""), film.folder(), quoted(&format!("{OUTPUT}/{}", film.output)));
     format!("{head}exec \"${{CHOREO:-choreo}}\" join {segments} -o {output} {WAIT}\n")
 }
 
 fn join_rows() -> String {
-    let head = head("join", "join");
+    let head = head("join", "join", "");
     format!(
         "{head}# A film that lacks frames is named; the others are joined.
 failed=0

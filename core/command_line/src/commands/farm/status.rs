@@ -5,7 +5,7 @@ use super::chunks::Chunk;
 use super::job::{FarmJob, Film, JOB, OUTPUT};
 use crate::commands::render::sheet;
 use crate::failure::{Failure, print, print_json, write_failure};
-use crate::output::segment::{Report, State, frames_of, png, report_name, segment_name};
+use crate::output::segment::{PART, Report, State, frames_of, png, report_name, segment_name};
 use crate::output::target::export_failure;
 use crate::output::video::is_being_made;
 use crate::terminal::page::Page;
@@ -83,13 +83,20 @@ fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatu
     })?;
     let names: Vec<&str> = names.iter().filter_map(|name| name.to_str()).collect();
     let whole: BTreeSet<&str> = names.iter().copied().collect();
-    let found: BTreeSet<Chunk> = names.iter().filter_map(|name| frames_of(name)).collect();
-    let status = |frames: Chunk| {
+    let mut found: BTreeMap<Chunk, Vec<&str>> = BTreeMap::new();
+    for name in &names {
+        if let Some(frames) = frames_of(name) {
+            found.entry(frames).or_default().extend(name.ends_with(PART).then_some(*name));
+        }
+    }
+    let status = |(frames, parts): (&Chunk, &Vec<&str>)| {
+        let frames = *frames;
         let (first, last) = frames;
         let name = segment_name(first, last);
         let report = choreo_files::read(&path.join(report_name(first, last)), MOST_REPORT).ok();
         let report = report.and_then(|bytes| Report::read(&bytes));
-        let held = || opened.as_ref().is_ok_and(|folder| is_being_made(folder, Path::new(&name)));
+        let is_held = |folder| parts.iter().any(|part| is_being_made(folder, Path::new(part)));
+        let held = || opened.as_ref().is_ok_and(is_held);
         let state = match report.as_ref().map(|report| report.state) {
             _ if whole.contains(name.as_str()) => Some(State::Done),
             _ if held() => Some(State::Running),
@@ -107,11 +114,11 @@ fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatu
         };
         ChunkStatus { film: number, frames, state, done, report }
     };
-    let touched = |(first, last): &Chunk| found.iter().any(|(a, b)| a <= last && b >= first);
+    let touched = |(first, last): &Chunk| found.keys().any(|(a, b)| a <= last && b >= first);
     let waiting = film.chunks.iter().copied().filter(|chunk| !touched(chunk));
     let waiting =
         waiting.map(|frames| ChunkStatus { film: number, frames, state: None, done: 0, report: None });
-    let mut chunks: Vec<ChunkStatus> = found.iter().copied().map(status).chain(waiting).collect();
+    let mut chunks: Vec<ChunkStatus> = found.iter().map(status).chain(waiting).collect();
     chunks.sort_by_key(|chunk| chunk.frames);
     Ok(chunks)
 }
@@ -207,6 +214,12 @@ impl Progress {
                 _ => continue,
             };
             page.line(format_args!("{film}frames {first}-{last}: {what}"));
+        }
+        let count = |word: &str| self.counts.get(word).copied().unwrap_or(0);
+        if count("running") == 0 && count("stopped") + count("failed") > 0 {
+            page.line(format_args!(
+                "none runs: submit the same job again, and it goes on with what is finished"
+            ));
         }
         if job.films.len() > MOST_LINES {
             let joined = self.films.iter().filter(|there| **there).count();

@@ -106,7 +106,9 @@ impl Batch {
             note: self.note.take(),
             reason: self.reason.clone(),
         };
-        Ok((job.frames.len() as u64, draw::draw(args, &job, started, self.jobs)?))
+        let drawn = draw::draw(args, &job, started, self.jobs);
+        self.keep.release(job.scene.limits.memory);
+        Ok((job.frames.len() as u64, drawn?))
     }
 }
 

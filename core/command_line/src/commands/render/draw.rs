@@ -106,6 +106,10 @@ impl Drawing<'_> {
     /// The driver is shut down when it returns: the program may end then.
     fn run(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<Counts, Failure> {
         let job = self.job;
+        let is_made = || {
+            let segment = job.segment.as_ref();
+            segment.is_some_and(|segment| Segment::is_made(&job.target.file(0), segment, self.info))
+        };
         if self.args.sheet {
             return self.sheet(renderer, say);
         }
@@ -116,11 +120,7 @@ impl Drawing<'_> {
             Target::Stdout => (Some(Video::to_stdout(&*job.exporter, self.info)?), Default::default()),
             target => {
                 let identity = self.identity();
-                let file = target.file(0);
-                let is_made = || {
-                    job.segment.as_ref().is_some_and(|segment| Segment::is_made(&file, segment, self.info))
-                };
-                Video::to_file(&file, &*job.exporter, self.info, &identity, self.args, is_made)?
+                Video::to_file(&target.file(0), &*job.exporter, self.info, &identity, self.args, is_made)?
             }
         };
         begun.note.iter().for_each(|line| say(line));
@@ -143,7 +143,11 @@ impl Drawing<'_> {
         };
         // Also with --quiet: the user must know that they are there.
         kept_frames::take_message().iter().for_each(print_message);
-        drawn
+        match drawn {
+            // Another machine, which locks do not reach, was faster, and has removed this part.
+            Err(Failure::Output(_)) if self.args.resume && is_made() => Ok(Counts::default()),
+            drawn => drawn,
+        }
     }
 
     fn sheet(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<Counts, Failure> {

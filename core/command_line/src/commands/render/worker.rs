@@ -4,6 +4,7 @@
 use crate::drawing::pipeline::Pixels;
 use crate::failure::Failure;
 use crate::output::segment::{Report, State, png, report_name, thumbnail};
+use crate::process::machine::host;
 use choreo_files::write_whole;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -95,12 +96,4 @@ impl Worker {
         self.written = Some(Instant::now());
         let _ = write_whole(&self.path, &self.report.bytes());
     }
-}
-
-/// The name of this machine; empty where the system does not say.
-fn host() -> String {
-    #[cfg(unix)]
-    return rustix::system::uname().nodename().to_string_lossy().into_owned();
-    #[cfg(not(unix))]
-    return std::env::var("COMPUTERNAME").unwrap_or_default();
 }

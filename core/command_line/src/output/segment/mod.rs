@@ -15,7 +15,7 @@ mod write;
 pub(crate) use coverage::{Gap, Source, cover, ranges};
 pub(crate) use film_writer::{FilmWriter, JoinError, JoinedFrames};
 pub(crate) use read::{Fault, Place, Segment};
-pub(crate) use report::{Report, State, frames_of, report_name, segment_name, thumbnail};
+pub(crate) use report::{PART, Report, State, frames_of, report_name, segment_name, thumbnail};
 pub(crate) use write::{SegmentExporter, png};
 
 use crate::output::journal::Identity;

@@ -10,6 +10,9 @@ use serde_json::{Value, json};
 /// Extension of the files.
 const REPORT: &str = "report";
 
+/// Ending of the folders of unfinished segments.
+pub(crate) const PART: &str = ".part";
+
 /// Larger side of a thumbnail in pixels.
 const THUMBNAIL: u32 = 192;
 
@@ -92,13 +95,15 @@ pub(crate) fn report_name(first: u64, last: u64) -> String {
     format!("{}.{REPORT}", stem(first, last))
 }
 
-/// First and last frame of a file in a folder of segments, by its name: a segment, its part folder or a report.
+/// First and last frame of a file in a folder of segments, by its name: a segment, a report, or the part folder of a machine,
+/// `FRAMES.segment.MACHINE.part`.
 pub(crate) fn frames_of(name: &str) -> Option<(u64, u64)> {
     let (stem, ending) = name.split_once('.')?;
     let (first, last) = stem.split_once('-')?;
     let frames = (first.parse().ok()?, last.parse().ok()?);
-    ([EXTENSION, REPORT].contains(&ending.trim_end_matches(".part")) && frames.0 <= frames.1)
-        .then_some(frames)
+    let whole = [EXTENSION, REPORT].contains(&ending);
+    let part = ending.strip_prefix(EXTENSION).is_some_and(|rest| rest.ends_with(PART));
+    ((whole || part) && frames.0 <= frames.1).then_some(frames)
 }
 
 /// A frame made small, each pixel the mean of a block.
@@ -152,7 +157,9 @@ mod tests {
 
     #[test]
     fn names_say_which_frames_a_file_is_of() {
-        for name in ["0000000-0000023.segment", "0000000-0000023.segment.part", "0000000-0000023.report"] {
+        for name in
+            ["0000000-0000023.segment", "0000000-0000023.segment.1a2b3c4d.part", "0000000-0000023.report"]
+        {
             assert_eq!(frames_of(name), Some((0, 23)), "{name}");
         }
         for name in ["0000024-0000023.segment", "1-2.png", "a-2.segment", ".0000000-0000023.report.7.0.part"]
