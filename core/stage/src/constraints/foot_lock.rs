@@ -243,6 +243,12 @@ pub(super) fn come_down(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64
 }
 
 impl Contact {
+    /// Lets the foot stand elsewhere.
+    pub fn move_to(&mut self, at: DVec3) {
+        let way = at - self.at.unwrap_or(at);
+        (self.at, self.first, self.last) = (Some(at), self.first + way, self.last + way);
+    }
+
     /// Whether a foot that its clips have at `place` still keeps its place on the ground: it is hardly higher. `offset`: its correction there.
     pub fn holds(&self, offset: DVec3, place: DVec3, leg: f64) -> bool {
         self.at.is_some_and(|at| {
@@ -263,6 +269,11 @@ impl Contact {
             there
         }
     }
+}
+
+/// Height in metres that a foot gets above places where it stands. `leg`: its length, metres.
+pub(super) fn clearance(leg: f64) -> f64 {
+    CLEARANCE.min(CLEARANCE_LEGS * leg)
 }
 
 /// The smoothstep from 0 to 1.
@@ -314,7 +325,7 @@ impl FootLockTrack {
 
     /// The position of a foot in the air, high enough near the places where it has stood and will stand.
     fn cleared(&self, foot: DVec3, ends: [Option<DVec3>; 2]) -> DVec3 {
-        let clearance = CLEARANCE.min(CLEARANCE_LEGS * self.leg);
+        let clearance = clearance(self.leg);
         let [near, far] = CLEAR.map(|c| c * clearance);
         let raise = |at: DVec3| {
             let away = (foot - at).with_y(0.0).length();

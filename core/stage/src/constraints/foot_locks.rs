@@ -6,11 +6,13 @@ use crate::constraints::foot_lock::{ContactSpan, FADE, FootLockTrack, come_down,
 use crate::constraints::foot_samples::{FeetInMotion, leg_length};
 use crate::constraints::ground::Ground;
 use crate::constraints::standing_fades::FadeSteps;
+use crate::constraints::stands::{HeldFoot, Stand, stands};
 use crate::pose::motions::Motions;
 use crate::stage::constraint::FootLock;
 use crate::stage::{Stage, StageError};
 use choreo_motion::Time;
 use choreo_motion::contacts::still_intervals;
+use glam::DVec3;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -25,7 +27,14 @@ pub(super) const LONGEST_GAP: Time = Time(Time::TICKS_PER_SECOND);
 pub(crate) struct FootLocks(Arc<Planned>);
 
 /// The spans of each constraint, by actor and constraint.
-type Windows = BTreeMap<(usize, usize), Arc<Vec<Window>>>;
+type Windows = BTreeMap<(usize, usize), Arc<Spans>>;
+
+/// The spans of a constraint, in the order of time, and its stands.
+#[derive(Debug)]
+struct Spans {
+    windows: Vec<Window>,
+    stands: Vec<Stand>,
+}
 
 #[derive(Debug, Default)]
 struct Planned {
@@ -40,13 +49,38 @@ struct Window {
     to: Time,
     /// Whether the stage begins and ends in it.
     open: [bool; 2],
+    /// The stand that goes on before it and after it.
+    stands: [Option<usize>; 2],
+    /// It is nothing but the stand with this number, between these windows.
+    held: Option<(usize, [Option<usize>; 2])>,
     track: OnceLock<Arc<FootLockTrack>>,
 }
 
 impl Window {
+    /// Brings the hips up where a stand goes on without this window.
+    fn taper(&self, drops: &mut [f64]) {
+        let fading = (FADE / STEP.as_secs()) as usize;
+        let count = drops.len();
+        for (i, drop) in drops.iter_mut().enumerate() {
+            for (side, left) in [i, count - 1 - i].into_iter().enumerate() {
+                if self.stands[side].is_some() && left < fading {
+                    *drop *= left as f64 / fading as f64;
+                }
+            }
+        }
+    }
+
+    /// Whether another window follows on a side.
+    fn goes_on(&self, side: usize) -> bool {
+        self.stands[side].is_some() || self.held.is_some_and(|(_, beside)| beside[side].is_some())
+    }
+
     fn counts(&self, time: Time) -> bool {
-        let fade = Time::from_secs(FADE);
-        (self.open[0] || self.from - fade < time) && (self.open[1] || time < self.to + fade)
+        let fade = [0, 1].map(|side| match self.goes_on(side) {
+            true => Time::ZERO,
+            false => Time::from_secs(FADE),
+        });
+        (self.open[0] || self.from - fade[0] <= time) && (self.open[1] || time <= self.to + fade[1])
     }
 }
 
@@ -65,29 +99,85 @@ impl FootLocks {
     pub fn track(&self, of: FootLockOf, time: Time) -> Result<Option<Arc<FootLockTrack>>, StageError> {
         let known = || self.0.windows.lock().unwrap_or_else(PoisonError::into_inner);
         let key = (of.actor, of.constraint);
-        let windows = known().entry(key).or_insert_with(|| Arc::new(windows(of.stage, of.foot_lock))).clone();
-        let Some(window) = windows.iter().find(|window| window.counts(time)) else { return Ok(None) };
+        let of_stage = || Arc::new(Spans::of(of.stage, of.actor, of.foot_lock));
+        let spans = known().entry(key).or_insert_with(of_stage).clone();
+        let Some(mut window) = spans.windows.iter().find(|window| window.counts(time)) else {
+            return Ok(None);
+        };
+        if window.track.get().is_none()
+            && let Some((stand, beside)) = window.held
+        {
+            if let Some(held) = held(&of, &spans.stands[stand], window)? {
+                window.track.get_or_init(|| Arc::new(held));
+            } else {
+                // A stand that is not held: the windows beside it end as they would without one.
+                let fade = Time::from_secs(FADE);
+                let near = [time - window.from < fade, window.to - time < fade];
+                let Some(other) = [0, 1].into_iter().find_map(|i| beside[i].filter(|_| near[i])) else {
+                    return Ok(None);
+                };
+                window = &spans.windows[other];
+            }
+        }
         if let Some(track) = window.track.get() {
             return Ok(Some(track.clone()));
         }
-        let track = Arc::new(plan(&of, &self.0.contacts, window)?);
+        let track = Arc::new(plan(&of, &self.0.contacts, &spans.stands, window)?);
         Ok(Some(window.track.get_or_init(|| track).clone()))
     }
 }
 
-fn plan(of: &FootLockOf, clips: &ClipContacts, window: &Window) -> Result<FootLockTrack, StageError> {
+/// Runs something with the feet of an actor, which are sampled in a stage of its own where that is the same.
+fn with_feet<T>(
+    of: &FootLockOf,
+    run: impl FnOnce(&mut FeetInMotion) -> Result<T, StageError>,
+) -> Result<T, StageError> {
+    // Each sample places all actors of a stage.
+    let alone = alone(of.stage, of.actor);
+    let (stage, actor) = alone.as_ref().map_or((of.stage, of.actor), |alone| (alone, 0));
+    let motions = if alone.is_some() { Arc::new(of.motions.only(of.actor)) } else { of.motions.clone() };
+    let mut scratch = Scratch::only(vec![actor]);
+    scratch.motions = Some(motions);
+    run(&mut FeetInMotion { stage, actor, foot_lock: of.foot_lock, scratch })
+}
+
+/// The track of a stand, if it is held.
+fn held(of: &FootLockOf, stand: &Stand, window: &Window) -> Result<Option<FootLockTrack>, StageError> {
+    let leg = leg_length(of.stage, of.actor, of.foot_lock);
+    let places = with_feet(of, |feet| Ok(stand.places(feet, leg)?.map(<[DVec3]>::to_vec)))?;
+    let front = of.stage.actors[of.actor].asset.front();
+    Ok(places.map(|places| FootLockTrack {
+        steps: vec![Vec::new(); places.len()],
+        legs: places.into_iter().map(|at| vec![stand.contact(at)]).collect(),
+        span: (window.from, window.to),
+        open: [0, 1].map(|side| window.open[side] || window.goes_on(side)),
+        drops: Vec::new(),
+        leg,
+        front,
+    }))
+}
+
+fn plan(
+    of: &FootLockOf,
+    clips: &ClipContacts,
+    stands: &[Stand],
+    window: &Window,
+) -> Result<FootLockTrack, StageError> {
+    with_feet(of, |feet| plan_with(of, clips, stands, window, feet))
+}
+
+fn plan_with(
+    of: &FootLockOf,
+    clips: &ClipContacts,
+    stands: &[Stand],
+    window: &Window,
+    feet: &mut FeetInMotion,
+) -> Result<FootLockTrack, StageError> {
     let FootLockOf { stage, actor, foot_lock, .. } = *of;
-    let &Window { from, to, open, .. } = window;
+    let &Window { from, to, mut open, .. } = window;
     let ground: Vec<Ground> =
         foot_lock.ground.iter().map(|g| Ground::of(stage, *g)).collect::<Result<_, _>>()?;
     let leg = leg_length(stage, actor, foot_lock);
-    // Each sample places all actors of a stage.
-    let alone = alone(stage, actor);
-    let (within, index) = alone.as_ref().map_or((stage, actor), |alone| (alone, 0));
-    let motions = if alone.is_some() { Arc::new(of.motions.only(actor)) } else { of.motions.clone() };
-    let mut scratch = Scratch::only(vec![index]);
-    scratch.motions = Some(motions);
-    let mut feet = FeetInMotion { stage: within, actor: index, foot_lock, scratch };
     let count = foot_lock.legs.len();
     // How much higher than in its clips each foot stood last.
     let mut raised = vec![0.0; count];
@@ -115,24 +205,52 @@ fn plan(of: &FootLockOf, clips: &ClipContacts, window: &Window) -> Result<FootLo
             found.push(stand(&ContactSpan { span: *span, ends }));
         }
     }
+    // Where the feet stand in each stand.
+    let mut places: Vec<Option<Vec<DVec3>>> = Vec::new();
+    for held in stands {
+        let counts = held.from <= to && held.to >= from;
+        let found = if counts { held.places(feet, leg)? } else { None };
+        places.push(found.map(<[DVec3]>::to_vec));
+    }
     if let Some(contacts) = &by_clips {
         let fades = &foot_lock.standing_fades;
         for (i, fade) in fades.iter().enumerate().filter(|(_, f)| from <= f.from && f.to <= to) {
             let mut stand = |leg: usize, span: &ContactSpan| {
                 stand(&samples, span, leg, foot_lock, &ground, &mut raised[leg])
             };
-            let before = i.checked_sub(1).map_or(from, |i| fades[i].to);
+            let before = i.checked_sub(1).map(|i| fades[i].to);
+            // Nobody sees what a step does before the stage begins.
+            let begin = if open[0] && before.is_none() { -LONGEST_GAP } else { from };
             let after = fades.get(i + 1).map_or(to, |next| next.from);
-            let room = (before.max(from), after.min(to));
-            FadeSteps { fade, room, leg_length: leg, samples: &samples, clips: contacts }
-                .run(&mut feet, &mut stand, &mut legs, &mut steps)?;
+            let room = (before.map_or(begin, |before| before.max(from)), after.min(to));
+            let held = stands.iter().position(|stand| match fade.ends_standing {
+                true => stand.from == fade.to,
+                false => stand.to == fade.from,
+            });
+            let begins = |held: usize| !fade.ends_standing && before.is_none() && stands[held].from >= from;
+            let free = held.is_some_and(begins);
+            let places = held.and_then(|held| places[held].as_deref_mut());
+            FadeSteps { fade, room, leg_length: leg, samples: &samples, clips: contacts, free }
+                .run(feet, &mut stand, places, &mut legs, &mut steps)?;
+        }
+    }
+    for (number, (stand, places)) in stands.iter().zip(&places).enumerate() {
+        let Some(places) = places.as_ref().filter(|_| stand.from < to && stand.to > from) else { continue };
+        for (index, at) in places.iter().enumerate() {
+            let foot =
+                HeldFoot { leg: index, at: *at, samples: &samples, span: (from, to), steps: &steps[index] };
+            foot.hold(stand, &mut legs[index]);
+        }
+        for side in [0, 1] {
+            open[side] |= window.stands[side] == Some(number);
         }
     }
     for (index, found) in legs.iter_mut().enumerate() {
         roll(&samples, index, leg, &steps[index], found);
     }
     let comes_down = ground.is_empty() && foot_lock.hips.is_some();
-    let drops = if comes_down { come_down(&samples, &legs) } else { Vec::new() };
+    let mut drops = if comes_down { come_down(&samples, &legs) } else { Vec::new() };
+    window.taper(&mut drops);
     let front = stage.actors[actor].asset.front();
     Ok(FootLockTrack { legs, steps, span: (from, to), open, drops, leg, front })
 }
@@ -149,7 +267,7 @@ fn alone(stage: &Stage, actor: usize) -> Option<Stage> {
 }
 
 /// The times in which feet are looked at, one after the other: all of the stage, or around those that count.
-fn windows(stage: &Stage, foot_lock: &FootLock) -> Vec<Window> {
+fn windows(stage: &Stage, foot_lock: &FootLock) -> Vec<(Time, Time)> {
     // A stage may end while feet still step.
     let last_steps = foot_lock.standing_fades.last().map_or(Time::ZERO, |fade| fade.to + LONGEST_GAP);
     let length = stage.settings.length.max(last_steps).min(Time(MOST_SAMPLES * STEP.0));
@@ -169,9 +287,39 @@ fn windows(stage: &Stage, foot_lock: &FootLock) -> Vec<Window> {
         }
         joined
     });
-    let window = |(from, to): (Time, Time)| {
-        let open = [from <= Time::ZERO, to >= stage.settings.length];
-        Window { from, to, open, track: OnceLock::new() }
-    };
-    all.into_iter().map(window).collect()
+    all
+}
+
+impl Spans {
+    fn of(stage: &Stage, actor: usize, foot_lock: &FootLock) -> Spans {
+        let window = |(from, to): (Time, Time)| {
+            let open = [from <= Time::ZERO, to >= stage.settings.length];
+            Window { from, to, open, stands: [None; 2], held: None, track: OnceLock::new() }
+        };
+        let mut windows: Vec<Window> = windows(stage, foot_lock).into_iter().map(window).collect();
+        let stands = stands(&stage.actors[actor], foot_lock);
+        let planned = windows.len();
+        for (number, stand) in stands.iter().enumerate() {
+            let at = |time: Time| windows[..planned].iter().position(|w| w.from <= time && time <= w.to);
+            let beside = [at(stand.from), at(stand.to)];
+            if beside[0].is_some() && beside[0] == beside[1] {
+                continue;
+            }
+            let from = beside[0].map_or(stand.from, |w| windows[w].to);
+            let to = beside[1].map_or(stand.to, |w| windows[w].from);
+            if from >= to.min(stage.settings.length) {
+                continue;
+            }
+            for (side, window) in beside.into_iter().enumerate() {
+                if let Some(window) = window {
+                    windows[window].stands[1 - side] = Some(number);
+                    windows[window].open[1 - side] = false;
+                }
+            }
+            let open = [from <= Time::ZERO, to == Time::MAX];
+            let held = Some((number, beside));
+            windows.push(Window { from, to, open, stands: [None; 2], held, track: OnceLock::new() });
+        }
+        Spans { windows, stands }
+    }
 }

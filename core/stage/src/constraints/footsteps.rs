@@ -32,6 +32,9 @@ const NEAR: f64 = 0.004;
 const MOST_STEPS: usize = 64;
 /// Seconds between two times that the planner looks at.
 const LOOK: f64 = 1.0 / 60.0;
+/// Longest way that the first speed of a step may lead in its time, in ways of the step. With a longer one v the quintic of least jerk gets past
+/// the end at 1 and comes back: at a time u before it, it is at 1 − (10 − 4 v) u³.
+const OVERSHOOT: f64 = 2.5;
 
 /// A foot as the plan begins; world space.
 #[derive(Clone, Copy, Debug)]
@@ -77,13 +80,8 @@ impl FootstepPlan<'_> {
         let mut places: Vec<DVec3> = self.feet.iter().map(|f| f.at).collect();
         let mut now: f64 = 0.0;
         for (leg, foot) in self.feet.iter().enumerate().filter(|(_, f)| f.lands_secs > 0.0) {
-            let secs = foot.lands_secs.clamp(HURRIED * step_secs, step_secs);
-            let end = self.place(leg, secs, step_secs);
-            // Its present height above the ground counts.
-            let high = (foot.at.y - end.y).max(0.0);
-            let lift = (self.lift(foot.at, end) - high).max(LOWEST * self.leg);
-            let step =
-                PlannedStep { from: 0.0, to: secs, start: foot.at, velocity: foot.velocity, end, lift };
+            let step = self.step_on(leg, foot, step_secs);
+            let (secs, end) = (step.to, step.end);
             steps[leg].push(step);
             places[leg] = end;
             now = now.max(secs);
@@ -124,6 +122,31 @@ impl FootstepPlan<'_> {
         None
     }
 
+    /// The step of a foot that is in the air as the plan begins.
+    fn step_on(&self, leg: usize, foot: &FootState, step_secs: f64) -> PlannedStep {
+        let hurried = HURRIED * step_secs;
+        let mut secs = foot.lands_secs.clamp(hurried, step_secs);
+        let mut velocity = foot.velocity;
+        let mut end = self.place(leg, secs, step_secs);
+        // A foot that is too fast for the rest of its way would go past its place and come back: it comes down earlier, as soon as in its
+        // clip, and brakes for what is left.
+        let way = (end - foot.at).with_y(0.0);
+        let ahead = way.normalize_or_zero();
+        let speed = velocity.dot(ahead);
+        let most = |secs: f64, end: DVec3| {
+            OVERSHOOT * (end - foot.at).with_y(0.0).dot(ahead).max(0.0) / (UPRIGHT[1] * secs)
+        };
+        if speed > most(secs, end) {
+            secs = (secs * most(secs, end) / speed).max(foot.lands_secs.min(secs)).max(LOOK);
+            end = self.place(leg, secs, step_secs);
+            velocity -= ahead * (speed - most(secs, end)).max(0.0);
+        }
+        // Its present height above the ground counts; a short step is a low one.
+        let high = (foot.at.y - end.y).max(0.0);
+        let lift = (self.lift(foot.at, end) - high).max(LOWEST * self.leg) * (secs / hurried).min(1.0);
+        PlannedStep { from: 0.0, to: secs, start: foot.at, velocity, end, lift }
+    }
+
     /// Position at which a foot comes down at a time: ahead of the hips, as far as the leg reaches by then.
     fn place(&self, leg: usize, secs: f64, step_secs: f64) -> DVec3 {
         let last = (self.stance)(leg, self.fade_secs);
@@ -156,6 +179,11 @@ impl Footstep {
         let sign = if backwards { -1.0 } else { 1.0 };
         let [a, b] = [step.from, step.to].map(|secs| begin + Time::from_secs(sign * secs));
         Footstep { from: a.min(b), to: a.max(b), step, backwards }
+    }
+
+    /// Whether it leads from a stand to a walk.
+    pub fn leads_to_walk(&self) -> bool {
+        self.backwards
     }
 
     /// Positions of the foot before and after the step, in the order of time.
@@ -230,6 +258,24 @@ mod tests {
                 let out_of_place = feet.iter().filter(|foot| foot.at.z.abs() > 0.05).count();
                 assert!(all.len() >= if fade > 1.0 { 3 } else { out_of_place }, "{fade}: {all:?}");
             }
+        }
+    }
+
+    #[test]
+    fn a_fast_foot_does_not_get_past_its_place() {
+        for (z, lands_secs) in [(-0.4, 0.02), (-0.3, 0.1), (-0.1, 0.2), (-0.02, 0.25), (-0.38, 0.3)] {
+            let air = FootState { velocity: DVec3::Z * 5.8, lands_secs, ..standing(-0.1, z) };
+            let steps = plan([standing(0.1, 0.0), air], 0.0, 0.5);
+            let step = Footstep::new(steps[1][0], Time::ZERO, false);
+            assert!(step.to.as_secs() <= 0.35 && step.ends()[1].z.abs() < 1e-9, "{step:?}");
+            let farthest = |step: &Footstep| {
+                let at = |i: i32| step.at(step.to.scaled(f64::from(i) / 200.0)).z;
+                (0..=200).map(at).fold(f64::NEG_INFINITY, f64::max)
+            };
+            assert!(farthest(&step) < 1e-6, "{z}, {lands_secs}: {}", farthest(&step));
+            // With all of its speed it does.
+            let whole = PlannedStep { velocity: air.velocity, to: 0.35, ..steps[1][0] };
+            assert!(farthest(&Footstep::new(whole, Time::ZERO, false)) > 0.01);
         }
     }
 

@@ -20,6 +20,7 @@ pub(crate) mod look_at;
 pub(crate) mod order;
 pub(crate) mod solve;
 mod standing_fades;
+mod stands;
 mod steps;
 
 use crate::actors;

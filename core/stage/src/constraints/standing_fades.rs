@@ -1,7 +1,7 @@
 //! Fades between a walk and a stand, within foot locking: contacts before and after a fade stay, and steps lead from the ones to the others.
 
 use crate::constraints::foot_contacts::FootContacts;
-use crate::constraints::foot_lock::{Contact, ContactSpan};
+use crate::constraints::foot_lock::{Contact, ContactSpan, clearance};
 use crate::constraints::foot_locks::{LONGEST_GAP, STEP};
 use crate::constraints::foot_samples::{FeetInMotion, FootSamples};
 use crate::constraints::footsteps::{FootState, Footstep, FootstepPlan};
@@ -12,8 +12,12 @@ use glam::DVec3;
 
 /// Feet whose clip lifts them for longer have just been lifted, seconds.
 const LONGEST_SWING: f64 = 0.6;
+/// A foot that comes down sooner than in these seconds is down.
+const LANDS: f64 = 1.0 / 120.0;
 /// How much of its sole's length a leg reaches farther with the heel raised.
 const RAISED: f64 = 0.2;
+/// A foot that stands so near to where the walk begins, in legs, stands there from the beginning.
+const BEGINS: f64 = 0.08;
 /// Times between which a velocity is measured.
 const INSTANT: Time = Time(Time::TICKS_PER_SECOND / 480);
 
@@ -37,14 +41,18 @@ pub(super) struct FadeSteps<'a> {
     pub leg_length: f64,
     pub samples: &'a FootSamples,
     pub clips: &'a FootContacts<'a>,
+    /// Whether nothing but this fade needs to know where the feet stand.
+    pub free: bool,
 }
 
 impl FadeSteps<'_> {
     /// Replaces the contacts of all legs in the fade, and adds its steps. Where feet would not get to their places in time the contacts stay.
+    /// `places`: where the feet stand for as long as the standing clip plays alone, if they keep their places.
     pub fn run(
         &self,
         feet: &mut FeetInMotion,
         stand: &mut Stand,
+        places: Option<&mut [DVec3]>,
         contacts: &mut [Vec<Contact>],
         steps: &mut [Vec<Footstep>],
     ) -> Result<(), StageError> {
@@ -55,12 +63,16 @@ impl FadeSteps<'_> {
             // The clip before the fade is the only one that counts just before it.
             let just = if backwards { walking_at } else { walking_at - Time(1) };
             let lands_secs = self.clips.lands_secs(leg, just, backwards, LONGEST_SWING);
-            sides.push(self.sides(feet, leg, lands_secs, contacts, stand)?);
+            let place = places.as_ref().and_then(|places| places.get(leg)).copied();
+            sides.push(self.sides(feet, (leg, place), lands_secs, contacts, stand)?);
         }
         let Some(planned) = self.plan(&sides) else { return Ok(()) };
         for (leg, (side, planned)) in sides.iter().zip(planned).enumerate() {
             self.rewrite(&mut contacts[leg], leg, side, &planned);
             steps[leg].extend(planned);
+        }
+        for (place, side) in places.into_iter().flatten().zip(&sides) {
+            *place = side.standing.at.unwrap_or(*place);
         }
         Ok(())
     }
@@ -124,7 +136,7 @@ impl FadeSteps<'_> {
     fn sides(
         &self,
         feet: &mut FeetInMotion,
-        leg: usize,
+        (leg, kept): (usize, Option<DVec3>),
         lands_secs: f64,
         contacts: &[Contact],
         stand: &mut Stand,
@@ -152,9 +164,17 @@ impl FadeSteps<'_> {
             })
         };
         let backwards = self.backwards();
-        let standing = cut(standing_at, backwards)?;
-        if lands_secs <= 0.0 {
+        let mut standing = cut(standing_at, backwards)?;
+        if let Some(at) = kept {
+            standing.move_to(at);
+        }
+        if lands_secs <= if backwards { 0.0 } else { LANDS } {
             let walking = cut(walking_at, !backwards)?;
+            let near = |a: DVec3, b: DVec3| (a - b).with_y(0.0).length() < BEGINS * self.leg_length;
+            let begins = walking.at.filter(|at| self.free && standing.at.is_some_and(|s| near(s, *at)));
+            if let Some(at) = begins {
+                standing.move_to(at);
+            }
             let state =
                 FootState { at: walking.at.unwrap_or_default(), velocity: DVec3::ZERO, lands_secs: 0.0 };
             return Ok(FootSides { walking, state, standing });
@@ -176,6 +196,11 @@ impl FadeSteps<'_> {
         {
             carried = (at - here).with_y(offset.y);
             velocity = DVec3::ZERO;
+        }
+        // A step that leads to a foot in the air ends above the ground, however low the clip has it: it would scuff.
+        let above = standing.at.unwrap_or(here).y + clearance(self.leg_length) - (here + carried).y;
+        if backwards && above > 0.0 && velocity != DVec3::ZERO {
+            carried.y += above;
         }
         let at = here + carried;
         let walking = Contact {

@@ -1,0 +1,189 @@
+//! Stands of a character that walks before or after: each foot keeps one place for as long as the standing clip plays.
+//!
+//! A standing clip of another body shifts the feet by centimetres as the weight shifts, most of all where legs have other proportions. The
+//! place of a foot is the mean of its places over one round of the clip, so that it is the same whichever fade asks for it.
+
+use crate::constraints::foot_lock::{Contact, FADE};
+use crate::constraints::foot_samples::{FeetInMotion, FootSamples};
+use crate::constraints::footsteps::Footstep;
+use crate::stage::actor::Actor;
+use crate::stage::constraint::FootLock;
+use crate::stage::{Stage, StageError};
+use choreo_motion::{Repeat, Time};
+use glam::DVec3;
+use std::sync::OnceLock;
+
+/// Looks at one round of the clip, and over the whole of the stand.
+const LOOKS: u32 = 24;
+const LATER_LOOKS: u32 = 8;
+/// Seconds between looks at a clip of an upper layer, and how many looks there are at most.
+const LAYER_SECS: f64 = 0.1;
+const LAYER_LOOKS: f64 = 64.0;
+/// Rounds of clips that are longer are looked at so far.
+const LONGEST_ROUND: Time = Time(20 * Time::TICKS_PER_SECOND);
+/// A foot that is farther from its mean place, level and in height, in lengths of a leg, gets somewhere: such a stand is not held.
+const FARTHEST: f64 = 0.15;
+const HIGHEST: f64 = 0.05;
+
+/// A time in which a standing clip plays alone.
+#[derive(Debug)]
+pub(super) struct Stand {
+    pub from: Time,
+    pub to: Time,
+    /// One round of the clip.
+    round: Time,
+    places: OnceLock<Option<Vec<DVec3>>>,
+}
+
+/// The stands between the fades of a constraint that locks feet in these fades alone; sorted.
+pub(super) fn stands(actor: &Actor, foot_lock: &FootLock) -> Vec<Stand> {
+    let cues = actor.layers.first().map_or(&[][..], |layer| &layer.cues);
+    let fades = &foot_lock.standing_fades;
+    let mut all = Vec::new();
+    // On uneven ground the height of a place is not that of the clip.
+    if foot_lock.only.is_empty() || !foot_lock.ground.is_empty() {
+        return all;
+    }
+    for (i, fade) in fades.iter().enumerate() {
+        let begun = match fade.ends_standing {
+            true => cues.partition_point(|cue| cue.start <= fade.from),
+            false if i > 0 && fades[i - 1].ends_standing => continue,
+            false => cues.partition_point(|cue| cue.start < fade.from),
+        };
+        let Some(cue) = begun.checked_sub(1).map(|c| &cues[c]) else { continue };
+        let (from, to) = match fade.ends_standing {
+            true => {
+                let next_fade = fades.get(i + 1).map_or(Time::MAX, |next| next.from);
+                (fade.to, cues.get(begun).map_or(Time::MAX, |next| next.start).min(next_fade))
+            }
+            false => (cue.start + cue.fade_in.max(cue.inertialization), fade.from),
+        };
+        let round = (cue.trim.1 - cue.trim.0).scaled(1.0 / cue.speed.abs().max(1e-3)).min(LONGEST_ROUND);
+        if from.max(Time::ZERO) < to {
+            all.push(Stand { from: from.max(Time::ZERO), to, round, places: OnceLock::new() });
+        }
+    }
+    all
+}
+
+impl Stand {
+    /// The place of each foot in world space; `None` where the clip or the actor takes feet away. `leg`: its length, metres.
+    pub fn places(&self, feet: &mut FeetInMotion, leg: f64) -> Result<Option<&[DVec3]>, StageError> {
+        if self.places.get().is_none() {
+            let found = self.find(feet, leg)?;
+            self.places.get_or_init(|| found);
+        }
+        Ok(self.places.get().and_then(Option::as_deref))
+    }
+
+    fn find(&self, feet: &mut FeetInMotion, leg: f64) -> Result<Option<Vec<DVec3>>, StageError> {
+        let round = self.to.min(self.from + self.round) - self.from;
+        let end = self.to.min((self.from + round).max(feet.stage.settings.length));
+        let within = (0..LOOKS).map(|i| self.from + round.scaled(f64::from(i) / f64::from(LOOKS)));
+        let later = (1..=LATER_LOOKS).map(|i| {
+            self.from + round + (end - self.from - round).scaled(f64::from(i) / f64::from(LATER_LOOKS))
+        });
+        let also = self.times_of_others(feet.stage, feet.actor);
+        let mut looks = Vec::new();
+        for time in within.chain(later).chain(also) {
+            let samples = feet.sample(time, time)?;
+            looks.push(samples.feet.iter().map(|places| places[0]).collect::<Vec<_>>());
+        }
+        let count = feet.foot_lock.legs.len();
+        let mean = |foot: usize| {
+            looks[..LOOKS as usize].iter().map(|places| places[foot]).sum::<DVec3>() / f64::from(LOOKS)
+        };
+        let means: Vec<DVec3> = (0..count).map(mean).collect();
+        let near = |places: &Vec<DVec3>| {
+            places.iter().zip(&means).all(|(place, mean)| {
+                let off = *place - *mean;
+                off.with_y(0.0).length() <= FARTHEST * leg && off.y.abs() <= HIGHEST * leg
+            })
+        };
+        Ok(looks.iter().all(near).then_some(means))
+    }
+
+    /// Times in which upper layers may lift a foot, and keyframes may move the actor.
+    fn times_of_others(&self, stage: &Stage, actor: usize) -> Vec<Time> {
+        let actor = &stage.actors[actor];
+        let mut all = Vec::new();
+        for cue in actor.layers.iter().skip(1).flat_map(|layer| &layer.cues) {
+            let long = (cue.trim.1 - cue.trim.0).scaled(1.0 / cue.speed.abs().max(1e-3));
+            let from = self.from.max(cue.start);
+            let natural = if cue.repeat == Repeat::Once { cue.start + long } else { stage.settings.length };
+            let over = self.to.min(cue.end.unwrap_or(natural)) - from;
+            let count = (over.as_secs() / LAYER_SECS).clamp(0.0, LAYER_LOOKS) as i32;
+            all.extend((1..=count).map(|i| from + over.scaled(f64::from(i) / f64::from(count + 1))));
+        }
+        let keys = actor.channels.iter().flat_map(|channel| &channel.times).copied();
+        all.extend(keys.filter(|time| self.from < *time && *time < self.to).take(LAYER_LOOKS as usize));
+        all
+    }
+
+    /// The contact of a foot for the whole stand.
+    pub fn contact(&self, at: DVec3) -> Contact {
+        let (from, to) = (self.from, self.to);
+        let zero = DVec3::ZERO;
+        Contact { from, to, at: Some(at), first: zero, last: zero, rolls: (from, to), by_step: true }
+    }
+}
+
+/// A foot in a span of time in which contacts are planned.
+pub(super) struct HeldFoot<'a> {
+    pub leg: usize,
+    /// Its place in the stand.
+    pub at: DVec3,
+    pub samples: &'a FootSamples,
+    pub span: (Time, Time),
+    pub steps: &'a [Footstep],
+}
+
+impl HeldFoot<'_> {
+    /// Lets the foot keep its place from its last step before the stand, or from the beginning of the span, to its first step after it, or to the
+    /// end. A foot that stood elsewhere and took no step goes over to its place in [`FADE`]; it is off by millimetres.
+    pub fn hold(&self, stand: &Stand, contacts: &mut Vec<Contact>) {
+        let (mut from, mut to) = (stand.from.max(self.span.0), stand.to.min(self.span.1));
+        for step in self.steps {
+            match step.leads_to_walk() {
+                false if step.to <= stand.to => from = from.max(step.to),
+                true if step.from >= stand.from => to = to.min(step.from),
+                _ => {}
+            }
+        }
+        let overlaps = |c: &Contact| c.from <= to && c.to >= from;
+        let Some(first) = contacts.iter().position(overlaps).filter(|_| from < to) else { return };
+        let count = contacts[first..].iter().take_while(|c| overlaps(c)).count();
+        let (before, after) = (contacts[first], contacts[first + count - 1]);
+        let is_there = |c: &Contact| c.at.is_some_and(|at| (at - self.at).length() < 1e-6);
+        let off = |at: Option<DVec3>, time: Time| at.unwrap_or_default() - self.samples.place(self.leg, time);
+        let mut kept = Vec::new();
+        if stand.from < self.span.0 {
+            from = self.span.0;
+        } else if before.from >= from || is_there(&before) {
+            from = before.from;
+        } else if before.at.is_some() {
+            let to = before.from.max(from - Time::from_secs(FADE));
+            kept.push(Contact { to, last: off(before.at, to), rolls: (before.rolls.0, to), ..before });
+        }
+        let mut late = None;
+        if stand.to > self.span.1 {
+            to = self.span.1;
+        } else if after.to <= to || is_there(&after) {
+            to = after.to;
+        } else if after.at.is_some() {
+            let from = after.to.min(to + Time::from_secs(FADE));
+            late = Some(Contact { from, first: off(after.at, from), rolls: (from, after.rolls.1), ..after });
+        }
+        let [first_off, last_off] = [from, to].map(|time| off(Some(self.at), time));
+        kept.push(Contact {
+            from,
+            to,
+            first: first_off,
+            last: last_off,
+            rolls: (from, to),
+            ..stand.contact(self.at)
+        });
+        kept.extend(late);
+        contacts.splice(first..first + count, kept);
+    }
+}
