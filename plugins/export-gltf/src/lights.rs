@@ -37,7 +37,7 @@ impl Lights {
         if let (Some(range), false) = (light.range, light.kind.is_directional()) {
             out.insert("range".into(), range.into());
         }
-        if let LightKind::Spot { inner, outer } = light.kind {
+        if let Some([inner, outer]) = light.kind.cone() {
             out.insert("spot".into(), json!({ "innerConeAngle": inner, "outerConeAngle": outer }));
         }
         self.list.push(out.into());

@@ -1,7 +1,7 @@
 //! Numbers of a scene beside joints that change with time: cameras, lights, materials, morph weights.
 
 use crate::uv::UvParts;
-use choreo_plugin::asset::{AlphaMode, Asset, LightKind, Material, Projection, Shading, TextureRef};
+use choreo_plugin::asset::{AlphaMode, Asset, Material, Projection, Shading, TextureRef};
 use choreo_plugin::glam::{Quat, Vec3, Vec4};
 use choreo_plugin::stage::{
     ActorState, Camera, CameraState, LightState, Property, Rig, Snapshot, Stage, Target,
@@ -328,10 +328,7 @@ pub fn rotation_towards(direction: Vec3) -> Quat {
 }
 
 fn of_light(state: &LightState, part: LightPart, out: &mut Vec<f32>) {
-    let cone = match state.light.kind {
-        LightKind::Spot { inner, outer } => [inner, outer],
-        _ => [0.0; 2],
-    };
+    let cone = state.light.kind.cone().unwrap_or_default();
     match part {
         LightPart::Position => out.extend(state.position.as_vec3().to_array()),
         LightPart::Rotation => out.extend(rotation_towards(state.direction).to_array()),

@@ -235,11 +235,12 @@ fn differs(a: Vec3, b: Vec3) -> bool {
     (a - b).abs().max_element() > FAINT * a.max(b).max_element()
 }
 
+/// Whether anything but a hardly visible change of its color tells two states of a light apart.
 fn light_changes(a: &LightState, b: &LightState) -> bool {
     let color = |l: &LightState| l.light.color * l.light.intensity;
-    let place =
-        |l: &LightState| (l.light.kind, l.light.range, l.position, l.direction, l.shadow, l.attenuation);
-    place(a) != place(b) || differs(color(a), color(b))
+    let mut colored = *b;
+    (colored.light.color, colored.light.intensity) = (a.light.color, a.light.intensity);
+    *a != colored || differs(color(a), color(b))
 }
 
 /// A camera, or a light that sees what shadow maps show.
