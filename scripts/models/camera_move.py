@@ -1,6 +1,6 @@
 """Makes the camera move and the lamp of lesson 49 in Blender: python3 scripts/models/camera_move.py camera_move.glb camera_move.json, with the package bpy.
 
-The JSON says where Blender has them in every eighth frame, for the test of the importer.
+The JSON says where Blender has them in every eighth frame, for the test of the importer. Further names ending in .fbx and .usdc write those as well.
 """
 
 import json
@@ -56,6 +56,12 @@ bpy.ops.export_scene.gltf(
     export_convert_animation_pointer=True,
     export_pointer_animation=True,
 )
+for path in sys.argv[3:]:
+    if path.endswith(".fbx"):
+        # One take with everything that moves, not one for each action and object.
+        bpy.ops.export_scene.fbx(filepath=path, bake_anim_use_all_actions=False, bake_anim_use_nla_strips=False, bake_anim_simplify_factor=0.0)
+    else:
+        bpy.ops.wm.usd_export(filepath=path, export_animation=True)
 
 
 def place(o):

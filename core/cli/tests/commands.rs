@@ -111,6 +111,38 @@ fn explain_says_how_many_sub_frames_motion_blur_takes_and_why() {
     }
 }
 
+/// What a pass draws and holds is named with the pass; one that is not named costs nothing.
+#[test]
+fn explain_states_the_cost_of_each_pass() {
+    let dir = tempfile::tempdir().unwrap();
+    let script = "stage(#{ size: [64, 36], length: 1.0, samples: 4 });\ncast(\"box\", shape(\"box\"));\n";
+    std::fs::write(dir.path().join("s.rhai"), script).unwrap();
+    let costs = |passes: &[&str]| -> Vec<(String, String, u64)> {
+        let value = json(dir.path(), &[&["explain", "s.rhai", "--json"], passes].concat());
+        let parts = value["in"].as_array().unwrap();
+        let asked = |p: &serde_json::Value| p["asked_by"]["other"].as_str().unwrap_or_default().to_string();
+        let row = |p: &serde_json::Value| {
+            (asked(p), p["what"].as_str().unwrap().to_string(), p["bytes"].as_u64().unwrap_or(0))
+        };
+        parts.iter().map(row).filter(|(asked, ..)| asked.contains("pass")).collect()
+    };
+    assert_eq!(costs(&[]), []);
+    let all = costs(&["--passes", "color,depth,normal,motion,albedo,id"]);
+    // Bytes of a pixel: floats, and two kinds of ids with their shares for each of four samples.
+    for (pass, bytes) in
+        [("color", 16), ("depth", 4), ("normal", 12), ("motion", 8), ("albedo", 16), ("id", 2 * 8 * 4)]
+    {
+        let own = all.iter().filter(|(by, ..)| *by == format!("the pass {pass}"));
+        assert_eq!(own.map(|(.., bytes)| bytes).sum::<u64>(), bytes * 64 * 36, "{pass}: {all:?}");
+    }
+    let draws = |text: &str| all.iter().any(|(_, what, _)| what.contains(text));
+    assert!(draws("base colors without light: 1 draw, 4 samples per pixel"), "{all:?}");
+    assert!(draws("actors and materials: 1 draw, 4 times, 1 sample per pixel each"), "{all:?}");
+    assert!(draws("depth, normals, motion vectors and actors for passes: 1 draw"), "{all:?}");
+    let one = costs(&["--passes", "depth"]);
+    assert!(one.iter().all(|(by, ..)| by == "the pass depth" || by == "the passes of the frame"), "{one:?}");
+}
+
 #[test]
 fn explain_says_where_in_the_script_something_was_asked_for() {
     let dir = tempfile::tempdir().unwrap();

@@ -56,6 +56,12 @@ fn images_and_scenes_name_each_others_command() {
     assert!(run.code == 2 && run.err.contains("by choreo export"), "{}", run.err);
     let run = choreo(d, &["export", "a.rhai", "-o", "a.xyz"]);
     assert!(run.code == 2 && run.err.contains("known: .csv"), "{}", run.err);
+    let run = choreo(d, &["export", "a.rhai", "-o", "a.fbx"]);
+    assert!(
+        run.code == 2 && run.err.contains("a.fbx: .fbx is read, not written; known: .csv"),
+        "{}",
+        run.err
+    );
     let run = choreo(d, &["export", "a.rhai", "-o", "a.csv", "--export", "digits=99"]);
     assert!(run.code == 2 && run.err.contains("digits must be a number from 0 to 15"), "{}", run.err);
     assert_eq!(names(d), ["a.rhai", "tri.gltf"]);

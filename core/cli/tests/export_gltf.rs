@@ -249,20 +249,29 @@ fn planted_faults_are_found() {
     assert!(!is_same(&c), "joints in the wrong order are not found: {c}");
 }
 
-/// A script with four images from files, one of which is changed; the files, and the bytes of the unchanged ones.
-fn pictures() -> (tempfile::TempDir, [Vec<u8>; 3]) {
+/// A format that consists of its image.
+const TILE: &str = "fn manifest() { #{ name: \"tile\", extensions: \"tile\" } }\n\n\
+    fn load(file) {\n    let look = material(#{ image: image(#{ file: file.bytes }) });\n    \
+    mesh(#{ positions: [0, 0, 0, 1, 0, 0, 0, 1, 0], uvs: [0, 1, 1, 1, 0, 0], indices: [0, 1, 2], material: look });\n}\n";
+
+/// A script with five images from files, one of them by an importer beside it and one changed; the files, and the bytes of the unchanged ones.
+fn pictures() -> (tempfile::TempDir, [Vec<u8>; 4]) {
     let dir = tempfile::tempdir().unwrap();
     let image = image::RgbImage::from_fn(32, 16, |x, y| image::Rgb([(8 * x) as u8, (16 * y) as u8, 99]));
     let names = ["a.png", "b.jpg", "c.webp"];
     names.iter().for_each(|name| image.save(dir.path().join(name)).unwrap());
+    image::imageops::rotate180(&image).save(dir.path().join("d.jpg")).unwrap();
+    std::fs::rename(dir.path().join("d.jpg"), dir.path().join("d.tile")).unwrap();
+    std::fs::write(dir.path().join("tile.importer.rhai"), TILE).unwrap();
     let mut text = String::from("stage(#{ length: 0.1 });\n");
     for name in names {
         text += &format!("cast(\"{name}\", shape(\"quad\", #{{ image: image(\"{name}\") }}));\n");
     }
-    text += "cast(\"holes\", shape(\"quad\", #{ image: image(\"a.png\"), opacity_map: image(\"b.jpg\") }));\n\
+    text += "cast(\"tile\", load(\"d.tile\"));\n\
+             cast(\"holes\", shape(\"quad\", #{ image: image(\"a.png\"), opacity_map: image(\"b.jpg\") }));\n\
              sun(); camera(\"c\").at(0, 0, 3);\n";
     std::fs::write(dir.path().join("s.rhai"), text).unwrap();
-    let bytes = names.map(|name| read(dir.path(), name));
+    let bytes = ["a.png", "b.jpg", "c.webp", "d.tile"].map(|name| read(dir.path(), name));
     (dir, bytes)
 }
 
@@ -272,20 +281,20 @@ fn files_of_images_stay_as_they_are() {
     let (dir, originals) = pictures();
     let d = dir.path();
     for (output, endings) in [
-        ("s.gltf", ["s_0.png", "s_1.jpg", "s_2.webp", "s_3.png"]),
+        ("s.gltf", ["s_0.png", "s_1.jpg", "s_2.webp", "s_3.jpg", "s_4.png"]),
         // usd-core and packages know no WebP.
-        ("s.usda", ["s_0.png", "s_1.jpg", "s_2.png", "s_3.png"]),
+        ("s.usda", ["s_0.png", "s_1.jpg", "s_2.png", "s_3.jpg", "s_4.png"]),
     ] {
         let run = choreo(d, &["export", "s.rhai", "-o", output]);
         assert_eq!(run.code, 0, "{}", run.err);
         for (number, ending) in endings.iter().enumerate() {
             let written = read(d, ending);
             let same = originals.get(number).is_some_and(|original| *original == written);
-            assert_eq!(same, number < 2 || ending.ends_with("webp"), "{ending} of {output}");
+            assert_eq!(same, [0, 1, 3].contains(&number) || ending.ends_with("webp"), "{ending} of {output}");
             // An image that is made anew has the same size, and holes where it was given some.
             let image = image::load_from_memory(&written).unwrap();
             assert_eq!((image.width(), image.height()), (32, 16));
-            assert_eq!(image.color().has_alpha(), number == 3, "{ending} of {output}");
+            assert_eq!(image.color().has_alpha(), number == 4, "{ending} of {output}");
         }
         endings.iter().for_each(|ending| std::fs::remove_file(d.join(ending)).unwrap());
     }
@@ -299,7 +308,7 @@ fn files_of_images_stay_as_they_are() {
     // The images of the file are those of the scene, WebP too.
     let again = import(&d.join("s.glb"));
     let sizes: Vec<(u32, u32)> = again.images.iter().map(|image| (image.width, image.height)).collect();
-    assert_eq!(sizes, [(32, 16); 4]);
+    assert_eq!(sizes, [(32, 16); 5]);
     // A render keeps no file beside the pixels.
     assert!(again.images.iter().all(|image| image.file.is_none()));
 }

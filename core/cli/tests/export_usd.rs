@@ -232,6 +232,43 @@ fn text_crate_files_and_packages_hold_the_same_scene() {
     }
 }
 
+/// All that a file of text says, as usd-core reads it, against a crate file: values, samples, types, targets, metadata.
+const COMPARE: &str = "import sys
+from pxr import Sdf
+text, crate = (Sdf.Layer.FindOrOpen(path) for path in sys.argv[1:])
+count, wrong = 0, []
+def look(path):
+    global count
+    if path.IsTargetPath(): return
+    a, b = text.GetObjectAtPath(path), crate.GetObjectAtPath(path)
+    if b is None: return wrong.append((path, 'is not there'))
+    for key in a.ListInfoKeys():
+        count += 1
+        x, y = a.GetInfo(key), b.GetInfo(key)
+        if type(x) != type(y) or x != y: wrong.append((path, key, str(x)[:80], str(y)[:80]))
+text.Traverse('/', look)
+assert count > 500 and not wrong, (count, len(wrong), wrong[:5])
+print('compared', count)
+";
+
+/// Each kind of value is what text says it is: numbers of materials, too, which no skeleton shows.
+#[test]
+fn crate_files_say_what_text_says() {
+    let Some(python) = python_with("pxr", USD) else { return };
+    for name in
+        ["01_first_dance.rhai", "19_faces.rhai", "20_materials.rhai", "32_crowd.rhai", "42_lanterns.rhai"]
+    {
+        let stage = stage_of(&scripts().join(name));
+        let files = ["usda", "usdc"].map(|extension| Exported::of(stage.clone(), extension, &[]));
+        let mut compare = Command::new(&python);
+        let run = finished(
+            compare.args(["-c", COMPARE]).args(files.each_ref().map(Exported::path)).output().unwrap(),
+        );
+        println!("{name}: {}", run.out);
+        assert_eq!(run.code, 0, "{name}: {}{}", run.out, run.err);
+    }
+}
+
 /// The camera that is on has the scene's matrix and angle.
 fn cameras(exported: &Exported, read: &Value, times: &[Time]) {
     let mut evaluator = Evaluator::new(exported.stage.clone());
@@ -392,6 +429,76 @@ fn the_summary_states_the_largest_error_and_what_is_left_out() {
         found += 1;
     }
     assert_eq!(found, 3);
+}
+
+/// A flat Radiance file, each texel of its own color: red counts columns, green rows.
+fn radiance([width, height]: [u32; 2]) -> Vec<u8> {
+    let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();
+    (0..height).for_each(|y| (0..width).for_each(|x| bytes.extend([8 * x as u8, 8 * y as u8, 200, 129])));
+    bytes
+}
+
+/// Red and green of the texels that usd-core's dome has in some directions, by the specification of its image ("latlong" as OpenEXR's), and its
+/// intensity. A .hdr file is read here, OpenEXR by its own library.
+const SKY: &str = "import sys, json, math, zipfile, io
+from pxr import Usd, UsdLux, UsdGeom, Gf
+path, width, height = sys.argv[1], 32, 16
+stage = Usd.Stage.Open(path)
+dome = next(UsdLux.DomeLight(p) for p in stage.Traverse() if p.IsA(UsdLux.DomeLight))
+file = dome.GetTextureFileAttr().Get()
+assert dome.GetTextureFormatAttr().Get() == 'latlong' and file.resolvedPath, file
+local = UsdGeom.Xformable(dome).ComputeLocalToWorldTransform(0).GetInverse()
+found = []
+for d in json.loads(sys.argv[2]):
+    x, y, z = local.TransformDir(Gf.Vec3d(*d)).GetNormalized()
+    longitude, latitude = math.atan2(x, z), math.asin(y)
+    column = int((0.5 - longitude / (2 * math.pi)) * width) % width
+    found.append([column, int((0.5 - latitude / math.pi) * height)])
+print('RESULT ' + json.dumps([found, dome.GetIntensityAttr().Get(), file.path]))
+";
+
+/// The sky is a dome with its image, turned as it is in the scene; the file stays as it is where USD has a place for its format.
+#[test]
+fn the_sky_is_a_dome_with_its_own_file() {
+    let Some(python) = python_with("pxr", USD) else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    let [width, height] = [32, 16];
+    std::fs::write(d.join("env.hdr"), radiance([width, height])).unwrap();
+    let script = "stage(#{ length: 0.1 });\ncast(\"box\", shape(\"box\"));\n\
+                  sky(\"env.hdr\", #{ turn: 30, strength: 2.0, background: true });\n";
+    std::fs::write(d.join("s.rhai"), script).unwrap();
+    let directions =
+        [[0.1, 0.2, -1.0], [1.0, -0.3, 0.2], [-0.6, 0.9, 0.4], [0.3, -0.8, 0.7]].map(DVec3::from_array);
+    // Turned back, the middle of the image is −Z, and right of it lies +X.
+    let texel = |direction: &DVec3, turn: f64| {
+        let d = glam::DQuat::from_rotation_y(-turn.to_radians()) * direction.normalize();
+        let column = (0.5 + d.x.atan2(-d.z) / std::f64::consts::TAU) * f64::from(width);
+        [column as u32 % width, ((0.5 - d.y.asin() / std::f64::consts::PI) * f64::from(height)) as u32]
+    };
+    let lists: Vec<[f64; 3]> = directions.iter().map(|d| d.to_array()).collect();
+    for (output, file) in [("a.usda", "./a_sky.hdr"), ("b.usdc", "./b_sky.hdr"), ("c.usdz", "./c_sky.exr")] {
+        let run = choreo(d, &["export", "s.rhai", "-o", output]);
+        assert!(run.code == 0 && !run.err.contains("the sky"), "{}", run.err);
+        let mut read = Command::new(&python);
+        read.args(["-c", SKY, output]).arg(serde_json::to_string(&lists).unwrap()).current_dir(d);
+        let run = finished(read.output().unwrap());
+        let result = run.out.lines().find_map(|line| line.strip_prefix("RESULT "));
+        let result: Value =
+            serde_json::from_str(result.unwrap_or_else(|| panic!("{}{}", run.out, run.err))).unwrap();
+        let expected = |turn: f64| serde_json::json!([directions.map(|d| texel(&d, turn)), 2.0, file]);
+        assert_eq!(result, expected(30.0), "{output}");
+        assert_ne!(result, expected(-30.0), "a turn the other way is found");
+        read_by_usd_core(&python, &d.join(output), &[0.0]);
+    }
+    assert!(["a_sky.hdr", "b_sky.hdr"].iter().all(|name| read(d, name) == radiance([width, height])));
+    let Some(openexr) = python_with("OpenEXR", "OpenEXR==3.4.4") else { return };
+    let code = "import OpenEXR, zipfile\nopen('c.exr', 'wb').write(zipfile.ZipFile('c.usdz').read('c_sky.exr'))\n\
+                pixels = OpenEXR.File('c.exr').channels()['RGB'].pixels\nassert pixels.shape == (16, 32, 3), pixels.shape\n\
+                wrong = lambda rows: [1 for y in range(16) for x in range(32) if abs(pixels[y][x][0] - x / 16) + abs(pixels[y][x][1] - rows(y) / 16) > 1e-2]\n\
+                assert not wrong(lambda y: y) and wrong(lambda y: 15 - y), pixels\n";
+    let run = finished(Command::new(openexr).args(["-c", code]).current_dir(d).output().unwrap());
+    assert_eq!(run.code, 0, "{}{}", run.out, run.err);
 }
 
 #[test]

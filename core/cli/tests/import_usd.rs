@@ -1,4 +1,4 @@
-//! USD files by our exporter, by usd-core and by Blender: joints and vertices are where usd-core has them.
+//! USD files by our exporter, by usd-core and by Blender: joints and vertices are where usd-core has them, cameras of FBX files too.
 
 mod common;
 #[path = "common/exported.rs"]
@@ -206,6 +206,52 @@ fn a_dome_is_the_ambient_light_unless_the_script_gives_another() {
     assert_eq!(ambient(""), [file; 2]);
     assert_eq!(ambient("; ambient(\"white\", 0.3)"), [glam::Vec3::splat(0.3); 2]);
     assert_eq!(ambient(".file_lights(false)")[0], default);
+}
+
+/// The largest distances of a camera and a lamp of a file from where Blender has them, `late` seconds later: of the camera's matrix, of its
+/// angle, of the lamp's place.
+fn move_apart(asset: &Arc<Asset>, truth: &[Value], late: f64) -> [f64; 3] {
+    let mut stage = Stage::clone(&staged(asset));
+    stage.actors[0].file_lights = true;
+    stage.cameras.push(Camera::new("", Rig::File { actor: 0, camera: 0 }));
+    let numbers =
+        |value: &Value| value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect::<Vec<f64>>();
+    let mut out = [0.0f64; 3];
+    for blender in truth {
+        let snapshot = stage.at(Time::from_secs(blender["secs"].as_f64().unwrap() + late)).unwrap();
+        let matrix = DMat4::from(snapshot.camera.world_from_view).to_cols_array();
+        let apart = matrix.iter().zip(numbers(&blender["camera"])).map(|(a, b)| (a - b).abs());
+        let Projection::Perspective { yfov, .. } = snapshot.camera.projection else {
+            panic!("no perspective")
+        };
+        let angle = (f64::from(yfov) - blender["yfov"].as_f64().unwrap()).abs();
+        let lamp = snapshot.lights[0].position.distance(DVec3::from_slice(&numbers(&blender["bulb"])));
+        out.iter_mut()
+            .zip([apart.fold(0.0, f64::max), angle, lamp])
+            .for_each(|(worst, off)| *worst = worst.max(off));
+    }
+    out
+}
+
+/// A camera move and a lamp of Blender (lesson 49), as FBX and as USD; the importer of glTF has its own test.
+#[test]
+fn camera_moves_of_blender_are_where_blender_has_them() {
+    let Some(blender) = blender() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let files = ["move.glb", "move.json", "move.fbx", "move.usdc"].map(|name| folder.path().join(name));
+    let run =
+        Command::new(blender).arg(scripts().join("models/camera_move.py")).args(&files).output().unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let truth: Vec<Value> = serde_json::from_slice(&std::fs::read(&files[1]).unwrap()).unwrap();
+    assert!(truth.len() >= 13);
+    for file in [&files[0], &files[2], &files[3]] {
+        let asset = import(file);
+        let found = move_apart(&asset, &truth, 0.0);
+        println!("{}: {found:?}", file.display());
+        assert!(found.iter().all(|off| *off < 1e-5), "{}: {found:?}", file.display());
+        let late = move_apart(&asset, &truth, 1.0 / 24.0);
+        assert!(late.iter().all(|off| *off > 1e-3), "a frame late is not found: {late:?}");
+    }
 }
 
 #[test]

@@ -177,7 +177,7 @@ fn wrong_passes_are_refused_before_the_first_frame() {
 }
 
 #[test]
-fn libwebp_shows_the_frames_of_an_animation() {
+fn pillow_shows_the_frames_of_an_animation() {
     let Some(python) = python_with("PIL", "Pillow==12.0.0") else { return };
     let folder = folder_with_scene();
     let d = folder.path();
@@ -191,15 +191,19 @@ fn libwebp_shows_the_frames_of_an_animation() {
     };
     render("f/%d.png", &[]);
     render("a.webp", &[]);
+    render("a.apng", &[]);
+    // WebP by libwebp; APNG by Pillow itself.
     let check = "from PIL import Image, ImageSequence\n\
-        film = Image.open('a.webp')\n\
-        frames = [frame.convert('RGBA').tobytes() for frame in ImageSequence.Iterator(film)]\n\
         images = [Image.open(f'f/{i}.png').convert('RGBA').tobytes() for i in range(4)]\n\
-        assert film.n_frames == 4 and film.info['loop'] == 0, (film.n_frames, film.info)\n\
-        assert frames[0] != frames[1], 'something moves'\n\
         # Where alpha is 0 a decoder may change the color.\n\
         shown = lambda pixels: [pixels[i:i + 4] for i in range(0, len(pixels), 4) if pixels[i + 3]]\n\
-        assert [shown(f) for f in frames] == [shown(i) for i in images]\n";
+        images = [shown(i) for i in images]\n\
+        for name in ('a.webp', 'a.apng'):\n    \
+            film = Image.open(name)\n    \
+            frames = [shown(frame.convert('RGBA').tobytes()) for frame in ImageSequence.Iterator(film)]\n    \
+            assert film.n_frames == 4 and film.info['loop'] == 0, (name, film.n_frames, film.info)\n    \
+            assert frames == images, name\n    \
+            assert frames[::-1] != images, 'another order is found'\n";
     std::fs::write(d.join("check.py"), check).unwrap();
     let run = finished(Command::new(python).current_dir(d).arg("check.py").output().unwrap());
     assert_eq!(run.code, 0, "{}", run.err);

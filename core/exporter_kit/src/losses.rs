@@ -20,7 +20,6 @@ pub fn of_stage(stage: &Stage, out: &mut Losses) {
     let all = [
         (!stage.effects.is_empty(), "effects"),
         (!stage.layers_2d.is_empty(), "2D layers"),
-        (stage.sky.is_some(), "the sky"),
         (settings.exposure != 0.0, "exposure"),
         (settings.view_transform != ViewTransform::default(), "the view transform"),
         (stage.actors.iter().any(|a| !a.surfaces.is_empty()), "rules of surfaces"),

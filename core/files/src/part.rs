@@ -4,7 +4,7 @@ use crate::leftovers::{Leftover, leftovers};
 use crate::write_error::WriteError;
 use crate::{Destination, Folder};
 use std::fs::{File, TryLockError};
-use std::io::{self, BufWriter, ErrorKind, Write};
+use std::io::{self, BufWriter, ErrorKind, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -108,6 +108,24 @@ impl PartFile {
     /// A writer to its end. It must be flushed and dropped before [`PartFile::commit`].
     pub fn writer(&self) -> io::Result<BufWriter<File>> {
         Ok(BufWriter::with_capacity(1 << 16, self.file.try_clone()?))
+    }
+
+    /// Replaces bytes that are there already; what a writer holds back must be flushed before.
+    ///
+    /// # Errors
+    /// A pipe or a device, or a place beyond the end.
+    pub fn replace(&self, at: u64, bytes: &[u8]) -> io::Result<()> {
+        if self.way.is_none() {
+            return Err(ErrorKind::NotSeekable.into());
+        }
+        let mut file = &self.file;
+        let end = file.seek(SeekFrom::End(0))?;
+        if at.saturating_add(bytes.len() as u64) > end {
+            return Err(ErrorKind::InvalidInput.into());
+        }
+        file.seek(SeekFrom::Start(at))?;
+        file.write_all(bytes)?;
+        file.seek(SeekFrom::Start(end)).map(|_| ())
     }
 
     /// Moves the finished file to its place.

@@ -212,6 +212,23 @@ fn a_file_is_written_whole_with_its_folders_and_keeps_its_permissions() {
 }
 
 #[test]
+fn bytes_that_are_there_are_replaced() {
+    let p = planted();
+    let part = PartFile::create(&p.inside.join("a")).unwrap();
+    let mut writer = part.writer().unwrap();
+    writer.write_all(b"head and more").unwrap();
+    writer.flush().unwrap();
+    part.replace(0, b"HEAD").unwrap();
+    assert_eq!(part.replace(10, b"more").unwrap_err().kind(), std::io::ErrorKind::InvalidInput);
+    // Writing goes on at the end.
+    writer.write_all(b", and the end").unwrap();
+    writer.flush().unwrap();
+    drop(writer);
+    part.commit().unwrap();
+    assert_eq!(fs::read(p.inside.join("a")).unwrap(), b"HEAD and more, and the end");
+}
+
+#[test]
 fn a_pipe_without_reader_is_an_error_and_one_with_a_reader_is_written() {
     let p = planted();
     let pipe = p.pipe("o");
@@ -229,7 +246,9 @@ fn a_pipe_without_reader_is_an_error_and_one_with_a_reader_is_written() {
             read
         }
     });
-    put(PartFile::create(&pipe).unwrap(), &bytes).unwrap();
+    let part = PartFile::create(&pipe).unwrap();
+    assert_eq!(part.replace(0, &[]).unwrap_err().kind(), std::io::ErrorKind::NotSeekable);
+    put(part, &bytes).unwrap();
     assert!(reader.join().unwrap() == bytes);
     // A pipe in the way of a part is no output.
     p.pipe("x.part");

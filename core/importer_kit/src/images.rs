@@ -83,10 +83,10 @@ impl<B: AsRef<[u8]>> Encoded<B> {
         Ok(Arc::new(Image { name: self.name.clone(), width, height, rgba, file: None }))
     }
 
-    /// Decodes to 8-bit RGBA, and keeps the file beside the pixels where its format is one that other programs read.
-    pub fn decode_with_file(&self) -> Result<Arc<Image>> {
+    /// Decodes to 8-bit RGBA. Where files are asked for, the file is kept beside the pixels if its format is one that other programs read.
+    pub fn decode_for(&self, needs: ImportScope) -> Result<Arc<Image>> {
         let image = self.decode()?;
-        let Some(format) = self.file_format() else { return Ok(image) };
+        let Some(format) = self.file_format().filter(|_| needs.image_files) else { return Ok(image) };
         let file = Some(ImageFile { format, bytes: Arc::new(self.bytes.as_ref().to_vec()) });
         Ok(Arc::new(Image { file, ..Arc::unwrap_or_clone(image) }))
     }
@@ -232,10 +232,7 @@ pub fn decode_beside<B: AsRef<[u8]> + Sync, R>(
             let at = next.fetch_add(1, Ordering::Relaxed);
             let (Some(entry), Some(slot)) = (entries.get(at), slots.get(at)) else { return };
             // Each number is given out once, so the slot is empty.
-            let _ = slot.set(match needs.image_files {
-                true => entry.decode_with_file(),
-                false => entry.decode(),
-            });
+            let _ = slot.set(entry.decode_for(needs));
             // Nobody listens any more where `rest` has panicked.
             let _ = done.send(entry.pixels());
         }

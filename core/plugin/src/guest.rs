@@ -12,7 +12,7 @@ use std::io::{BufWriter, Write};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Version of the calls and of the bytes that are handed over. The program refuses plugins of another version.
-pub const ABI: u32 = 1;
+pub const ABI: u32 = 2;
 
 /// The argument of the next call.
 static ARGUMENT: Mutex<Vec<u8>> = Mutex::new(Vec::new());

@@ -4,7 +4,7 @@ use crate::{ExportError, ExportOptions, Manifest, PluginFile};
 use choreo_motion::{FrameRate, Time};
 use choreo_stage::{Evaluator, Snapshot, Stage, StageError};
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::sync::Arc;
 
 /// Writes a scene to a file of one format. The program calls it for `choreo export`.
@@ -170,6 +170,26 @@ pub trait SceneFiles {
     /// An ending that does not begin with `.`, `_` or `-` or that has a folder, that of the main file, or a file that cannot be created.
     fn beside(&mut self, ending: &str) -> Result<&mut dyn Write, ExportError>;
 
+    /// Replaces bytes of the main file that are there already, such as a checksum in its head that is known at the end. An empty list tells
+    /// whether that is possible.
+    ///
+    /// # Errors
+    /// The main file is a pipe or a device, or these bytes are not there yet. By default, and in WebAssembly, nothing can be replaced.
+    ///
+    /// ```
+    /// # use choreo_plugin::{MemoryFiles, SceneFiles};
+    /// let mut files = MemoryFiles::default();
+    /// files.main().write_all(b"?? knights")?;
+    /// files.replace(0, b"12")?;
+    /// assert_eq!(files.main, b"12 knights");
+    /// assert!(files.replace(9, b"12").is_err(), "a byte after the end");
+    /// # Ok::<(), choreo_plugin::ExportError>(())
+    /// ```
+    fn replace(&mut self, at: u64, bytes: &[u8]) -> Result<(), ExportError> {
+        let _ = (at, bytes);
+        Err(ExportError::Io(ErrorKind::NotSeekable.into()))
+    }
+
     /// Reports how far what was sampled or reduced is from the scene, for the summary.
     fn deviation(&mut self, worst: ExportDeviation) {
         let _ = worst;
@@ -207,6 +227,13 @@ impl SceneFiles for MemoryFiles {
 
     fn beside(&mut self, ending: &str) -> Result<&mut dyn Write, ExportError> {
         Ok(self.beside.entry(ending.to_string()).or_default())
+    }
+
+    fn replace(&mut self, at: u64, bytes: &[u8]) -> Result<(), ExportError> {
+        let from = usize::try_from(at).unwrap_or(usize::MAX);
+        let there = self.main.get_mut(from..from.saturating_add(bytes.len()));
+        there.ok_or_else(|| ExportError::Io(ErrorKind::InvalidInput.into()))?.copy_from_slice(bytes);
+        Ok(())
     }
 
     fn deviation(&mut self, worst: ExportDeviation) {

@@ -270,13 +270,13 @@ fn image(scene: &Shared, budget: &Budget, map: &Map) -> Result<i64, Refused> {
         return Ok(0);
     }
     let name = f.text("name")?.unwrap_or_default();
+    if let Some(file) = f.value("file").and_then(|v| v.read_lock::<Bytes>()) {
+        let image = decode(&name, file.slice(), scene.needs, budget)?;
+        return Ok(scene.builder.decoded_image(image).into());
+    }
     let mut add = |width, height, pixels: &[u8]| {
         scene.builder.image(&name, width, height, pixels).map(i64::from).map_err(|e| refuse(e.to_string()))
     };
-    if let Some(file) = f.value("file").and_then(|v| v.read_lock::<Bytes>()) {
-        let image = decode(&name, file.slice(), budget)?;
-        return add(image.width, image.height, &image.rgba);
-    }
     let (Some(width), Some(height)) = (f.index("width")?, f.index("height")?) else {
         return Err(refuse(
             "image: give width, height and pixels, or file: the bytes of a PNG, JPEG or WebP",
@@ -291,12 +291,13 @@ fn image(scene: &Shared, budget: &Budget, map: &Map) -> Result<i64, Refused> {
     }
 }
 
-/// The pixels of a whole PNG, JPEG or WebP file.
-fn decode(name: &str, file: &[u8], budget: &Budget) -> Result<Arc<Image>, Refused> {
+/// The pixels of a whole PNG, JPEG or WebP file, with the file where an export may write it unchanged.
+fn decode(name: &str, file: &[u8], needs: ImportScope, budget: &Budget) -> Result<Arc<Image>, Refused> {
     let refused = |problem: Problem| refuse(format!("image: {}", problem.what));
     let encoded = Encoded::examine("image".into(), name.into(), file, Formats::Web).map_err(refused)?;
-    budget.take(4 * encoded.pixels() as usize)?;
-    encoded.decode().map_err(refused)
+    let kept = if needs.image_files { file.len() } else { 0 };
+    budget.take(4 * encoded.pixels() as usize + kept)?;
+    encoded.decode_for(needs).map_err(refused)
 }
 
 fn clip(scene: &Shared, name: &str, curves: &Array) -> Result<(), Refused> {

@@ -26,7 +26,7 @@ fn plugin(more: &str) -> Vec<u8> {
     let text = format!(
         "(module {more} {} {} {} {} (data (i32.const 4096) \"{data}\"))",
         with("memory", "(memory (export \"memory\") 2)"),
-        with("choreo_abi", "(func (export \"choreo_abi\") (result i32) i32.const 1)"),
+        with("choreo_abi", "(func (export \"choreo_abi\") (result i32) i32.const 2)"),
         with(
             "choreo_argument",
             "(func (export \"choreo_argument\") (param i32) (result i32) i32.const 8192)"
@@ -95,9 +95,9 @@ fn what_is_no_plugin_is_refused() {
         |number: u32| plugin(&format!("(func (export \"choreo_abi\") (result i32) i32.const {number})"));
     assert_eq!(
         made(&abi(0)),
-        "it was built for version 0 of the calls, this is version 1; build it again with this choreo"
+        "it was built for version 0 of the calls, this is version 2; build it again with this choreo"
     );
-    assert_eq!(made(&abi(2)), "it was built for version 2 of the calls, this is version 1; update choreo");
+    assert_eq!(made(&abi(3)), "it was built for version 3 of the calls, this is version 2; update choreo");
     let typed = plugin("(func (export \"choreo_manifest\") (param i64) (result i64) i64.const 0)");
     assert_eq!(made(&typed), "it exports no function choreo_manifest as choreo calls it");
     let short = plugin("(func (export \"choreo_manifest\") (result i64) i64.const 3)");

@@ -112,6 +112,7 @@ fn nodes<'a>(parts: &mut Parts<'a>, scene: &'a ExportedScene, baked: &bake::Bake
     nodes.lights = lights::of_stage(parts, stage, baked);
     losses::of_stage(stage, &mut parts.losses);
     let own = [
+        (stage.sky.is_some(), "the sky"),
         (stage.actors.iter().any(|a| a.skinning == Skinning::DualQuaternion), "dual quaternion skinning"),
         (stage.actors.iter().any(|a| !a.shadow.cast || !a.shadow.receive), "actors without shadows"),
     ];

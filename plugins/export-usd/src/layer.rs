@@ -51,7 +51,7 @@ pub const POINT3F: Type = of("point3f", 24, Component::Float, 3);
 pub const NORMAL3F: Type = of("normal3f", 24, Component::Float, 3);
 pub const VECTOR3F: Type = of("vector3f", 24, Component::Float, 3);
 pub const HALF3: Type = of("half3", 25, Component::Half, 3);
-pub const FLOAT4: Type = of("float4", 27, Component::Float, 4);
+pub const FLOAT4: Type = of("float4", 28, Component::Float, 4);
 
 impl Type {
     /// Quaternions are x, y, z, w in memory and in crate files, and w, x, y, z in text.

@@ -22,7 +22,9 @@ use choreo_plugin::asset::Asset;
 use choreo_plugin::motion::Path;
 use choreo_plugin::stage::Stage;
 use choreo_plugin::{ExportError, ExportedScene, Manifest, SceneExporter, SceneFiles};
-use file::{Out, binary, text, zip};
+use file::binary::{self, HEAD};
+use file::zip::{Archive, Contents};
+use file::{Out, text};
 use frames::Frames;
 use layer::{Layer, Meta, Prim};
 use model::{Common, Model};
@@ -75,7 +77,7 @@ impl SceneExporter for UsdExporter {
         baked.sets = sets.iter().map(|set| still_of(set)).collect();
         let mut common = Common::default();
         common.textures.stem = scene.stem.clone();
-        let layer = layer(scene, &baked, &sets, &mut common);
+        let layer = layer(scene, &baked, &sets, &mut common)?;
         write(&scene.extension, &layer, &common, (&scene.stem, files))?;
         Ok(vec![losses::note("USD", "the background", &common.losses)])
     }
@@ -91,7 +93,12 @@ fn still_of<'a>(set: &bake::tracks::TrackSet<'a>) -> bake::tracks::TrackSet<'a> 
     }
 }
 
-fn layer<'a>(scene: &'a ExportedScene, baked: &Baked<'a>, sets: &Sets<'a>, common: &mut Common) -> Layer<'a> {
+fn layer<'a>(
+    scene: &'a ExportedScene,
+    baked: &Baked<'a>,
+    sets: &Sets<'a>,
+    common: &mut Common,
+) -> Result<Layer<'a>, ExportError> {
     let stage: &Stage = &scene.stage;
     let frames = Frames { start: baked.start, rate: scene.fps };
     let root = names::identifier(&scene.stem);
@@ -110,6 +117,7 @@ fn layer<'a>(scene: &'a ExportedScene, baked: &Baked<'a>, sets: &Sets<'a>, commo
     }
     top.children.extend(cameras::of_stage(stage, baked, frames, &mut names));
     top.children.extend(lights::of_stage(stage, baked, (frames, &mut names), &mut common.losses));
+    top.children.extend(lights::of_sky(stage, baked, (scene.extension == "usdz", &mut names), common)?);
     losses::of_stage(stage, &mut common.losses);
     let mut prims = vec![top];
     if !library.is_empty() {
@@ -117,14 +125,14 @@ fn layer<'a>(scene: &'a ExportedScene, baked: &Baked<'a>, sets: &Sets<'a>, commo
     }
     let provenance: Vec<(String, Meta)> =
         scene.provenance.iter().map(|(keyword, text)| (keyword.clone(), Meta::Text(text.clone()))).collect();
-    Layer {
+    Ok(Layer {
         default_prim: root,
         end: frames.of(baked.end),
         frames_per_second: frames.per_second(),
         comment: format!("choreo export-usd {}", MANIFEST.version),
         custom: provenance,
         prims,
-    }
+    })
 }
 
 /// The models of all assets that are seen, by the asset's address.
@@ -168,53 +176,56 @@ fn write(
     common: &Common,
     (stem, files): (&str, &mut dyn SceneFiles),
 ) -> Result<(), ExportError> {
+    if extension != "usda" {
+        // Heads are stated at the end. What has no way back is refused before it gets a byte.
+        files.replace(0, &[])?;
+    }
     if extension == "usdz" {
         return write_package(layer, common, stem, files);
     }
     for (ending, file) in common.textures.files()? {
         let out = files.beside(&ending)?;
-        out.write_all(&file.bytes)?;
+        out.write_all(&file)?;
         out.flush()?;
     }
-    let tables_at = if extension == "usda" { 0 } else { binary::tables_at(layer)? };
     let mut out = Out::file(files.main());
-    match extension {
-        "usda" => text::write(layer, &mut out)?,
-        _ => {
-            out.put(&binary::head(tables_at))?;
-            binary::rest(layer, &mut out)?;
-        }
+    if extension == "usda" {
+        text::write(layer, &mut out)?;
+        return Ok(out.finish()?);
     }
+    out.put(&[0; HEAD])?;
+    let head = binary::rest(layer, &mut out)?;
     out.finish()?;
-    Ok(())
+    files.replace(0, &head)
 }
 
-/// The layer as a crate file, then the textures. Its checksum stands before it, so that it is made twice.
+/// The layer as a crate file, then the textures.
 fn write_package(
     layer: &Layer<'_>,
     common: &Common,
     stem: &str,
     files: &mut dyn SceneFiles,
 ) -> Result<(), ExportError> {
-    let head = binary::head(binary::tables_at(layer)?);
-    let mut sum = Out::checksum();
-    sum.put(&head)?;
-    binary::rest(layer, &mut sum)?;
-    let length = sum.position();
-    let checksum = sum.finish()?.map_or(0, crc32fast::Hasher::finalize);
     let mut out = Out::file(files.main());
-    let mut archive = zip::Archive::default();
-    archive.begin(&mut out, zip::Entry { name: format!("{stem}.usdc"), checksum, length })?;
+    let mut archive = Archive::default();
+    archive.begin(&mut out, format!("{stem}.usdc"), Contents::default())?;
+    let at = out.position();
     out.begin_file();
-    out.put(&head)?;
-    binary::rest(layer, &mut out)?;
+    out.put(&[0; HEAD])?;
+    out.begin_sum()?;
+    let head = binary::rest(layer, &mut out)?;
+    let mut sum = crc32fast::Hasher::new();
+    sum.update(&head);
+    sum.combine(&out.end_sum()?);
+    let (place, stated) = archive.end(Contents { checksum: sum.finalize(), length: out.position() })?;
     out.end_file();
     for (ending, file) in common.textures.files()? {
-        let (checksum, length) = (crc32fast::hash(&file.bytes), file.bytes.len() as u64);
-        archive.begin(&mut out, zip::Entry { name: format!("{stem}{ending}"), checksum, length })?;
-        out.put(&file.bytes)?;
+        let contents = Contents { checksum: crc32fast::hash(&file), length: file.len() as u64 };
+        archive.begin(&mut out, format!("{stem}{ending}"), contents)?;
+        out.put(&file)?;
     }
     archive.finish(&mut out)?;
     out.finish()?;
-    Ok(())
+    files.replace(at, &head)?;
+    files.replace(place, &stated)
 }

@@ -2,12 +2,14 @@
 
 use crate::frames::Frames;
 use crate::joints;
-use crate::layer::{Attribute, BOOL, COLOR3F, FLOAT, Prim, Property};
+use crate::layer::{ASSET, Attribute, BOOL, COLOR3F, FLOAT, Prim, Property, TOKEN, Value};
+use crate::model::Common;
 use crate::motion::{animate, place_by_parts, series_samples};
 use crate::names::Names;
-use choreo_exporter_kit::Baked;
 use choreo_exporter_kit::bake::rig;
 use choreo_exporter_kit::bake::signals::{LightPart, Quantity, rotation_towards};
+use choreo_exporter_kit::{Baked, losses};
+use choreo_plugin::ExportError;
 use choreo_plugin::asset::{Asset, Light, LightKind};
 use choreo_plugin::glam::{DAffine3, Quat, Vec3};
 use choreo_plugin::motion::Transform;
@@ -56,6 +58,34 @@ pub fn of_stage<'a>(
         out.push(dome);
     }
     out
+}
+
+/// The sky as a dome: the middle of its image is +Z in USD, −Z here.
+///
+/// # Errors
+/// An image that cannot be written.
+pub fn of_sky<'a>(
+    stage: &Stage,
+    baked: &Baked<'_>,
+    (is_package, names): (bool, &mut Names),
+    common: &mut Common,
+) -> Result<Option<Prim<'a>>, ExportError> {
+    let (Some(sky), Some(now)) = (&stage.sky, &baked.first.sky) else { return Ok(None) };
+    losses::add(
+        &[
+            (!sky.channels.is_empty() || !stage.hooks.is_empty(), "changes of the sky"),
+            (!sky.background, "a hidden sky (written as seen)"),
+        ],
+        &mut common.losses,
+    );
+    let mut dome = Prim::new("DomeLight", names.free("sky"));
+    let path = common.textures.sky(&now.panorama, is_package)?;
+    dome.set(ASSET, "inputs:texture:file", Value::text(path));
+    dome.set(TOKEN, "inputs:texture:format", Value::text("latlong"));
+    dome.number(FLOAT, "inputs:intensity", &[now.strength]);
+    let rotation = Quat::from_rotation_y(std::f32::consts::PI + now.turn as f32);
+    place_by_parts(&mut dome, &Transform { rotation, ..Transform::IDENTITY });
+    Ok(Some(dome))
 }
 
 fn of_light<'a>(

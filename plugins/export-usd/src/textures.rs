@@ -2,7 +2,10 @@
 
 use choreo_exporter_kit::ImageFiles;
 use choreo_plugin::ExportError;
-use choreo_plugin::asset::{Image, ImageFile, ImageFileFormat};
+use choreo_plugin::asset::{Image, ImageFileFormat, Panorama};
+use exr::image::{Encoding, Image as ExrImage, SpecificChannels};
+use exr::prelude::{Vec2, WritableImage, f16};
+use std::io::Cursor;
 use std::sync::Arc;
 
 /// Formats of images in packages (the USDZ specification).
@@ -12,12 +15,14 @@ pub struct Textures {
     /// Stem of the names.
     pub stem: String,
     images: ImageFiles,
+    /// The end of the name, and the file of the sky.
+    sky: Option<(&'static str, Arc<Vec<u8>>)>,
 }
 
 impl Default for Textures {
     fn default() -> Textures {
         // Readers take the green and blue of a gray image for black.
-        Textures { stem: String::new(), images: ImageFiles::new(FORMATS).in_color() }
+        Textures { stem: String::new(), images: ImageFiles::new(FORMATS).in_color(), sky: None }
     }
 }
 
@@ -28,12 +33,39 @@ impl Textures {
         format!("./{}{}", self.stem, self.images.ending(number))
     }
 
+    /// The path of the sky: its own file, or OpenEXR in a package, which holds no Radiance files, and for one without a file.
+    ///
+    /// # Errors
+    /// One that cannot be written as OpenEXR.
+    pub fn sky(&mut self, panorama: &Panorama, is_package: bool) -> Result<String, ExportError> {
+        let (ending, _) = self.sky.insert(match &panorama.file {
+            Some(file) if !is_package => ("_sky.hdr", file.clone()),
+            _ => ("_sky.exr", Arc::new(exr_of(panorama)?)),
+        });
+        Ok(format!("./{}{ending}", self.stem))
+    }
+
     /// Ends of names, and files.
     ///
     /// # Errors
     /// An image that cannot be written as PNG.
-    pub fn files(&self) -> Result<Vec<(String, ImageFile)>, ExportError> {
+    pub fn files(&self) -> Result<Vec<(String, Arc<Vec<u8>>)>, ExportError> {
         let files = self.images.files()?.into_iter().enumerate();
-        Ok(files.map(|(number, file)| (self.images.ending(number), file)).collect())
+        let images = files.map(|(number, file)| (self.images.ending(number), file.bytes));
+        Ok(images.chain(self.sky.iter().map(|(ending, file)| (ending.to_string(), file.clone()))).collect())
     }
+}
+
+/// A panorama as OpenEXR in half precision.
+fn exr_of(panorama: &Panorama) -> Result<Vec<u8>, ExportError> {
+    let channels = SpecificChannels::rgb(|Vec2(x, y)| {
+        let texel = panorama.texel(x as i64, y as i64);
+        (f16::from_f32(texel.x), f16::from_f32(texel.y), f16::from_f32(texel.z))
+    });
+    let [width, height] = panorama.size().map(|size| size as usize);
+    let image = ExrImage::from_encoded_channels((width, height), Encoding::SMALL_LOSSLESS, channels);
+    let mut bytes = Vec::new();
+    let written = image.write().non_parallel().to_buffered(Cursor::new(&mut bytes));
+    written.map_err(|e| ExportError::Format(format!("sky \"{}\": {e}", panorama.name)))?;
+    Ok(bytes)
 }

@@ -5,6 +5,7 @@ mod studio;
 use crate::hash::ContentHash;
 use glam::Vec3;
 use std::fmt;
+use std::sync::Arc;
 
 /// Radiance from every direction, linear, as an equirectangular image: rows from straight up to straight down; the middle
 /// column is what is seen looking along −Z, columns to the right of it lie to the right.
@@ -12,6 +13,8 @@ use std::fmt;
 pub struct Panorama {
     /// Name for messages.
     pub name: String,
+    /// The Radiance file (`.hdr`) that it was read from, where an export may write it unchanged.
+    pub file: Option<Arc<Vec<u8>>>,
     width: u32,
     height: u32,
     /// Red, green, blue; rows from the top.
@@ -54,7 +57,7 @@ impl Panorama {
         hasher.update(&height.to_le_bytes());
         hasher.update(bytemuck::cast_slice(&rgb));
         let hash = hasher.finalize().into();
-        Ok(Panorama { name: name.into(), width, height, rgb, hash })
+        Ok(Panorama { name: name.into(), file: None, width, height, rgb, hash })
     }
 
     /// Width and height in pixels.

@@ -17,7 +17,7 @@ use choreo_plugin::{
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::path::{Component, Path};
 use std::sync::Arc;
 use std::time::Instant;
@@ -103,8 +103,14 @@ fn exporter<'r>(output: &str, registry: &'r Registry) -> Result<&'r Arc<dyn Scen
         }
         let extensions = registry.scene_exporters().iter().flat_map(|e| &e.manifest().extensions);
         let known: Vec<String> = extensions.map(|extension| format!(".{extension}")).collect();
+        let extension = Path::new(output).extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        let is_read = registry.importers().iter().any(|i| i.manifest().extensions.contains(&extension));
+        let what = match is_read {
+            true => format!(".{extension} is read, not written"),
+            false => "the name's extension says the format".into(),
+        };
         Failure::Usage(format!(
-            "-o {output}: the name's extension says the format; known: {}{}",
+            "-o {output}: {what}; known: {}{}",
             known.join(", "),
             registry.faulty_hint(".exporter.")
         ))
@@ -200,6 +206,16 @@ impl SceneFiles for Files<'_> {
         };
         Ok(&mut file.out)
     }
+
+    fn replace(&mut self, at: u64, bytes: &[u8]) -> Result<(), ExportError> {
+        self.main.out.flush()?;
+        let no_way_back = || ExportError::Format("this format needs a file, no pipe or device".into());
+        self.main.part.replace(at, bytes).map_err(|e| match e.kind() {
+            ErrorKind::NotSeekable => no_way_back(),
+            _ => e.into(),
+        })
+    }
+
     fn deviation(&mut self, worst: ExportDeviation) {
         self.worst = Some(worst);
     }

@@ -190,9 +190,23 @@ impl AssetBuilder {
     /// # Ok::<(), choreo_plugin::BuildError>(())
     /// ```
     pub fn image(&mut self, name: &str, width: u32, height: u32, pixels: &[u8]) -> Result<u32> {
-        let image = image(name, width, height, pixels)?;
-        self.asset.images.push(Arc::new(image));
-        Ok(self.asset.images.len() as u32 - 1)
+        Ok(self.decoded_image(Arc::new(image(name, width, height, pixels)?)))
+    }
+
+    /// Adds an image that was decoded before, with its file where [`ImportScope::image_files`](crate::ImportScope::image_files) asks for
+    /// it; returns its number.
+    ///
+    /// ```
+    /// # let mut builder = choreo_plugin::AssetBuilder::default();
+    /// use choreo_plugin::asset::{Image, ImageFile, ImageFileFormat};
+    /// # let bytes = Vec::new();
+    /// let file = ImageFile { format: ImageFileFormat::Png, bytes: std::sync::Arc::new(bytes) };
+    /// let image = Image { name: "red".into(), width: 1, height: 1, rgba: vec![255, 0, 0, 255], file: Some(file) };
+    /// assert_eq!(builder.decoded_image(image.into()), 0);
+    /// ```
+    pub fn decoded_image(&mut self, image: Arc<Image>) -> u32 {
+        self.asset.images.push(image);
+        self.asset.images.len() as u32 - 1
     }
 
     /// Its textures must have been made before. Meshes whose material has a normal map get tangents.

@@ -3,9 +3,10 @@
 
 use super::{Bytes, Result, Transfer, Written, fields, variants};
 use choreo_asset::{
-    AlphaMode, Asset, AssetCamera, AssetLight, FrameStrip, Image, Light, LightKind, LineStyle, Material,
-    MaterialLayers, Mesh, MeshInstance, MorphTarget, Origin, Outline, Primitive, Projection, Reflection,
-    Sampler, Shading, Skin, TextureRef, Toon, Topology, Triplanar, UvMotion, Warning, Wrap,
+    AlphaMode, Asset, AssetCamera, AssetLight, FrameStrip, Image, ImageFile, ImageFileFormat, Light,
+    LightKind, LineStyle, Material, MaterialLayers, Mesh, MeshInstance, MorphTarget, Origin, Outline,
+    Primitive, Projection, Reflection, Sampler, Shading, Skin, TextureRef, Toon, Topology, Triplanar,
+    UvMotion, Warning, Wrap,
 };
 use choreo_motion::{Clip, Curve, Interpolation, Path, Skeleton, Time, Transform};
 use glam::{Affine2, Affine3A, DAffine3};
@@ -129,7 +130,8 @@ fields! {
     MorphTarget { positions, normals, tangents }
     Skin { joints, inverse_bind }
     MeshInstance { joint, mesh, skin, weights, copies }
-    Image { name, width, height, rgba; without file }
+    Image { name, width, height, rgba, file }
+    ImageFile { format, bytes }
     AssetCamera { name, joint, projection }
     AssetLight { name, joint, light }
     Light { kind, color, intensity, range }
@@ -171,5 +173,23 @@ variants! {
     Shading { 0 MetallicRoughness, 1 BlinnPhong, 2 Phong, 3 Unlit, 4 Toon }
     AlphaMode { 0 Opaque, 1 Mask(cutoff), 2 Blend }
     Projection { 0 Perspective { yfov, near, far }, 1 Orthographic { height, near, far } }
+    ImageFileFormat { 0 Png, 1 Jpeg, 2 WebP }
     LightKind { 0 Directional, 1 Point, 2 Spot { inner, outer } }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transfer::{from_bytes, to_bytes};
+
+    #[test]
+    fn an_image_arrives_with_its_file() {
+        let file = ImageFile { format: ImageFileFormat::Jpeg, bytes: Arc::new(vec![0xff, 0xd8]) };
+        let image =
+            Image { name: "i".into(), width: 1, height: 1, rgba: vec![9, 8, 7, 255], file: Some(file) };
+        for image in [image.clone(), Image { file: None, ..image }] {
+            let arrived: Image = from_bytes(&to_bytes(&image)).unwrap_or_else(|e| panic!("{e}"));
+            assert_eq!(arrived, image);
+        }
+    }
 }

@@ -46,7 +46,7 @@ pub enum ExportReply {
 fields! {
     ImportRequest { name, needs, options, length }
     ExportRequest { scene }
-    ImportScope { geometry, clips, textures, pixels; without image_files }
+    ImportScope { geometry, clips, textures, pixels, image_files }
     ImportError { file, place, what, hint }
     Manifest { name, version, about, extensions, magic, options }
     OptionSpec { name, about, unit, kind }

@@ -55,13 +55,15 @@ fn sky(c: &mut Call) -> Reply {
 
 fn read(c: &Call, name: &str) -> Result<Panorama, ApiError> {
     let bytes = c.shared.read_file(name)?;
-    choreo_importer_kit::panorama::panorama(name, &bytes).map_err(|problem| {
+    let mut panorama = choreo_importer_kit::panorama::panorama(name, &bytes).map_err(|problem| {
         let text = ApiError::new(format!("sky: \"{}\" {}", problem.place, problem.what)).focus(name);
         match problem.hint {
             Some(hint) => text.hint(hint),
             None => text,
         }
-    })
+    })?;
+    panorama.file = c.shared.loader.needs().image_files.then(|| Arc::new(bytes));
+    Ok(panorama)
 }
 
 fn change(c: &mut Call) -> Reply {

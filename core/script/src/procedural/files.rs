@@ -119,10 +119,7 @@ fn whole(o: &Options, word: &str) -> Result<Option<u64>, ApiError> {
 pub(crate) fn one(c: &Call, what: &str, name: &str) -> Result<Arc<Image>, ApiError> {
     let bytes = c.shared.read_file(name)?;
     let encoded = Encoded::examine(name.into(), name.into(), bytes, Formats::All);
-    let image = encoded.and_then(|encoded| match c.shared.loader.needs().image_files {
-        true => encoded.decode_with_file(),
-        false => encoded.decode(),
-    });
+    let image = encoded.and_then(|encoded| encoded.decode_for(c.shared.loader.needs()));
     let image = image.map_err(|p| undecodable(what, name, p))?;
     super::raw_image::count(c, texels(&image))?;
     Ok(image)

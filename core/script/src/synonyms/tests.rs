@@ -120,7 +120,7 @@ fn words_are_found_whole_and_in_any_order() {
         ("lut", "There are no LUTs"),
         ("chromatic aberration", "There is no such effect built in"),
         ("seamless loop", "There is no option"),
-        ("alpha", "Outputs have no alpha channel"),
+        ("alpha", "With background: \"#00000000\""),
     ] {
         assert!(answer(term).note.is_some_and(|text| text.starts_with(note)), "{term}");
     }

@@ -1,6 +1,6 @@
 //! Layers as crate files, `.usdc` (pxr/usd/usd/crateFile.cpp): values one after the other, then tables of what has them.
 //!
-//! The head states where the tables begin, so that the layer is walked twice: values are made only once.
+//! The head states where the tables begin, so that it is written last.
 
 use crate::file::integers::{compressed, encoded};
 use crate::file::out::Out;
@@ -15,7 +15,7 @@ use std::rc::Rc;
 /// Version of the format: readers of the last eight years know it.
 const VERSION: [u8; 8] = [0, 8, 0, 0, 0, 0, 0, 0];
 /// Bytes of the head.
-const HEAD: usize = 88;
+pub const HEAD: usize = 88;
 
 const IS_ARRAY: u64 = 1 << 63;
 const IS_INLINED: u64 = 1 << 62;
@@ -42,7 +42,7 @@ const ROOT: i32 = 7;
 const RELATIONSHIP: i32 = 8;
 
 /// The head of a file whose tables are listed at a place.
-pub fn head(tables_at: u64) -> [u8; HEAD] {
+fn head(tables_at: u64) -> [u8; HEAD] {
     let mut out = [0; HEAD];
     out[..8].copy_from_slice(b"PXR-USDC");
     out[8..16].copy_from_slice(&VERSION);
@@ -50,15 +50,8 @@ pub fn head(tables_at: u64) -> [u8; HEAD] {
     out
 }
 
-/// The place of the list of tables.
-pub fn tables_at(layer: &Layer<'_>) -> Result<u64> {
-    let mut out = Out::nowhere();
-    out.put(&[0; HEAD])?;
-    rest(layer, &mut out)
-}
-
-/// Writes all that follows the head; the place of the list of tables.
-pub fn rest(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<u64> {
+/// Writes all that follows the head, and returns it.
+pub fn rest(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<[u8; HEAD]> {
     let mut writer = Writer {
         out,
         tokens: Table::default(),
@@ -72,7 +65,7 @@ pub fn rest(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<u64> {
     // A property has a negative token, so that no name may be number 0.
     writer.token(";-)");
     writer.layer(layer)?;
-    writer.tables()
+    Ok(head(writer.tables()?))
 }
 
 /// Distinct items in the order in which they came.
@@ -341,7 +334,7 @@ impl Writer<'_, '_> {
             if of.width == 1 && of.component != Component::Double {
                 let mut bytes = [0; 8];
                 let mut written = Vec::new();
-                put(of.component, number(0), &mut written);
+                put(of.component, &[number(0)], &mut written);
                 bytes[..written.len()].copy_from_slice(&written);
                 return Ok(inlined(of.code, u64::from_le_bytes(bytes)));
             }
@@ -359,18 +352,16 @@ impl Writer<'_, '_> {
     }
 
     fn all(&mut self, of: Type, numbers: usize, number: &dyn Fn(usize) -> f64) -> Result<()> {
-        let length = numbers as u64 * size_of(of.component);
-        self.out.made(length, |out| {
-            let mut bytes = Vec::with_capacity(4096);
-            for index in 0..numbers {
-                put(of.component, number(index), &mut bytes);
-                if bytes.len() >= 4088 {
-                    out.put(&bytes)?;
-                    bytes.clear();
-                }
-            }
-            out.put(&bytes)
-        })
+        const AT_ONCE: usize = 512;
+        let (mut list, mut bytes) = (Vec::with_capacity(AT_ONCE), Vec::new());
+        for from in (0..numbers).step_by(AT_ONCE) {
+            list.clear();
+            list.extend((from..numbers.min(from + AT_ONCE)).map(number));
+            bytes.clear();
+            put(of.component, &list, &mut bytes);
+            self.out.put(&bytes)?;
+        }
+        Ok(())
     }
 
     fn double(&mut self, number: f64) -> Result<u64> {
@@ -396,17 +387,16 @@ impl Writer<'_, '_> {
                 let first = self.here(of.code) | flag;
                 let number = samples.times.len() as u64;
                 values.extend((0..number).map(|index| first + index * length));
-                self.out.made(number * length, |out| {
-                    let mut bytes = Vec::new();
-                    each(&mut |list| {
-                        bytes.clear();
-                        if let Some(count) = count {
-                            bytes.extend((*count as u64).to_le_bytes());
-                        }
-                        list.iter().for_each(|v| put(of.component, *v, &mut bytes));
-                        out.put(&bytes)
-                    })
+                let mut bytes = Vec::new();
+                each(&mut |list| {
+                    bytes.clear();
+                    if let Some(count) = count {
+                        bytes.extend((*count as u64).to_le_bytes());
+                    }
+                    put(of.component, list, &mut bytes);
+                    self.out.put(&bytes)
                 })?;
+                debug_assert_eq!(self.here(of.code) | flag, first + number * length);
             }
             SampleValues::Numbers { each, .. } => {
                 let mut list = Vec::new();
@@ -555,12 +545,21 @@ fn size_of(component: Component) -> u64 {
     }
 }
 
-fn put(component: Component, number: f64, out: &mut Vec<u8>) {
+/// Appends numbers as the file has them. The kind is told apart once a list, so that most of the time is that of storing.
+fn put(component: Component, numbers: &[f64], out: &mut Vec<u8>) {
     match component {
-        Component::Bool => out.push(u8::from(number != 0.0)),
-        Component::Int | Component::Text => out.extend((number as i32).to_le_bytes()),
-        Component::Half => out.extend(half::f16::from_f64(number).to_le_bytes()),
-        Component::Float => out.extend((number as f32).to_le_bytes()),
-        Component::Double => out.extend(number.to_le_bytes()),
+        Component::Bool => out.extend(numbers.iter().map(|number| u8::from(*number != 0.0))),
+        Component::Int | Component::Text => put_each(numbers, out, |number| (number as i32).to_le_bytes()),
+        Component::Half => put_each(numbers, out, |number| half::f16::from_f64(number).to_le_bytes()),
+        Component::Float => put_each(numbers, out, |number| (number as f32).to_le_bytes()),
+        Component::Double => put_each(numbers, out, f64::to_le_bytes),
+    }
+}
+
+fn put_each<const N: usize>(numbers: &[f64], out: &mut Vec<u8>, bytes_of: impl Fn(f64) -> [u8; N]) {
+    let from = out.len();
+    out.resize(from + N * numbers.len(), 0);
+    for (bytes, number) in out[from..].as_chunks_mut::<N>().0.iter_mut().zip(numbers) {
+        *bytes = bytes_of(*number);
     }
 }

@@ -1,41 +1,23 @@
-//! The place that bytes go to: into a file, into a checksum, or nowhere, where only their number is of interest.
+//! The place that bytes go to: a file, with positions and a checksum of a file within a package.
 
 use std::io::{Result, Write};
 
 /// Bytes that are collected before they go on.
 const CHUNK: usize = 1 << 16;
 
-enum Target<'w> {
-    Nowhere,
-    Checksum(crc32fast::Hasher),
-    File(&'w mut dyn Write),
-}
-
 pub struct Out<'w> {
-    target: Target<'w>,
+    file: &'w mut dyn Write,
     position: u64,
     /// The position at which the file within a package begins.
     origin: u64,
+    /// Of what has come since [`Out::begin_sum`].
+    sum: Option<crc32fast::Hasher>,
     pending: Vec<u8>,
 }
 
 impl<'w> Out<'w> {
     pub fn file(file: &'w mut dyn Write) -> Out<'w> {
-        Out::new(Target::File(file))
-    }
-
-    /// Counts bytes.
-    pub fn nowhere() -> Out<'w> {
-        Out::new(Target::Nowhere)
-    }
-
-    /// Makes a CRC-32.
-    pub fn checksum() -> Out<'w> {
-        Out::new(Target::Checksum(crc32fast::Hasher::new()))
-    }
-
-    fn new(target: Target<'w>) -> Out<'w> {
-        Out { target, position: 0, origin: 0, pending: Vec::with_capacity(CHUNK) }
+        Out { file, position: 0, origin: 0, sum: None, pending: Vec::with_capacity(2 * CHUNK) }
     }
 
     /// Bytes so far, of the file within a package where one has begun.
@@ -53,44 +35,37 @@ impl<'w> Out<'w> {
         self.origin = 0;
     }
 
+    /// Begins a CRC-32 of what follows.
+    pub fn begin_sum(&mut self) -> Result<()> {
+        self.send()?;
+        self.sum = Some(crc32fast::Hasher::new());
+        Ok(())
+    }
+
+    /// The CRC-32 of all bytes since it has begun.
+    pub fn end_sum(&mut self) -> Result<crc32fast::Hasher> {
+        self.send()?;
+        Ok(self.sum.take().unwrap_or_default())
+    }
+
     pub fn put(&mut self, bytes: &[u8]) -> Result<()> {
         self.position += bytes.len() as u64;
-        if matches!(self.target, Target::Nowhere) {
-            return Ok(());
-        }
         self.pending.extend_from_slice(bytes);
         if self.pending.len() >= CHUNK { self.send() } else { Ok(()) }
     }
 
-    /// Bytes of a known length, which are made only where they are needed.
-    pub fn made(&mut self, length: u64, make: impl FnOnce(&mut Out<'w>) -> Result<()>) -> Result<()> {
-        if matches!(self.target, Target::Nowhere) {
-            self.position += length;
-            return Ok(());
-        }
-        let from = self.position;
-        make(self)?;
-        debug_assert_eq!(self.position - from, length);
-        Ok(())
-    }
-
     fn send(&mut self) -> Result<()> {
-        match &mut self.target {
-            Target::Nowhere => {}
-            Target::Checksum(hasher) => hasher.update(&self.pending),
-            Target::File(file) => file.write_all(&self.pending)?,
+        if let Some(sum) = &mut self.sum {
+            sum.update(&self.pending);
         }
+        self.file.write_all(&self.pending)?;
         self.pending.clear();
         Ok(())
     }
 
-    /// Hands over what is pending; the checksum of all, where there is one.
-    pub fn finish(mut self) -> Result<Option<crc32fast::Hasher>> {
+    /// Hands over what is pending.
+    pub fn finish(mut self) -> Result<()> {
         self.send()?;
-        match self.target {
-            Target::Checksum(hasher) => Ok(Some(hasher)),
-            Target::File(file) => file.flush().map(|()| None),
-            Target::Nowhere => Ok(None),
-        }
+        self.file.flush()
     }
 }
