@@ -69,7 +69,7 @@ described! {
         ease: Ease = Ease::Linear;
         /// Clip seconds per stage second; negative plays backwards from `trim.1`.
         speed: f64 = 1.0;
-        /// What follows when the clip has been played.
+        /// Continuation after the clip has been played.
         repeat: Repeat = Repeat::Loop;
         /// 0 to 1, times the fades. The first cue of the base layer always has all the weight.
         weight: f32 = 1.0;
