@@ -9,6 +9,7 @@
 
 mod alpha;
 mod asset_check;
+mod binary;
 pub mod build;
 pub mod color;
 pub mod effect;
@@ -33,6 +34,7 @@ mod text_numbers;
 pub mod transfer;
 pub mod yuv;
 
+pub use binary::{Binary, BinaryError, BinaryNumber};
 pub use build::{AssetBuilder, BuildError, MeshData, MeshPart, MorphData};
 pub use choreo_asset as asset;
 pub use choreo_motion as motion;

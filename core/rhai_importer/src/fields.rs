@@ -5,6 +5,7 @@ use crate::numbers;
 use choreo_asset::Topology;
 use choreo_plugin::suggest::{did_you_mean, list};
 use choreo_plugin::{MeshData, MeshPart, MorphData};
+use choreo_sandbox::type_word;
 use glam::Vec4;
 use rhai::{Dynamic, Map};
 
@@ -39,6 +40,14 @@ impl From<FieldError> for Refused {
     }
 }
 
+/// A number as it is, else its type in the words of scripts.
+fn shown(value: &Dynamic) -> String {
+    match value.is_int() || value.is_float() || value.is_bool() {
+        true => value.to_string(),
+        false => type_word(value.type_name()).to_string(),
+    }
+}
+
 impl<'a> Fields<'a> {
     /// Refuses names that are not in `known`.
     pub fn new(what: &'a str, map: &'a Map, known: &[&str]) -> Result<Fields<'a>> {
@@ -53,7 +62,7 @@ impl<'a> Fields<'a> {
     }
 
     fn wrong<T>(&self, name: &str, expected: &str, got: &Dynamic) -> Result<T> {
-        Err(format!("{}: {name} must be {expected}, got {}", self.what, got.type_name()).into())
+        Err(format!("{}: {name} must be {expected}, got {}", self.what, shown(got)).into())
     }
 
     pub fn value(&self, name: &str) -> Option<&'a Dynamic> {
@@ -87,6 +96,14 @@ impl<'a> Fields<'a> {
         match value.as_int().ok().and_then(|i| u32::try_from(i).ok()) {
             Some(index) => Ok(Some(index)),
             None => self.wrong(name, "a number that joint(…), material(…) or image(…) returned", value),
+        }
+    }
+
+    /// [`Fields::index`]; a negative number is none, as files write it.
+    pub fn reference(&self, name: &str) -> Result<Option<u32>> {
+        match self.value(name).and_then(|value| value.as_int().ok()) {
+            Some(negative) if negative < 0 => Ok(None),
+            _ => self.index(name),
         }
     }
 
@@ -145,8 +162,7 @@ impl<'a> Fields<'a> {
         let element = |(at, value): (usize, &Dynamic)| {
             let what = format!("{}: {name}[{at}]", self.what);
             let map = value.read_lock::<Map>();
-            let map =
-                map.ok_or_else(|| format!("{what} must be an object map, got {}", value.type_name()))?;
+            let map = map.ok_or_else(|| format!("{what} must be an object map, got {}", shown(value)))?;
             read(&Fields::new(&what, &map, known)?)
         };
         array.iter().enumerate().map(element).collect()
@@ -182,7 +198,7 @@ pub fn mesh_data(f: &Fields<'_>, topology: Topology) -> Result<MeshData> {
     Ok(MeshData {
         topology,
         name: f.text("name")?.unwrap_or_default(),
-        joint: f.index("joint")?,
+        joint: f.reference("joint")?,
         positions: f.floats("positions")?,
         indices: f.indices("indices")?,
         normals: f.floats("normals")?,
@@ -191,9 +207,9 @@ pub fn mesh_data(f: &Fields<'_>, topology: Topology) -> Result<MeshData> {
         joints: f.indices("joints")?,
         weights: f.floats("weights")?,
         inverse_bind: f.floats("inverse_bind")?,
-        material: f.index("material")?,
+        material: f.reference("material")?,
         parts: f.maps("parts", &["indices", "material"], |f| {
-            Ok(MeshPart { indices: f.indices("indices")?, material: f.index("material")? })
+            Ok(MeshPart { indices: f.indices("indices")?, material: f.reference("material")? })
         })?,
         morphs: f.maps("morphs", &["name", "positions", "normals"], |f| {
             let name = f.text("name")?.unwrap_or_default();

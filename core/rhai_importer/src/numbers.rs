@@ -150,6 +150,29 @@ impl Numbers {
     }
 }
 
+/// Columns side by side: the first number of each, then the second of each, and so on.
+fn interleaved(columns: &Array, budget: &Budget) -> Result<Numbers, Refused> {
+    let wrong = || refuse("interleaved: an array of columns is needed, each an array of numbers");
+    let column = |value: &Dynamic| -> Result<Numbers, Refused> {
+        if let Some(numbers) = value.read_lock::<Numbers>() {
+            return Ok(numbers.clone());
+        }
+        let values = read(value).ok_or_else(wrong)?;
+        let share = budget.share(8 * values.len())?;
+        Ok(Numbers::new(values, share))
+    };
+    let columns: Vec<Numbers> = columns.iter().map(column).collect::<Result<_, _>>()?;
+    let count = columns.first().ok_or_else(wrong)?.len();
+    if let Some((at, other)) = columns.iter().enumerate().find(|(_, column)| column.len() != count) {
+        let other = other.len();
+        return Err(refuse(format!("interleaved: column {at} has {other} numbers, the first one {count}")));
+    }
+    let share = budget.share(8 * count.saturating_mul(columns.len()))?;
+    let columns = &columns;
+    let rows = (0..count).flat_map(|row| columns.iter().map(move |column| column[row]));
+    Ok(Numbers::new(rows.collect(), share))
+}
+
 /// The numbers of an array, `Numbers` or script values.
 pub fn read(value: &Dynamic) -> Option<Vec<f64>> {
     if let Some(numbers) = value.read_lock::<Numbers>() {
@@ -274,4 +297,6 @@ pub fn register(engine: &mut Engine, budget: &Budget) {
     });
     let given = budget.clone();
     engine.register_fn("numbers", move |text: &str| parse(text, &given));
+    let given = budget.clone();
+    engine.register_fn("interleaved", move |columns: Array| interleaved(&columns, &given));
 }

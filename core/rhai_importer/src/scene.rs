@@ -195,7 +195,7 @@ fn read_material(map: &Map, textures: bool) -> fields::Result<Material> {
     };
     let texture = |name: &str| {
         let (sampler, uv_transform) = (Sampler::default(), Affine2::IDENTITY);
-        let image = f.index(name)?.filter(|_| textures);
+        let image = f.reference(name)?.filter(|_| textures);
         Ok::<_, FieldError>(image.map(|image| TextureRef { image, sampler, uv_set: 0, uv_transform }))
     };
     material.base_color_texture = texture("image")?;
@@ -234,7 +234,7 @@ fn camera(scene: &Shared, map: &Map) -> Result<i64, Refused> {
         }
     };
     let name = f.text("name")?.unwrap_or_default();
-    let joint = f.index("joint")?;
+    let joint = f.reference("joint")?;
     lock(scene).builder.camera(&name, joint, projection).map(i64::from).map_err(|e| refuse(e.to_string()))
 }
 
@@ -258,7 +258,7 @@ fn light(scene: &Shared, map: &Map) -> Result<i64, Refused> {
         range: f.number("range")?.map(|range| range as f32),
     };
     let name = f.text("name")?.unwrap_or_default();
-    let joint = f.index("joint")?;
+    let joint = f.reference("joint")?;
     lock(scene).builder.light(&name, joint, light).map(i64::from).map_err(|e| refuse(e.to_string()))
 }
 

@@ -31,7 +31,14 @@ pub fn operator_error(signature: &str) -> Option<String> {
     }
     Some(match types.as_slice() {
         [a] => format!("cannot compute {name} {}", type_word(a)),
-        [a, b] => format!("cannot compute {} {name} {}", type_word(a), type_word(b)),
+        [a, b] => {
+            let (a, b) = (type_word(a), type_word(b));
+            let hint = match matches!(name, "&" | "|" | "^") && (a == "bool") != (b == "bool") {
+                true => format!("; comparisons bind closer than {name}: put parentheses around a {name} b"),
+                false => String::new(),
+            };
+            format!("cannot compute {a} {name} {b}{hint}")
+        }
         _ => format!("cannot compute {signature}"),
     })
 }

@@ -46,6 +46,7 @@ impl Stage {
         self.cameras.len() - 1
     }
 
+    /// The index of the first actor of that name.
     pub fn actor(&self, name: &str) -> Option<usize> {
         self.actors.iter().position(|a| a.name == name)
     }
@@ -74,6 +75,7 @@ impl Camera {
 }
 
 impl Placement {
+    /// A placement at a position in metres, without rotation, at scale 1.
     pub fn at(x: f64, y: f64, z: f64) -> Placement {
         Placement { translation: DVec3::new(x, y, z), ..Placement::default() }
     }

@@ -51,6 +51,7 @@ pub struct Evaluator {
 /// Work of the processor for one snapshot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EvaluationCosts {
+    /// Actors whose joints are posed.
     pub poses: usize,
     /// Constraints and look-ats that are on, of actors that are posed.
     pub constraints: usize,
@@ -87,6 +88,7 @@ struct Scratch {
 }
 
 impl Evaluator {
+    /// An evaluator of a stage; results about the whole stage are computed when they are first needed.
     pub fn new(stage: Arc<Stage>) -> Evaluator {
         let memory = Arc::new(Memory::new(&stage));
         let motions = Some(Arc::new(Motions::new(&stage)));
@@ -95,6 +97,7 @@ impl Evaluator {
         Evaluator { stage, memory, scratch }
     }
 
+    /// The stage that it evaluates.
     pub fn stage(&self) -> &Arc<Stage> {
         &self.stage
     }

@@ -3,6 +3,8 @@
 //! A stage is plain data: a script (or any Rust code) fills it, nothing in it changes while it is drawn.
 //! `at` is a function of the time alone: any order, any thread, the same bits.
 
+#![warn(missing_docs)]
+
 mod actors;
 mod build;
 mod camera;
@@ -22,7 +24,6 @@ mod placed;
 mod pose;
 mod properties;
 mod root_motion;
-#[warn(missing_docs)]
 mod snapshot;
 mod springs;
 mod stage;

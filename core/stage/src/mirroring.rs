@@ -7,6 +7,7 @@ use choreo_motion::{BlendOnto, Clip, Curve, Mirror, MirrorError, MirrorMap, Path
 /// The part of an asset from which each part takes its value when a character is mirrored.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mirroring {
+    /// Source of each joint.
     pub joints: MirrorMap,
     /// Source of each morph weight, by mesh instance and morph target. `smileLeft` takes the weight of `smileRight`, of the same
     /// mesh or of the one on the other side; a target of the middle keeps its own.
@@ -16,6 +17,7 @@ pub struct Mirroring {
 }
 
 impl Mirroring {
+    /// The exchange of left and right in a skeleton, whose joints have partners by name or place.
     pub fn of(asset: &Asset) -> Result<Mirroring, MirrorError> {
         let joints = MirrorMap::new(&asset.skeleton)?;
         let names = |instance: usize| -> &[String] {

@@ -17,8 +17,12 @@ use glam::{Vec2, Vec3, Vec4};
 /// # Ok::<(), choreo_plugin::BuildError>(())
 /// ```
 pub fn primitive(data: &MeshData) -> Result<Primitive> {
-    let positions = vectors::<3>(&data.positions, "positions", None)?;
-    let vertices = positions.len();
+    taken(&mut data.clone())
+}
+
+/// [`primitive`] of arrays that are taken out of `data`: those of positions, normals, uvs and indices are not copied.
+pub(super) fn taken(data: &mut MeshData) -> Result<Primitive> {
+    let vertices = vectors::<3>(&data.positions, "positions", None)?.len();
     if vertices > MOST || data.indices.len() > MOST {
         return fail(format!(
             "it has {vertices} vertices and {} indices, at most {MOST} each",
@@ -28,12 +32,12 @@ pub fn primitive(data: &MeshData) -> Result<Primitive> {
     if !(data.parts.is_empty() || data.indices.is_empty() && data.material.is_none()) {
         return fail("parts have indices and materials of their own: leave indices and material out".into());
     }
+    let what = if data.indices.is_empty() && data.parts.is_empty() { "vertices" } else { "indices" };
     let indices: Vec<u32> = match (data.parts.as_slice(), data.indices.is_empty()) {
         ([], true) => (0..vertices as u32).collect(),
-        ([], false) => data.indices.clone(),
+        ([], false) => std::mem::take(&mut data.indices),
         (parts, _) => parts.iter().flat_map(|part| &part.indices).copied().collect(),
     };
-    let what = if data.indices.is_empty() && data.parts.is_empty() { "vertices" } else { "indices" };
     let (corners, each) = match data.topology {
         Topology::Triangles => (3, "three for each triangle"),
         Topology::Lines => (2, "two for each line"),
@@ -45,19 +49,20 @@ pub fn primitive(data: &MeshData) -> Result<Primitive> {
     if let Some(at) = indices.iter().position(|i| *i as usize >= vertices) {
         return fail(format!("indices[{at}] is {}, but there are {vertices} vertices", indices[at]));
     }
-    let positions: Vec<Vec3> = positions.iter().copied().map(Vec3::from_array).collect();
+    let positions: Vec<Vec3> = rows(&mut data.positions).map(Vec3::from_array).collect();
     let normals = match data.normals.is_empty() {
         true if data.topology == Topology::Triangles => normals(&positions, &indices),
         true => Vec::new(),
         false => {
-            let given = vectors::<3>(&data.normals, "normals", Some(vertices))?;
-            given.iter().map(|n| Vec3::from_array(*n).normalize_or(Vec3::Y)).collect()
+            vectors::<3>(&data.normals, "normals", Some(vertices))?;
+            rows(&mut data.normals).map(|n| Vec3::from_array(n).normalize_or(Vec3::Y)).collect()
         }
     };
     let uvs = match data.uvs.is_empty() {
         true => Vec::new(),
         false => {
-            vectors::<2>(&data.uvs, "uvs", Some(vertices))?.iter().copied().map(Vec2::from_array).collect()
+            vectors::<2>(&data.uvs, "uvs", Some(vertices))?;
+            rows(&mut data.uvs).map(Vec2::from_array).collect()
         }
     };
     let colors = match data.colors.len() {
@@ -83,6 +88,12 @@ pub fn primitive(data: &MeshData) -> Result<Primitive> {
         material: data.material,
         ..Primitive::default()
     })
+}
+
+/// The rows of a list, which is empty afterwards. Where its capacity is a multiple of a row, rows that are collected take its place.
+fn rows<const N: usize>(list: &mut Vec<f32>) -> std::vec::IntoIter<[f32; N]> {
+    let rows = bytemuck::allocation::try_cast_vec(std::mem::take(list));
+    rows.unwrap_or_else(|(_, list)| list.as_chunks().0.to_vec()).into_iter()
 }
 
 /// Finite vectors of `N` numbers, as many as there are vertices.

@@ -7,6 +7,7 @@ pub mod normals;
 mod parts;
 pub mod tangents;
 
+use crate::ImportError;
 pub use arrays::primitive;
 use choreo_asset::{
     Asset, AssetCamera, AssetLight, Image, Light, Material, Mesh, MeshInstance, Primitive, Projection, Skin,
@@ -28,6 +29,18 @@ impl std::fmt::Display for BuildError {
 }
 
 impl std::error::Error for BuildError {}
+
+impl BuildError {
+    /// The error of an import of the file with this name.
+    ///
+    /// ```
+    /// let error = choreo_plugin::BuildError("mesh \"leaf\": no positions".into());
+    /// assert_eq!(error.of_file("a.tree").to_string(), "a.tree: mesh \"leaf\": no positions");
+    /// ```
+    pub fn of_file(self, name: &str) -> ImportError {
+        ImportError { file: name.to_string(), place: String::new(), what: self.0, hint: None }
+    }
+}
 
 type Result<T> = std::result::Result<T, BuildError>;
 
@@ -258,7 +271,7 @@ impl AssetBuilder {
     /// let error = builder.mesh(MeshData { name: "leaf".into(), positions, ..MeshData::default() }).unwrap_err();
     /// assert!(error.to_string().starts_with("mesh \"leaf\": positions"), "{error}");
     /// ```
-    pub fn mesh(&mut self, data: MeshData) -> Result<u32> {
+    pub fn mesh(&mut self, mut data: MeshData) -> Result<u32> {
         let name = match data.name.as_str() {
             "" => format!("mesh {}", self.asset.meshes.len()),
             name => name.to_string(),
@@ -271,7 +284,7 @@ impl AssetBuilder {
             let count = self.asset.materials.len();
             return fail(format!("mesh \"{name}\": material {material} does not exist, there are {count}"));
         }
-        let mut primitive = primitive(&data).map_err(with)?;
+        let mut primitive = arrays::taken(&mut data).map_err(with)?;
         let skin = match data.weights.is_empty() && data.joints.is_empty() {
             true => None,
             false => {

@@ -20,7 +20,13 @@ described! {
     /// An asset on stage, by default at the origin, at rest; the spring bones of its file swing. The index in `Stage::actors` is
     /// its id; parents may come later than children.
     #[derive(Clone, Debug)]
-    pub struct Actor(name: String => str, asset: Arc<Asset>) {
+    pub struct Actor(
+        /// Its name in scripts.
+        name: String => str,
+        /// Content of its file.
+        asset: Arc<Asset>,
+    ) {
+        /// Where it stands in its parent, else in the world, without keys.
         transform: Placement = Placement::default();
         /// Parents over time, sorted by start; before the first one the actor stands in the world.
         parents: Vec<Parenting> = Vec::new(), hash |w: &mut StageWriter, parents: &[Parenting]| {
@@ -33,8 +39,11 @@ described! {
         };
         /// Turned about its parent's +Y so that its front points to where this actor stands; its own rotation comes first.
         face: Option<usize> = None;
+        /// Its clips: the base layer, then those over it.
         layers: Vec<Layer> = Vec::new();
+        /// Keyed properties.
         channels: Vec<Channel> = Vec::new();
+        /// Joints that are turned to targets.
         look_at: Vec<LookAt> = Vec::new();
         /// Constraints over its clips; see `crate::stage::constraint` for their order.
         constraints: Vec<Constraint> = Vec::new();
@@ -62,6 +71,7 @@ described! {
         skinning: Skinning = Skinning::default();
         /// How its surfaces are cut out and mixed; of several rules for the same option the last counts.
         surfaces: Vec<SurfaceRule> = Vec::new();
+        /// Its part in shadows.
         shadow: ActorShadow = ActorShadow::default();
     }
     fields {
@@ -81,7 +91,9 @@ described! {
     /// Part of an actor in shadows.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct ActorShadow {
+        /// It casts shadows.
         cast: bool = true;
+        /// Shadows fall on it, its own among them.
         receive: bool = true;
     }
     fields {
@@ -105,8 +117,11 @@ described! {
     /// Position, rotation and scale of something in its parent: f64, so that 10 000 km from the origin looks as the origin does.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Placement {
+        /// Position, metres.
         translation: DVec3 = DVec3::ZERO;
+        /// Rotation of length 1.
         rotation: DQuat = DQuat::IDENTITY;
+        /// Factor along each axis.
         scale: DVec3 = DVec3::ONE;
     }
     fields {
@@ -116,8 +131,10 @@ described! {
     }
 }
 
+/// Place that an actor can hang on: another actor, or one of its joints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Attachment {
+    /// Index into `Stage::actors`.
     pub actor: usize,
     /// Joint of the parent's skeleton; `None` = the parent's own transform.
     pub joint: Option<u32>,
@@ -128,12 +145,17 @@ pub struct Attachment {
 /// fully, and beyond that less and less (`LOOK_AT_LIMIT_RAD`).
 #[derive(Clone, Debug, PartialEq)]
 pub struct LookAt {
+    /// Joint of the actor's skeleton that is turned.
     pub joint: u32,
+    /// Place that it points at.
     pub target: Target,
+    /// Time from which it counts.
     pub start: Time,
+    /// Time at which it has ended; `None`: it goes on.
     pub end: Option<Time>,
     /// Fade-in after `start` and fade-out before `end`, eased.
     pub fade: Time,
+    /// Share of the turn, 0..=1.
     pub weight: f32,
 }
 
@@ -144,14 +166,18 @@ fields! { LookAt {
     weight: weight, FieldType::Number(0.0, 1.0, "");
 } }
 
-/// A place in the world, fixed or moving.
+/// A place in the world, fixed or moving; actors by their index in `Stage::actors`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Target {
+    /// A fixed place, metres.
     Point(DVec3),
     /// The middle of the actor's rest bounds, moved with the actor.
     Actor(usize),
+    /// The origin of a joint, as it is posed.
     Joint {
+        /// Index into `Stage::actors`.
         actor: usize,
+        /// Joint of that actor's skeleton.
         joint: u32,
     },
 }

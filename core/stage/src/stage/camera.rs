@@ -8,6 +8,8 @@ use choreo_asset::Projection;
 use choreo_motion::Time;
 use glam::{DQuat, DVec3};
 
+/// Way in which a camera is placed and turned at every time.
+#[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 #[derive(Clone, Debug, PartialEq)]
 pub enum Rig {
     /// Stands at `position`; looks at the target, else along −Z of `rotation`.
@@ -28,16 +30,21 @@ described! {
     /// A camera of the stage. By default perspective, 0.7 rad high, and it fits everything into the image from the front.
     #[derive(Clone, Debug, PartialEq)]
     pub struct Camera {
+        /// Its name in scripts.
         name: String = String::new();
+        /// Angle or height of the image, and the clipping planes.
         projection: Projection = Projection::default();
         /// The near plane is as `projection` has it. Otherwise it is brought nearer for a target that is close.
         near_is_set: bool = false;
         /// The angle or height of `projection` counts for the camera of a file, too.
         lens_is_set: bool = false;
+        /// Its place and direction.
         rig: Rig = Rig::Frame { azimuth: 0.0, elevation: 0.0 };
+        /// Keyed properties.
         channels: Vec<Channel> = Vec::new();
         /// Targets in place of that of its rig; sorted by start.
         looks: Vec<CameraLook> = Vec::new();
+        /// Shaking on top of that; all of them add up.
         shakes: Vec<CameraShake> = Vec::new();
     }
     fields {
@@ -133,9 +140,12 @@ impl Camera {
     }
 }
 
+/// Change to another camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cut {
+    /// Time at which it happens.
     pub at: Time,
+    /// Index into `Stage::cameras` of the camera that is on from then.
     pub camera: usize,
     /// How long the image of the camera before goes over into that of this one, from `at` on, at most until the next cut.
     pub dissolve: Time,

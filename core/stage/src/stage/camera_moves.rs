@@ -8,6 +8,7 @@ use choreo_motion::Time;
 pub struct CameraLook {
     /// `None`: where its rig looks.
     pub target: Option<Target>,
+    /// Time from which it turns there.
     pub start: Time,
     /// How long it takes to turn there.
     pub blend: Time,
@@ -16,7 +17,9 @@ pub struct CameraLook {
 /// A handheld camera, or one in a collision: smooth noise about its place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraShake {
+    /// Time at which it begins.
     pub start: Time,
+    /// Time at which it has ended; `None`: it goes on.
     pub end: Option<Time>,
     /// Duration of the fade-in and of the fade-out.
     pub fade: Time,

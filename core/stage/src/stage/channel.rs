@@ -6,39 +6,52 @@ use glam::{DQuat, DVec3};
 /// Keyed property of an actor, camera, light, cue or effect.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
+    /// The property that is keyed.
     pub property: Property,
+    /// How values between keys are found.
     pub interpolation: Interpolation,
+    /// Stage times of the keys, strictly increasing.
     pub times: Vec<Time>,
     /// `property.width()` numbers a key (three times that for CubicSpline, glTF order).
     pub values: Vec<f64>,
 }
 
+/// Property that keys can move, of whatever has it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Property {
+    /// Position, metres.
     Translation,
     /// Quaternion x y z w.
     Rotation,
+    /// Factor along each axis.
     Scale,
     /// 0 or 1.
     Visible,
+    /// Factor of base colors, linear RGBA.
     Tint,
     /// Width of its lines and points.
     LineWidth,
     /// How many copies of its meshes, rounded down.
     Copies,
+    /// Weight of a morph target.
     Morph {
+        /// Index into `Asset::instances`.
         instance: u32,
+        /// Target of that mesh.
         target: u32,
     },
-    /// Index into `Asset::expressions`.
+    /// Weight of an expression.
     Expression {
+        /// Index into `Asset::expressions`.
         expression: u32,
     },
-    /// Camera: vertical field of view, radians; focal length on full-frame film, millimetres.
+    /// Camera: vertical field of view, radians.
     FieldOfView,
+    /// Camera: focal length on full-frame film, millimetres.
     FocalLength,
-    /// Light, sky.
+    /// Light: lux or candela. Sky: factor of the panorama's radiance.
     Intensity,
+    /// Light: linear RGB.
     Color,
     /// Weight of a cue.
     Weight,
@@ -50,10 +63,11 @@ pub enum Property {
     Parameter,
     /// Sky: radians about +Y.
     Turn,
-    /// Flat layer.
+    /// Opacity of a 2D layer, 0..=1.
     Opacity,
-    /// Light: metres; half angle of the cone, radians.
+    /// Light: how far it reaches, metres.
     Range,
+    /// Light: half angle of the cone, radians.
     Cone,
 }
 
@@ -63,6 +77,7 @@ impl Property {
         matches!(self, Property::FieldOfView | Property::FocalLength)
     }
 
+    /// Numbers that a value takes.
     pub fn width(self) -> usize {
         match self {
             Property::Translation | Property::Scale | Property::Color => 3,

@@ -12,6 +12,7 @@ use std::sync::Arc;
 pub struct Layer {
     /// One weight a joint of the actor's skeleton, 0..=1; `None` = all joints.
     pub mask: Option<Arc<Vec<f32>>>,
+    /// Its effect on the layers below.
     pub mode: LayerMode,
     /// Layers are sorted by rank, the base left out. A higher rank lies over a lower one. Those of one rank are equal: their
     /// order changes nothing but rounding. First those that override are mixed, by weight, over what is below
@@ -53,17 +54,22 @@ described! {
         /// Bound to the actor's own skeleton (see `bind_clip`).
         clip: Arc<Clip>,
     ) {
+        /// Stage time at which it begins.
         start: Time = Time::ZERO;
         /// The pose of the base layer is held from here on, where no cue follows at once (one that does fades in over the
         /// playing clip). On upper layers: faded out (over `fade_out`) by then. `None`: until the next cue or for ever.
         end: Option<Time> = None;
+        /// How long it takes to fade in.
         fade_in: Time = Time::ZERO;
+        /// How long it takes to fade out before its end.
         fade_out: Time = Time::ZERO;
         /// The part of the clip that is played.
         trim: (Time, Time) = (Time::ZERO, clip.duration);
+        /// Course of the fades.
         ease: Ease = Ease::Linear;
         /// Clip seconds per stage second; negative plays backwards from `trim.1`.
         speed: f64 = 1.0;
+        /// Continuation after the clip has been played.
         repeat: Repeat = Repeat::Loop;
         /// 0 to 1, times the fades. The first cue of the base layer always has all the weight.
         weight: f32 = 1.0;

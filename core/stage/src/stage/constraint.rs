@@ -13,12 +13,15 @@ use std::sync::Arc;
 /// A change of an actor's pose from one time to another, over what its clips do.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constraint {
+    /// The change.
     pub kind: ConstraintKind,
+    /// Time from which it counts.
     pub start: Time,
+    /// Time at which it has ended; `None`: it goes on.
     pub end: Option<Time>,
     /// Fade-in after `start` and fade-out before `end`, eased.
     pub fade: Time,
-    /// 0..=1
+    /// Share of the change, 0..=1.
     pub weight: f32,
 }
 
@@ -29,10 +32,14 @@ fields! { Constraint {
     weight: weight, FieldType::Number(0.0, 1.0, "");
 } }
 
+/// The change that a constraint makes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ConstraintKind {
+    /// A hand or foot comes to a target.
     Reach(ReachConstraint),
+    /// Joints turn until the last one points at a target.
     Aim(AimConstraint),
+    /// Feet on the ground stay where they are.
     FootLock(FootLock),
     /// Mirrors what its clips do, left to right, before all other constraints. Root motion is not mirrored.
     Mirror(Arc<Mirroring>),
@@ -43,6 +50,7 @@ pub enum ConstraintKind {
 pub struct ReachConstraint {
     /// Joints from the shoulder to the hand, each below the one before; at least two. The last one is moved, the others turn.
     pub joints: Vec<u32>,
+    /// The place to which the last joint comes.
     pub target: Target,
     /// Offset from the target, in its space: the actor's, the joint's, or the world's of a point. With it an actor's target is its origin,
     /// not its center.
@@ -64,6 +72,7 @@ pub struct AimConstraint {
     pub joints: Vec<u32>,
     /// One a joint, ≥ 0: how much of the turn it takes beside the others.
     pub shares: Vec<f64>,
+    /// The place at which the last joint points.
     pub target: Target,
     /// Radians; see [`choreo_motion::ik::Aim::limit`].
     pub limit: f64,
@@ -72,6 +81,7 @@ pub struct AimConstraint {
 /// Feet that are on the ground stay where they are.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FootLock {
+    /// Legs whose feet stay.
     pub legs: Vec<Leg>,
     /// Joint that is lowered or raised with the ground: the hips.
     pub hips: Option<u32>,
@@ -87,7 +97,9 @@ pub struct FootLock {
 /// A fade between a clip that walks and one that stands, or a turn while standing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StandingFade {
+    /// Time at which it begins.
     pub from: Time,
+    /// Time at which it has ended.
     pub to: Time,
     /// The standing clip plays at the end, else at the start.
     pub ends_standing: bool,
@@ -98,10 +110,14 @@ impl FootLock {
     pub(crate) const LOWEST: f64 = 0.25;
 }
 
+/// Joints of a leg, from above.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Leg {
+    /// The thigh, which turns in the hip.
     pub hip: u32,
+    /// The lower leg, which turns in the knee.
     pub knee: u32,
+    /// The foot, which turns in the ankle.
     pub foot: u32,
     /// The ball of the foot, which stays while the heel rises.
     pub toe: Option<u32>,

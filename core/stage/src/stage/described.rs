@@ -17,14 +17,17 @@ pub enum FieldType {
     Time,
     /// Seconds, not negative.
     Duration,
+    /// True or false.
     Flag,
     /// Linear, not negative.
     Color,
     /// A color temperature, which sets a color.
     Kelvin,
+    /// A position, metres.
     Point,
     /// A unit vector.
     Direction,
+    /// A rotation of length 1.
     Rotation,
     /// A factor, or one for each axis.
     Scale,
@@ -35,31 +38,45 @@ pub enum FieldType {
 /// The value of a field, whatever the type of the member that holds it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FieldValue {
+    /// It has no value.
     Unset,
+    /// A number, in the unit of its type.
     Number(f64),
+    /// A time or duration.
     Time(Time),
+    /// True or false.
     Flag(bool),
+    /// Linear RGBA.
     Color(Vec4),
+    /// A position, direction or scale.
     Vector(DVec3),
+    /// A rotation of length 1.
     Rotation(DQuat),
+    /// Two numbers.
     Pair(DVec2),
 }
 
 /// A member of `T` that scripts set, under the name that they use.
 pub struct Field<T: 'static> {
+    /// Name in scripts.
     pub name: &'static str,
+    /// Lines of its description.
     pub doc: &'static [&'static str],
+    /// Type and range of its values.
     pub of_type: FieldType,
     /// The property and the name of its keyframes, where it can be animated.
     pub keyed: Option<(&'static str, Property)>,
     /// Why some values of `T` do not have it.
     pub lacks: fn(&T) -> Option<&'static str>,
+    /// Reads it.
     pub get: fn(&T) -> FieldValue,
+    /// Sets it.
     pub set: fn(&mut T, FieldValue),
 }
 
 /// A type whose fields are described.
 pub trait Described: Sized + 'static {
+    /// All fields, in the order of the reference.
     const FIELDS: &'static [Field<Self>];
 
     /// The field of that name.

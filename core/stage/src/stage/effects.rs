@@ -11,6 +11,7 @@ use std::sync::Arc;
 /// An effect plugin in use, with its parameters as given in the script.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct EffectUse {
+    /// Name of the plugin.
     pub plugin: String,
     /// Sorted by name.
     pub parameters: Vec<(String, f64)>,
@@ -20,7 +21,9 @@ pub struct EffectUse {
     pub keys: Vec<(String, Channel)>,
     /// Parameters that follow a target, such as the focus; in place of those in `parameters` and `keys`.
     pub distances: Vec<EffectDistance>,
+    /// Time from which it draws.
     pub start: Time,
+    /// Time at which it has ended; `None`: it goes on.
     pub end: Option<Time>,
     /// Actors and materials to which it is limited, sorted; empty: everything.
     pub on: Vec<EffectTarget>,
@@ -45,7 +48,9 @@ pub enum OffScreenActors {
 /// An image as a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffectImageUse {
+    /// Name of the parameter.
     pub parameter: String,
+    /// The image.
     pub image: Arc<Image>,
     /// Content hash of the image.
     pub hash: ContentHash,
@@ -54,10 +59,13 @@ pub struct EffectImageUse {
 /// A parameter that is the distance of a target in front of the camera, along its viewing direction, in metres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffectDistance {
+    /// Name of the parameter.
     pub parameter: String,
+    /// Place whose distance is measured.
     pub target: Target,
-    /// The range that the effect allows.
+    /// Least that the effect allows, metres.
     pub least: f64,
+    /// Most that the effect allows, metres.
     pub most: f64,
 }
 
@@ -75,7 +83,9 @@ pub struct EffectTarget {
 pub struct EffectEdit {
     /// Index into `Stage::effects`.
     pub effect: usize,
+    /// Name of the parameter.
     pub parameter: String,
+    /// Its value in this frame.
     pub value: f64,
 }
 

@@ -11,19 +11,25 @@ use std::sync::Arc;
 described! {
     /// A 2D layer, by default in the middle of the image for the whole time.
     #[derive(Clone, Debug, PartialEq)]
-    pub struct Layer2d(content: Layer2dContent) {
+    pub struct Layer2d(
+        /// The picture or text.
+        content: Layer2dContent,
+    ) {
         /// Position of its anchor, as fractions of the image: x from the left, y from the top.
         at: DVec2 = DVec2::splat(0.5);
         /// Pixels added to that.
         offset: DVec2 = DVec2::ZERO;
         /// Which point of its box, 0 to 1 from the left and from the top.
         anchor: DVec2 = DVec2::splat(0.5);
+        /// 0 is invisible, 1 covers what is below.
         opacity: f64 = 1.0;
         /// Times its size, about its anchor.
         scale: f64 = 1.0;
         /// Behind the scene, over its background; else over everything, effects included.
         under: bool = false;
+        /// Time from which it is there.
         start: Time = Time::ZERO;
+        /// Time at which it has ended; `None`: it stays.
         end: Option<Time> = None;
         /// Duration of the fade-in and of the fade-out.
         fade: Time = Time::ZERO;
@@ -44,9 +50,12 @@ described! {
     }
 }
 
+/// Picture or text of a 2D layer.
+#[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 #[derive(Clone, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "a stage has few 2D layers, most of them texts")]
 pub enum Layer2dContent {
+    /// Lines of text.
     Text {
         words: String,
         font: Font,
@@ -64,13 +73,14 @@ pub enum Layer2dContent {
         /// Below both.
         panel: Option<TextPanel>,
     },
+    /// An image.
     Picture {
         image: Arc<Image>,
         /// Hash of the image.
         hash: [u8; 32],
         fit: Fit,
     },
-    /// Shares of the image.
+    /// A rectangle of one color; its size in shares of the image.
     Panel { size: DVec2, color: Vec4 },
     /// Bars that leave an image with this aspect ratio.
     Bars { ratio: f64, color: Vec4 },
@@ -79,6 +89,7 @@ pub enum Layer2dContent {
 /// A line around the letters of a text. Lengths are in sizes of the text.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextOutline {
+    /// Linear RGBA, not premultiplied.
     pub color: Vec4,
     /// How far it reaches beyond the letters.
     pub width: f64,
@@ -87,6 +98,7 @@ pub struct TextOutline {
 /// A rectangle as large as the lines of a text and a margin. Lengths are in sizes of the text.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextPanel {
+    /// Linear RGBA, not premultiplied.
     pub color: Vec4,
     /// Margin at the sides, and at the top and the bottom.
     pub padding: DVec2,
@@ -122,9 +134,13 @@ impl Layer2d {
 }
 
 /// A change of a 2D layer by a callback, for one frame.
+#[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 #[derive(Clone, Debug, PartialEq)]
 pub enum Layer2dEdit {
+    /// Moves its anchor.
     At { layer_2d: usize, at: DVec2 },
+    /// Replaces its opacity.
     Opacity { layer_2d: usize, opacity: f64 },
+    /// Replaces the words of a text.
     Words { layer_2d: usize, words: String },
 }

@@ -9,7 +9,13 @@ use glam::{DVec3, Vec3};
 described! {
     /// A light of the stage. By default it stands at the origin and shines downwards, without a shadow.
     #[derive(Clone, Debug, PartialEq)]
-    pub struct StageLight(name: String => str, light: Light) {
+    pub struct StageLight(
+        /// Its name in scripts.
+        name: String => str,
+        /// Kind, color and intensity.
+        light: Light,
+    ) {
+        /// Where it stands, metres.
         position: DVec3 = DVec3::ZERO;
         /// Unit vector along which the light shines (directional and spot).
         direction: Vec3 = Vec3::NEG_Y;
@@ -19,6 +25,7 @@ described! {
         attenuation: Option<[f32; 3]> = None;
         /// Moves with an actor or joint: position and direction are then in its space.
         parent: Option<Attachment> = None;
+        /// Keyed properties.
         channels: Vec<Channel> = Vec::new();
     }
     fields {

@@ -37,7 +37,6 @@ use glam::{Vec3, Vec4};
 use std::sync::Arc;
 
 /// Everything that a script puts on stage: actors with their cues, cameras, lights, effects.
-#[warn(missing_docs)]
 #[derive(Clone, Debug, Default)]
 pub struct Stage {
     /// Size, length, background and the like.
@@ -67,7 +66,6 @@ pub struct Stage {
 }
 
 /// Settings of a stage as a whole.
-#[warn(missing_docs)]
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Pixels, 1..=16384 each.
@@ -124,7 +122,9 @@ pub enum SkinOnce {
     /// Pre-skinned if enough passes draw the mesh for that to be cheaper.
     #[default]
     Auto,
+    /// Pre-skinned, however many passes draw the mesh.
     Always,
+    /// Skinned anew by each pass.
     Never,
 }
 
@@ -156,12 +156,14 @@ pub enum Pipeline {
     /// Deferred if it is estimated to be faster, by the lights and the overlapping surfaces; never with several samples a pixel.
     #[default]
     Auto,
+    /// Forward shading.
     Forward,
     /// Deferred shading with one sample per pixel; with more it is forward.
     Deferred,
 }
 
 /// The background of the image.
+#[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Background {
     /// Linear RGBA.
@@ -216,6 +218,7 @@ pub trait FrameHook: Send + Sync + std::fmt::Debug {
 }
 
 /// Why a stage cannot be evaluated at a time.
+#[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 #[derive(Clone, Debug)]
 pub enum StageError {
     /// A script callback failed; the error's text is complete, with file and line.

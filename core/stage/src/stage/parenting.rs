@@ -14,6 +14,7 @@ pub struct Parenting {
     pub blend: Time,
     /// The world transform at the start stays as it is; else the actor's own placement is in the space of the parent.
     pub keep: bool,
+    /// Effect of the parent's scale.
     pub scale: ParentScale,
     /// Position and rotation in the parent, instead of the actor's own; without `keep`.
     pub placement: Option<Placement>,

@@ -11,7 +11,9 @@ const PIECES: usize = 32;
 /// curves", 2011): through all points, without loops or cusps between them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
+    /// Points that it goes through, metres.
     pub points: Vec<DVec3>,
+    /// It leads from its last point back to the first.
     pub closed: bool,
     /// Cubic Hermite stretches: start, end, and the tangents there.
     stretches: Vec<[DVec3; 4]>,
@@ -22,8 +24,11 @@ pub struct Path {
 /// Points that no path goes through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathError {
+    /// So many points, fewer than two.
     TooFew(usize),
+    /// The point with this index is not finite.
     NotFinite(usize),
+    /// These neighbours are in the same place.
     SamePlace(usize, usize),
 }
 
@@ -46,12 +51,15 @@ impl std::error::Error for PathError {}
 pub struct PathFollowing {
     /// The path in the space in which the actor is placed, from where it is placed.
     pub path: Path,
+    /// Time at which it sets out.
     pub start: Time,
+    /// How fast it goes.
     pub pace: Pace,
     /// Turned to where the path leads; else it keeps its own direction.
     pub turns: bool,
 }
 
+/// Speed along a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace {
     /// Metres a second.

@@ -5,6 +5,7 @@ use choreo_motion::RootMotion;
 /// The root motion of a cue's clip.
 #[derive(Clone, Debug)]
 pub struct CueRootMotion {
+    /// How the clip moves its root.
     pub motion: RootMotion,
     /// Carries the actor; else it is only taken out of the clip, which then plays on the spot.
     pub carries: bool,

@@ -8,7 +8,10 @@ use std::sync::Arc;
 described! {
     /// The sky of a stage.
     #[derive(Clone, Debug, PartialEq)]
-    pub struct Sky(panorama: Arc<Panorama>) {
+    pub struct Sky(
+        /// The light from each direction.
+        panorama: Arc<Panorama>,
+    ) {
         /// Radians about +Y, counter-clockwise from above.
         turn: f64 = 0.0;
         /// Times the panorama's radiance.
@@ -30,6 +33,8 @@ described! {
 /// A change of the sky by a callback, for one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SkyEdit {
+    /// Radians about +Y, in place of its own.
     pub turn: Option<f64>,
+    /// Factor of the panorama's radiance, in place of its own.
     pub strength: Option<f32>,
 }

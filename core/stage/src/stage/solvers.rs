@@ -8,6 +8,7 @@ use choreo_motion::ik::Solver;
 pub struct SolverSettings {
     /// The method for chains of three bones or more. Two bones have a closed form.
     pub chain_solver: Solver,
+    /// Most iterations for a chain of three bones or more.
     pub chain_iterations: usize,
     /// Metres from its target within which a chain is solved.
     pub chain_tolerance: f64,

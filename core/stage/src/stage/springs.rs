@@ -9,6 +9,7 @@ use std::sync::Arc;
 /// Spring bones of an actor.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActorSprings {
+    /// The bones that swing, and their parameters.
     pub rig: SpringRig,
     /// Speed of the air, metres a second, in the world.
     pub wind: DVec3,

@@ -8,7 +8,9 @@ use crate::stage::{Cutouts, Settings, Transparency};
 pub struct SurfaceRule {
     /// Index into `Asset::materials`; `None`: all of them.
     pub material: Option<u32>,
+    /// How masked surfaces are cut out; `None`: as the stage has it.
     pub cutouts: Option<Cutouts>,
+    /// Order in which blended surfaces are mixed; `None`: as the stage has it.
     pub transparency: Option<Transparency>,
 }
 

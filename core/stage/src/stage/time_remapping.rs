@@ -15,6 +15,7 @@ pub enum TimeRemapping {
 /// A keyed speed and its integral up to each key.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpeedCurve {
+    /// Keys of the speed.
     pub keys: Channel,
     /// Ticks of the clip from the first key to each.
     areas: Vec<f64>,

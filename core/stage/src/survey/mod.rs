@@ -15,23 +15,24 @@ use choreo_motion::Time;
 use facts::Facts;
 
 /// The subject of a finding; indices into the stage's lists.
+#[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Subject {
+    /// The stage as a whole.
     Stage,
+    /// Index into `Stage::actors`.
     Actor(usize),
     /// Index into `Actor::look_at`.
-    Look {
-        actor: usize,
-        look: usize,
-    },
+    Look { actor: usize, look: usize },
     /// Index into `Actor::constraints`.
-    Constraint {
-        actor: usize,
-        constraint: usize,
-    },
+    Constraint { actor: usize, constraint: usize },
+    /// Index into `Stage::cameras`.
     Camera(usize),
+    /// Index into `Stage::cuts`.
     Cut(usize),
+    /// Index into `Stage::lights`.
     Light(usize),
+    /// Index into `Stage::effects`.
     Effect(usize),
 }
 
@@ -42,8 +43,11 @@ pub struct Finding {
     pub rule: &'static str,
     /// Often intended: reported for information, no warning.
     pub note: bool,
+    /// The part of the stage.
     pub subject: Subject,
+    /// The sentence about it.
     pub text: String,
+    /// A remedy, where there is one.
     pub hint: Option<String>,
 }
 

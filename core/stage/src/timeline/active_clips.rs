@@ -10,9 +10,11 @@ use choreo_motion::Time;
 /// A cue that counts in an actor's pose at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ActiveClip {
+    /// Index into `Actor::layers`.
     pub layer: usize,
     /// Index into `Layer::cues`.
     pub cue: usize,
+    /// Time in the clip.
     pub clip_time: Time,
     /// 0 < weight ≤ 1, over what came before it; times the layer's mask.
     pub weight: f32,

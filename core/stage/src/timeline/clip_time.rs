@@ -5,6 +5,7 @@ use crate::stage::time_remapping::TimeRemapping;
 use choreo_motion::{Playback, Repeat, Time};
 
 impl Cue {
+    /// Speed, trim and repeat of its clip.
     pub fn playback(&self) -> Playback {
         Playback { speed: self.speed, trim: self.trim, repeat: self.repeat }
     }

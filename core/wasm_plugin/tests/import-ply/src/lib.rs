@@ -3,8 +3,8 @@
 
 use choreo_plugin::asset::Asset;
 use choreo_plugin::{
-    AssetBuilder, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest, MeshData, Source,
-    TextNumbers,
+    AssetBuilder, Binary, BinaryError, Files, ImportError, ImportOptions, ImportScope, Importer, Manifest,
+    MeshData, Source, TextNumbers,
 };
 use std::sync::LazyLock;
 
@@ -40,7 +40,7 @@ impl Importer for PlyImporter {
         };
         let (header, at) = Header::read(&source.bytes).map_err(error)?;
         let mut mesh = match header.binary {
-            true => binary(&header, &source.bytes, at),
+            true => binary(&header, &source.bytes, at).map_err(|e| (e.at, e.what)),
             false => ascii(&header, &source.bytes, at),
         }
         .map_err(error)?;
@@ -142,26 +142,23 @@ fn ascii(header: &Header, bytes: &[u8], at: usize) -> Result<MeshData, PlyError>
     Ok(mesh)
 }
 
-fn binary(header: &Header, bytes: &[u8], mut at: usize) -> Result<MeshData, PlyError> {
-    let mut mesh = MeshData { name: "ply".into(), ..MeshData::default() };
-    let size = header.vertices.saturating_mul(header.width * 4);
-    let end = |at: usize| (at, "the file ends before its last element".to_string());
-    let table = bytes.get(at..at.saturating_add(size)).ok_or_else(|| end(at))?;
-    reserve(&mut mesh, header, bytes.len() / 4);
-    let mut row = [0.0f32; 6];
-    for vertex in table.chunks_exact(header.width * 4) {
-        for (value, bytes) in row.iter_mut().zip(vertex.as_chunks::<4>().0) {
-            *value = f32::from_le_bytes(*bytes);
-        }
-        push(&mut mesh, &row[..header.width]);
-    }
-    at += size;
+fn binary(header: &Header, bytes: &[u8], mut at: usize) -> Result<MeshData, BinaryError> {
+    let file = Binary::little_endian(bytes);
+    let stride = 4 * header.width;
+    let positions = file.rows::<_, 3>(at, header.vertices, stride)?;
+    let normals =
+        if header.width == 6 { file.rows::<_, 3>(at + 12, header.vertices, stride)? } else { Vec::new() };
+    let mut mesh = MeshData { name: "ply".into(), positions, normals, ..MeshData::default() };
+    at += header.vertices * stride;
+    // A face takes 13 bytes at least, whatever the header claims.
+    mesh.indices.reserve(header.faces.saturating_mul(3).min(bytes.len() / 4));
     for _ in 0..header.faces {
-        let count = usize::from(*bytes.get(at).ok_or_else(|| end(at))?);
-        let face = bytes.get(at + 1..at + 1 + 4 * count).ok_or_else(|| end(at))?;
-        let index = |i: usize| u32::from_le_bytes(face.as_chunks::<4>().0[i]);
-        for i in 2..count {
-            mesh.indices.extend([index(0), index(i - 1), index(i)]);
+        let count = usize::from(file.number::<u8>(at)?);
+        let face = file.part(at + 1, 4 * count)?.as_chunks::<4>().0;
+        if let [first, others @ ..] = face {
+            for pair in others.windows(2) {
+                mesh.indices.extend([*first, pair[0], pair[1]].map(u32::from_le_bytes));
+            }
         }
         at += 1 + 4 * count;
     }
