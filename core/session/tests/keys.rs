@@ -184,7 +184,7 @@ fn a_key_moves_between_its_neighbours_and_past_them() {
     // Keys with lines of their own keep them, and their comments.
     let text = "let a = cast(\"a\", m).key(\"scale\", [\n    [0.0, 1], // door\n    [1.0, 2], // table\n    [2.0, 3]\n]);";
     let after = changed(text, |o| o.move_key("scale", time(0.0), time(1.5))).unwrap();
-    assert!(after.contains("[\n    [1.0, 2], // table\n    [1.5, 1],\n    [2.0, 3]\n]"), "{after}");
+    assert!(after.contains("[\n    [1.0, 2], // table\n    [1.5, 1], // door\n    [2.0, 3]\n]"), "{after}");
 }
 
 #[test]
@@ -212,4 +212,129 @@ fn a_property_without_keys_gets_its_first() {
     );
     let turned = changed(text, |o| o.add_keys("rotation", time(0.0), KeyValue::Turn(yaw(90.0)))).unwrap();
     assert!(turned.contains("a.key(\"rotation\", [[0.0, 90.0]]);"), "{turned}");
+}
+
+#[test]
+fn keys_move_together_and_keep_their_comments() {
+    let text =
+        "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2], [f(50), 3, \"in_quad\"], [3.0, 4]]);";
+    let moved = |text: &str, moves: &[(f64, f64)]| {
+        let moves: Vec<_> = moves.iter().map(|(from, to)| (time(*from), time(*to))).collect();
+        changed(text, |o| o.move_keys("scale", &moves))
+    };
+    // The second comes to where the third was: both move, so that neither is in the way.
+    let after = moved(text, &[(1.0, 2.0), (2.0, 2.4)]).unwrap();
+    assert_eq!(after, text.replace("[1.0, 2]", "[2.0, 2]").replace("f(50)", "f(60)"));
+    let after = moved(text, &[(0.0, 3.4), (1.0, 4.4)]).unwrap();
+    assert!(after.contains("[[f(50), 3, \"in_quad\"], [3.0, 4], [3.4, 1], [4.4, 2]]"), "{after}");
+    assert_eq!(
+        moved(text, &[(0.0, 1.0), (2.0, 3.0)]).unwrap_err(),
+        "line 1: its scale has a key at that time already"
+    );
+    let text = "let a = cast(\"a\", m).key(\"scale\", [\n    [0.0, 1], // door\n    [1.0, 2],\n    [2.0, 3]   // table\n]);";
+    let after = moved(text, &[(0.0, 3.0)]).unwrap();
+    assert!(after.contains("[\n    [1.0, 2],\n    [2.0, 3], // table\n    [3.0, 1] // door\n]"), "{after}");
+    let after = moved(text, &[(2.0, 2.4)]).unwrap();
+    assert_eq!(after, text.replace("[2.0, 3]   // table", "[2.4, 3]   // table"));
+}
+
+#[test]
+fn two_keys_at_one_time_are_told_apart() {
+    let text = "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2], [1.0, 5], [2.0, 6]]);";
+    let scale = |value: f64| KeyValue::Scale(DVec3::splat(value));
+    assert_eq!(set(text, "scale", 1.0 - 1e-9, scale(3.0)).unwrap(), text.replace("[1.0, 2]", "[1.0, 3.0]"));
+    assert_eq!(set(text, "scale", 1.0, scale(3.0)).unwrap(), text.replace("[1.0, 5]", "[1.0, 3.0]"));
+    let moves = [(time(1.0 - 1e-9), time(1.4)), (time(1.0), time(1.4))];
+    let after = changed(text, |o| o.move_keys("scale", &moves)).unwrap();
+    assert_eq!(after, text.replace("[1.0, 2], [1.0, 5]", "[1.4, 2], [1.4, 5]"));
+}
+
+#[test]
+fn several_keys_are_deleted_as_one() {
+    let text = "let a = cast(\"a\", m).key(\"scale\", [\n    [0.0, 1], // door\n    [1.0, 2],\n    [2.0, 3]\n]).at(1, 0, 0);";
+    let deleted = |at: &[f64]| {
+        let at: Vec<_> = at.iter().map(|at| time(*at)).collect();
+        changed(text, |o| o.delete_keys("scale", &at)).unwrap()
+    };
+    assert_eq!(deleted(&[1.0, 0.0]), text.replace("    [0.0, 1], // door\n    [1.0, 2],\n", ""));
+    assert_eq!(deleted(&[0.0, 1.0, 2.0]), "let a = cast(\"a\", m).at(1, 0, 0);");
+}
+
+#[test]
+fn copied_keys_are_pasted_later_and_into_other_objects() {
+    let text = "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, [1, 2, 3],\n  \"in_quad\"], [f(50), x]]);\nlet b = cast(\"b\", m);\n";
+    let object = |line| ScriptObject::at(text, line, 9).unwrap();
+    let copied = object(1).copy_keys("scale", &[time(2.0), time(1.0)]).unwrap();
+    assert_eq!(copied, ".key(\"scale\", [[1.0, [1, 2, 3], \"in_quad\"], [f(50), x]])");
+    let after = object(3).paste_keys(&copied, time(0.5)).unwrap().apply(text);
+    // Half a second is twelve frames and a half: that key is on no frame.
+    assert_eq!(after, format!("{text}b.key(\"scale\", [[1.5, [1, 2, 3], \"in_quad\"], [2.5, x]]);\n"));
+    // One second later, the first of them comes to where the last is.
+    let after = object(1).paste_keys(&copied, time(1.0)).unwrap().apply(text);
+    assert!(after.contains("[f(50), [1, 2, 3], \"in_quad\"], [f(75), x]]);"), "{after}");
+    assert!(object(3).paste_keys("hello", time(0.0)).unwrap_err().why.contains("holds no keys"));
+}
+
+#[test]
+fn easings_of_keys_and_of_all() {
+    let text =
+        "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2 /* two */], [2.0, 3, \"in_quad\"]]);";
+    let ease = |text: &str, at, ease| changed(text, |o| o.set_key_ease("scale", time(at), ease));
+    assert_eq!(
+        ease(text, 1.0, Some("\"out_sine\"")).unwrap(),
+        text.replace("2 /* two */", "2, \"out_sine\" /* two */")
+    );
+    assert_eq!(
+        ease(text, 2.0, Some("[0.4, 0.0, 0.6, 1.0]")).unwrap(),
+        text.replace("\"in_quad\"", "[0.4, 0.0, 0.6, 1.0]")
+    );
+    assert_eq!(ease(text, 2.0, None).unwrap(), text.replace(", \"in_quad\"", ""));
+    assert!(ease(text, 0.0, Some("\"smooth\"")).unwrap_err().contains("nothing comes before the first"));
+    // Where all are smooth, the others stay so.
+    let all = "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2], [2.0, 3]], \"smooth\");";
+    assert_eq!(
+        ease(all, 1.0, Some("\"in_quad\"")).unwrap(),
+        "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2, \"in_quad\"], [2.0, 3, \"smooth\"]]);"
+    );
+    let cubic = all.replace("smooth", "cubic");
+    let object = ScriptObject::at(&cubic, 1, 9).unwrap();
+    let refused = object.set_key_ease("scale", time(1.0), Some("\"in_quad\"")).unwrap_err();
+    assert!(refused.why.contains("all keys of its scale are \"cubic\""), "{}", refused.why);
+    assert_eq!(
+        refused.over.unwrap().apply(&cubic),
+        "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1], [1.0, 2, \"in_quad\"], [2.0, 3]]);"
+    );
+    let how = |text: &str, how| changed(text, |o| o.set_key_how("scale", FPS, how));
+    assert_eq!(how(all, Some("\"cubic\"")).unwrap(), cubic);
+    assert_eq!(how(all, None).unwrap(), all.replace(", \"smooth\"", ""));
+    assert_eq!(how(text, Some("\"in_sine\"")).unwrap(), text.replace("]]);", "]], \"in_sine\");"));
+    let object = ScriptObject::at(text, 1, 9).unwrap();
+    let refused = object.set_key_how("scale", FPS, Some("\"step\"")).unwrap_err();
+    assert_eq!(refused.over.unwrap().apply(text), text.replace(", \"in_quad\"]]", "]], \"step\""));
+}
+
+#[test]
+fn keys_of_joints_and_of_morph_targets_are_not_taken_for_others() {
+    let text = "let a = cast(\"a\", m).key(\"scale\", [[0.0, 1]]);\na.joint(\"Head\").key(\"scale\", [[0.0, 2]]);\na.key(\"morph\", \"smile\", [[0.0, 0.5]]).key(\"morph\", \"blink\", [[0.0, 0.7]], \"smooth\");";
+    let scale = KeyValue::Scale(DVec3::splat(3.0));
+    assert_eq!(set(text, "scale", 0.0, scale).unwrap(), text.replace("[0.0, 1]", "[0.0, 3.0]"));
+    let weight = KeyValue::Text("0.25");
+    assert_eq!(set(text, "morph:smile", 0.0, weight).unwrap(), text.replace("0.5", "0.25"));
+    let written = ScriptObject::at(text, 1, 9).unwrap().written_keys("morph:blink", FPS).unwrap();
+    assert_eq!((written.line, written.how.as_deref()), (3, Some("\"smooth\"")));
+    assert_eq!(written.keys[0].numbers, Some(vec![0.7]));
+    let added = changed("let a = cast(\"a\", m);", |o| o.add_keys("morph:it", time(1.0), weight)).unwrap();
+    assert_eq!(added, "let a = cast(\"a\", m);\na.key(\"morph\", \"it\", [[1.0, 0.25]]);");
+}
+
+#[test]
+fn computed_keys_can_be_stated_anew_in_a_line() {
+    let text = "let a = cast(\"a\", m).key(\"scale\", [[x, 1], [2.0, 3]], \"smooth\");\nlet b = 1;";
+    let object = ScriptObject::at(text, 1, 9).unwrap();
+    let refused = object.move_key("scale", time(2.0), time(3.0)).unwrap_err();
+    assert!(refused.is_computed && refused.over.is_none());
+    let scale = |value: f64| KeyValue::Scale(DVec3::splat(value));
+    let anew = object.stated_anew(refused, "scale", &[(time(0.4), scale(1.0)), (time(3.0), scale(3.0))]);
+    let line = "a.key(\"scale\", [[0.4, 1.0], [3.0, 3.0]], \"smooth\");";
+    assert_eq!(anew.over.unwrap().apply(text), text.replace("\nlet b", &format!("\n{line}\nlet b")));
 }

@@ -3,8 +3,11 @@
 
 use crate::geometry::gizmo::{Change, Drag, Tool};
 use crate::geometry::picking;
+use crate::state::curves::Curves;
 use crate::state::dropped_models::DroppedModels;
+use crate::state::events::Event;
 use crate::state::history::{History, Offer};
+use crate::state::keyed::KeyRef;
 use crate::state::orbit::Orbit;
 use crate::state::performance::Performance;
 use crate::state::playhead::Playhead;
@@ -90,6 +93,9 @@ pub struct Viewer {
     pub(crate) copied: String,
     /// The further parts that are selected, and beside which.
     pub(crate) more: (Option<Selected>, Vec<Selected>),
+    /// The selected keys, and beside which selection they are.
+    pub(crate) keys: (Option<Selected>, Vec<KeyRef>),
+    pub curves: Curves,
     pub span: Span,
     /// Times are shown as seconds instead of frames.
     pub in_seconds: bool,
@@ -146,6 +152,8 @@ impl Viewer {
             selection: None,
             copied: String::new(),
             more: (None, Vec::new()),
+            keys: (None, Vec::new()),
+            curves: Curves::default(),
             span: Span::whole(1.0),
             in_seconds: true,
             snap: true,
@@ -189,6 +197,7 @@ impl Viewer {
         self.timeline = Timeline::new(&scene);
         self.selection = self.selection.take().filter(|s| s.is_on(&scene.stage));
         self.scene = Some(scene);
+        self.find_keys_again();
         self.check_wanted();
     }
 
@@ -400,6 +409,69 @@ impl Viewer {
         let mut all = all.into_iter();
         self.selection = all.next();
         self.more = (self.selection.clone(), all.collect());
+    }
+
+    /// The selected keys.
+    pub fn selected_keys(&self) -> &[KeyRef] {
+        if self.keys.0 == self.selection { &self.keys.1 } else { &[] }
+    }
+
+    pub(crate) fn is_key_selected(&self, key: &KeyRef) -> bool {
+        self.selected_keys().contains(key)
+    }
+
+    /// Selects keys, and what they animate where nothing is selected with them.
+    pub fn select_keys(&mut self, keys: Vec<KeyRef>) {
+        if let Some(first) = keys.first() {
+            let is_of_it = |key: &KeyRef| self.selection.as_ref() == Some(&key.what);
+            if !keys.iter().any(is_of_it) {
+                self.selection = Some(first.what.clone());
+            }
+        }
+        self.keys = (self.selection.clone(), keys);
+    }
+
+    /// Selects bars, and keys with them.
+    pub(crate) fn select_bars_and_keys(&mut self, bars: Vec<Selected>, keys: Vec<KeyRef>) {
+        let has_bars = !bars.is_empty();
+        self.select_all(bars);
+        match has_bars {
+            true => self.keys = (self.selection.clone(), keys),
+            false => self.select_keys(keys),
+        }
+    }
+
+    /// Selects more keys; those that are selected all of them already, no longer.
+    pub fn select_more_keys(&mut self, keys: &[KeyRef]) {
+        let mut all = self.selected_keys().to_vec();
+        match keys.iter().all(|key| all.contains(key)) {
+            true => all.retain(|key| !keys.contains(key)),
+            false => all.extend(keys.iter().filter(|key| !self.is_key_selected(key)).cloned()),
+        }
+        self.select_keys(all);
+    }
+
+    /// The selection goes with keys that were moved, until the reload shows them.
+    pub(crate) fn keys_have_moved(&mut self, moved: &[KeyRef], by: f64) {
+        for key in self.keys.1.iter_mut().filter(|key| moved.contains(key)) {
+            key.at = Time::from_secs((key.at.as_secs() + by).max(0.0));
+        }
+    }
+
+    /// Finds the selected keys in a new version, by what they animate and their times; those that are gone are selected no longer.
+    fn find_keys_again(&mut self) {
+        let near = Time(self.playhead.fps().time_of(1).0 / 4);
+        let events = || self.timeline.rows.iter().flat_map(|row| &row.events);
+        let found = |key: &KeyRef| -> Option<KeyRef> {
+            let is_it = |event: &&Event| {
+                event.keys.iter().any(|of| of.what == key.what && of.property == key.property)
+                    && (event.at - key.at).0.abs() <= near.0
+            };
+            let event = events().filter(is_it).min_by_key(|event| (event.at - key.at).0.abs())?;
+            Some(KeyRef { at: event.at, ..key.clone() })
+        };
+        let found = self.keys.1.iter().filter_map(found).collect();
+        self.keys.1 = found;
     }
 
     /// The rows of the timeline that are not collapsed, by number.

@@ -25,7 +25,8 @@ pub fn keyed<T: Described>() -> Vec<Keyed> {
     T::FIELDS.iter().filter_map(keyed).collect()
 }
 
-const HOW: &[&str] = &["linear", "step", "smooth", "cubic", "catmull_rom"];
+/// How keyframes are interpolated, as scripts write it.
+pub const HOW: &[&str] = &["linear", "step", "smooth", "cubic", "catmull_rom"];
 
 /// Reads the value of one key; the text is its label in messages.
 type Reader<'a> = dyn Fn(&Dynamic, &str) -> Result<Vec<f64>, ApiError> + 'a;

@@ -1,10 +1,12 @@
-//! Keys of a property, `.key("position", [[time, value], …])`: the one at a time is changed, or one is added there as the others
-//! are written.
+//! Keys of a property, `.key("position", [[time, value], …])`: changed, moved, deleted, copied, or added as the others are written.
+//! The keys of a morph target or an expression go by `morph:NAME` and `expression:NAME`.
 
 use super::cues::whole_statement;
-use super::object::{ScriptObject, euler_degrees, quoted, rotation};
+use super::key_list::{Key, arguments, inserted, key_at, keys_in, leading, removed, retimed};
+use super::object::{ScriptObject, euler_degrees, quoted, rotation_of};
+use super::refused::ADD;
 use super::scan::{Call, Source};
-use super::times::{EditTime, TimeLiteral};
+use super::times::EditTime;
 use super::values::{format_number, is_plain, literals, rewritten};
 use super::{Edit, EditRefused};
 use glam::{DQuat, DVec3};
@@ -21,33 +23,69 @@ pub enum KeyValue<'v> {
     Scale(DVec3),
     /// Source text of the value.
     Text(&'v str),
+    /// The value between its neighbours, as if they were linear.
+    Between,
 }
 
-/// One of the keys in the text.
-struct Key {
-    all: Range<usize>,
-    secs: f64,
-    time: Range<usize>,
-    /// Its time is written as `f(12)`.
-    in_frames: bool,
-    value: Range<usize>,
+/// The keys of a property as they stand in the text.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WrittenKeys {
+    /// Line of their `.key(…)`, from 1.
+    pub line: usize,
+    /// The interpolation or the easing of all, as it is written.
+    pub how: Option<String>,
+    pub keys: Vec<WrittenKey>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct WrittenKey {
+    pub secs: f64,
+    /// The frame, where the time is written as `f(12)`.
+    pub frame: Option<f64>,
+    /// Its numbers; `None` where the value is computed or is no number.
+    pub numbers: Option<Vec<f64>>,
+    /// The easing into it, as it is written.
+    pub ease: Option<String>,
 }
 
 impl ScriptObject<'_> {
+    /// The keys of a property as they are written.
+    ///
+    /// # Errors
+    /// The keys are computed, or stand elsewhere.
+    pub fn written_keys(&self, property: &str, fps: f64) -> Result<WrittenKeys, EditRefused> {
+        let (call, keys) = self.keys(property, fps)?;
+        let how = arguments(&self.text, &call).get(leading(property) + 1).map(|how| self.text.trimmed(how));
+        let shown = |bytes: &Range<usize>| self.text[bytes.clone()].to_string();
+        let written = |key: &Key| WrittenKey {
+            secs: key.secs,
+            frame: key.in_frames.then(|| libm::round(key.secs * fps)),
+            numbers: literals(&self.text, &key.value).map(|all| all.iter().map(|(_, v)| *v).collect()),
+            ease: key.ease.as_ref().map(shown),
+        };
+        let keys = keys.iter().map(written).collect();
+        Ok(WrittenKeys { line: self.line_of(call.name.start), how: how.as_ref().map(shown), keys })
+    }
+
     /// Changes the key of a property at a time, or adds one.
     ///
     /// # Errors
     /// The keys are computed, or stand elsewhere.
     pub fn set_key(&self, property: &str, when: EditTime, value: KeyValue) -> Result<Edit, EditRefused> {
         let (call, keys) = self.keys(property, when.fps)?;
-        if let Some(key) = keys.iter().find(|key| key.is_at(when)) {
-            let range = self.text.trimmed(&key.value);
-            let changed = over(&self.text, &range, &value);
+        if let Some(at) = key_at(&keys, when) {
+            if value == KeyValue::Between {
+                return Ok(Edit { range: call.end..call.end, text: String::new() });
+            }
+            let changed = over(&self.text, &keys[at].value, &value);
             return changed.ok_or_else(|| self.computed_keys(property, &call));
         }
         let next = keys.iter().position(|key| key.secs > when.secs).unwrap_or(keys.len());
         let time = when.text(keys.iter().all(|key| key.in_frames));
         let near = near(&self.text, &keys, next, when.secs);
+        if near.is_empty() && value == KeyValue::Between {
+            return Err(self.computed_keys(property, &call));
+        }
         let key = format!("[{time}, {}]", written_like(&near, &value));
         Ok(inserted(&self.text, &keys, next, &key))
     }
@@ -58,7 +96,7 @@ impl ScriptObject<'_> {
     /// The object has no name in the script, and something else follows it.
     pub fn add_keys(&self, property: &str, when: EditTime, value: KeyValue) -> Result<Edit, EditRefused> {
         let value = written_like(&[], &value);
-        let call = format!("key({}, [[{}, {value}]])", quoted(property), when.text(false));
+        let call = format!("key({}, [[{}, {value}]])", first_arguments(property), when.text(false));
         self.add_call(&call, self.last_at())
     }
 
@@ -67,25 +105,32 @@ impl ScriptObject<'_> {
     /// # Errors
     /// The keys are computed or stand elsewhere, there is none at that time, or there is one at the other.
     pub fn move_key(&self, property: &str, from: EditTime, to: EditTime) -> Result<Edit, EditRefused> {
-        let (call, keys) = self.keys(property, from.fps)?;
+        self.move_keys(property, &[(from, to)])
+    }
+
+    /// Moves keys of a property to other times, also past those that stay.
+    ///
+    /// # Errors
+    /// The errors are those of [`ScriptObject::move_key`].
+    pub fn move_keys(&self, property: &str, moves: &[(EditTime, EditTime)]) -> Result<Edit, EditRefused> {
+        let Some((first, _)) = moves.first() else { return Err(self.no_key(property, self.line)) };
+        let (call, keys) = self.keys(property, first.fps)?;
         let line = self.line_of(call.name.start);
-        let at = keys.iter().position(|key| key.is_at(from)).ok_or_else(|| self.no_key(property, line))?;
-        let others = || keys.iter().enumerate().filter(|(index, _)| *index != at);
-        if others().any(|(_, key)| key.is_at(to)) {
+        let mut times = vec![None; keys.len()];
+        for (from, to) in moves {
+            let at = key_at(&keys, *from).ok_or_else(|| self.no_key(property, line))?;
+            times[at] = Some(*to);
+        }
+        let stays = |index: &usize| times[*index].is_none();
+        let is_near = |time: EditTime, key: &Key| (key.secs - time.secs).abs() < 0.5 / time.fps;
+        let taken = times
+            .iter()
+            .flatten()
+            .any(|to| (0..keys.len()).filter(stays).any(|index| is_near(*to, &keys[index])));
+        if taken {
             return Err(EditRefused::at(line, &format!("its {property} has a key at that time already")));
         }
-        let key = &keys[at];
-        let time = to.text(key.in_frames);
-        let next = others().find(|(_, key)| key.secs > to.secs).map_or(keys.len(), |(index, _)| index);
-        if next == at || next == at + 1 {
-            return Ok(Edit { range: key.time.clone(), text: time });
-        }
-        let (before, behind) = (key.all.start..key.time.start, key.time.end..key.all.end);
-        let moved = format!("{}{time}{}", &self.text[before], &self.text[behind]);
-        let (add, take) = (inserted(&self.text, &keys, next, &moved), removed(&self.text, &keys, at));
-        // The one further behind first, so that it moves no byte of the other.
-        let (first, second) = if add.range.start > take.range.start { (add, take) } else { (take, add) };
-        let after = second.apply(&first.apply(&self.text));
+        let after = retimed(&self.text, &keys, &times).apply(&self.text);
         Ok(Edit::between(&self.text, &after))
     }
 
@@ -94,117 +139,193 @@ impl ScriptObject<'_> {
     /// # Errors
     /// The errors are those of [`ScriptObject::move_key`].
     pub fn delete_key(&self, property: &str, at: EditTime) -> Result<Edit, EditRefused> {
-        let (call, keys) = self.keys(property, at.fps)?;
+        self.delete_keys(property, &[at])
+    }
+
+    /// Deletes keys of a property. The last ones go with their `.key(…)`.
+    ///
+    /// # Errors
+    /// The errors are those of [`ScriptObject::move_key`].
+    pub fn delete_keys(&self, property: &str, at: &[EditTime]) -> Result<Edit, EditRefused> {
+        let fps = at.first().map_or(1.0, |time| time.fps);
+        let (call, keys) = self.keys(property, fps)?;
         let line = self.line_of(call.name.start);
-        let index = keys.iter().position(|key| key.is_at(at)).ok_or_else(|| self.no_key(property, line))?;
-        if keys.len() > 1 {
-            return Ok(removed(&self.text, &keys, index));
+        let found = at.iter().map(|time| key_at(&keys, *time).ok_or_else(|| self.no_key(property, line)));
+        let mut found: Vec<usize> = found.collect::<Result<_, _>>()?;
+        found.sort_unstable();
+        found.dedup();
+        if found.len() == keys.len() {
+            let range = whole_statement(&self.text, &call, call.end).unwrap_or_else(|| {
+                let dot = self.text[..call.name.start].rfind('.').unwrap_or(call.name.start);
+                self.text[..dot].trim_end().len()..call.end
+            });
+            return Ok(Edit { range, text: String::new() });
         }
-        let range = whole_statement(&self.text, &call, call.end).unwrap_or_else(|| {
-            let dot = self.text[..call.name.start].rfind('.').unwrap_or(call.name.start);
-            self.text[..dot].trim_end().len()..call.end
+        let mut after = self.text.to_string();
+        for index in found.into_iter().rev() {
+            // The call begins where it did: what is taken away stands behind.
+            let text = Source::new(&after);
+            let (_, keys) = keys_of(&text, call.name.start, property, fps)
+                .ok_or_else(|| self.computed_keys(property, &call))?;
+            after = removed(&text, &keys, index).apply(&text);
+        }
+        Ok(Edit::between(&self.text, &after))
+    }
+
+    /// Keys of a property as text, to be pasted elsewhere: `.key("position", [[2.0, [0.0, 0.0, 1.0]]])`.
+    ///
+    /// # Errors
+    /// The errors are those of [`ScriptObject::move_key`].
+    pub fn copy_keys(&self, property: &str, at: &[EditTime]) -> Result<String, EditRefused> {
+        let fps = at.first().map_or(1.0, |time| time.fps);
+        let (call, keys) = self.keys(property, fps)?;
+        let line = self.line_of(call.name.start);
+        let mut copied: Vec<&Key> = Vec::new();
+        for time in at {
+            copied.push(&keys[key_at(&keys, *time).ok_or_else(|| self.no_key(property, line))?]);
+        }
+        copied.sort_by_key(|key| key.all.start);
+        copied.dedup_by_key(|key| key.all.start);
+        let copied: Vec<&str> = copied.iter().map(|key| &self.text[key.all.clone()]).collect();
+        // On one line, so that a line of the clipboard is one property.
+        let copied = copied.join(", ").split_whitespace().collect::<Vec<_>>().join(" ");
+        Ok(format!(".key({}, [{copied}])", first_arguments(property)))
+    }
+
+    /// Adds keys that were copied, later by a time; those that are there at such a time already get their values.
+    ///
+    /// # Errors
+    /// The text is none that [`ScriptObject::copy_keys`] gives, or the keys of the property are computed or stand elsewhere.
+    pub fn paste_keys(&self, copied: &str, by: EditTime) -> Result<Edit, EditRefused> {
+        let none = || EditRefused::at(self.line, "the clipboard holds no keys");
+        let (property, _) = copied_keys(copied, by.fps).ok_or_else(none)?;
+        let source = Source::new(copied);
+        let (_, pasted) = keys_of(&source, 0, &property, by.fps).ok_or_else(none)?;
+        let entries = pasted.iter().map(|key| {
+            let when = EditTime { secs: key.secs + by.secs, ..by };
+            (when, when.text(key.in_frames), &source[key.time.end..key.all.end])
         });
-        Ok(Edit { range, text: String::new() })
+        if self.key_call(&property).is_none() {
+            let all: Vec<String> = entries.map(|(_, time, rest)| format!("[{time}{rest}")).collect();
+            let call = format!("key({}, [{}])", first_arguments(&property), all.join(", "));
+            return self.add_call(&call, self.last_at());
+        }
+        let (call, _) = self.keys(&property, by.fps)?;
+        let mut after = self.text.to_string();
+        for (when, time, rest) in entries {
+            let text = Source::new(&after);
+            let (_, keys) = keys_of(&text, call.name.start, &property, by.fps)
+                .ok_or_else(|| self.computed_keys(&property, &call))?;
+            let edit = match key_at(&keys, when) {
+                Some(at) => Edit { range: keys[at].time.end..keys[at].all.end, text: rest.to_string() },
+                None => {
+                    let next = keys.iter().position(|key| key.secs > when.secs).unwrap_or(keys.len());
+                    inserted(&text, &keys, next, &format!("[{time}{rest}"))
+                }
+            };
+            after = edit.apply(&text);
+        }
+        Ok(Edit::between(&self.text, &after))
+    }
+
+    /// A refusal of computed keys, with a line that states all keys of the property anew: `anna.key("position", [[0.0, …], …]);`.
+    pub fn stated_anew(
+        &self,
+        refused: EditRefused,
+        property: &str,
+        keys: &[(EditTime, KeyValue)],
+    ) -> EditRefused {
+        let Some(call) = self.key_call(property).filter(|_| refused.is_computed && !keys.is_empty()) else {
+            return refused;
+        };
+        let how = arguments(&self.text, &call).get(leading(property) + 1).map(|how| self.text.trimmed(how));
+        let how = how.map_or(String::new(), |how| format!(", {}", &self.text[how]));
+        let all =
+            keys.iter().map(|(time, value)| format!("[{}, {}]", time.text(false), written_like(&[], value)));
+        let all = all.collect::<Vec<_>>().join(", ");
+        let over = self.new_line(&format!("key({}, [{all}]{how})", first_arguments(property)));
+        EditRefused { over, agree: ADD, ..refused }
+    }
+
+    /// Whether a `.key(…)` of a property is written with it.
+    pub fn has_keys(&self, property: &str) -> bool {
+        self.key_call(property).is_some()
+    }
+
+    /// The last `.key(…)` of a property.
+    pub(super) fn key_call(&self, property: &str) -> Option<Call> {
+        let is_it = |call: &&Call| {
+            self.text[call.name.clone()] == *"key"
+                && property_of(&self.text, call).as_deref() == Some(property)
+        };
+        self.calls.iter().rev().find(is_it).cloned()
     }
 
     /// The last `.key(…)` of a property, and its keys.
-    fn keys(&self, property: &str, fps: f64) -> Result<(Call, Vec<Key>), EditRefused> {
-        let name = quoted(property);
-        let is_it = |call: &&Call| {
-            self.text[call.name.clone()] == *"key"
-                && self.text[call.inside.clone()].trim_start().starts_with(&name)
-        };
-        let Some(call) = self.calls.iter().rev().find(is_it) else {
+    pub(super) fn keys(&self, property: &str, fps: f64) -> Result<(Call, Vec<Key>), EditRefused> {
+        let Some(call) = self.key_call(property) else {
             let why = format!("its {property} has keys that are not written with it; change them there");
             return Err(EditRefused::at(self.line, &why));
         };
-        let start = (self.text.value_end(call.inside.start, call.inside.end) + 1).min(call.inside.end);
-        let keys = keys_in(&self.text, start..self.text.value_end(start, call.inside.end), fps);
-        let keys = keys.ok_or_else(|| self.computed_keys(property, call))?;
-        Ok((call.clone(), keys))
+        let keys = keys_of(&self.text, call.name.start, property, fps);
+        keys.ok_or_else(|| self.computed_keys(property, &call))
     }
 
-    fn computed_keys(&self, property: &str, call: &Call) -> EditRefused {
+    pub(super) fn computed_keys(&self, property: &str, call: &Call) -> EditRefused {
         let line = self.line_of(call.name.start);
-        EditRefused::at(line, &format!("its {property} has keys that are computed; change them there"))
+        let why = format!("its {property} has keys that are computed; change them there");
+        EditRefused { is_computed: true, ..EditRefused::at(line, &why) }
     }
 
-    fn no_key(&self, property: &str, line: usize) -> EditRefused {
+    pub(super) fn no_key(&self, property: &str, line: usize) -> EditRefused {
         let why = format!("its {property} has no key of its own there; what is seen comes from an easing");
         EditRefused::at(line, &why)
     }
 }
 
-impl Key {
-    /// Whether it is at a time, to half a frame.
-    fn is_at(&self, time: EditTime) -> bool {
-        (self.secs - time.secs).abs() < 0.5 / time.fps
-    }
+/// The property whose keys a copied text holds, and the time of the first in seconds.
+pub fn copied_keys(copied: &str, fps: f64) -> Option<(String, f64)> {
+    let source = Source::new(copied);
+    let call = copied.starts_with(".key(").then(|| source.call_from(0)).flatten()?;
+    let property = property_of(&source, &call)?;
+    let (_, keys) = keys_of(&source, 0, &property, fps)?;
+    Some((property, keys.first()?.secs))
 }
 
-/// Takes a key away with its comma, and with its line if it has one of its own.
-fn removed(text: &str, keys: &[Key], at: usize) -> Edit {
-    let key = &keys[at].all;
-    let line = text[..key.start].rfind('\n').map_or(0, |n| n + 1);
-    let behind = text[key.end..].find('\n').map_or(text.len(), |n| key.end + n + 1);
-    let rest = text[key.end..behind].trim();
-    let rest = rest.strip_prefix(',').unwrap_or(rest).trim_start();
-    let alone = text[line..key.start].trim().is_empty() && (rest.is_empty() || rest.starts_with("//"));
-    let range = match (alone, keys.get(at + 1), at.checked_sub(1)) {
-        (true, ..) => line..behind,
-        (false, Some(next), _) => key.start..next.all.start,
-        (false, None, Some(before)) => keys[before].all.end..key.end,
-        (false, None, None) => key.clone(),
+/// The call of a `.key(…)` at a byte, and its keys; `None` where they are computed.
+pub(super) fn keys_of(text: &Source, at: usize, property: &str, fps: f64) -> Option<(Call, Vec<Key>)> {
+    let call = text.call_from(at)?;
+    let list = arguments(text, &call).get(leading(property))?.clone();
+    Some((call, keys_in(text, list, fps)?))
+}
+
+/// The property of a `.key(…)`, with the name of a morph target or an expression.
+fn property_of(text: &Source, call: &Call) -> Option<String> {
+    let arguments = arguments(text, call);
+    let name = |index: usize| {
+        let argument = text[arguments.get(index)?.clone()].trim();
+        Some(argument.strip_prefix('"')?.strip_suffix('"')?.replace("\\\"", "\"").replace("\\\\", "\\"))
     };
-    Edit { range, text: String::new() }
+    let property = name(0)?;
+    match property.as_str() {
+        "morph" | "expression" => Some(format!("{property}:{}", name(1)?)),
+        _ => Some(property),
+    }
 }
 
-/// `None` where anything of them but the values is computed.
-fn keys_in(text: &Source, bytes: Range<usize>, fps: f64) -> Option<Vec<Key>> {
-    let array = text.trimmed(&bytes);
-    let inside = text[array.clone()].strip_prefix('[')?.strip_suffix(']')?;
-    let mut keys: Vec<Key> = Vec::new();
-    for part in parts(text, array.start + 1, array.start + 1 + inside.len()) {
-        let all = text.trimmed(&part);
-        let pair = text[all.clone()].strip_prefix('[')?.strip_suffix(']')?;
-        let parts: Vec<Range<usize>> = parts(text, all.start + 1, all.start + 1 + pair.len()).collect();
-        let [time, value, ..] = parts.as_slice() else { return None };
-        let literal = TimeLiteral::of(text, time)?;
-        let secs = literal.secs(fps);
-        let TimeLiteral { in_frames, range, .. } = literal;
-        if keys.last().is_some_and(|before| before.secs >= secs) {
-            return None;
-        }
-        keys.push(Key { all, secs, time: range, in_frames, value: value.clone() });
+/// The arguments of a `.key(…)` before the list.
+fn first_arguments(property: &str) -> String {
+    match property.split_once(':') {
+        Some((property, name)) => format!("{}, {}", quoted(property), quoted(name)),
+        None => quoted(property),
     }
-    (!keys.is_empty()).then_some(keys)
 }
 
 /// Keys `[[time, value], …]` at later times. `None` where a time is computed.
 pub(super) fn shifted_keys(text: &Source, bytes: Range<usize>, by: EditTime) -> Option<Edit> {
     let keys = keys_in(text, bytes, by.fps)?;
-    let (first, last) = (keys.first()?, keys.last()?);
-    let (mut out, mut at) = (String::new(), first.time.start);
-    for key in &keys {
-        out += &text[at..key.time.start];
-        out += &EditTime { secs: key.secs + by.secs, fps: by.fps }.text(key.in_frames);
-        at = key.time.end;
-    }
-    Some(Edit { range: first.time.start..last.time.end, text: out })
-}
-
-/// The parts between commas; nothing after a trailing one.
-fn parts(text: &Source, start: usize, end: usize) -> impl Iterator<Item = Range<usize>> {
-    let mut at = start;
-    std::iter::from_fn(move || {
-        if text.skip(at) >= end {
-            return None;
-        }
-        let to = text.value_end(at, end);
-        let part = at..to;
-        at = to + 1;
-        Some(part)
-    })
+    let later = |key: &Key| Some(EditTime { secs: key.secs + by.secs, fps: by.fps });
+    Some(retimed(text, &keys, &keys.iter().map(later).collect::<Vec<_>>()))
 }
 
 /// Replaces a value. `None` where that is computed.
@@ -265,13 +386,17 @@ fn numbers_like(near: &[f64], value: &KeyValue) -> Vec<f64> {
                 let sign = if q.dot(DQuat::from_xyzw(*x, *y, *z, *w)) < 0.0 { -1.0 } else { 1.0 };
                 q.to_array().map(|v| v * sign).to_vec()
             }
-            [x, y, z] => nearest(q, DVec3::new(*x, *y, *z)).to_array().to_vec(),
+            [x, y, z] => euler_degrees_near(q, DVec3::new(*x, *y, *z)).to_array().to_vec(),
             _ if q.x.abs() < 1e-9 && q.z.abs() < 1e-9 => {
                 let degrees = 2.0 * libm::atan2(q.y, q.w).to_degrees();
                 vec![turns(degrees, near.first().copied().unwrap_or(0.0))]
             }
-            _ => nearest(q, DVec3::new(0.0, near.first().copied().unwrap_or(0.0), 0.0)).to_array().to_vec(),
+            _ => {
+                let upright = DVec3::new(0.0, near.first().copied().unwrap_or(0.0), 0.0);
+                euler_degrees_near(q, upright).to_array().to_vec()
+            }
         },
+        KeyValue::Between => near.to_vec(),
         KeyValue::Text(_) => Vec::new(),
     }
 }
@@ -282,36 +407,10 @@ fn turns(degrees: f64, near: f64) -> f64 {
 }
 
 /// The angles of a rotation that are nearest to others: keys go from angle to angle, not the shortest way.
-fn nearest(q: DQuat, near: DVec3) -> DVec3 {
+pub fn euler_degrees_near(q: DQuat, near: DVec3) -> DVec3 {
     let one = euler_degrees(q);
     let other = DVec3::new(one.x + 180.0, 180.0 - one.y, one.z + 180.0);
     let all = [one, other].map(|e| DVec3::new(turns(e.x, near.x), turns(e.y, near.y), turns(e.z, near.z)));
-    debug_assert!(all.iter().all(|e| rotation(*e).dot(q).abs() > 1.0 - 1e-6));
+    debug_assert!(all.iter().all(|e| rotation_of(*e).dot(q).abs() > 1.0 - 1e-6));
     if (all[1] - near).length() < (all[0] - near).length() - 1e-6 { all[1] } else { all[0] }
-}
-
-/// Inserts a key before the key `next`, or after the last: on its own line if the others are.
-fn inserted(text: &str, keys: &[Key], next: usize, key: &str) -> Edit {
-    // The separator before a key: a new line with its blanks, or a space.
-    let before = |at: usize| {
-        let line = text[..at].rfind('\n').map_or(0, |n| n + 1);
-        let blanks = &text[line..at];
-        let alone = line > 0 && blanks.chars().all(char::is_whitespace);
-        if alone { format!("\n{blanks}") } else { " ".to_string() }
-    };
-    if let Some(after) = keys.get(next) {
-        let at = after.all.start;
-        return Edit { range: at..at, text: format!("{key},{}", before(at)) };
-    }
-    let last = &keys[keys.len() - 1];
-    let at = last.all.end;
-    let gap = before(last.all.start);
-    let rest = &text[at..text[at..].find('\n').map_or(text.len(), |n| at + n)];
-    let has_comment = rest.trim_start().trim_start_matches(',').trim_start().starts_with("//");
-    if gap.starts_with('\n') && has_comment {
-        // After the comment on the last key, which then needs a comma.
-        let comma = if rest.trim_start().starts_with(',') { "" } else { "," };
-        return Edit { range: at..at + rest.len(), text: format!("{comma}{rest}{gap}{key}") };
-    }
-    Edit { range: at..at, text: format!(",{gap}{key}") }
 }

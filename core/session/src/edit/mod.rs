@@ -3,6 +3,8 @@
 
 mod casting;
 mod cues;
+mod key_easing;
+mod key_list;
 mod keys;
 mod object;
 mod refused;
@@ -15,8 +17,8 @@ use std::ops::Range;
 
 pub use casting::cast_lines;
 pub use cues::{CueChange, delete_cue, has_end, set_times};
-pub use keys::KeyValue;
-pub use object::{ScriptObject, euler_degrees, set_call, set_marker};
+pub use keys::{KeyValue, WrittenKey, WrittenKeys, copied_keys, euler_degrees_near};
+pub use object::{ScriptObject, ScriptText, euler_degrees, rotation_of, set_call, set_marker};
 pub use refused::EditRefused;
 pub use strips::{
     Rest, copied_start, copy_cue, duplicate_cue, paste_cue, set_disabled, set_number, set_trim, shift_cue,

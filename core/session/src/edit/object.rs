@@ -20,21 +20,41 @@ pub struct ScriptObject<'a> {
     last_at: usize,
 }
 
+/// A script's text, split into tokens once for many objects.
+pub struct ScriptText<'a>(Source<'a>);
+
+impl<'a> ScriptText<'a> {
+    pub fn new(text: &'a str) -> ScriptText<'a> {
+        ScriptText(Source::new(text))
+    }
+
+    /// The object made by the call at a place, as [`ScriptObject::at`] has it.
+    ///
+    /// # Errors
+    /// There is no call.
+    pub fn object(&self, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
+        ScriptObject::within(self.0.clone(), line, column)
+    }
+}
+
 impl<'a> ScriptObject<'a> {
     /// The object made by the call at a place: line and column in characters, from 1.
     pub fn at(text: &'a str, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
+        ScriptObject::within(Source::new(text), line, column)
+    }
+
+    fn within(text: Source<'a>, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
         let refuse = |why: &str| EditRefused::at(line, why);
-        let text = Source::new(text);
         let at = text.byte_at(line, column).ok_or_else(|| refuse("the script has no such line"))?;
         let made = text.call_from(at).ok_or_else(|| refuse("there is no call to be changed"))?;
         let variable = text.variable_before(made.name.start).map(str::to_string);
-        let mut calls = text.chain_after(made.end);
+        let mut calls = own(&text, text.chain_after(made.end));
         let mut last_at = made.end;
         if let Some(name) = &variable {
             let later = text.chains_of(name, made.name.start).into_iter().filter(|(at, _)| *at > made.end);
             for (at, chain) in later {
                 last_at = at;
-                calls.extend(chain);
+                calls.extend(own(&text, chain));
             }
         }
         Ok(ScriptObject { text, line, made, variable, calls, last_at })
@@ -59,11 +79,11 @@ impl<'a> ScriptObject<'a> {
         let why =
             format!(".{name}({inside}) is computed; change it there, or say it anew in a line of its own");
         let over = self.variable.as_ref().and_then(|_| self.new_line(over));
-        EditRefused { over, agree: ADD, ..EditRefused::at(line, &why) }
+        EditRefused { over, agree: ADD, is_computed: true, ..EditRefused::at(line, &why) }
     }
 
     /// `variable.call;` after the last statement about it.
-    fn new_line(&self, call: &str) -> Option<Edit> {
+    pub(super) fn new_line(&self, call: &str) -> Option<Edit> {
         self.new_line_after(call, self.last_at)
     }
 
@@ -131,7 +151,7 @@ impl<'a> ScriptObject<'a> {
         let changed = match (&self.text[call.name.clone()], values.as_slice()) {
             ("turn", [turned]) if upright => rewritten(&self.text, &old, &[wrapped(turned + degrees)]),
             ("rotate", [x, y, z]) => {
-                let turned = euler_degrees(by * rotation(DVec3::new(*x, *y, *z)));
+                let turned = euler_degrees(by * rotation_of(DVec3::new(*x, *y, *z)));
                 rewritten(&self.text, &old, &turned.to_array())
             }
             _ => None,
@@ -246,6 +266,11 @@ impl<'a> ScriptObject<'a> {
     }
 }
 
+/// The calls of a chain up to one that returns another object.
+fn own(text: &Source, chain: Vec<Call>) -> Vec<Call> {
+    chain.into_iter().take_while(|call| text[call.name.clone()] != *"joint").collect()
+}
+
 /// Sets the only argument of the call at a place, a time: `.cut(2.0)`.
 pub fn set_call(text: &str, line: usize, column: usize, time: EditTime) -> Result<Edit, EditRefused> {
     let refuse = |why: String| EditRefused::at(line, &why);
@@ -304,7 +329,7 @@ fn wrapped(degrees: f64) -> f64 {
 }
 
 /// A rotation about x, then y, then z (fixed axes), as in scripts, degrees.
-pub(super) fn rotation(degrees: DVec3) -> DQuat {
+pub fn rotation_of(degrees: DVec3) -> DQuat {
     let about = |axis: DVec3, degrees: f64| {
         let (sin, cos) = libm::sincos(degrees.to_radians() / 2.0);
         DQuat::from_xyzw(axis.x * sin, axis.y * sin, axis.z * sin, cos)
@@ -372,7 +397,7 @@ mod tests {
     fn what_holds_for_a_frame_only_is_not_taken_for_it() {
         let text =
             "let a = |cast(\"a\", m).turn(10);\non_frame(|t| a.turn(10.0 * t));\nif x { a.turn(3); }\n";
-        let turned = |o: &ScriptObject| Ok(o.turn_by(rotation(DVec3::new(0.0, 20.0, 0.0))));
+        let turned = |o: &ScriptObject| Ok(o.turn_by(rotation_of(DVec3::new(0.0, 20.0, 0.0))));
         let after = changed(text, turned).unwrap();
         assert!(
             after.starts_with("let a = cast(\"a\", m).turn(30.0);\non_frame(|t| a.turn(10.0 * t));"),
@@ -395,13 +420,13 @@ mod tests {
 
     #[test]
     fn turns_add_up_to_what_was_asked_for() {
-        let by = rotation(DVec3::new(30.0, 0.0, 0.0));
+        let by = rotation_of(DVec3::new(30.0, 0.0, 0.0));
         for old in [DVec3::new(10.0, 20.0, 30.0), DVec3::new(-170.0, 5.0, 99.0), DVec3::new(0.0, 89.0, 0.0)] {
             let text = format!("|cast(\"a\", m).rotate({:?}, {:?}, {:?});", old.x, old.y, old.z);
             let after = changed(&text, |o| Ok(o.turn_by(by))).unwrap();
             let inside = &after[after.find("rotate(").unwrap() + 7..after.len() - 2];
             let new: Vec<f64> = inside.split(", ").map(|v| v.parse().unwrap()).collect();
-            let (got, wanted) = (rotation(DVec3::new(new[0], new[1], new[2])), by * rotation(old));
+            let (got, wanted) = (rotation_of(DVec3::new(new[0], new[1], new[2])), by * rotation_of(old));
             // Written to the thousandth of a degree.
             assert!(got.dot(wanted).abs() > 1.0 - 1e-9, "{after}");
         }

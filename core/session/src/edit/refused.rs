@@ -13,6 +13,8 @@ pub struct EditRefused {
     pub over: Option<Edit>,
     /// Label of the button for `over`.
     pub agree: &'static str,
+    /// The script computes what was to be changed.
+    pub is_computed: bool,
 }
 
 /// Label of the button that adds a line.
@@ -27,6 +29,6 @@ impl EditRefused {
 
 impl From<String> for EditRefused {
     fn from(why: String) -> EditRefused {
-        EditRefused { why, line: None, over: None, agree: ADD }
+        EditRefused { why, line: None, over: None, agree: ADD, is_computed: false }
     }
 }

@@ -27,6 +27,24 @@ impl Viewer {
     /// # Errors
     /// Why not, for the user; nothing has changed.
     pub fn move_bars(&mut self, all: &[Selected], by: f64) -> Result<(), EditError> {
+        let steps = self.bar_move_steps(all, by)?;
+        self.change_all(steps)
+    }
+
+    /// Moves the selected bars and keys by a time, as one change.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn move_selected(&mut self, by: f64) -> Result<(), EditError> {
+        let (bars, keys) = (self.selected_bars(), self.selected_keys().to_vec());
+        let mut steps = self.key_drag_steps(&keys, by, None)?;
+        steps.extend(self.bar_move_steps(&bars, by)?);
+        self.change_all(steps)?;
+        self.keys_have_moved(&keys, by);
+        Ok(())
+    }
+
+    fn bar_move_steps(&self, all: &[Selected], by: f64) -> Result<Vec<Step<'static>>, EditError> {
         let mut steps = Vec::new();
         let mut layers: BTreeSet<Vec<Selected>> = BTreeSet::new();
         for what in all {
@@ -46,7 +64,7 @@ impl Viewer {
             let layer: Vec<Bar> = layer.iter().map(|what| self.bar(what)).collect::<Result<_, _>>()?;
             steps.extend(self.move_steps(&layer, &|index| all.contains(&layer[index].what), by)?);
         }
-        self.change_all(steps)
+        Ok(steps)
     }
 
     /// The changes that move some bars of a layer.
@@ -107,6 +125,13 @@ impl Viewer {
     /// # Errors
     /// Why not, for the user; nothing has changed.
     pub fn delete_cues(&mut self, all: &[Selected]) -> Result<(), EditError> {
+        let steps = self.cue_delete_steps(all)?;
+        self.change_all(steps)?;
+        self.selection = None;
+        Ok(())
+    }
+
+    pub(super) fn cue_delete_steps(&self, all: &[Selected]) -> Result<Vec<Step<'static>>, EditError> {
         let mut steps = Vec::new();
         for what in all {
             let layer = self.layer_of(what);
@@ -116,9 +141,7 @@ impl Viewer {
             let next = next.map(|bar| self.edit_time(bar.start.as_secs()));
             steps.push(self.step(&layer[at], move |text, line, column| delete_cue(text, line, column, next)));
         }
-        self.change_all(steps)?;
-        self.selection = None;
-        Ok(())
+        Ok(steps)
     }
 
     /// Deletes a clip from the script.

@@ -1,71 +1,381 @@
-//! Keys that are moved or deleted in the sequencer.
+//! Keys that are set, moved, changed, copied or deleted, in the sequencer, the curve editor and the inspector. Keys of several things
+//! change together, as one edit. Where keys are computed, a line is offered that states all of them anew.
 
 use super::{EditError, Step};
 use crate::app::Viewer;
 use crate::state::events::{Event, KeyOf};
+use crate::state::keyed::{self, KeyRef, KeyedProperty, ValueKind, ValueText};
 use crate::state::selection::{Selected, actor};
 use choreo_motion::Time;
 use choreo_script::Place;
-use choreo_session::edit::{Edit, EditRefused, EditTime, ScriptObject};
+use choreo_session::edit::{Edit, EditRefused, EditTime, KeyValue, ScriptObject, copied_keys};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Keys that a line may state anew; more would be samples of an easing.
+const MOST_STATED: usize = 64;
+
+/// A change of one number of keys.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ValueDrag {
+    pub property: String,
+    /// Which number of the value, from 0.
+    pub part: usize,
+    /// Added to that number, in the script's unit.
+    pub by: f64,
+}
+
+/// A change of the keys of one property at some times.
+type Change<'c> = dyn Fn(&ScriptObject, &str, &[EditTime]) -> Result<Edit, EditRefused> + 'c;
 
 impl Viewer {
-    /// Moves the keys of a mark in the sequencer to another time.
+    /// Moves keys in time, and changes a number of theirs, as one change.
     ///
     /// # Errors
-    /// Why not, for the user; nothing has changed.
-    pub fn move_keys(&mut self, event: &Event, secs: f64) -> Result<(), EditError> {
-        let to = self.edit_time(secs);
-        self.change_keys(event, |object, property, from| object.move_key(property, from, to))
-    }
-
-    /// Deletes the keys of a mark in the sequencer.
-    ///
-    /// # Errors
-    /// Why not, for the user; nothing has changed.
-    pub fn delete_keys(&mut self, event: &Event) -> Result<(), EditError> {
-        self.change_keys(event, |object, property, at| object.delete_key(property, at))
-    }
-
-    fn change_keys(
+    /// Why not, for the user; nothing has changed. Here and below.
+    pub fn drag_keys(
         &mut self,
-        event: &Event,
-        change: impl Fn(&ScriptObject, &str, EditTime) -> Result<Edit, EditRefused>,
+        keys: &[KeyRef],
+        by: f64,
+        value: Option<&ValueDrag>,
     ) -> Result<(), EditError> {
-        if event.keys.is_empty() {
-            let why = "it is no key that can be moved; its line states the time";
-            return Err(EditError::refused_at(&event.place, why));
+        let steps = self.key_drag_steps(keys, by, value)?;
+        self.change_all(steps)?;
+        self.keys_have_moved(keys, by);
+        Ok(())
+    }
+
+    pub(super) fn key_drag_steps(
+        &self,
+        keys: &[KeyRef],
+        by: f64,
+        value: Option<&ValueDrag>,
+    ) -> Result<Vec<Step<'static>>, EditError> {
+        let mut steps = Vec::new();
+        if let Some(value) = value.filter(|value| value.by != 0.0) {
+            for key in keys.iter().filter(|key| key.property == value.property) {
+                let keyed = self.keyed(&key.what, &key.property)?;
+                let mut numbers = keyed.at(key.at);
+                let number = numbers.get_mut(value.part).ok_or(EditError::Gone)?;
+                *number = (*number + value.by).clamp(keyed.range[0], keyed.range[1]);
+                steps.push(self.value_step(&keyed, key.at, &numbers)?);
+            }
         }
-        let at = self.edit_time(event.at.as_secs());
-        let mut steps: Vec<Step> = Vec::new();
-        for KeyOf { what, property } in &event.keys {
+        if by != 0.0 {
+            let later = move |at: EditTime| EditTime { secs: (at.secs + by).max(0.0), ..at };
+            let moved = self.key_steps(
+                keys,
+                move |object, property, at| {
+                    let moves: Vec<_> = at.iter().map(|at| (*at, later(*at))).collect();
+                    object.move_keys(property, &moves)
+                },
+                &|at| Some(Time::from_secs((at.as_secs() + by).max(0.0))),
+            )?;
+            steps.extend(moved);
+        }
+        Ok(steps)
+    }
+
+    /// Moves a key to a time.
+    pub fn set_key_time(&mut self, key: &KeyRef, secs: f64) -> Result<(), EditError> {
+        self.drag_keys(std::slice::from_ref(key), secs - key.at.as_secs(), None)
+    }
+
+    /// Gives a key other numbers, in the script's units.
+    pub fn set_key_value(&mut self, key: &KeyRef, numbers: &[f64]) -> Result<(), EditError> {
+        let keyed = self.keyed(&key.what, &key.property)?;
+        let step = self.value_step(&keyed, key.at, numbers)?;
+        self.change_all(vec![step])
+    }
+
+    /// Deletes keys from the script.
+    pub fn delete_keys(&mut self, keys: &[KeyRef]) -> Result<(), EditError> {
+        let steps = self.key_delete_steps(keys)?;
+        self.change_all(steps)?;
+        self.select_keys(Vec::new());
+        Ok(())
+    }
+
+    pub(super) fn key_delete_steps(&self, keys: &[KeyRef]) -> Result<Vec<Step<'static>>, EditError> {
+        self.key_steps(keys, |object, property, at| object.delete_keys(property, at), &|_| None)
+    }
+
+    /// Deletes the selected clips and keys, as one change.
+    pub fn delete_selected(&mut self) -> Result<(), EditError> {
+        let mut steps = self.key_delete_steps(&self.selected_keys().to_vec())?;
+        steps.extend(self.cue_delete_steps(&self.selected_bars())?);
+        self.change_all(steps)?;
+        self.selection = None;
+        Ok(())
+    }
+
+    /// Sets the easing into keys, as source text; `None`: as all keys of their property.
+    pub fn set_key_ease(&mut self, keys: &[KeyRef], ease: Option<&str>) -> Result<(), EditError> {
+        let ease = ease.map(str::to_string);
+        let mut steps = Vec::new();
+        for key in keys {
+            let ease = ease.clone();
+            let change = move |object: &ScriptObject, property: &str, at: &[EditTime]| {
+                object.set_key_ease(property, at[0], ease.as_deref())
+            };
+            steps.extend(self.key_steps(std::slice::from_ref(key), change, &|at| Some(at))?);
+        }
+        self.change_all(steps)
+    }
+
+    /// Sets how all keys of properties are interpolated, as source text; `None`: linear.
+    pub fn set_key_how(&mut self, keys: &[KeyRef], how: Option<&str>) -> Result<(), EditError> {
+        let how = how.map(str::to_string);
+        let change = move |object: &ScriptObject, property: &str, at: &[EditTime]| {
+            object.set_key_how(property, at[0].fps, how.as_deref())
+        };
+        let steps = self.key_steps(keys, change, &|at| Some(at))?;
+        self.change_all(steps)
+    }
+
+    /// Keys as text for the clipboard, a property in each line.
+    pub fn copy_keys(&self, keys: &[KeyRef]) -> Result<String, EditError> {
+        let known = self.known().ok_or(EditError::NothingShown)?;
+        let mut lines = Vec::new();
+        for ((what, property), at) in by_property(keys) {
             let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-            let change = &change;
+            self.check_place(&place, siblings)?;
+            let at: Vec<EditTime> = at.iter().map(|at| self.edit_time(at.as_secs())).collect();
+            let object = ScriptObject::at(&known, place.line, place.column);
+            let copied = object.and_then(|object| object.copy_keys(property, &at));
+            lines.push(copied.map_err(|r| EditError::Refused { why: r.why, line: r.line })?);
+        }
+        Ok(lines.join("\n"))
+    }
+
+    /// Adds copied keys to something, the first of them at a time.
+    pub fn paste_keys(&mut self, what: &Selected, copied: &str, secs: f64) -> Result<(), EditError> {
+        let all: Vec<(Selected, String)> =
+            copied.lines().map(|line| (what.clone(), line.to_string())).collect();
+        self.add_copies(all, secs)
+    }
+
+    /// Copies keys to a time, the first of them there.
+    pub fn duplicate_keys(&mut self, keys: &[KeyRef], secs: f64) -> Result<(), EditError> {
+        let mut all = Vec::new();
+        for ((what, property), at) in by_property(keys) {
+            let key = |at: &Time| KeyRef { what: what.clone(), property: property.to_string(), at: *at };
+            let keys: Vec<KeyRef> = at.iter().map(key).collect();
+            all.push((what.clone(), self.copy_keys(&keys)?));
+        }
+        self.add_copies(all, secs)
+    }
+
+    fn add_copies(&mut self, all: Vec<(Selected, String)>, secs: f64) -> Result<(), EditError> {
+        let fps = self.playhead.fps().as_fps();
+        let mut read = Vec::new();
+        for (what, copied) in all {
+            let (property, start) = copied_keys(&copied, fps)
+                .ok_or_else(|| EditError::refused("the clipboard holds no keys of a timeline"))?;
+            self.keyed(&what, &property)?;
+            read.push((what, copied, start));
+        }
+        let first = read.iter().map(|(.., start)| *start).fold(f64::INFINITY, f64::min);
+        let mut steps = Vec::new();
+        for (what, copied, _) in read {
+            let (place, siblings) = self.place_of(&what).ok_or(EditError::Gone)?;
+            let by = self.edit_time(secs - first);
             let make =
-                move |text: &str, line, column| change(&ScriptObject::at(text, line, column)?, property, at);
+                move |text: &str, line, column| ScriptObject::at(text, line, column)?.paste_keys(&copied, by);
             steps.push(Step { place, siblings, make: Box::new(make) });
         }
         self.change_all(steps)
     }
 
-    /// Place in the script that makes something, and how many things that place makes.
-    pub(crate) fn place_of(&self, what: &Selected) -> Option<(Place, usize)> {
-        let scene = self.scene.as_ref()?;
-        let (stage, places) = (&scene.stage, &scene.places);
-        let (all, index) = match what {
-            Selected::Actor(name) => (&places.actors, actor(stage, name)?),
-            Selected::Camera(name) => (&places.cameras, stage.cameras.iter().position(|c| c.name == *name)?),
-            Selected::Light(index) => (&places.lights, *index),
-            Selected::Effect(index) => (&places.effects, *index),
-            Selected::Title(index) => (&places.layers_2d, *index),
-            Selected::Cue { .. } => {
-                let bars = || self.timeline.rows.iter().flat_map(|row| &row.bars);
-                let place = bars().find(|bar| bar.what == *what)?.place.clone();
-                let siblings = bars().filter(|bar| bar.place == place).count();
-                return Some((place, siblings));
+    /// Sets keys of properties at the playhead, with the values that they have there.
+    pub fn set_keys(&mut self, what: &Selected, properties: &[&str]) -> Result<(), EditError> {
+        self.set_keys_at(what, properties, self.playhead.time())
+    }
+
+    /// Sets keys of properties at a time, with the values that they have then.
+    pub fn set_keys_at(&mut self, what: &Selected, properties: &[&str], at: Time) -> Result<(), EditError> {
+        let mut steps = Vec::new();
+        for property in properties {
+            let keyed = self.keyed(what, property)?;
+            let numbers = keyed.at(at);
+            steps.push(self.value_step(&keyed, at, &numbers)?);
+        }
+        self.change_all(steps)?;
+        let key = |property: &&str| KeyRef { what: what.clone(), property: property.to_string(), at };
+        self.select_keys(properties.iter().map(key).collect());
+        Ok(())
+    }
+
+    /// Sets keys at the playhead: of all properties of the selection that have keys, else of the one that is keyed most.
+    pub fn set_keys_of_selection(&mut self) -> Result<(), EditError> {
+        let what = self.keyed_selection().ok_or_else(|| {
+            EditError::refused(
+                "select what is to get a key: an actor, a camera, a light, an effect or a title",
+            )
+        })?;
+        let all = self.keyed_properties(&what);
+        let keyed: Vec<&str> = all.iter().filter(|p| p.has_keys()).map(|p| p.name.as_str()).collect();
+        if !keyed.is_empty() {
+            return self.set_keys(&what, &keyed);
+        }
+        let usual = ["position", "intensity", "fov", "opacity"];
+        let usual = usual.into_iter().find(|name| all.iter().any(|p| p.name == *name));
+        let first = usual.or(all.first().map(|p| p.name.as_str()));
+        let first = first.ok_or_else(|| EditError::refused("nothing of it can have keys"))?;
+        self.set_keys(&what, &[first])
+    }
+
+    /// The selection, or the actor of a selected clip: what has keys.
+    pub fn keyed_selection(&self) -> Option<Selected> {
+        Some(match self.selection.clone()? {
+            Selected::Cue { actor, .. } => Selected::Actor(actor),
+            what => what,
+        })
+    }
+
+    /// All properties of something that can have keys, and those that have some, found once a version.
+    pub(crate) fn known_properties(
+        &mut self,
+        what: &Selected,
+    ) -> Option<(Arc<Vec<KeyedProperty>>, Arc<Vec<KeyedProperty>>)> {
+        let scene = self.scene.clone()?;
+        let find = || keyed::properties(&scene, keyed::text_of(&scene).as_ref(), what);
+        Some(self.curves.properties(scene.number, what, find))
+    }
+
+    /// The properties of something that have keys or could have some.
+    pub fn keyed_properties(&self, what: &Selected) -> Vec<KeyedProperty> {
+        let Some(scene) = &self.scene else { return Vec::new() };
+        keyed::properties(scene, keyed::text_of(scene).as_ref(), what)
+    }
+
+    fn keyed(&self, what: &Selected, property: &str) -> Result<KeyedProperty, EditError> {
+        if let (Selected::Actor(name), "position" | "rotation", Some(scene)) = (what, property, &self.scene)
+            && let Some(found) = actor(&scene.stage, name).map(|index| &scene.stage.actors[index])
+            && found.path_following.is_some()
+        {
+            let place = self.place_of(what).map(|(place, _)| place).unwrap_or_default();
+            let why = format!("it goes along a path, so its {property} has no keys; change the path");
+            return Err(EditError::refused_at(&place, &why));
+        }
+        let found = self.keyed_properties(what).into_iter().find(|keyed| keyed.name == property);
+        found.ok_or_else(|| EditError::refused(format!("it has no {property} that keys could animate")))
+    }
+
+    /// Gives a number of an effect's keyed parameter a value at the playhead; `None` where it has no keys. `value`: its source text.
+    pub(super) fn set_keyed_parameter(
+        &mut self,
+        what: &Selected,
+        name: &str,
+        value: &str,
+    ) -> Option<Result<(), EditError>> {
+        let at = self.playhead.time();
+        let all = self.keyed_properties(what);
+        let keyed = || all.iter().filter(|p| p.has_keys());
+        if let Some(whole) = keyed().find(|p| p.name == name) {
+            let step = self.text_step(whole, at, ValueText::Text(value.to_string()));
+            return Some(step.and_then(|step| self.change_all(vec![step])));
+        }
+        // One number of a color or a vector.
+        let (of, part) = keyed().find_map(|p| Some((p, self.number_of(what, &p.name, name)?)))?;
+        let mut numbers = of.at(at);
+        *numbers.get_mut(part)? = value.parse().ok()?;
+        let step = self.value_step(of, at, &numbers);
+        Some(step.and_then(|step| self.change_all(vec![step])))
+    }
+
+    /// Which number of an effect's option has a name.
+    fn number_of(&self, what: &Selected, option: &str, number: &str) -> Option<usize> {
+        let (scene, Selected::Effect(index)) = (self.scene.as_ref()?, what) else { return None };
+        let plugin = scene.registry.effect(&scene.stage.effects.get(*index)?.plugin)?;
+        plugin.manifest().options.iter().find(|o| o.name == option)?.number_of(number)
+    }
+
+    /// A step that gives a property these numbers at a time: in its key there, or in a new one.
+    fn value_step(
+        &self,
+        keyed: &KeyedProperty,
+        at: Time,
+        numbers: &[f64],
+    ) -> Result<Step<'static>, EditError> {
+        self.text_step(keyed, at, keyed.text(numbers))
+    }
+
+    fn text_step(
+        &self,
+        keyed: &KeyedProperty,
+        at: Time,
+        value: ValueText,
+    ) -> Result<Step<'static>, EditError> {
+        let (place, siblings) = self.place_of(&keyed.what).ok_or(EditError::Gone)?;
+        let (when, property) = (self.edit_time(at.as_secs()), keyed.name.clone());
+        let has_keys = keyed.has_keys();
+        let mut stated = self.stated(keyed, &|time| Some(time));
+        if !stated.is_empty() {
+            stated.retain(|(time, _)| (time.secs - when.secs).abs() >= 0.5 / when.fps);
+            stated.push((when, value.clone()));
+            stated.sort_by(|a, b| a.0.secs.total_cmp(&b.0.secs));
+        }
+        let make = move |text: &str, line, column| {
+            let object = ScriptObject::at(text, line, column)?;
+            match has_keys {
+                true => object
+                    .set_key(&property, when, value.value())
+                    .map_err(|refused| anew(&object, refused, &property, &stated)),
+                false => object.add_keys(&property, when, value.value()),
             }
         };
-        let place = all.get(index)?.clone();
-        let siblings = all.iter().filter(|other| **other == place).count();
+        Ok(Step { place, siblings, make: Box::new(make) })
+    }
+
+    /// A step for each property that has some of the keys. `after`: the time at which a key is then, if it is still there.
+    fn key_steps<'c>(
+        &self,
+        keys: &[KeyRef],
+        change: impl Fn(&ScriptObject, &str, &[EditTime]) -> Result<Edit, EditRefused> + 'c,
+        after: &dyn Fn(Time) -> Option<Time>,
+    ) -> Result<Vec<Step<'c>>, EditError> {
+        let change: std::rc::Rc<Change<'c>> = std::rc::Rc::new(change);
+        let mut steps = Vec::new();
+        for ((what, property), at) in by_property(keys) {
+            let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+            let keyed = self.keyed_properties(what).into_iter().find(|keyed| keyed.name == *property);
+            let then = |time: Time| if at.contains(&time) { after(time) } else { Some(time) };
+            let stated = keyed.map_or(Vec::new(), |keyed| self.stated(&keyed, &then));
+            let at: Vec<EditTime> = at.iter().map(|at| self.edit_time(at.as_secs())).collect();
+            let (property, change) = (property.to_string(), change.clone());
+            let make = move |text: &str, line, column| {
+                let object = ScriptObject::at(text, line, column)?;
+                change(&object, &property, &at).map_err(|refused| anew(&object, refused, &property, &stated))
+            };
+            steps.push(Step { place, siblings, make: Box::new(make) });
+        }
+        if steps.is_empty() {
+            return Err(EditError::refused("no key is selected"));
+        }
+        Ok(steps)
+    }
+
+    /// All keys of a property that the text does not state, for a line that does.
+    fn stated(
+        &self,
+        keyed: &KeyedProperty,
+        after: &dyn Fn(Time) -> Option<Time>,
+    ) -> Vec<(EditTime, ValueText)> {
+        if keyed.written.is_some() || keyed.keys.len() > MOST_STATED || keyed.kind == ValueKind::Kelvin {
+            return Vec::new();
+        }
+        let key = |at: &Time| Some((self.edit_time(after(*at)?.as_secs()), keyed.stated_text(*at)));
+        let mut all: Vec<_> = keyed.keys.iter().filter_map(key).collect();
+        all.sort_by(|a, b| a.0.secs.total_cmp(&b.0.secs));
+        all
+    }
+
+    /// Place in the script that makes something, and how many things that place makes.
+    pub(crate) fn place_of(&self, what: &Selected) -> Option<(Place, usize)> {
+        let Selected::Cue { .. } = what else { return keyed::place_of(self.scene.as_ref()?, what) };
+        let place = self.bars().find(|bar| bar.what == *what)?.place.clone();
+        let siblings = self.bars().filter(|bar| bar.place == place).count();
         Some((place, siblings))
     }
 
@@ -74,4 +384,35 @@ impl Viewer {
         let is_it = |event: &&Event| event.at == at && event.keys.iter().any(|key| key.what == *what);
         self.timeline.rows.iter().flat_map(|row| &row.events).find(is_it).cloned()
     }
+}
+
+impl Event {
+    /// The keys of a mark.
+    pub fn key_refs(&self) -> Vec<KeyRef> {
+        let key = |KeyOf { what, property }: &KeyOf| KeyRef {
+            what: what.clone(),
+            property: property.clone(),
+            at: self.at,
+        };
+        self.keys.iter().map(key).collect()
+    }
+}
+
+fn anew(
+    object: &ScriptObject,
+    refused: EditRefused,
+    property: &str,
+    stated: &[(EditTime, ValueText)],
+) -> EditRefused {
+    let stated: Vec<(EditTime, KeyValue)> = stated.iter().map(|(time, text)| (*time, text.value())).collect();
+    object.stated_anew(refused, property, &stated)
+}
+
+/// The times of keys, by what they animate.
+fn by_property(keys: &[KeyRef]) -> BTreeMap<(&Selected, &str), Vec<Time>> {
+    let mut all: BTreeMap<(&Selected, &str), Vec<Time>> = BTreeMap::new();
+    for key in keys {
+        all.entry((&key.what, &key.property)).or_default().push(key.at);
+    }
+    all
 }

@@ -6,12 +6,14 @@ mod adding;
 mod cues;
 pub(crate) mod difference;
 mod error;
+pub(crate) mod expression;
 pub(crate) mod external_editor;
 mod keys;
 pub mod placing;
 mod strips;
 
 pub use error::EditError;
+pub use keys::ValueDrag;
 
 use crate::app::Viewer;
 use crate::state::history::{Done, Offer};
@@ -131,7 +133,7 @@ impl Viewer {
         }
         match made {
             Ok(edit) => self.write_edit(&path, &text, edit),
-            Err(EditRefused { why, line, over, agree }) => {
+            Err(EditRefused { why, line, over, agree, .. }) => {
                 let why = format!("{}: {why}", places.main);
                 if let Some(edit) = over {
                     let difference = difference::lines(&text, &edit.apply(&text));
@@ -150,11 +152,24 @@ impl Viewer {
         let first = steps.first().ok_or(EditError::Gone)?.place.clone();
         steps.iter().try_for_each(|step| self.check_place(&step.place, step.siblings))?;
         self.change(&first, 1, |text| {
-            let mut after = text.to_string();
+            let (mut after, mut refused) = (text.to_string(), None);
             for Step { place, make, .. } in &steps {
-                after = make(&after, place.line, place.column)?.apply(&after);
+                let edit = match make(&after, place.line, place.column) {
+                    Ok(edit) => edit,
+                    // The others are made with what is offered.
+                    Err(EditRefused { over: Some(over), why, line, agree, is_computed }) => {
+                        refused.get_or_insert(EditRefused { over: None, why, line, agree, is_computed });
+                        over
+                    }
+                    Err(refused) => return Err(refused),
+                };
+                after = edit.apply(&after);
             }
-            Ok(Edit::between(text, &after))
+            let edit = Edit::between(text, &after);
+            match refused {
+                Some(refused) => Err(EditRefused { over: Some(edit), ..refused }),
+                None => Ok(edit),
+            }
         })
     }
 

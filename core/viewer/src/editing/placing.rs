@@ -213,6 +213,11 @@ impl Viewer {
             Selected::Light(index) => (&scene.places.lights, *index),
             _ => return Err(EditError::refused("it has no such value")),
         };
+        if matches!(what, Selected::Effect(_))
+            && let Some(done) = self.set_keyed_parameter(what, name, value)
+        {
+            return done;
+        }
         let place = places.get(index).cloned().unwrap_or_default();
         let siblings = places.iter().filter(|p| **p == place).count();
         let light = matches!(what, Selected::Light(_)).then(|| scene.stage.lights.get(index)).flatten();

@@ -1,6 +1,7 @@
 //! Commands for the selected bars: the menu of the right mouse button, and their keys.
 
 use super::bars::Act;
+use super::key_menu;
 use crate::app::Viewer;
 use crate::editing::EditError;
 use crate::state::selection::Selected;
@@ -51,6 +52,7 @@ pub fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
 
 /// The commands whose keys were pressed.
 pub fn keys(ui: &Ui, viewer: &mut Viewer) {
+    key_menu::keyboard(ui, viewer);
     let with = |modifiers, key| ui.input_mut(|i| i.consume_key(modifiers, key));
     let all = [
         (Modifiers::NONE, Key::Y, Command::Split),
@@ -79,6 +81,9 @@ pub fn keys(ui: &Ui, viewer: &mut Viewer) {
 }
 
 fn paste(viewer: &mut Viewer, text: &str) {
+    if key_menu::are_keys(text) {
+        return key_menu::paste(viewer, text);
+    }
     let Some(name) = viewer.paste_target() else { return };
     let secs = viewer.playhead.time().as_secs();
     viewer.edit(|v| v.paste_cues(&name, text, secs));

@@ -146,6 +146,9 @@ impl Viewer {
             }
             (Selected::Cue { .. }, Drag::Overlap) => self.overlap_cue(&bar.what, secs),
             (Selected::Cue { .. }, Drag::Ripple) => self.move_cue(&bar.what, secs, true),
+            (_, Drag::Alone) if !self.selected_keys().is_empty() && all.contains(&bar.what) => {
+                self.move_selected(secs - bar.start.as_secs())
+            }
             _ if all.len() > 1 && all.contains(&bar.what) => self.move_bars(&all, secs - bar.start.as_secs()),
             (Selected::Cue { .. }, _) => self.move_cue(&bar.what, secs, false),
             _ => self.move_bars(std::slice::from_ref(&bar.what), secs - bar.start.as_secs()),

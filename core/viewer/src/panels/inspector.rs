@@ -4,6 +4,7 @@ use super::values;
 use crate::app::Viewer;
 use crate::editing::placing::{light_at, placement};
 use crate::geometry::gizmo::Change;
+use crate::state::keyed::{KeyRef, KeyedProperty};
 use crate::state::selection::{Selected, actor};
 use choreo_asset::{Asset, Projection};
 use choreo_plugin::OptionKind;
@@ -30,7 +31,12 @@ enum Wanted {
     Clip(String, f64),
     /// Degrees.
     FieldOfView(f64),
+    /// A key of a property at the playhead; `true`: it is there, and is deleted.
+    Key(String, bool),
 }
+
+/// The properties of the selection that have keys or could have some.
+type Keyable<'k> = &'k [KeyedProperty];
 
 const MOST_CLIPS: usize = 200;
 const MOST_JOINTS: usize = 400;
@@ -61,13 +67,20 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         }
     }
     let mut wanted = None;
+    let known = match &selection {
+        Selected::Cue { .. } => None,
+        what => viewer.known_properties(what).map(|(all, _)| all),
+    };
+    let known = known.unwrap_or_default();
+    let keyable: Keyable = &known;
     match &selection {
-        Selected::Actor(name) => wanted = transform(ui, viewer, &scene.stage, name),
-        Selected::Light(index) => wanted = light(ui, viewer, &scene.stage, *index),
-        Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, *index),
-        Selected::Camera(name) => wanted = lens(ui, viewer, &scene.stage, name),
+        Selected::Actor(name) => wanted = transform(ui, viewer, &scene.stage, name, keyable),
+        Selected::Light(index) => wanted = light(ui, viewer, &scene.stage, *index, keyable),
+        Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, *index, keyable),
+        Selected::Camera(name) => wanted = lens(ui, viewer, &scene.stage, name, keyable),
         Selected::Cue { .. } | Selected::Title(_) => {}
     }
+    wanted = keys_menu(ui, viewer, keyable).or(wanted);
     Grid::new("inspector").num_columns(2).striped(true).show(ui, |ui| {
         for (name, value) in rows {
             ui.label(name);
@@ -91,6 +104,13 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             Selected::Camera(name) => viewer.set_field_of_view(name, degrees),
             _ => Ok(()),
         },
+        Some(Wanted::Key(name, true)) => {
+            let at = viewer.playhead.time();
+            let there = known.iter().find(|p| p.name == name);
+            let there = there.and_then(|p| Some(p.keys[p.key_at(at, viewer.playhead.fps())?]));
+            there.map_or(Ok(()), |at| viewer.delete_keys(&[KeyRef { what: selection, property: name, at }]))
+        }
+        Some(Wanted::Key(name, false)) => viewer.set_keys(&selection, &[&name]),
         Some(Wanted::Actor(change)) => {
             selection.actor().map_or(Ok(()), |name| viewer.place_actor(name, change))
         }
@@ -103,32 +123,87 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     viewer.report(change);
 }
 
+/// The diamond beside a value: full where a key is at the playhead, which a click deletes; else a click sets one.
+fn key_button(ui: &mut Ui, viewer: &Viewer, keyable: Keyable, name: &str) -> Option<Wanted> {
+    let property = keyable.iter().find(|property| property.name == name)?;
+    let here = property.key_at(viewer.playhead.time(), viewer.playhead.fps()).is_some();
+    let color = match (here, property.has_keys()) {
+        (true, _) => super::marks::SELECTED,
+        (_, true) => ui.visuals().strong_text_color(),
+        _ => ui.visuals().weak_text_color(),
+    };
+    let (place, response) = ui.allocate_exact_size(egui::vec2(14.0, 14.0), egui::Sense::click());
+    let half = if response.hovered() { 6.0 } else { 5.0 };
+    let around = [(0.0, -half), (half, 0.0), (0.0, half), (-half, 0.0)];
+    let around = around.map(|(x, y)| place.center() + egui::vec2(x, y)).to_vec();
+    let fill = if here { color } else { egui::Color32::TRANSPARENT };
+    ui.painter().add(egui::Shape::convex_polygon(around, fill, egui::Stroke::new(1.2, color)));
+    let label = format!("key of {name}");
+    response
+        .widget_info(|| egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, here, label.clone()));
+    let hint = match here {
+        true => format!("delete the key of {} here", property.title()),
+        false => format!("set a key of {} at the playhead (K: of all that have keys)", property.title()),
+    };
+    response.on_hover_text(hint).clicked().then(|| Wanted::Key(name.to_string(), here))
+}
+
+/// Keys of everything that can have some, also of what has no field here.
+fn keys_menu(ui: &mut Ui, viewer: &Viewer, keyable: Keyable) -> Option<Wanted> {
+    if keyable.is_empty() {
+        return None;
+    }
+    let mut wanted = None;
+    ui.menu_button("keys", |ui| {
+        for property in keyable {
+            ui.horizontal(|ui| {
+                wanted = key_button(ui, viewer, keyable, &property.name).or(wanted.take());
+                ui.label(property.title());
+                let now = property.at(viewer.playhead.time());
+                let now: Vec<String> =
+                    now.iter().map(|n| format!("{:.3}", super::rounded(*n, 1e3))).collect();
+                ui.weak(format!("{} {}", now.join(" "), property.unit));
+            });
+        }
+    });
+    wanted
+}
+
+/// A number with a default.
+fn field(name: &str, value: f64, speed: f64, range: RangeInclusive<f64>, default: f64) -> values::Number<'_> {
+    values::Number { name, value, speed, range, default: Some(default) }
+}
+
 /// The transform as the script places it, relative to its parent, at the playhead if it is keyed.
-fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str) -> Option<Wanted> {
+fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: Keyable) -> Option<Wanted> {
     let placed = placement(stage.actors.get(actor(stage, name)?)?, viewer.playhead.time());
     let mut wanted = None;
-    Grid::new("transform").num_columns(4).show(ui, |ui| {
+    Grid::new("transform").num_columns(5).show(ui, |ui| {
         ui.label("placed at");
         for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
-            if let Some(to) = values::number(ui, letter, placed.translation[axis], 0.01, -1e9..=1e9) {
+            let value = placed.translation[axis];
+            if let Some(to) = field(letter, value, 0.01, -1e9..=1e9, 0.0).show(ui) {
                 let mut by = DVec3::ZERO;
                 by[axis] = to - placed.translation[axis];
                 wanted = Some(Wanted::Actor(Change::Move(by)));
             }
         }
+        wanted = key_button(ui, viewer, keyable, "position").or(wanted.take());
         ui.end_row();
         ui.label("turned");
         let z = placed.rotation * DVec3::Z;
         let degrees = libm::atan2(z.x, z.z).to_degrees();
-        if let Some(to) = values::number(ui, "degrees", degrees, 0.5, -360.0..=360.0) {
+        if let Some(to) = field("degrees", degrees, 0.5, -360.0..=360.0, 0.0).show(ui) {
             let (sin, cos) = libm::sincos((to - degrees).to_radians() / 2.0);
             wanted = Some(Wanted::Actor(Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))));
         }
+        wanted = key_button(ui, viewer, keyable, "rotation").or(wanted.take());
         ui.end_row();
         ui.label("scaled");
-        if let Some(to) = values::number(ui, "factor", placed.scale.x, 0.01, 1e-3..=1e3) {
+        if let Some(to) = field("factor", placed.scale.x, 0.01, 1e-3..=1e3, 1.0).show(ui) {
             wanted = Some(Wanted::Actor(Change::Scale(DVec3::splat(to / placed.scale.x))));
         }
+        wanted = key_button(ui, viewer, keyable, "scale").or(wanted.take());
         ui.end_row();
     });
     wanted
@@ -141,13 +216,19 @@ fn projection(viewer: &Viewer, stage: &Stage, name: &str) -> Option<Projection> 
     Some(shown.map_or(stage.cameras[index].projection, |camera| camera.projection))
 }
 
-fn lens(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str) -> Option<Wanted> {
+fn lens(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: Keyable) -> Option<Wanted> {
     let Projection::Perspective { yfov, .. } = projection(viewer, stage, name)? else { return None };
     let mut wanted = None;
     ui.horizontal(|ui| {
         ui.label("field of view").on_hover_text("degrees, from the top to the bottom of the image");
         let degrees = f64::from(yfov).to_degrees();
-        wanted = values::number(ui, "field of view", degrees, 0.25, 1.0..=170.0).map(Wanted::FieldOfView);
+        let Projection::Perspective { yfov: usual, .. } = Projection::default() else { return };
+        let usual = f64::from(usual).to_degrees();
+        let number = field("field of view", degrees, 0.25, 1.0..=170.0, usual);
+        wanted = number.show(ui).map(Wanted::FieldOfView);
+        for name in ["fov", "focal_length"] {
+            wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
+        }
     });
     wanted
 }
@@ -157,7 +238,7 @@ fn srgb(linear: Vec3) -> [u8; 3] {
 }
 
 /// The light at the playhead.
-fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize) -> Option<Wanted> {
+fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize, keyable: Keyable) -> Option<Wanted> {
     let light = light_at(stage.lights.get(index)?, viewer.playhead.time());
     let mut wanted = None;
     Grid::new("light").num_columns(4).show(ui, |ui| {
@@ -180,6 +261,9 @@ fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize) -> Option<Wa
                 _ => continue,
             };
             wanted = set.map(|value| Wanted::Value(field.name, value)).or(wanted.take());
+            if let Some((name, _)) = field.keyed {
+                wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
+            }
             ui.end_row();
         }
         let (label, name, vector, speed) = match light.light.kind.is_directional() {
@@ -195,28 +279,33 @@ fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize) -> Option<Wa
                 wanted = Some(Wanted::Value(name, format!("[{x}, {y}, {z}]")));
             }
         }
+        wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
         ui.end_row();
     });
     wanted
 }
 
 /// A slider each, as its manifest has it.
-fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize) -> Option<Wanted> {
+fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable: Keyable) -> Option<Wanted> {
     let used = scene.stage.effects.get(index)?;
     let plugin = scene.registry.effect(&used.plugin)?;
     let given = choreo_render::effect_parameters(plugin, &used.parameters);
     let state = viewer.shown().and_then(|s| s.snapshot.effects.iter().find(|e| e.effect == index));
     let now = choreo_render::effect_parameters(plugin, state.map_or(&used.parameters, |s| &s.parameters));
+    let defaults = choreo_render::effect_parameters(plugin, &[]);
     let mut wanted = None;
-    Grid::new("parameters").num_columns(2).show(ui, |ui| {
+    Grid::new("parameters").num_columns(3).show(ui, |ui| {
         let mut first = 0;
         for option in &plugin.manifest().options {
             let numbers = first..first + option.number_count();
             first = numbers.end;
-            let (value, now) = (&given[numbers.clone()], &now[numbers]);
+            let (value, now) = (&given[numbers.clone()], &now[numbers.clone()]);
+            let usual = &defaults[numbers];
+            let is_keyed = keyable.iter().any(|p| p.name == option.name && p.has_keys());
+            let value = if is_keyed { now } else { value };
             ui.label(&option.name).on_hover_text(&option.about);
             match &option.kind {
-                // The value comes from keys or a callback, which a literal would not change.
+                // The value comes from a callback or keys of single numbers, which a literal would not change.
                 _ if now != value => {
                     let now: Vec<String> = now.iter().map(|n| format!("{n:.3}")).collect();
                     ui.monospace(format!("{} (keyed)", now.join(" ")));
@@ -224,8 +313,8 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize) -> Opti
                 OptionKind::Number { .. } | OptionKind::Integer { .. } => {
                     let value = f64::from(value[0]);
                     let [min, max] = option.bounds().unwrap_or_default();
-                    let range: RangeInclusive<f64> = min..=max;
-                    if let Some(to) = values::slider(ui, &option.name, value, range) {
+                    let usual = f64::from(usual[0]);
+                    if let Some(to) = field(&option.name, value, 0.01, min..=max, usual).slider(ui) {
                         let is_whole = matches!(option.kind, OptionKind::Integer { .. });
                         let to = if is_whole { to.round() } else { to };
                         wanted = Some(Wanted::Parameter(option.name.clone(), format_number(to)));
@@ -234,9 +323,10 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize) -> Opti
                 OptionKind::Color { .. } | OptionKind::Vector { .. } => {
                     ui.horizontal(|ui| {
                         let [min, max] = option.bounds().unwrap_or_default();
-                        for (name, value) in option.number_names().zip(value) {
-                            let speed = ((max - min) * 0.002).min(0.01);
-                            if let Some(to) = values::number(ui, &name, f64::from(*value), speed, min..=max) {
+                        for (number, (name, value)) in option.number_names().zip(value).enumerate() {
+                            let (value, speed) = (f64::from(*value), ((max - min) * 0.002).min(0.01));
+                            let usual = f64::from(usual[number]);
+                            if let Some(to) = field(&name, value, speed, min..=max, usual).show(ui) {
                                 wanted = Some(Wanted::Parameter(name, format_number(to)));
                             }
                         }
@@ -271,6 +361,7 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize) -> Opti
                     ui.monospace(format!("{value:.3?}"));
                 }
             }
+            wanted = key_button(ui, viewer, keyable, &option.name).or(wanted.take());
             ui.end_row();
         }
     });

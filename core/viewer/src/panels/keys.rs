@@ -9,8 +9,8 @@ use choreo_session::edit::CueTime;
 use egui::{Key, Modifiers, Ui};
 
 /// Panels by Ctrl and their number.
-const NUMBERS: [Key; 8] =
-    [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8];
+const NUMBERS: [Key; 9] =
+    [Key::Num1, Key::Num2, Key::Num3, Key::Num4, Key::Num5, Key::Num6, Key::Num7, Key::Num8, Key::Num9];
 
 /// Acts on the keys that were pressed: those with Ctrl always, others unless a text field or a widget takes them.
 pub fn handle(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
@@ -67,6 +67,9 @@ fn playback_keys(ui: &Ui, viewer: &mut Viewer, now: f64) {
     let pressed = |key| ui.input_mut(|i| i.consume_key(Modifiers::NONE, key));
     if pressed(Key::Space) {
         viewer.playhead.toggle(now);
+    }
+    if viewer.curves.hovered && pressed(Key::Home) {
+        viewer.curves.fit = true;
     }
     for (key, frames) in
         [(Key::ArrowRight, 1), (Key::ArrowLeft, -1), (Key::Home, i64::MIN / 2), (Key::End, i64::MAX / 2)]
@@ -184,10 +187,10 @@ fn next_selection(viewer: &mut Viewer, back: bool) {
     viewer.selection = all.get(next).cloned();
 }
 
-const KEYS: [(&str, &str); 47] = [
+const KEYS: [(&str, &str); 50] = [
     ("Space", "play, pause"),
     ("← →", "one frame back, on"),
-    ("Home End", "first, last frame"),
+    ("Home End", "first, last frame; Home over curves: show all of their keys"),
     ("↑ ↓", "to the last, the next thing that begins, ends or happens"),
     ("I O", "play from here, up to here; again: all of it"),
     ("L", "again and again, or once"),
@@ -195,12 +198,16 @@ const KEYS: [(&str, &str); 47] = [
     ("N", "dragged times snap to frames"),
     ("Alt ← →", "the selected bar begins a frame earlier, later"),
     ("Alt Shift ← →", "the selected bar ends a frame earlier, later"),
-    ("Delete", "delete the selected clips from the script"),
+    ("Delete", "delete the selected clips and keys from the script"),
+    ("K", "set keys of the selection at the playhead: of what has keys, else of its position"),
     ("Y", "split the selected clips at the playhead"),
     ("M", "disable or enable the selected clips"),
-    ("Ctrl D", "play the selected clip once more after it"),
-    ("Ctrl C X V", "copy, cut, paste clips"),
-    ("Ctrl A", "select all clips; with Ctrl or Shift a click adds one, a drag over free rows a box"),
+    ("Ctrl D", "play the selected clip once more after it; of keys: a copy at the playhead"),
+    ("Ctrl C X V", "copy, cut, paste clips or keys"),
+    (
+        "Ctrl A",
+        "select all clips; with Ctrl or Shift a click adds a clip or key, a drag over free rows a box",
+    ),
     ("PgUp PgDn", "select the last, the next"),
     ("Esc", "select nothing; close a question"),
     ("G R B", "move, turn, make bigger"),
@@ -210,7 +217,7 @@ const KEYS: [(&str, &str); 47] = [
     ("P", "save the image"),
     ("Ctrl Z", "take a change of the script back"),
     ("Ctrl Shift Z", "make it again"),
-    ("Ctrl 1 … 8", "open a panel and go there"),
+    ("Ctrl 1 … 9", "open a panel and go there"),
     ("Ctrl + − 0", "larger, smaller, as at first"),
     ("Tab Enter", "go through buttons and bars; press"),
     ("F1", "this list"),
@@ -226,11 +233,16 @@ const KEYS: [(&str, &str); 47] = [
     ("Alt drag", "a clip's bar: slips its content; its start: trims or rolls it"),
     ("drag", "the corner or the line of the selected clip: speed, weight"),
     ("drag", "a bar's end or fade, a key, a cut, a marker: changes the script"),
-    ("right click", "a bar: all commands"),
+    ("drag", "curves: a key in time and value, with Shift along one of them; a handle of its easing"),
+    ("double click", "curves: sets a key on a curve"),
+    ("right click", "a bar, a key: all commands; of a key its time, value and easing"),
     ("drag", "a clip from the inspector onto a row: adds a line"),
     ("click", "an event or a foot's strip: the playhead goes there"),
     ("Shift drag", "ruler: the part that is played"),
-    ("wheel", "viewport: nearer; sequencer: zoom, with Shift: pan, over names: other rows"),
+    (
+        "wheel",
+        "viewport: nearer; sequencer, curves: zoom, with Shift: pan; over names: other rows; curves with Ctrl: values",
+    ),
     ("drop", "a model or clip from a file manager: shows it"),
 ];
 

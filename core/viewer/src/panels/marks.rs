@@ -1,9 +1,12 @@
 //! Marks in a row of the sequencer beside its bars: events, and feet on the floor. A click goes there.
 
+use super::bars::beside;
+use super::key_menu::{self, KeyAct};
 use super::sequencer::{COLORS, STRIP};
 use super::strip::Strips;
 use crate::app::Viewer;
 use crate::state::events::{Event, EventKind};
+use crate::state::keyed::KeyRef;
 use crate::state::selection::{Selected, actor};
 use crate::state::timeline::{Row, Timeline};
 use choreo_motion::Time;
@@ -12,6 +15,8 @@ use egui::{Color32, Rect, Sense, Shape, Stroke, Ui, pos2, vec2};
 
 /// Half of a mark's width, points.
 const HALF: f32 = 4.0;
+/// A selected key.
+pub(super) const SELECTED: Color32 = Color32::from_rgb(0xff, 0x8a, 0x2a);
 /// Marks in one row that can be pointed at.
 const MOST: usize = 400;
 
@@ -21,15 +26,30 @@ pub fn report(place: &Place) -> String {
     format!("{name}:{}", place.line)
 }
 
-/// Gives the mark that was clicked, or that was dragged with its new time in seconds.
-pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, index: usize, lane: Rect) -> Option<(Event, Option<f64>)> {
+/// What the user does to a mark.
+pub enum MarkAct {
+    /// Clicked; with Ctrl or Shift: beside what is selected.
+    Click(Event, bool),
+    /// Dragged by seconds.
+    Move(Event, f64),
+    Key(KeyAct),
+}
+
+/// Where keys are dragged to in this frame, seconds: the other selected ones are drawn there, too.
+fn dragged_id() -> egui::Id {
+    egui::Id::new("keys dragged")
+}
+
+/// Draws the marks of a row; gives what the user does.
+pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, index: usize, lane: Rect) -> Option<MarkAct> {
     // Above the names of bars, where there are any.
-    let y = if row.bars.is_empty() { lane.center().y } else { lane.top() + 1.0 + HALF };
+    let y = key_height(row, lane);
     let painter = ui.painter_at(lane);
     let wrong = Timeline::severity(&row.place, &viewer.problems);
     let mut last = f32::NEG_INFINITY;
     let mut acted = None;
     let mut count = 0;
+    let carried: Option<f64> = ui.data(|d| d.get_temp(dragged_id()));
     for event in &row.events {
         let x = lane.left() + viewer.span.x_of(event.at.as_secs(), lane.width());
         if !(lane.left() - HALF..=lane.right() + HALF).contains(&x) || x - last < 2.0 || count >= MOST {
@@ -43,25 +63,67 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, index: usize, lane: Rect) -> 
         let response = ui.interact(place.intersect(lane), ui.id().with(("event", index, count)), sense);
         let label = format!("event {} on {}", event.label.replace('\n', ", "), row.label);
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, label.clone()));
+        let keys = event.key_refs();
+        let selected = keys.iter().any(|key| viewer.is_key_selected(key));
         let fill = match wrong {
             Some(Severity::Error) => Color32::from_rgb(0xff, 0x60, 0x50),
             Some(Severity::Warning) => Color32::from_rgb(0xf0, 0xa8, 0x30),
+            _ if selected => SELECTED,
             _ if response.hovered() || response.has_focus() => Color32::from_rgb(0xff, 0xd2, 0x5a),
             _ => Color32::from_gray(235),
         };
-        let dragged = response.dragged() || response.drag_stopped();
+        let dragged = response.dragged_by(egui::PointerButton::Primary) || response.drag_stopped();
         let pointer = response.interact_pointer_pos().filter(|_| dragged);
-        let to = pointer.map(|at| viewer.snapped(viewer.span.secs_at(at.x - lane.left(), lane.width())));
-        let shown = to.map_or(x, |secs| lane.left() + viewer.span.x_of(secs, lane.width()));
-        painter.add(shape(event.kind, pos2(shown, y), fill));
-        if let Some(secs) = to.filter(|secs| response.drag_stopped() && *secs != event.at.as_secs()) {
-            acted = Some((event.clone(), Some(secs)));
+        let to = pointer.map(|at| dragged_to(viewer, event, lane, at.x));
+        let by = to.map(|secs| secs - event.at.as_secs());
+        if let Some(by) = by {
+            ui.data_mut(|d| match response.drag_stopped() {
+                true => d.remove::<f64>(dragged_id()),
+                false => drop(d.insert_temp(dragged_id(), by)),
+            });
         }
+        let by = by.or(carried.filter(|_| selected));
+        let shown = by.map_or(x, |by| lane.left() + viewer.span.x_of(event.at.as_secs() + by, lane.width()));
+        painter.add(shape(event.kind, pos2(shown, y), fill));
+        if let (Some(by), Some(at), true) = (by, pointer, dragged) {
+            beside(ui, at, &viewer.shown_time(event.at + Time::from_secs(by)));
+            if response.drag_stopped() && by != 0.0 {
+                acted = Some(MarkAct::Move(event.clone(), by));
+            }
+        }
+        if !keys.is_empty() {
+            acted = key_menu::show(&response, viewer, &keys).map(MarkAct::Key).or(acted);
+        }
+        let add = ui.input(|i| i.modifiers.command || i.modifiers.shift);
         if response.on_hover_text(hover(viewer, event)).clicked() {
-            acted = Some((event.clone(), None));
+            acted = Some(MarkAct::Click(event.clone(), add));
         }
     }
     acted
+}
+
+/// The height of the marks of a row.
+fn key_height(row: &Row, lane: Rect) -> f32 {
+    if row.bars.is_empty() { lane.center().y } else { lane.top() + 1.0 + HALF }
+}
+
+/// The keys of a row whose marks lie in a rectangle.
+pub fn keys_within(viewer: &Viewer, row: &Row, lane: Rect, area: Rect) -> Vec<KeyRef> {
+    let y = key_height(row, lane);
+    if area.bottom() < y - HALF || area.top() > y + HALF {
+        return Vec::new();
+    }
+    let x = |event: &Event| lane.left() + viewer.span.x_of(event.at.as_secs(), lane.width());
+    row.events.iter().filter(|event| area.x_range().contains(x(event))).flat_map(Event::key_refs).collect()
+}
+
+/// A dragged mark's new time in seconds: snapped to what is near, else to frames.
+fn dragged_to(viewer: &Viewer, event: &Event, lane: Rect, x: f32) -> f64 {
+    let secs = |x: f32| viewer.span.secs_at(x, lane.width());
+    let wanted = secs(x - lane.left());
+    let reach = secs(6.0) - secs(0.0);
+    let near = viewer.attracted(wanted, reach, None).filter(|at| (at - event.at.as_secs()).abs() > 1e-9);
+    near.unwrap_or_else(|| viewer.snapped(wanted))
 }
 
 fn hover(viewer: &Viewer, event: &Event) -> String {

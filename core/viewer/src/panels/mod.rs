@@ -3,11 +3,13 @@
 mod bar;
 mod bar_menu;
 mod bars;
+mod curves;
 mod drop;
 mod explain;
 mod handles;
 mod headers;
 mod inspector;
+mod key_menu;
 mod keys;
 mod layout;
 mod markers;
@@ -42,12 +44,13 @@ pub enum Tab {
     Script,
     Explain,
     Performance,
+    Curves,
 }
 
 const TITLES: [&str; MOST_VIEWS] = ["Viewport", "Viewport 2", "Viewport 3", "Viewport 4"];
 
 impl Tab {
-    pub const ALL: [Tab; 11] = [
+    pub const ALL: [Tab; 12] = [
         Tab::Viewport(0),
         Tab::Sequencer,
         Tab::Tree,
@@ -56,6 +59,7 @@ impl Tab {
         Tab::Script,
         Tab::Explain,
         Tab::Performance,
+        Tab::Curves,
         Tab::Viewport(1),
         Tab::Viewport(2),
         Tab::Viewport(3),
@@ -71,6 +75,7 @@ impl Tab {
             Tab::Script => "Script",
             Tab::Explain => "Explain",
             Tab::Performance => "Performance",
+            Tab::Curves => "Curves",
         }
     }
 }
@@ -124,7 +129,7 @@ impl Default for Panels {
     fn default() -> Panels {
         let mut dock = DockState::new(vec![Tab::Viewport(0)]);
         let surface = dock.main_surface_mut();
-        let below = vec![Tab::Sequencer, Tab::Messages, Tab::Explain, Tab::Performance];
+        let below = vec![Tab::Sequencer, Tab::Curves, Tab::Messages, Tab::Explain, Tab::Performance];
         let [above, _] = surface.split_below(NodeIndex::root(), 0.66, below);
         let [middle, _] = surface.split_right(above, 0.72, vec![Tab::Inspector, Tab::Script]);
         surface.split_left(middle, 0.2, vec![Tab::Tree]);
@@ -166,6 +171,7 @@ impl Panels {
             ui.ctx().set_zoom_factor(self.scale);
             self.applied = Some((self.light, self.scale));
         }
+        values::set_rate(ui, viewer.playhead.fps().as_fps());
         drop::take(&mut self.waiting, ui, viewer);
         keys::handle(self, ui, viewer, now);
         bar::show(self, ui, viewer);
@@ -178,6 +184,7 @@ impl Panels {
         }
         viewer.views.iter_mut().for_each(|view| view.seen = false);
         viewer.scrubs = false;
+        viewer.curves.hovered = false;
         // Between the rounded corners of the panels.
         ui.painter().rect_filled(ui.available_rect_before_wrap(), 0.0, ui.visuals().panel_fill);
         let style = Style::from_egui(ui.style());
@@ -309,12 +316,13 @@ impl TabViewer for Tabs<'_> {
             Tab::Script => script::show(ui, self.viewer),
             Tab::Explain => explain::show(ui, self.viewer),
             Tab::Performance => performance::show(ui, self.viewer),
+            Tab::Curves => curves::show(ui, self.viewer),
         }
     }
 
     fn scroll_bars(&self, tab: &Tab) -> [bool; 2] {
         match tab {
-            Tab::Viewport(_) | Tab::Sequencer | Tab::Script => [false, false],
+            Tab::Viewport(_) | Tab::Sequencer | Tab::Curves | Tab::Script => [false, false],
             _ => [true, true],
         }
     }

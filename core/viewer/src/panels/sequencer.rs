@@ -1,9 +1,11 @@
 //! Rows of bars over time: cues, active cameras; the playhead, and how to move it.
 
 use super::inspector::ClipDrag;
-use super::{bars, headers, markers, marks};
+use super::marks::MarkAct;
+use super::{bars, headers, key_menu, markers, marks};
 use crate::app::Viewer;
 use crate::editing::EditError;
+use crate::state::keyed::KeyRef;
 use crate::state::selection::Selected;
 use crate::state::span::Span;
 use crate::state::timeline::Timeline;
@@ -11,11 +13,11 @@ use choreo_motion::Time;
 use choreo_script::Severity;
 use egui::{Align2, Color32, FontId, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
-const LABELS: f32 = 150.0;
+pub(super) const LABELS: f32 = 150.0;
 const ROW: f32 = 22.0;
 /// Height of the strip of feet at a row's bottom.
 pub(crate) const STRIP: f32 = 3.0;
-const RULER: f32 = 22.0;
+pub(super) const RULER: f32 = 22.0;
 
 /// Colors that can also be distinguished with a red-green deficiency (after Okabe and Ito, "Color Universal Design").
 pub const COLORS: [[u8; 3]; 8] = [
@@ -37,7 +39,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     if ruler.width() < 20.0 {
         return;
     }
-    scrub(ui, viewer, ruler);
+    scrub(ui, viewer, ruler, "time");
     ui.allocate_rect(Rect::from_min_max(area.min, pos2(area.right(), ruler.bottom())), Sense::hover());
     wheel(ui, viewer, area, ruler);
     let rows = viewer.shown_rows();
@@ -116,9 +118,9 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
 }
 
 /// The ruler: a press or a drag on it moves the playhead.
-fn scrub(ui: &mut Ui, viewer: &mut Viewer, ruler: Rect) {
+pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, ruler: Rect, label: &str) {
     let response = ui.interact(ruler, ui.id().with("ruler"), Sense::click_and_drag());
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, "time"));
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label));
     viewer.scrubs |= response.dragged();
     if let Some(pointer) = response.interact_pointer_pos() {
         let time = |x: f32| {
@@ -202,14 +204,11 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     let lane_of = bars::Lane { rect: lane, row: index };
     let locked = row.what.as_ref().and_then(Selected::actor).is_some_and(|a| viewer.shelf.locked.contains(a));
     let act = bars::show(ui, viewer, &row.bars, &row.label, &lane_of, locked);
-    let mut keys_moved = None;
-    match marks::events(ui, viewer, row, index, lane) {
-        Some((event, None)) => {
-            moment = Some(event.at);
-            clicked = event.what.filter(|what| viewer.selection.as_ref() != Some(what));
-        }
-        Some((event, Some(secs))) => keys_moved = Some((event, secs)),
-        None => {}
+    let marked = marks::events(ui, viewer, row, index, lane);
+    if let Some(MarkAct::Click(event, _)) = &marked {
+        moment = Some(event.at);
+        let is_other = |what: &Selected| viewer.selection.as_ref() != Some(what);
+        clicked = event.what.clone().filter(|what| event.keys.is_empty() && is_other(what));
     }
     let dropped = dropped(ui, viewer, index, lane);
     if let Some(toggle) = toggled {
@@ -221,8 +220,8 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     if let Some(act) = act {
         bars::run(ui, viewer, act);
     }
-    if let Some((event, secs)) = keys_moved {
-        viewer.edit(|v| v.move_keys(&event, secs));
+    if let Some(marked) = marked {
+        run_mark(ui, viewer, marked);
     }
     if let Some((clip, on, secs)) = dropped {
         viewer.edit(|v| v.add_clip(&on, &clip.actor, &clip.clip, secs));
@@ -232,7 +231,31 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     }
 }
 
-/// A drag over free places of the rows selects the bars that it touches; with Shift, beside those that are selected.
+/// Does it to the script, or to the selection.
+fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
+    match act {
+        MarkAct::Click(event, add) => match (event.key_refs(), add) {
+            (keys, _) if keys.is_empty() => {}
+            (keys, true) => viewer.select_more_keys(&keys),
+            (keys, false) => viewer.select_keys(keys),
+        },
+        MarkAct::Move(event, by) => {
+            let keys = event.key_refs();
+            if keys.is_empty() {
+                let why = "it is no key that can be moved; its line states the time";
+                return viewer.edit(|_| Err(EditError::refused_at(&event.place, why)));
+            }
+            let is_selected = keys.iter().any(|key| viewer.is_key_selected(key));
+            match is_selected {
+                true => viewer.edit(|v| v.move_selected(by)),
+                false => viewer.edit(|v| v.drag_keys(&keys, by, None)),
+            }
+        }
+        MarkAct::Key(act) => key_menu::run(ui, viewer, act),
+    }
+}
+
+/// A drag over free places of the rows selects the bars and keys that it touches; with Shift, beside those that are selected.
 fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[usize]) {
     let response = ui.interact(lanes, ui.id().with("box"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Other, true, "rows"));
@@ -267,10 +290,18 @@ fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[usize]) {
     let bars = touched.flat_map(|(index, _)| viewer.timeline.rows.get(*index)).flat_map(|row| &row.bars);
     let inside = bars.filter(|bar| bar.end.as_secs() > first && bar.start.as_secs() < last);
     let mut all: Vec<Selected> = inside.map(|bar| bar.what.clone()).collect();
+    let lane = |rect: Rect| Rect::from_x_y_ranges(lanes.x_range(), rect.y_range());
+    let keys = drawn.iter().filter_map(|(index, rect)| Some((viewer.timeline.rows.get(*index)?, *rect)));
+    let mut keys: Vec<KeyRef> =
+        keys.flat_map(|(row, rect)| marks::keys_within(viewer, row, lane(rect), area)).collect();
     if ui.input(|i| i.modifiers.shift) {
         all.extend(viewer.selected_bars());
+        keys.extend(viewer.selected_keys().iter().cloned());
     }
-    viewer.select_all(all);
+    all.dedup();
+    keys.sort();
+    keys.dedup();
+    viewer.select_bars_and_keys(all, keys);
 }
 
 fn row_id(index: usize) -> egui::Id {
@@ -353,7 +384,7 @@ fn wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
 }
 
 /// Markers and the playhead, over all rows.
-fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, ruler: Rect) {
+pub(super) fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, ruler: Rect) {
     let lanes = Rect::from_min_max(ruler.min, area.max);
     let painter = ui.painter_at(lanes);
     let x = |time: Time| ruler.left() + viewer.span.x_of(time.as_secs(), ruler.width());

@@ -1,13 +1,41 @@
-//! Numbers that are dragged or typed, and taken once the hand lets go: each is one change of the script.
+//! Numbers that are dragged or typed, also as expressions, and taken once the hand lets go: each is one change of the script.
 
+use crate::editing::expression;
 use egui::{DragValue, Response, Slider, Ui};
 use std::ops::RangeInclusive;
+
+/// A number in a field.
+pub struct Number<'n> {
+    pub name: &'n str,
+    pub value: f64,
+    /// Change of the value a point of a drag.
+    pub speed: f64,
+    pub range: RangeInclusive<f64>,
+    /// The value to which the menu of the right mouse button sets it.
+    pub default: Option<f64>,
+}
+
+/// Frames a second, for what is typed as frames.
+pub fn set_rate(ui: &Ui, fps: f64) {
+    ui.data_mut(|d| d.insert_temp(rate_id(), fps));
+}
+
+fn rate_id() -> egui::Id {
+    egui::Id::new("frames a second")
+}
+
+/// Reads what is typed: `1/3`, `f(12)`.
+fn parser(ui: &Ui) -> impl Fn(&str) -> Option<f64> + 'static {
+    let fps: f64 = ui.data(|d| d.get_temp(rate_id())).unwrap_or(30.0);
+    move |text| expression::value(text, fps)
+}
 
 /// The new value, once it is meant.
 fn settled(
     ui: &mut Ui,
     id: egui::Id,
     value: f64,
+    default: Option<f64>,
     add: impl FnOnce(&mut Ui, &mut f64) -> Response,
 ) -> Option<f64> {
     let mut now: f64 = ui.data(|d| d.get_temp(id)).unwrap_or(value);
@@ -19,7 +47,20 @@ fn settled(
     } else {
         ui.data_mut(|d| d.remove::<f64>(id));
     }
-    (done && now != value && now.is_finite()).then_some(now)
+    let reset = default.and_then(|default| reset(&response, default));
+    reset.or_else(|| done.then_some(now)).filter(|now| *now != value && now.is_finite())
+}
+
+fn reset(response: &Response, default: f64) -> Option<f64> {
+    let mut chosen = None;
+    response.context_menu(|ui| {
+        let default_text = choreo_session::edit::format_number(default);
+        if ui.button(format!("Reset to {default_text}")).clicked() {
+            chosen = Some(default);
+            ui.close();
+        }
+    });
+    chosen
 }
 
 fn named(response: Response, name: &str) -> Response {
@@ -29,19 +70,29 @@ fn named(response: Response, name: &str) -> Response {
 }
 
 pub fn number(ui: &mut Ui, name: &str, value: f64, speed: f64, range: RangeInclusive<f64>) -> Option<f64> {
-    let id = ui.id().with(("number", name));
-    settled(ui, id, value, |ui, now| {
-        let widget = DragValue::new(now).speed(speed).range(range).max_decimals(3);
-        named(ui.add(widget), name)
-    })
+    Number { name, value, speed, range, default: None }.show(ui)
 }
 
-pub fn slider(ui: &mut Ui, name: &str, value: f64, range: RangeInclusive<f64>) -> Option<f64> {
-    let id = ui.id().with(("slider", name));
-    let wide = *range.start() > 0.0 && range.end() / range.start() > 1e3;
-    settled(ui, id, value, |ui, now| {
-        named(ui.add(Slider::new(now, range).logarithmic(wide).max_decimals(3)), name)
-    })
+impl Number<'_> {
+    pub fn show(self, ui: &mut Ui) -> Option<f64> {
+        let Number { name, value, speed, range, default } = self;
+        let (id, parser) = (ui.id().with(("number", name)), parser(ui));
+        settled(ui, id, value, default, |ui, now| {
+            let widget = DragValue::new(now).speed(speed).range(range).max_decimals(3).custom_parser(parser);
+            named(ui.add(widget), name)
+        })
+    }
+
+    /// The same as a slider.
+    pub fn slider(self, ui: &mut Ui) -> Option<f64> {
+        let Number { name, value, range, default, .. } = self;
+        let (id, parser) = (ui.id().with(("slider", name)), parser(ui));
+        let wide = *range.start() > 0.0 && range.end() / range.start() > 1e3;
+        settled(ui, id, value, default, |ui, now| {
+            let widget = Slider::new(now, range).logarithmic(wide).max_decimals(3).custom_parser(parser);
+            named(ui.add(widget), name)
+        })
+    }
 }
 
 /// sRGB bytes, as it was and as it is now meant.

@@ -1,12 +1,13 @@
 //! Events at a time: keys, actors that appear and go, what an actor begins to do, named times of clips.
 
+use crate::state::keyed::{self, KeyedProperty};
 use crate::state::selection::Selected;
 use choreo_motion::{Repeat, Time};
 use choreo_script::{ClipMarkers, Place};
 use choreo_session::Scene;
-use choreo_stage::{
-    Actor, Camera, Channel, Cue, Described, Layer2d, Layer2dContent, Property, Sky, Stage, StageLight,
-};
+use choreo_session::edit::ScriptText;
+use choreo_stage::{Actor, Channel, Cue, Layer2d, Layer2dContent, Property, Stage};
+use std::cell::OnceCell;
 use std::sync::Arc;
 
 /// Events in one row at most; further ones would not be told apart.
@@ -49,9 +50,32 @@ pub(crate) struct Gathered {
     all: Vec<(Time, EventKind, String, Option<KeyOf>)>,
 }
 
-/// The name that scripts use for the keys of a property.
-pub(crate) fn key_name<T: Described>(property: Property) -> Option<&'static str> {
-    T::FIELDS.iter().filter_map(|field| field.keyed).find(|(_, of)| *of == property).map(|(name, _)| name)
+/// The script's text for the keys of a scene, split into tokens once, when it is needed first.
+pub(crate) struct KeyText<'s> {
+    scene: &'s Scene,
+    text: OnceCell<Option<ScriptText<'s>>>,
+}
+
+impl<'s> KeyText<'s> {
+    pub fn of(scene: &'s Scene) -> KeyText<'s> {
+        KeyText { scene, text: OnceCell::new() }
+    }
+
+    /// The keyed properties of something that has these channels.
+    fn properties<'c>(
+        &self,
+        what: &Selected,
+        channels: impl Iterator<Item = &'c Channel> + Clone,
+    ) -> Vec<KeyedProperty> {
+        if channels.clone().next().is_none() {
+            return Vec::new();
+        }
+        let text = match keyed::may_be_sampled(channels) {
+            true => self.text.get_or_init(|| keyed::text_of(self.scene)).as_ref(),
+            false => None,
+        };
+        keyed::properties(self.scene, text, what)
+    }
 }
 
 impl Gathered {
@@ -67,20 +91,24 @@ impl Gathered {
         }
     }
 
-    /// Each key of a property; `of`: what of, before its name. `what`: the thing that has them.
-    pub fn keys<T: Described>(&mut self, channels: &[Channel], of: &str, what: Option<&Selected>) {
-        for channel in channels.iter().filter(|c| c.property != Property::Visible) {
-            let label = format!("{of}{}", name(channel.property));
-            let key = what.zip(key_name::<T>(channel.property));
-            let key = key.map(|(what, name)| KeyOf { what: what.clone(), property: name.to_string() });
-            channel.times.iter().for_each(|at| self.add_key(*at, &label, key.as_ref()));
+    /// Each key that the script states; `of`: what of, before its name.
+    pub fn keys(&mut self, all: &[KeyedProperty], of: &str) {
+        for keyed in all {
+            let Some(property) = keyed.property().filter(|property| *property != Property::Visible) else {
+                continue;
+            };
+            let label = match property {
+                Property::Parameter | Property::Morph { .. } | Property::Expression { .. } => keyed.title(),
+                property => name(property).to_string(),
+            };
+            let key = KeyOf { what: keyed.what.clone(), property: keyed.name.clone() };
+            keyed.keys.iter().for_each(|at| self.add_key(*at, &format!("{of}{label}"), Some(&key)));
         }
     }
 
-    pub(crate) fn named_keys(&mut self, of: &str, name: &str, channel: &Channel, what: Option<&Selected>) {
-        let label = format!("{of} {name}");
-        let key = what.map(|what| KeyOf { what: what.clone(), property: name.to_string() });
-        channel.times.iter().for_each(|at| self.add_key(*at, &label, key.as_ref()));
+    /// Keys that no `.key(…)` states.
+    pub(crate) fn named_keys(&mut self, label: &str, channel: &Channel) {
+        channel.times.iter().for_each(|at| self.add_key(*at, label, None));
     }
 
     fn spans(&mut self, what: &str, start: Time, end: Option<Time>) {
@@ -94,15 +122,17 @@ impl Gathered {
     }
 
     /// Events of an actor, without its cues.
-    pub fn actor(&mut self, actor: &Actor) {
+    pub fn actor(&mut self, actor: &Actor, text: &KeyText) {
         let what = Selected::Actor(actor.name.clone());
-        self.keys::<Actor>(&actor.channels, "", Some(&what));
+        self.keys(&text.properties(&what, actor.channels.iter()), "");
         let mut seen = actor.visible;
         for channel in actor.channels.iter().filter(|c| c.property == Property::Visible) {
             for (at, value) in channel.times.iter().zip(&channel.values) {
                 let now = *value > 0.5;
                 if now != seen {
-                    self.add(*at, EventKind::Entrance, if now { "appears" } else { "goes" });
+                    let key = KeyOf { what: what.clone(), property: "visible".into() };
+                    let label = if now { "appears" } else { "goes" };
+                    self.all.push((*at, EventKind::Entrance, label.to_string(), Some(key)));
                 }
                 seen = now;
             }
@@ -114,7 +144,8 @@ impl Gathered {
     /// Named times of its clip, each time that it gets there until `end`.
     pub fn cue(&mut self, cue: &Cue, end: Time, markers: &[ClipMarkers]) {
         let weights = cue.weight_keys.as_deref();
-        weights.into_iter().for_each(|keys| self.named_keys(&cue.clip.name, "weight", keys, None));
+        let label = format!("{} weight", cue.clip.name);
+        weights.into_iter().for_each(|keys| self.named_keys(&label, keys));
         let of = markers.iter().find(|of| Arc::ptr_eq(&of.clip, &cue.clip));
         let Some(ClipMarkers { markers, .. }) = of else { return };
         let (from, to) = cue.trim;
@@ -164,34 +195,36 @@ impl Gathered {
 }
 
 /// Events of cameras, lights and effects: rows of things that have keys.
-pub(crate) fn of_cameras(scene: &Scene) -> Vec<Event> {
+pub(crate) fn of_cameras(scene: &Scene, text: &KeyText) -> Vec<Event> {
     let mut gathered = Gathered::default();
     for camera in &scene.stage.cameras {
         let what = Selected::Camera(camera.name.clone());
-        gathered.keys::<Camera>(&camera.channels, &format!("{} ", camera.name), Some(&what));
+        gathered.keys(&text.properties(&what, camera.channels.iter()), &format!("{} ", camera.name));
     }
     gathered.events(scene.stage.settings.length, None, &Place::default())
 }
 
 /// Keys of one light.
-pub(crate) fn of_light(stage: &Stage, index: usize, place: &Place) -> Vec<Event> {
+pub(crate) fn of_light(stage: &Stage, text: &KeyText, index: usize, place: &Place) -> Vec<Event> {
     let (mut gathered, what) = (Gathered::default(), Selected::Light(index));
-    gathered.keys::<StageLight>(&stage.lights[index].channels, "", Some(&what));
+    gathered.keys(&text.properties(&what, stage.lights[index].channels.iter()), "");
     gathered.events(stage.settings.length, Some(&what), place)
 }
 
 pub(crate) fn of_sky(stage: &Stage) -> Vec<Event> {
     let mut gathered = Gathered::default();
-    stage.sky.iter().for_each(|sky| gathered.keys::<Sky>(&sky.channels, "sky ", None));
+    for channel in stage.sky.iter().flat_map(|sky| &sky.channels) {
+        gathered.named_keys(&format!("sky {}", name(channel.property)), channel);
+    }
     gathered.events(stage.settings.length, None, &Place::default())
 }
 
 /// Keys of texts, images and panels.
-pub(crate) fn of_titles(stage: &Stage) -> Vec<Event> {
+pub(crate) fn of_titles(stage: &Stage, text: &KeyText) -> Vec<Event> {
     let mut gathered = Gathered::default();
     for (index, layer) in stage.layers_2d.iter().enumerate() {
-        let what = Selected::Title(index);
-        gathered.keys::<Layer2d>(&layer.channels, &format!("{} ", title(layer)), Some(&what));
+        let keyed = text.properties(&Selected::Title(index), layer.channels.iter());
+        gathered.keys(&keyed, &format!("{} ", title(layer)));
     }
     gathered.events(stage.settings.length, None, &Place::default())
 }
@@ -209,12 +242,11 @@ pub(crate) fn title(layer: &Layer2d) -> String {
     }
 }
 
-pub fn of_effects(scene: &Scene) -> Vec<Event> {
+pub(crate) fn of_effects(scene: &Scene, text: &KeyText) -> Vec<Event> {
     let mut gathered = Gathered::default();
     for (index, used) in scene.stage.effects.iter().enumerate() {
-        let what = Selected::Effect(index);
-        let keys = used.keys.iter();
-        keys.for_each(|(name, channel)| gathered.named_keys(&used.plugin, name, channel, Some(&what)));
+        let keyed = text.properties(&Selected::Effect(index), used.keys.iter().map(|(_, channel)| channel));
+        gathered.keys(&keyed, &format!("{} ", used.plugin));
     }
     gathered.events(scene.stage.settings.length, None, &Place::default())
 }

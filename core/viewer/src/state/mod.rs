@@ -1,8 +1,10 @@
 //! The state of the viewer: plain data without a toolkit, tested without a window.
 
+pub mod curves;
 pub mod dropped_models;
 pub mod events;
 pub mod history;
+pub mod keyed;
 pub mod orbit;
 pub mod performance;
 pub mod playhead;

@@ -1,6 +1,6 @@
 //! The stage as rows of a sequencer: cues over time, active cameras.
 
-use crate::state::events::{self, Event, Gathered};
+use crate::state::events::{self, Event, Gathered, KeyText};
 use crate::state::selection::Selected;
 use choreo_motion::{FrameRate, Repeat, Time};
 use choreo_script::{Place, Severity};
@@ -83,7 +83,7 @@ pub struct Timeline {
 
 impl Timeline {
     pub fn new(scene: &Scene) -> Timeline {
-        let (stage, places) = (&scene.stage, &scene.places);
+        let (stage, places, text) = (&scene.stage, &scene.places, &KeyText::of(scene));
         let mut kinds: Vec<String> = Vec::new();
         let length = stage.settings.length;
         let plain = |label: &str, bars: Vec<Bar>, events: Vec<Event>| Row {
@@ -94,12 +94,12 @@ impl Timeline {
             events,
             place: Place::default(),
         };
-        let mut rows = vec![plain("camera", cameras(scene), events::of_cameras(scene))];
+        let mut rows = vec![plain("camera", cameras(scene), events::of_cameras(scene, text))];
         for (index, actor) in stage.actors.iter().enumerate() {
             let what = Some(Selected::Actor(actor.name.clone()));
             let place = places.actors.get(index).cloned().unwrap_or_default();
             let mut gathered = Gathered::default();
-            gathered.actor(actor);
+            gathered.actor(actor, text);
             if actor.layers.is_empty() {
                 let events = gathered.events(length, what.as_ref(), &place);
                 let (label, bars) = (actor.name.clone(), Vec::new());
@@ -129,7 +129,7 @@ impl Timeline {
                     })
                     .collect();
                 if let Some(keys) = &layer.weight_keys {
-                    gathered.named_keys("layer", "weight", keys, None);
+                    gathered.named_keys("layer weight", keys);
                 }
                 for (cue, bar) in layer.cues.iter().zip(&bars) {
                     gathered.cue(cue, bar.end, &places.clip_markers);
@@ -154,20 +154,20 @@ impl Timeline {
                 kind: kind(&mut kinds, &e.plugin),
                 strip: None,
             });
-            rows.extend(lanes("effects", bars.collect(), events::of_effects(scene)));
+            rows.extend(lanes("effects", bars.collect(), events::of_effects(scene, text)));
         }
         for index in 0..stage.lights.len() {
             let (what, place) =
                 (Selected::Light(index), places.lights.get(index).cloned().unwrap_or_default());
             let label = format!("{} {}", stage.lights[index].light.kind.title(), index + 1);
-            let events = events::of_light(stage, index, &place);
+            let events = events::of_light(stage, text, index, &place);
             rows.push(Row { label, what: Some(what), layer: None, bars: Vec::new(), events, place });
         }
         let sky = events::of_sky(stage);
         rows.extend((!sky.is_empty()).then(|| plain("sky", Vec::new(), sky)));
         if !stage.layers_2d.is_empty() {
             let bars = (0..stage.layers_2d.len()).map(|index| title(scene, index)).collect();
-            rows.extend(lanes("titles", bars, events::of_titles(stage)));
+            rows.extend(lanes("titles", bars, events::of_titles(stage, text)));
         }
         Timeline { rows, markers: stage.markers.clone(), length }
     }

@@ -13,6 +13,7 @@ pub(crate) use clips::{bound, bound_clip};
 pub use layer::reference;
 use layer::{additive, layer_weight, on, priority, subtractive};
 use options::change_copy;
+pub use options::easing_names;
 pub(crate) use options::{DEFS as OPTION_DEFS, ease_of, read_options};
 use rhai::Dynamic;
 use std::sync::Arc;

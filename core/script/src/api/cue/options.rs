@@ -204,6 +204,13 @@ fn trim(_: &Call, cue: &mut CueDraft, given: &Given) -> Result<(), ApiError> {
     Ok(())
 }
 
+/// The names of all easings, as scripts write them.
+pub fn easing_names() -> Vec<String> {
+    let ways = ["in_out_", "in_", "out_"];
+    let shaped = ways.iter().flat_map(|way| Shape::ALL.iter().map(move |(name, _)| format!("{way}{name}")));
+    ["linear", "smooth"].into_iter().map(str::to_string).chain(shaped).collect()
+}
+
 /// Reads an easing: a name, `in_out_cubic`, or the control points of a Bézier curve, `[x1, y1, x2, y2]`.
 pub(crate) fn ease_of(value: &Dynamic, label: &str) -> Result<Ease, ApiError> {
     if let Some(points) = numbers(value) {
@@ -226,8 +233,7 @@ pub(crate) fn ease_of(value: &Dynamic, label: &str) -> Result<Ease, ApiError> {
             return Ok(way(*shape));
         }
     }
-    let shaped = ways.iter().flat_map(|(way, _)| Shape::ALL.iter().map(move |(n, _)| format!("{way}{n}")));
-    let names: Vec<String> = ["linear", "smooth"].into_iter().map(str::to_string).chain(shaped).collect();
+    let names = easing_names();
     let names = names.iter().map(String::as_str);
     Err(ApiError::new(format!("{label}: unknown ease \"{name}\"{}", did_you_mean(&name, names.clone())))
         .focus(name.clone())

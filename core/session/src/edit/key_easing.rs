@@ -1,0 +1,118 @@
+//! Easings of keys: `[time, value, "in_quad"]` for the way into one key, `.key(…, "smooth")` for all of a property.
+
+use super::key_list::{Key, arguments, leading};
+use super::keys::keys_of;
+use super::object::ScriptObject;
+use super::scan::{Call, Source};
+use super::times::EditTime;
+use super::{Edit, EditRefused, key_list};
+use std::ops::Range;
+
+impl ScriptObject<'_> {
+    /// Sets the easing into a key, as source text; `None`: as all keys of the property.
+    ///
+    /// # Errors
+    /// The keys are computed or stand elsewhere, there is none at that time, or the interpolation of all keys allows none of a key's own;
+    /// then a change is offered that makes the others linear.
+    pub fn set_key_ease(
+        &self,
+        property: &str,
+        at: EditTime,
+        ease: Option<&str>,
+    ) -> Result<Edit, EditRefused> {
+        let (call, keys) = self.keys(property, at.fps)?;
+        let line = self.line_of(call.name.start);
+        let index = key_list::key_at(&keys, at).ok_or_else(|| self.no_key(property, line))?;
+        if index == 0 {
+            return Err(EditRefused::at(
+                line,
+                "an easing leads into a key, and nothing comes before the first",
+            ));
+        }
+        let how = self.how(property, &call);
+        let of_all = how.as_ref().map_or("\"linear\"", |how| &self.text[how.clone()]);
+        let with_ease = |index: usize| eased(&keys[index], ease);
+        if ease.is_none() || of_all == "\"linear\"" || is_easing(of_all) {
+            return Ok(with_ease(index));
+        }
+        // Keys with an easing of their own are linear. "smooth" is an easing, too: the other keys keep what they have.
+        let keep = (of_all == "\"smooth\"").then_some("\"smooth\"");
+        let others = |other: usize| eased(&keys[other], keep);
+        let mut edits: Vec<Edit> =
+            (1..keys.len()).map(|n| if n == index { with_ease(n) } else { others(n) }).collect();
+        edits.extend(how.map(|how| self.without_how(how)));
+        edits.sort_by_key(|edit| std::cmp::Reverse(edit.range.start));
+        let after = edits.iter().fold(self.text.to_string(), |text, edit| edit.apply(&text));
+        let edit = Edit::between(&self.text, &after);
+        if keep.is_some() {
+            return Ok(edit);
+        }
+        let why = format!(
+            "all keys of its {property} are {of_all}; with an easing of one key the others are linear"
+        );
+        let agree = "Make the others linear";
+        Err(EditRefused { over: Some(edit), agree, ..EditRefused::at(line, &why) })
+    }
+
+    /// Sets the interpolation or the easing of all keys of a property, as source text; `None`: linear.
+    ///
+    /// # Errors
+    /// The keys are computed or stand elsewhere, or have easings of their own; then a change is offered that drops those.
+    pub fn set_key_how(&self, property: &str, fps: f64, how: Option<&str>) -> Result<Edit, EditRefused> {
+        let (call, keys) = self.keys(property, fps)?;
+        let old = self.how(property, &call);
+        let edit = match (old, how) {
+            (Some(old), Some(how)) => Edit { range: old, text: how.to_string() },
+            (Some(old), None) => self.without_how(old),
+            (None, how) => {
+                let list = arguments(&self.text, &call)[leading(property)].clone();
+                let end = self.text.trimmed(&list).end;
+                let text = how.map_or(String::new(), |how| format!(", {how}"));
+                Edit { range: end..end, text }
+            }
+        };
+        let has_own = keys.iter().any(|key| key.ease.is_some());
+        if !has_own || how.is_none_or(|how| how == "\"linear\"" || is_easing(how)) {
+            return Ok(edit);
+        }
+        let mut after = edit.apply(&self.text);
+        for index in (0..keys.len()).rev() {
+            let text = Source::new(&after);
+            if let Some((_, keys)) = keys_of(&text, call.name.start, property, fps) {
+                after = eased(&keys[index], None).apply(&text);
+            }
+        }
+        let why = format!("keys of its {property} have easings of their own, which this would replace");
+        let over = Some(Edit::between(&self.text, &after));
+        let line = self.line_of(call.name.start);
+        Err(EditRefused { over, agree: "Drop the easings", ..EditRefused::at(line, &why) })
+    }
+
+    /// The argument behind the list of keys.
+    fn how(&self, property: &str, call: &Call) -> Option<Range<usize>> {
+        let how = arguments(&self.text, call).get(leading(property) + 1)?.clone();
+        Some(self.text.trimmed(&how))
+    }
+
+    /// Takes the argument behind the list of keys away, with its comma.
+    fn without_how(&self, how: Range<usize>) -> Edit {
+        let comma = self.text[..how.start].rfind(',').unwrap_or(how.start);
+        Edit { range: comma..how.end, text: String::new() }
+    }
+}
+
+/// Whether all keys have this easing, and single ones may have another.
+fn is_easing(how: &str) -> bool {
+    how.starts_with('[') || how.starts_with("\"in_") || how.starts_with("\"out_")
+}
+
+/// A key with another easing, or without one.
+fn eased(key: &Key, ease: Option<&str>) -> Edit {
+    let start = key.value.end;
+    match (&key.ease, ease) {
+        (Some(old), Some(ease)) => Edit { range: old.clone(), text: ease.to_string() },
+        (Some(old), None) => Edit { range: start..old.end, text: String::new() },
+        (None, Some(ease)) => Edit { range: start..start, text: format!(", {ease}") },
+        (None, None) => Edit { range: start..start, text: String::new() },
+    }
+}

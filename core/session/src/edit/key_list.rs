@@ -1,0 +1,173 @@
+//! The list of keys of a `.key(…)` in the text, `[[time, value], [time, value, easing], …]`: read, and with keys added, taken away or
+//! put elsewhere. Comments and blanks between keys stay; a comment behind a key on a line of its own belongs to that key.
+
+use super::Edit;
+use super::scan::{Call, Source};
+use super::times::{EditTime, TimeLiteral};
+use std::ops::Range;
+
+/// One of the keys in the text.
+#[derive(Clone)]
+pub(super) struct Key {
+    pub all: Range<usize>,
+    pub secs: f64,
+    pub time: Range<usize>,
+    /// Its time is written as `f(12)`.
+    pub in_frames: bool,
+    pub value: Range<usize>,
+    /// The easing into it, blanks excluded.
+    pub ease: Option<Range<usize>>,
+}
+
+/// The arguments of a `.key(…)` before the list: a property, and for `"morph"` and `"expression"` a name.
+pub(super) fn leading(property: &str) -> usize {
+    1 + usize::from(property.contains(':'))
+}
+
+/// The bytes of the arguments of a call.
+pub(super) fn arguments(text: &Source, call: &Call) -> Vec<Range<usize>> {
+    parts(text, call.inside.start, call.inside.end).collect()
+}
+
+/// `None` where anything of them but the values is computed.
+pub(super) fn keys_in(text: &Source, bytes: Range<usize>, fps: f64) -> Option<Vec<Key>> {
+    let array = text.trimmed(&bytes);
+    let inside = text[array.clone()].strip_prefix('[')?.strip_suffix(']')?;
+    let mut keys: Vec<Key> = Vec::new();
+    for part in parts(text, array.start + 1, array.start + 1 + inside.len()) {
+        let all = text.trimmed(&part);
+        let pair = text[all.clone()].strip_prefix('[')?.strip_suffix(']')?;
+        let parts: Vec<Range<usize>> = parts(text, all.start + 1, all.start + 1 + pair.len()).collect();
+        let [time, value, rest @ ..] = parts.as_slice() else { return None };
+        let literal = TimeLiteral::of(text, time)?;
+        let secs = literal.secs(fps);
+        let TimeLiteral { in_frames, range, .. } = literal;
+        // Two keys at one time are a jump.
+        if keys.last().is_some_and(|before| before.secs > secs) {
+            return None;
+        }
+        let ease = rest.first().map(|ease| text.trimmed(ease));
+        keys.push(Key { all, secs, time: range, in_frames, value: text.trimmed(value), ease });
+    }
+    (!keys.is_empty()).then_some(keys)
+}
+
+/// The key at a time, to half a frame: the nearest. Of two at one time the first is meant by a time just before.
+pub(super) fn key_at(keys: &[Key], time: EditTime) -> Option<usize> {
+    let distance = |index: &usize| (keys[*index].secs - time.secs).abs();
+    let near = (0..keys.len()).filter(|index| distance(index) < 0.5 / time.fps);
+    let nearest = near.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+    let twin = keys.get(nearest + 1).is_some_and(|next| next.secs == keys[nearest].secs);
+    Some(nearest + usize::from(twin && time.secs >= keys[nearest].secs))
+}
+
+/// The parts between commas; nothing after a trailing one.
+pub(super) fn parts(text: &Source, start: usize, end: usize) -> impl Iterator<Item = Range<usize>> {
+    let mut at = start;
+    std::iter::from_fn(move || {
+        if text.skip(at) >= end {
+            return None;
+        }
+        let to = text.value_end(at, end);
+        let part = at..to;
+        at = to + 1;
+        Some(part)
+    })
+}
+
+/// Takes a key away with its comma, and with its line if it has one of its own.
+pub(super) fn removed(text: &str, keys: &[Key], at: usize) -> Edit {
+    let key = &keys[at].all;
+    let line = text[..key.start].rfind('\n').map_or(0, |n| n + 1);
+    let behind = text[key.end..].find('\n').map_or(text.len(), |n| key.end + n + 1);
+    let rest = text[key.end..behind].trim();
+    let rest = rest.strip_prefix(',').unwrap_or(rest).trim_start();
+    let alone = text[line..key.start].trim().is_empty() && (rest.is_empty() || rest.starts_with("//"));
+    let range = match (alone, keys.get(at + 1), at.checked_sub(1)) {
+        (true, ..) => line..behind,
+        (false, Some(next), _) => key.start..next.all.start,
+        (false, None, Some(before)) => keys[before].all.end..key.end,
+        (false, None, None) => key.clone(),
+    };
+    Edit { range, text: String::new() }
+}
+
+/// Inserts a key before the key `next`, or after the last: on its own line if the others are.
+pub(super) fn inserted(text: &str, keys: &[Key], next: usize, key: &str) -> Edit {
+    // The separator before a key: a new line with its blanks, or a space.
+    let before = |at: usize| {
+        let line = text[..at].rfind('\n').map_or(0, |n| n + 1);
+        let blanks = &text[line..at];
+        let alone = line > 0 && blanks.chars().all(char::is_whitespace);
+        if alone { format!("\n{blanks}") } else { " ".to_string() }
+    };
+    if let Some(after) = keys.get(next) {
+        let at = after.all.start;
+        return Edit { range: at..at, text: format!("{key},{}", before(at)) };
+    }
+    let last = &keys[keys.len() - 1];
+    let at = last.all.end;
+    let gap = before(last.all.start);
+    let rest = &text[at..text[at..].find('\n').map_or(text.len(), |n| at + n)];
+    let has_comment = rest.trim_start().trim_start_matches(',').trim_start().starts_with("//");
+    if gap.starts_with('\n') && has_comment {
+        // After the comment on the last key, which then needs a comma.
+        let comma = if rest.trim_start().starts_with(',') { "" } else { "," };
+        return Edit { range: at..at + rest.len(), text: format!("{comma}{rest}{gap}{key}") };
+    }
+    Edit { range: at..at, text: format!(",{gap}{key}") }
+}
+
+/// Keys at other times, `None` for those that stay: each stands where its time belongs.
+pub(super) fn retimed(text: &str, keys: &[Key], times: &[Option<EditTime>]) -> Edit {
+    let secs = |index: &usize| times[*index].map_or(keys[*index].secs, |time| time.secs);
+    let mut order: Vec<usize> = (0..keys.len()).collect();
+    order.sort_by(|a, b| secs(a).total_cmp(&secs(b)));
+    let in_order = order.is_sorted();
+    let tails: Vec<Tail> = keys.iter().map(|key| Tail::of(text, key)).collect();
+    let lines = !in_order && tails.iter().all(|tail| tail.has_line);
+    let (mut out, mut at) = (String::new(), keys[0].all.start);
+    for (slot, index) in order.iter().enumerate() {
+        let key = &keys[*index];
+        out += &text[at..keys[slot].all.start];
+        let time = times[*index].map(|time| time.text(key.in_frames));
+        out += &text[key.all.start..key.time.start];
+        out += &time.unwrap_or_else(|| text[key.time.clone()].to_string());
+        out += &text[key.time.end..key.all.end];
+        at = keys[slot].all.end;
+        if lines {
+            out += if tails[slot].has_comma { "," } else { "" };
+            let comment = &text[tails[*index].comment.clone()];
+            out += if comment.is_empty() { "" } else { " " };
+            out += comment;
+            at = tails[slot].comment.end;
+        }
+    }
+    Edit { range: keys[0].all.start..at, text: out }
+}
+
+/// The part of a line behind a key.
+struct Tail {
+    /// The key begins its line, and at most a comma and a comment are behind it.
+    has_line: bool,
+    has_comma: bool,
+    /// A comment to the line's end; empty at that end where there is none.
+    comment: Range<usize>,
+}
+
+impl Tail {
+    fn of(text: &str, key: &Key) -> Tail {
+        let line = text[..key.all.start].rfind('\n').map_or(0, |n| n + 1);
+        let begins = line > 0 && text[line..key.all.start].trim().is_empty();
+        let end = text[key.all.end..].find('\n').map_or(text.len(), |n| key.all.end + n);
+        let rest = &text[key.all.end..end];
+        let comment = rest.find("//").map_or(rest.trim_end().len(), |at| at);
+        let between = rest[..comment].trim();
+        let comment = key.all.end + comment..key.all.end + rest.trim_end().len();
+        Tail {
+            has_line: begins && matches!(between, "" | ","),
+            has_comma: between == ",",
+            comment: comment.start.min(comment.end)..comment.end,
+        }
+    }
+}

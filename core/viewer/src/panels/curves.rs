@@ -1,0 +1,633 @@
+//! The curve editor: the keyed values of the selection over time, as the stage has them, with the keys as points to be dragged.
+
+use super::bars::beside;
+use super::key_menu::{self, KeyAct};
+use super::marks::SELECTED;
+use super::overlay::{X, Y, Z};
+use super::sequencer::{LABELS, RULER, over_all, scrub};
+use crate::app::Viewer;
+use crate::editing::ValueDrag;
+use crate::state::curves::KeyDrag;
+use crate::state::keyed::{KeyRef, KeyedProperty, ValueKind};
+use crate::state::selection::Selected;
+use crate::state::span::Span;
+use choreo_motion::Time;
+use egui::{
+    Align2, Color32, CursorIcon, FontId, PointerButton, Pos2, Rect, Response, Sense, Shape, Stroke,
+    StrokeKind, Ui, UiBuilder, pos2, vec2,
+};
+use std::sync::Arc;
+
+/// Points between two samples of a curve.
+const STEP: f32 = 2.0;
+/// Half of a key's width, points.
+const HALF: f32 = 3.5;
+/// Points by which a key must be dragged along an axis before it moves along that axis.
+const SLACK: f32 = 4.0;
+/// Keys that can be pointed at.
+const MOST: usize = 1000;
+const ROW: f32 = 20.0;
+/// Colors of curves with one number; those of axes are red, green and blue.
+const SINGLE: [Color32; 6] = [
+    Color32::from_rgb(0xe6, 0x9f, 0x00),
+    Color32::from_rgb(0x2f, 0xb3, 0xa3),
+    Color32::from_rgb(0xb4, 0x7a, 0xe0),
+    Color32::from_rgb(0xe0, 0x7a, 0xa8),
+    Color32::from_rgb(0x9a, 0xa6, 0x3a),
+    Color32::from_rgb(0x8a, 0x98, 0xa8),
+];
+
+/// The part of the panel in which curves are drawn.
+struct Plot {
+    rect: Rect,
+    time: Span,
+    values: Span,
+}
+
+impl Plot {
+    fn x(&self, time: Time) -> f32 {
+        self.rect.left() + self.time.x_of(time.as_secs(), self.rect.width())
+    }
+
+    fn y(&self, value: f64) -> f32 {
+        let part = (value - self.values.from) / (self.values.to - self.values.from);
+        self.rect.bottom() - (part.clamp(-1e4, 1e4) * f64::from(self.rect.height())) as f32
+    }
+
+    /// Values that so many points are high.
+    fn value_of(&self, points: f32) -> f64 {
+        f64::from(points / self.rect.height().max(1.0)) * (self.values.to - self.values.from)
+    }
+
+    fn secs(&self, x: f32) -> f64 {
+        self.time.secs_at(x - self.rect.left(), self.rect.width())
+    }
+}
+
+pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+    let Some((what, all)) = shown(viewer) else {
+        ui.label(
+            "select an actor, a camera, a light, an effect or a title: its keys are seen here as curves",
+        );
+        return;
+    };
+    toolbar(ui, viewer, &what, &all);
+    let area = ui.available_rect_before_wrap();
+    let ruler =
+        Rect::from_min_max(pos2(area.left() + LABELS, area.top()), pos2(area.right(), area.top() + RULER));
+    if ruler.width() < 20.0 || area.height() < RULER + 20.0 {
+        return;
+    }
+    let rect = Rect::from_min_max(pos2(ruler.left(), ruler.bottom()), area.max);
+    viewer.curves.hovered = ui.rect_contains_pointer(area);
+    if viewer.curves.fit {
+        fit(viewer, &all);
+    }
+    wheel(ui, viewer, rect);
+    scrub(ui, viewer, ruler, "time of the curves");
+    let plot = Plot { rect, time: viewer.span, values: viewer.curves.values };
+    grid(ui, viewer, &plot, &all);
+    names(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), area.bottom())), &all);
+    background(ui, viewer, &plot, &what, &all);
+    for (index, property) in all.iter().enumerate() {
+        lines(ui, viewer, &plot, property, index);
+    }
+    let mut act = None;
+    for (index, property) in all.iter().enumerate() {
+        act = handles(ui, viewer, &plot, property, index).or(act);
+        act = points(ui, viewer, &plot, property, index).or(act);
+    }
+    over_all(ui, viewer, area, ruler);
+    if all.is_empty() {
+        let text =
+            "no keys yet: K sets one at the playhead, the diamond beside a value in the inspector does, too";
+        let color = ui.visuals().weak_text_color();
+        ui.painter_at(rect).text(
+            rect.center(),
+            Align2::CENTER_CENTER,
+            text,
+            FontId::proportional(13.0),
+            color,
+        );
+    }
+    if let Some(act) = act {
+        run(ui, viewer, act);
+    }
+    ui.allocate_rect(area, Sense::hover());
+}
+
+/// What the curves are of, and its properties that have keys.
+fn shown(viewer: &mut Viewer) -> Option<(Selected, Arc<Vec<KeyedProperty>>)> {
+    let what = viewer.keyed_selection()?;
+    let (_, keyed) = viewer.known_properties(&what)?;
+    Some((what, keyed))
+}
+
+enum Act {
+    Key(KeyAct),
+    Click(KeyRef, bool),
+    Drop(KeyDrag),
+    /// The easing into a key, with its control points.
+    Ease(KeyRef, [f64; 4]),
+}
+
+fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
+    match act {
+        Act::Key(act) => key_menu::run(ui, viewer, act),
+        Act::Click(key, true) => viewer.select_more_keys(&[key]),
+        Act::Click(key, false) => viewer.select_keys(vec![key]),
+        Act::Drop(KeyDrag { key, part, by, value }) => {
+            let keys = viewer.selected_keys().to_vec();
+            let value = ValueDrag { property: key.property.clone(), part, by: value };
+            viewer.edit(|v| v.drag_keys(&keys, by, Some(&value)));
+        }
+        Act::Ease(key, points) => {
+            let [x1, y1, x2, y2] = points.map(choreo_session::edit::format_number);
+            let ease = format!("[{x1}, {y1}, {x2}, {y2}]");
+            viewer.edit(|v| v.set_key_ease(&[key], Some(&ease)));
+        }
+    }
+}
+
+fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProperty]) {
+    ui.horizontal_wrapped(|ui| {
+        let name = match what {
+            Selected::Actor(name) | Selected::Camera(name) => name.clone(),
+            Selected::Light(index) => format!("light {}", index + 1),
+            Selected::Effect(index) => format!("effect {}", index + 1),
+            Selected::Title(index) => format!("title {}", index + 1),
+            Selected::Cue { actor, .. } => actor.clone(),
+        };
+        ui.strong(name);
+        if ui.button("Fit").on_hover_text("show all keys, or those that are selected (Home)").clicked() {
+            viewer.curves.fit = true;
+        }
+        let hint = "the change of each value a second, instead of the value";
+        let speed = ui.toggle_value(&mut viewer.curves.speed, "Speed").on_hover_text(hint).changed();
+        let hint = "each property fills the height by itself, whatever its unit";
+        let normalized =
+            ui.toggle_value(&mut viewer.curves.normalized, "Normalize").on_hover_text(hint).changed();
+        if speed || normalized {
+            viewer.curves.fit_values(all, Time::ZERO, None);
+        }
+        ui.toggle_value(&mut viewer.snap, "Snap").on_hover_text("dragged times are whole frames (N)");
+        if ui.button("Set key").on_hover_text("keys at the playhead, of what has keys (K)").clicked() {
+            viewer.edit(Viewer::set_keys_of_selection);
+        }
+        let frame = viewer.playhead.frame();
+        ui.monospace(format!("{:.3} s   frame {frame}", viewer.playhead.time().as_secs()));
+    });
+}
+
+/// Shows all keys, or those that are selected, with some room around them.
+fn fit(viewer: &mut Viewer, all: &[KeyedProperty]) {
+    viewer.curves.fit = false;
+    let selected: Vec<Time> = viewer.selected_keys().iter().map(|key| key.at).collect();
+    let times: Vec<Time> = match selected.len() {
+        0 | 1 => all.iter().flat_map(|property| property.keys.iter().copied()).collect(),
+        _ => selected,
+    };
+    let (Some(first), Some(last)) = (times.iter().min().copied(), times.iter().max().copied()) else {
+        viewer.span = Span::whole(viewer.playhead.length().as_secs());
+        return;
+    };
+    let margin = ((last - first).as_secs() * 0.06).max(0.2);
+    viewer.span = Span { from: first.as_secs() - margin, to: last.as_secs() + margin };
+    viewer.curves.fit_values(all, Time::ZERO, Some((first, last)));
+}
+
+/// The wheel zooms time, as in the sequencer; with Ctrl the values, with Shift it pans.
+fn wheel(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
+    let Some(pointer) = ui.ctx().pointer_hover_pos().filter(|p| rect.contains(*p) && viewer.curves.hovered)
+    else {
+        return;
+    };
+    let (scroll, zoom) =
+        ui.input_mut(|i| (std::mem::take(&mut i.smooth_scroll_delta), f64::from(i.zoom_delta())));
+    let length = viewer.playhead.length().as_secs();
+    let (x, width) = (pointer.x - rect.left(), rect.width());
+    if scroll.y != 0.0 {
+        viewer.span.zoom(libm::exp(f64::from(scroll.y) / 200.0), x, width, length);
+    }
+    if scroll.x != 0.0 {
+        viewer.span.pan(scroll.x, width, length);
+    }
+    if zoom != 1.0 {
+        let part = f64::from((rect.bottom() - pointer.y) / rect.height().max(1.0));
+        viewer.curves.values.zoom_values(zoom, part);
+    }
+}
+
+/// Lines at round values, with the unit.
+fn grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
+    let painter = ui.painter_at(plot.rect);
+    let visuals = ui.visuals();
+    painter.rect_filled(plot.rect, 0.0, visuals.extreme_bg_color);
+    let units: std::collections::BTreeSet<&str> = all.iter().map(|property| property.unit).collect();
+    let unit = match (units.len(), units.first()) {
+        (1, Some(unit)) if !unit.is_empty() => format!(" {unit}"),
+        _ => String::new(),
+    };
+    let unit = if viewer.curves.speed { format!("{unit}/s") } else { unit };
+    let step = plot.values.ruler(plot.rect.height(), 28.0);
+    let digits = (-libm::log10(step)).ceil().clamp(0.0, 6.0) as usize;
+    let line = visuals.weak_text_color().gamma_multiply(0.25);
+    let mut value = (plot.values.from / step).ceil() * step;
+    while value <= plot.values.to {
+        let y = plot.y(value);
+        let strong = if value.abs() < step * 1e-6 { 2.5 } else { 1.0 };
+        painter.hline(plot.rect.x_range(), y, Stroke::new(1.0, line.gamma_multiply(strong)));
+        let has_room = y - 12.0 > plot.rect.top();
+        if has_room && (!viewer.curves.normalized || viewer.curves.speed) {
+            let text = format!("{:.digits$}{unit}", value + 0.0);
+            let at = pos2(plot.rect.left() + 4.0, y - 1.0);
+            painter.text(
+                at,
+                Align2::LEFT_BOTTOM,
+                text,
+                FontId::proportional(10.0),
+                visuals.weak_text_color(),
+            );
+        }
+        value += step;
+    }
+    let step = plot.time.ruler(plot.rect.width(), 56.0);
+    let mut secs = (plot.time.from / step).ceil() * step;
+    while secs <= plot.time.to {
+        painter.vline(plot.x(Time::from_secs(secs)), plot.rect.y_range(), Stroke::new(1.0, line));
+        secs += step;
+    }
+}
+
+/// The curves' names: a click hides one or shows it, with Ctrl alone.
+fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
+    let mut toggled = None;
+    let mut ui = ui.new_child(UiBuilder::new().max_rect(rect));
+    ui.set_clip_rect(rect.intersect(ui.clip_rect()));
+    egui::ScrollArea::vertical().id_salt("curves").auto_shrink([false, false]).show(&mut ui, |ui| {
+        ui.spacing_mut().item_spacing.y = 0.0;
+        for (index, property) in all.iter().enumerate() {
+            for part in 0..property.width() {
+                let (row, response) = ui.allocate_exact_size(vec2(rect.width(), ROW), Sense::click());
+                let shown = viewer.curves.is_shown(property, part);
+                let name = format!("{} {}", property.title(), property.part(part)).trim_end().to_string();
+                let label = format!("curve {name}");
+                response.widget_info(|| {
+                    egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, shown, label.clone())
+                });
+                let color = color(ui, property, index, part);
+                let swatch =
+                    Rect::from_center_size(pos2(row.left() + 12.0, row.center().y), vec2(10.0, 10.0));
+                match shown {
+                    true => ui.painter().rect_filled(swatch, 2.0, color),
+                    false => {
+                        ui.painter().rect_stroke(swatch, 2.0, Stroke::new(1.0, color), StrokeKind::Inside)
+                    }
+                };
+                let text = if shown { ui.visuals().text_color() } else { ui.visuals().weak_text_color() };
+                let galley = super::elided(ui.painter(), &name, 12.0, text, row.width() - 78.0);
+                ui.painter().galley(
+                    pos2(row.left() + 24.0, row.center().y - galley.size().y / 2.0),
+                    galley,
+                    text,
+                );
+                let now = property.at(viewer.playhead.time());
+                let value = now.get(part).map_or(String::new(), |v| format!("{v:.2} {}", property.unit));
+                let font = FontId::monospace(10.5);
+                let weak = ui.visuals().weak_text_color();
+                ui.painter().text(
+                    pos2(row.right() - 6.0, row.center().y),
+                    Align2::RIGHT_CENTER,
+                    value,
+                    font,
+                    weak,
+                );
+                if response.on_hover_text("a click hides or shows it, with Ctrl: it alone").clicked() {
+                    toggled = Some(((property.name.clone(), part), ui.input(|i| i.modifiers.command)));
+                }
+            }
+        }
+    });
+    let Some((curve, alone)) = toggled else { return };
+    let hidden = &mut viewer.curves.hidden;
+    if alone {
+        let parts = |p: &KeyedProperty| (0..p.width()).map(|part| (p.name.clone(), part)).collect::<Vec<_>>();
+        let others: Vec<_> = all.iter().flat_map(parts).filter(|other| *other != curve).collect();
+        let is_alone = others.iter().all(|other| hidden.contains(other));
+        hidden.clear();
+        hidden.extend(others.into_iter().filter(|_| !is_alone));
+    } else if !hidden.remove(&curve) {
+        hidden.insert(curve);
+    }
+    viewer.curves.fit_values(all, Time::ZERO, None);
+}
+
+/// Numbers of a color and of axes are red, green and blue.
+fn color(ui: &Ui, property: &KeyedProperty, index: usize, part: usize) -> Color32 {
+    let color = match (property.width(), part) {
+        // A single angle turns about y.
+        (1, _) if property.kind == ValueKind::Rotation => Y,
+        (1, _) => SINGLE[index % SINGLE.len()],
+        (_, 0) => X,
+        (_, 1) => Y,
+        (_, 2) => Z,
+        _ => Color32::GRAY,
+    };
+    match ui.visuals().dark_mode {
+        true => color,
+        false => Color32::from_rgb(dark(color.r()), dark(color.g()), dark(color.b())),
+    }
+}
+
+/// Three quarters as bright, for lines on white.
+fn dark(value: u8) -> u8 {
+    (u16::from(value) * 3 / 4) as u8
+}
+
+/// A drag over free places selects the keys in a box, the middle button pans, a double click on a curve sets a key.
+fn background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected, all: &[KeyedProperty]) {
+    let response = ui.interact(plot.rect, ui.id().with("plot"), Sense::click_and_drag());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Other, true, "curves"));
+    if response.dragged_by(PointerButton::Middle) {
+        let by = response.drag_delta();
+        viewer.span.pan(by.x, plot.rect.width(), viewer.playhead.length().as_secs());
+        viewer.curves.values.pan_values(f64::from(by.y / plot.rect.height().max(1.0)));
+        return;
+    }
+    let pointer = response.interact_pointer_pos();
+    if let (true, Some(at)) = (response.double_clicked(), pointer) {
+        if let Some(property) = curve_at(viewer, plot, all, at) {
+            let time = Time::from_secs(viewer.snapped(plot.secs(at.x)));
+            let name = property.name.clone();
+            viewer.edit(|v| v.set_keys_at(what, &[&name], time));
+        }
+        return;
+    }
+    if response.clicked() {
+        viewer.select_keys(Vec::new());
+    }
+    let id = response.id.with("from");
+    if response.drag_started_by(PointerButton::Primary) {
+        let from = ui.input(|i| i.pointer.press_origin());
+        ui.data_mut(|d| d.insert_temp(id, from));
+    }
+    let from: Option<Option<Pos2>> = ui.data(|d| d.get_temp(id));
+    let (Some(Some(from)), Some(to)) = (from, pointer) else { return };
+    let area = Rect::from_two_pos(from, to).intersect(plot.rect);
+    let color = ui.visuals().selection.stroke.color;
+    let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Foreground, id));
+    painter.rect_stroke(area, 0.0, Stroke::new(1.0, color), StrokeKind::Inside);
+    if !response.drag_stopped() {
+        return;
+    }
+    ui.data_mut(|d| d.remove::<Option<Pos2>>(id));
+    let mut keys = Vec::new();
+    for property in all {
+        let scale = viewer.curves.scale(property);
+        for key in &property.keys {
+            let shown = viewer.curves.drawn(property, *key, scale);
+            let mut parts =
+                shown.iter().enumerate().filter(|(part, _)| viewer.curves.is_shown(property, *part));
+            if parts.any(|(_, value)| area.contains(pos2(plot.x(*key), plot.y(*value)))) {
+                keys.push(key_of(property, *key));
+            }
+        }
+    }
+    if ui.input(|i| i.modifiers.shift || i.modifiers.command) {
+        keys.extend(viewer.selected_keys().iter().cloned());
+        keys.sort();
+        keys.dedup();
+    }
+    viewer.select_keys(keys);
+}
+
+fn key_of(property: &KeyedProperty, at: Time) -> KeyRef {
+    KeyRef { what: property.what.clone(), property: property.name.clone(), at }
+}
+
+/// The property whose curve passes the pointer.
+fn curve_at<'p>(
+    viewer: &Viewer,
+    plot: &Plot,
+    all: &'p [KeyedProperty],
+    at: Pos2,
+) -> Option<&'p KeyedProperty> {
+    let time = Time::from_secs(plot.secs(at.x));
+    all.iter().find(|property| {
+        let values = viewer.curves.drawn(property, time, viewer.curves.scale(property));
+        let mut shown = values.iter().enumerate().filter(|(part, _)| viewer.curves.is_shown(property, *part));
+        shown.any(|(_, value)| (plot.y(*value) - at.y).abs() < 8.0)
+    })
+}
+
+/// The curves of one property, sampled as the stage has them.
+fn lines(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index: usize) {
+    let painter = ui.painter_at(plot.rect);
+    let from = Time::from_secs(plot.time.from.max(0.0));
+    let to = Time::from_secs(plot.time.to.min(viewer.playhead.length().as_secs()).max(plot.time.from));
+    let count = (plot.rect.width() / STEP) as usize;
+    let samples = viewer.curves.sampled(property, from, to, count);
+    for part in (0..property.width()).filter(|part| viewer.curves.is_shown(property, *part)) {
+        let points = samples.iter().filter_map(|(time, v)| Some(pos2(plot.x(*time), plot.y(*v.get(part)?))));
+        let color = color(ui, property, index, part);
+        painter.add(Shape::line(points.collect(), Stroke::new(1.5, color)));
+    }
+}
+
+/// The keys of one property as points; gives what the user does with them.
+fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, index: usize) -> Option<Act> {
+    let mut act = None;
+    let (fps, scale) = (viewer.playhead.fps(), viewer.curves.scale(property));
+    for (number, at) in property.keys.iter().enumerate().take(MOST) {
+        let x = plot.x(*at);
+        if !plot.rect.expand(HALF).x_range().contains(x) {
+            continue;
+        }
+        let key = key_of(property, *at);
+        let selected = viewer.is_key_selected(&key);
+        let values = viewer.curves.drawn(property, *at, scale);
+        let parts =
+            (0..property.width().min(values.len())).filter(|part| viewer.curves.is_shown(property, *part));
+        for part in parts.collect::<Vec<_>>() {
+            let place = pos2(x, plot.y(values[part]));
+            if !plot.rect.expand(HALF).contains(place) {
+                continue;
+            }
+            let hit = Rect::from_center_size(place, vec2(12.0, 12.0)).intersect(plot.rect);
+            let id = ui.id().with(("key", &property.name, part, number));
+            let response = ui.interact(hit, id, Sense::click_and_drag()).on_hover_cursor(CursorIcon::Grab);
+            let name = format!("{} {}", property.title(), property.part(part)).trim_end().to_string();
+            let label = format!("key {name} at {}", fps.frames_in(*at));
+            response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, label.clone()));
+            act = dragged(ui, viewer, plot, property, &key, part, &response).or(act);
+            let by = viewer.curves.drag.as_ref().filter(|_| selected);
+            let place = by.map_or(place, |drag| moved(viewer, plot, property, part, *at, drag));
+            point(ui, plot, place, color(ui, property, index, part), selected || response.hovered());
+            if response.clicked() {
+                let add = ui.input(|i| i.modifiers.command || i.modifiers.shift);
+                act = Some(Act::Click(key.clone(), add));
+            }
+            act = key_menu::show(&response, viewer, std::slice::from_ref(&key)).map(Act::Key).or(act);
+            let number = property.at(*at).get(part).copied().unwrap_or_default();
+            response.on_hover_text(format!(
+                "{name} {number:.3} {}\n{}",
+                property.unit,
+                viewer.shown_time(*at)
+            ));
+        }
+    }
+    act
+}
+
+fn point(ui: &Ui, plot: &Plot, at: Pos2, color: Color32, strong: bool) {
+    let painter = ui.painter_at(plot.rect.expand(HALF));
+    let around = |half: f32| {
+        vec![at + vec2(0.0, -half), at + vec2(half, 0.0), at + vec2(0.0, half), at + vec2(-half, 0.0)]
+    };
+    let (fill, half) = if strong { (SELECTED, HALF + 1.5) } else { (color, HALF + 0.5) };
+    let line = Stroke::new(1.0, ui.visuals().extreme_bg_color);
+    painter.add(Shape::convex_polygon(around(half + 1.0), fill, line));
+}
+
+/// The place of a key that goes along with a drag.
+fn moved(
+    viewer: &Viewer,
+    plot: &Plot,
+    property: &KeyedProperty,
+    part: usize,
+    at: Time,
+    drag: &KeyDrag,
+) -> Pos2 {
+    let mut numbers = property.at(at);
+    if drag.key.property == property.name && drag.part == part {
+        numbers[part] = (numbers[part] + drag.value).clamp(property.range[0], property.range[1]);
+    }
+    let (add, divide) = viewer.curves.scale(property);
+    let drawn = match viewer.curves.speed {
+        true => viewer.curves.drawn(property, at, (add, divide))[part],
+        false => (numbers[part] + add) / divide,
+    };
+    pos2(plot.x(at + Time::from_secs(drag.by)), plot.y(drawn))
+}
+
+/// A key that is dragged: time in frames, value; with Shift along one axis.
+fn dragged(
+    ui: &Ui,
+    viewer: &mut Viewer,
+    plot: &Plot,
+    property: &KeyedProperty,
+    key: &KeyRef,
+    part: usize,
+    response: &Response,
+) -> Option<Act> {
+    if !response.dragged_by(PointerButton::Primary) && !response.drag_stopped_by(PointerButton::Primary) {
+        return None;
+    }
+    let (from, to) = (ui.input(|i| i.pointer.press_origin()), response.interact_pointer_pos()?);
+    let id = response.id.with("from");
+    if response.drag_started() {
+        ui.data_mut(|d| d.insert_temp(id, from.unwrap_or(to)));
+        if !viewer.is_key_selected(key) {
+            viewer.select_keys(vec![key.clone()]);
+        }
+    }
+    let from: Pos2 = ui.data(|d| d.get_temp(id)).unwrap_or(to);
+    let mut by = to - from;
+    if ui.input(|i| i.modifiers.shift) {
+        by = if by.x.abs() > by.y.abs() { vec2(by.x, 0.0) } else { vec2(0.0, by.y) };
+    }
+    let secs = match by.x.abs() < SLACK {
+        true => 0.0,
+        false => {
+            let wanted = key.at.as_secs() + plot.secs(by.x) - plot.secs(0.0);
+            let reach = plot.secs(6.0) - plot.secs(0.0);
+            viewer.attracted(wanted, reach, None).unwrap_or_else(|| viewer.snapped(wanted)) - key.at.as_secs()
+        }
+    };
+    let (_, divide) = viewer.curves.scale(property);
+    let fixed = by.y.abs() < SLACK || viewer.curves.speed || !property.is_plain();
+    let value = if fixed { 0.0 } else { -plot.value_of(by.y) * divide };
+    let now = property.at(key.at).get(part).copied().unwrap_or_default();
+    // Written to the thousandth, as it is shown here.
+    let value = if fixed { 0.0 } else { ((now + value) * 1e3).round() / 1e3 - now };
+    let drag = KeyDrag { key: key.clone(), part, by: secs, value };
+    let time = viewer.shown_time(key.at + Time::from_secs(secs));
+    let unit = property.unit;
+    let number = (now + value).clamp(property.range[0], property.range[1]);
+    beside(ui, to, &format!("{time}   {} {number:.3} {unit}", property.part(part)));
+    if response.drag_stopped() {
+        viewer.curves.drag = None;
+        ui.data_mut(|d| d.remove::<Pos2>(id));
+        return (secs != 0.0 || value != 0.0).then_some(Act::Drop(drag));
+    }
+    viewer.curves.drag = Some(drag);
+    None
+}
+
+/// The control points of Bézier easings at selected keys, to be dragged.
+fn handles(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index: usize) -> Option<Act> {
+    let written = property.written.as_ref().filter(|_| !viewer.curves.speed)?;
+    let (mut act, scale) = (None, viewer.curves.scale(property));
+    for number in 1..property.keys.len().min(MOST) {
+        let (before, at) = (property.keys[number - 1], property.keys[number]);
+        let near = [before, at].map(|at| viewer.is_key_selected(&key_of(property, at)));
+        let ease = written.keys.get(number).and_then(|key| key.ease.as_deref()).and_then(bezier);
+        let Some(ease) = ease.filter(|_| near.contains(&true)) else { continue };
+        let [from, to] = [before, at].map(|at| viewer.curves.drawn(property, at, scale));
+        for part in
+            (0..property.width().min(from.len())).filter(|part| viewer.curves.is_shown(property, *part))
+        {
+            let ends = [pos2(plot.x(before), plot.y(from[part])), pos2(plot.x(at), plot.y(to[part]))];
+            for side in 0..2 {
+                let id = ui.id().with(("ease", &property.name, part, number, side));
+                let color = color(ui, property, index, part);
+                if let Some(points) = handle(ui, plot, id, ends, ease, side, color) {
+                    act = Some(Act::Ease(key_of(property, at), points));
+                }
+            }
+        }
+    }
+    act
+}
+
+/// One of the two control points of an easing between two ends; once it is let go, gives the new points.
+fn handle(
+    ui: &Ui,
+    plot: &Plot,
+    id: egui::Id,
+    ends: [Pos2; 2],
+    ease: [f64; 4],
+    side: usize,
+    color: Color32,
+) -> Option<[f64; 4]> {
+    let size = ends[1] - ends[0];
+    let place =
+        |ease: [f64; 4]| ends[0] + vec2(size.x * ease[2 * side] as f32, size.y * ease[2 * side + 1] as f32);
+    let hit = Rect::from_center_size(place(ease), vec2(11.0, 11.0));
+    let response = ui.interact(hit.intersect(plot.rect), id, Sense::drag()).on_hover_cursor(CursorIcon::Grab);
+    let label = ["start of the easing", "end of the easing"][side];
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label));
+    let mut now = ease;
+    let pointer = response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped());
+    if let Some(at) = pointer {
+        let part = |at: f32, from: f32, size: f32| f64::from((at - from) / size).clamp(0.0, 1.0);
+        let hundredth = |value: f64| (value * 100.0).round() / 100.0;
+        if size.x.abs() > 1.0 {
+            now[2 * side] = hundredth(part(at.x, ends[0].x, size.x));
+        }
+        if size.y.abs() > 1.0 {
+            now[2 * side + 1] = hundredth(part(at.y, ends[0].y, size.y));
+        }
+    }
+    let painter = ui.painter_at(plot.rect);
+    painter.line_segment([ends[side], place(now)], Stroke::new(1.0, color));
+    painter.circle(place(now), 4.0, ui.visuals().extreme_bg_color, Stroke::new(1.5, color));
+    (response.drag_stopped() && now != ease).then_some(now)
+}
+
+/// The control points of an easing that is written as a Bézier curve.
+fn bezier(ease: &str) -> Option<[f64; 4]> {
+    let inside = ease.strip_prefix('[')?.strip_suffix(']')?;
+    let numbers: Vec<f64> = inside.split(',').map(|part| part.trim().parse().ok()).collect::<Option<_>>()?;
+    numbers.try_into().ok()
+}

@@ -1,0 +1,229 @@
+//! Commands for the selected keys: the menu of the right mouse button on a key, and their keys on the keyboard.
+
+use super::values;
+use crate::app::Viewer;
+use crate::editing::EditError;
+use crate::state::keyed::{KeyRef, KeyedProperty};
+use crate::state::selection::Selected;
+use choreo_script::{KEY_INTERPOLATIONS, easing_names};
+use egui::{Button, Event, Key, Modifiers, Popup, PopupCloseBehavior, Response, ScrollArea, Ui};
+
+/// A change of keys by the user.
+#[derive(Clone, Debug, PartialEq)]
+pub enum KeyAct {
+    Select(Vec<KeyRef>),
+    Run(KeyCommand),
+    /// Into the selected keys, as source text.
+    Ease(Option<String>),
+    /// Of all keys of their properties.
+    How(Option<String>),
+    /// Seconds.
+    Time(KeyRef, f64),
+    Value(KeyRef, Vec<f64>),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum KeyCommand {
+    /// A copy at the playhead.
+    Duplicate,
+    Copy,
+    Cut,
+    /// On the selection, at the playhead.
+    Paste,
+    Delete,
+    GoToLine,
+}
+
+const COMMANDS: [(KeyCommand, &str, &str); 6] = [
+    (KeyCommand::Duplicate, "Duplicate to the playhead", "Ctrl D"),
+    (KeyCommand::Copy, "Copy", "Ctrl C"),
+    (KeyCommand::Cut, "Cut", "Ctrl X"),
+    (KeyCommand::Paste, "Paste at the playhead", "Ctrl V"),
+    (KeyCommand::Delete, "Delete", "Delete"),
+    (KeyCommand::GoToLine, "Go to its line", ""),
+];
+
+/// The curve that is written where a Bézier curve is chosen: ease, as in CSS.
+const BEZIER: &str = "[0.42, 0.0, 0.58, 1.0]";
+
+/// The menu of a mark that holds keys.
+pub fn show(response: &Response, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
+    let mut act = None;
+    if response.secondary_clicked() && !keys.iter().any(|key| viewer.is_key_selected(key)) {
+        act = Some(KeyAct::Select(keys.to_vec()));
+    }
+    let popup = Popup::context_menu(response).close_behavior(PopupCloseBehavior::CloseOnClickOutside);
+    popup.show(|ui| act = entries(ui, viewer, keys).or(act.take()));
+    act
+}
+
+fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
+    let mut act = None;
+    for key in keys.iter().take(4) {
+        let found = viewer.keyed_properties(&key.what).into_iter().find(|p| p.name == key.property);
+        if let Some(property) = found {
+            act = numbers(ui, &property, key).or(act);
+        }
+    }
+    ui.separator();
+    ui.menu_button("Easing into the key", |ui| {
+        act = choice(ui, "not its own: like all keys", &easing_names()).map(KeyAct::Ease).or(act.take());
+    });
+    ui.menu_button("Between all keys", |ui| {
+        let mut all: Vec<String> = KEY_INTERPOLATIONS.iter().map(ToString::to_string).collect();
+        all.extend(easing_names().into_iter().filter(|name| name.contains('_')));
+        act = choice(ui, "not stated: linear", &all).map(KeyAct::How).or(act.take());
+    });
+    ui.separator();
+    for (command, name, key) in COMMANDS {
+        if ui.add(Button::new(name).shortcut_text(key)).clicked() {
+            act = Some(KeyAct::Run(command));
+        }
+    }
+    if act.is_some() {
+        ui.close();
+    }
+    act
+}
+
+/// Time and value of a key, to be typed or dragged.
+fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct> {
+    let mut act = None;
+    ui.horizontal(|ui| {
+        ui.label(property.title());
+        let secs = key.at.as_secs();
+        let time = values::number(ui, &format!("time of {}", property.name), secs, 0.01, 0.0..=1e6);
+        act = time.map(|secs| KeyAct::Time(key.clone(), secs));
+        ui.weak("s");
+        let now = property.at(key.at);
+        for (part, number) in now.iter().enumerate().filter(|_| property.is_plain()) {
+            let part_name = property.part(part);
+            let name = format!("{} {part_name} of the key", property.name);
+            let [low, high] = property.range;
+            ui.weak(part_name);
+            if let Some(to) = values::number(ui, &name, *number, 0.01, low..=high) {
+                let mut all = now.clone();
+                all[part] = to;
+                act = Some(KeyAct::Value(key.clone(), all));
+            }
+        }
+        ui.weak(property.unit);
+    });
+    act
+}
+
+/// A list of names to choose from, with one for none.
+fn choice(ui: &mut Ui, none: &str, names: &[String]) -> Option<Option<String>> {
+    let mut chosen = None;
+    ScrollArea::vertical().max_height(360.0).show(ui, |ui| {
+        if ui.button(none).clicked() {
+            chosen = Some(None);
+        }
+        for name in names {
+            if ui.button(name).clicked() {
+                chosen = Some(Some(format!("\"{name}\"")));
+            }
+        }
+        if ui.button("Bézier curve, with handles").clicked() {
+            chosen = Some(Some(BEZIER.to_string()));
+        }
+    });
+    chosen
+}
+
+/// The commands whose keys were pressed, where keys are selected. `K` sets keys.
+pub fn keyboard(ui: &Ui, viewer: &mut Viewer) {
+    let with = |modifiers, key| ui.input_mut(|i| i.consume_key(modifiers, key));
+    if with(Modifiers::NONE, Key::K) {
+        viewer.edit(Viewer::set_keys_of_selection);
+    }
+    if viewer.selected_keys().is_empty() {
+        return;
+    }
+    let has_bars = !viewer.selected_bars().is_empty();
+    if with(Modifiers::NONE, Key::Delete) {
+        viewer.edit(Viewer::delete_selected);
+        return;
+    }
+    // Clips have their own commands.
+    if has_bars {
+        return;
+    }
+    if with(Modifiers::COMMAND, Key::D) {
+        run(ui, viewer, KeyAct::Run(KeyCommand::Duplicate));
+    }
+    let mut asked = Vec::new();
+    ui.input_mut(|i| {
+        i.events.retain(|event| {
+            let command = match event {
+                Event::Copy => KeyCommand::Copy,
+                Event::Cut => KeyCommand::Cut,
+                _ => return true,
+            };
+            asked.push(command);
+            false
+        });
+    });
+    asked.into_iter().for_each(|command| run(ui, viewer, KeyAct::Run(command)));
+}
+
+/// Does it to the script, or to the selection.
+pub fn run(ui: &Ui, viewer: &mut Viewer, act: KeyAct) {
+    let keys = viewer.selected_keys().to_vec();
+    match act {
+        KeyAct::Select(keys) => viewer.select_keys(keys),
+        KeyAct::Ease(ease) => viewer.edit(|v| v.set_key_ease(&keys, ease.as_deref())),
+        KeyAct::How(how) => viewer.edit(|v| v.set_key_how(&keys, how.as_deref())),
+        KeyAct::Time(key, secs) => viewer.edit(|v| v.set_key_time(&key, secs)),
+        KeyAct::Value(key, numbers) => viewer.edit(|v| v.set_key_value(&key, &numbers)),
+        KeyAct::Run(command) => run_command(ui, viewer, command, &keys),
+    }
+}
+
+fn run_command(ui: &Ui, viewer: &mut Viewer, command: KeyCommand, keys: &[KeyRef]) {
+    let at = viewer.playhead.time().as_secs();
+    match command {
+        KeyCommand::Duplicate => viewer.edit(|v| v.duplicate_keys(keys, at)),
+        KeyCommand::Copy | KeyCommand::Cut => match viewer.copy_keys(keys) {
+            Ok(text) => {
+                viewer.copied.clone_from(&text);
+                ui.ctx().copy_text(text);
+                if command == KeyCommand::Cut {
+                    viewer.edit(|v| v.delete_keys(keys));
+                }
+            }
+            Err(error) => viewer.edit(|_| Err(error)),
+        },
+        KeyCommand::Paste => {
+            let copied = viewer.copied.clone();
+            paste(viewer, &copied);
+        }
+        KeyCommand::Delete => viewer.edit(|v| v.delete_keys(keys)),
+        KeyCommand::GoToLine => {
+            let line = keys.first().and_then(|key| {
+                let found = viewer.keyed_properties(&key.what).into_iter().find(|p| p.name == key.property);
+                let written = found.and_then(|property| Some(property.written?.line));
+                written.or_else(|| Some(viewer.place_of(&key.what)?.0.line))
+            });
+            viewer.go_to = line.or(viewer.go_to);
+        }
+    }
+}
+
+/// Whether a text of the clipboard holds keys.
+pub fn are_keys(text: &str) -> bool {
+    text.starts_with(".key(")
+}
+
+/// Adds copied keys to the selection, at the playhead.
+pub fn paste(viewer: &mut Viewer, text: &str) {
+    let at = viewer.playhead.time().as_secs();
+    let what = match viewer.selection.clone() {
+        Some(Selected::Cue { actor, .. }) => Some(Selected::Actor(actor)),
+        other => other,
+    };
+    viewer.edit(|v| match what {
+        Some(what) => v.paste_keys(&what, text, at),
+        None => Err(EditError::refused("select what is to get the keys")),
+    });
+}

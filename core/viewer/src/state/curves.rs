@@ -1,0 +1,179 @@
+//! State of the curve editor: which values it shows, and what is dragged there.
+
+use crate::state::keyed::{KeyRef, KeyedProperty};
+use crate::state::selection::Selected;
+use crate::state::span::Span;
+use choreo_motion::Time;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// Samples of one curve at most.
+const MOST_SAMPLES: usize = 4000;
+
+pub struct Curves {
+    /// Values at the lower and the upper edge.
+    pub values: Span,
+    /// Numbers that are not shown, by property and index.
+    pub hidden: BTreeSet<(String, usize)>,
+    /// Changes a second instead of values.
+    pub speed: bool,
+    /// Each property fills the height by itself.
+    pub normalized: bool,
+    /// Times and values are fitted to the keys in the next frame.
+    pub fit: bool,
+    /// The pointer was over it in the last frame: some keys are for it.
+    pub hovered: bool,
+    pub drag: Option<KeyDrag>,
+    known: Option<Known>,
+}
+
+/// The properties of something in a version of the scene.
+struct Known {
+    number: u64,
+    what: Selected,
+    all: Arc<Vec<KeyedProperty>>,
+    /// Those that have keys.
+    keyed: Arc<Vec<KeyedProperty>>,
+}
+
+impl Default for Curves {
+    fn default() -> Curves {
+        Curves {
+            values: Span { from: 0.0, to: 1.0 },
+            hidden: BTreeSet::new(),
+            speed: false,
+            normalized: false,
+            fit: false,
+            hovered: false,
+            drag: None,
+            known: None,
+        }
+    }
+}
+
+/// Keys on their way.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KeyDrag {
+    pub key: KeyRef,
+    /// Which number of its value was taken.
+    pub part: usize,
+    /// Seconds.
+    pub by: f64,
+    /// In the unit of the value.
+    pub value: f64,
+}
+
+impl Curves {
+    /// The properties of something in a version of the scene, and those of them that have keys, kept from frame to frame; the values
+    /// are fitted to another selection.
+    pub fn properties(
+        &mut self,
+        number: u64,
+        what: &Selected,
+        find: impl FnOnce() -> Vec<KeyedProperty>,
+    ) -> (Arc<Vec<KeyedProperty>>, Arc<Vec<KeyedProperty>>) {
+        let same = self.known.as_ref().filter(|known| known.what == *what);
+        if let Some(known) = same.filter(|known| known.number == number) {
+            return (known.all.clone(), known.keyed.clone());
+        }
+        let is_other = same.is_none_or(|known| known.keyed.is_empty());
+        let all = Arc::new(find());
+        let keyed = Arc::new(all.iter().filter(|p| p.has_keys()).cloned().collect::<Vec<_>>());
+        self.known = Some(Known { number, what: what.clone(), all: all.clone(), keyed: keyed.clone() });
+        self.drag = None;
+        if is_other {
+            self.fit_values(&keyed, Time::ZERO, None);
+        }
+        (all, keyed)
+    }
+
+    pub fn is_shown(&self, property: &KeyedProperty, part: usize) -> bool {
+        !self.hidden.contains(&(property.name.clone(), part))
+    }
+
+    /// Fits the values to the curves from the first to the last key, or in a span of time.
+    pub fn fit_values(&mut self, properties: &[KeyedProperty], at_least: Time, span: Option<(Time, Time)>) {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for property in properties {
+            let (Some(first), Some(last)) = (property.keys.first(), property.keys.last()) else { continue };
+            let (from, to) = span.unwrap_or((*first, (*last).max(at_least)));
+            let samples = self.sampled(property, from, to, 200);
+            for (_, numbers) in samples {
+                let shown = numbers.iter().enumerate().filter(|(part, _)| self.is_shown(property, *part));
+                for (_, number) in shown {
+                    (low, high) = (low.min(*number), high.max(*number));
+                }
+            }
+        }
+        if low > high {
+            (low, high) = (0.0, 1.0);
+        }
+        let margin = ((high - low) * 0.1).max(if high - low < 1e-6 { 0.5 } else { 0.0 });
+        self.values = Span { from: low - margin, to: high + margin };
+    }
+
+    /// What is added to a value and divided by then, so that it is drawn on the common scale.
+    pub fn scale(&self, property: &KeyedProperty) -> (f64, f64) {
+        if !self.normalized || self.speed {
+            return (0.0, 1.0);
+        }
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for key in &property.keys {
+            for number in property.at(*key) {
+                (low, high) = (low.min(number), high.max(number));
+            }
+        }
+        if high - low < 1e-9 { (-low, 1.0) } else { (-low, high - low) }
+    }
+
+    /// Times and what is drawn then, from a time to another: values, or their change a second, on the common scale.
+    pub fn sampled(
+        &self,
+        property: &KeyedProperty,
+        from: Time,
+        to: Time,
+        count: usize,
+    ) -> Vec<(Time, Vec<f64>)> {
+        let count = count.clamp(2, MOST_SAMPLES) as i64;
+        let length = (to - from).0.max(1);
+        let mut times: Vec<Time> = (0..=count)
+            .map(|n| Time(from.0 + (i128::from(length) * i128::from(n) / i128::from(count)) as i64))
+            .collect();
+        // Keys and the ticks before them, so that corners and jumps are where they are.
+        let corners = property.keys.iter().flat_map(|key| [*key - Time(1), *key]);
+        times.extend(corners.filter(|time| from <= *time && *time <= to).take(2 * MOST_SAMPLES));
+        times.sort_unstable();
+        times.dedup();
+        let scale = self.scale(property);
+        times.into_iter().map(|time| (time, self.drawn(property, time, scale))).collect()
+    }
+
+    /// What is drawn of a property at a time, on a scale as [`Curves::scale`] gives it.
+    pub fn drawn(&self, property: &KeyedProperty, time: Time, (add, divide): (f64, f64)) -> Vec<f64> {
+        match self.speed {
+            true => speed(property, time),
+            false => property.at(time).iter().map(|v| (v + add) / divide).collect(),
+        }
+    }
+}
+
+/// The change of a value a second, between a thousandth of a second before and after.
+fn speed(property: &KeyedProperty, time: Time) -> Vec<f64> {
+    let step = Time::from_secs(1e-3);
+    let (before, after) = (property.at(time - step), property.at(time + step));
+    before.iter().zip(&after).map(|(a, b)| (b - a) / (2.0 * step.as_secs())).collect()
+}
+
+impl Span {
+    /// Above 1 shows less; the value at a part of the height stays there.
+    pub fn zoom_values(&mut self, factor: f64, part: f64) {
+        let at = self.from + (self.to - self.from) * part;
+        let size = ((self.to - self.from) / factor.max(1e-6)).clamp(1e-6, 1e9);
+        *self = Span { from: at - size * part, to: at + size * (1.0 - part) };
+    }
+
+    pub fn pan_values(&mut self, part: f64) {
+        let by = (self.to - self.from) * part;
+        *self = Span { from: self.from + by, to: self.to + by };
+    }
+}

@@ -1,0 +1,493 @@
+//! Properties that keys animate, of what is on stage: their values over time as the stage has them, in the units of scripts, and their
+//! keys as the script states them.
+
+use crate::state::selection::{Selected, actor};
+use choreo_asset::Asset;
+use choreo_motion::{FrameRate, Interpolation, Time};
+use choreo_plugin::{OptionKind, OptionSpec};
+use choreo_script::Place;
+use choreo_session::Scene;
+use choreo_session::edit::{
+    KeyValue, ScriptObject, ScriptText, WrittenKeys, euler_degrees_near, format_number,
+};
+use choreo_stage::{Channel, Described, EffectUse, Field, FieldType, FieldValue, Property};
+use glam::{DQuat, DVec3};
+
+/// A key, by the time at which the stage has it.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct KeyRef {
+    pub what: Selected,
+    /// The script's name of the property; `morph:NAME` for a morph target.
+    pub property: String,
+    pub at: Time,
+}
+
+/// How the value of a property is written and shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ValueKind {
+    /// This many numbers, one after the other.
+    Numbers(usize),
+    Degrees,
+    /// Degrees about y, or about x, y and z.
+    Rotation,
+    /// A unit vector.
+    Direction,
+    /// One factor, or one for each axis.
+    Scale,
+    /// Linear red, green and blue, and alpha.
+    Color,
+    /// A color that the script states in kelvin.
+    Kelvin,
+    Flag,
+}
+
+/// A property that keys animate or could animate.
+#[derive(Clone, Debug)]
+pub struct KeyedProperty {
+    pub what: Selected,
+    /// The script's name of it, as in [`KeyRef`].
+    pub name: String,
+    pub kind: ValueKind,
+    pub unit: &'static str,
+    /// Smallest and largest number.
+    pub range: [f64; 2],
+    /// Its keys as the stage has them, easings sampled: one list, or one for each number of an effect; none where it has no keys.
+    channels: Vec<Channel>,
+    /// Its value without keys.
+    rest: Vec<f64>,
+    /// Times of the keys that the script states.
+    pub keys: Vec<Time>,
+    /// Angles about x, y and z at `keys`, each near the one before.
+    angles: Vec<DVec3>,
+    /// The keys in the text; `None` where they are computed or stand elsewhere.
+    pub written: Option<WrittenKeys>,
+}
+
+/// The text of a value in a script, made of numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ValueText {
+    Point(DVec3),
+    Turn(DQuat),
+    Scale(DVec3),
+    Text(String),
+    Between,
+}
+
+impl ValueText {
+    pub fn value(&self) -> KeyValue<'_> {
+        match self {
+            ValueText::Point(point) => KeyValue::Point(*point),
+            ValueText::Turn(turn) => KeyValue::Turn(*turn),
+            ValueText::Scale(scale) => KeyValue::Scale(*scale),
+            ValueText::Text(text) => KeyValue::Text(text),
+            ValueText::Between => KeyValue::Between,
+        }
+    }
+}
+
+impl KeyedProperty {
+    pub fn has_keys(&self) -> bool {
+        !self.channels.is_empty()
+    }
+
+    /// How many numbers its value has.
+    pub fn width(&self) -> usize {
+        match self.kind {
+            ValueKind::Numbers(count) => count,
+            ValueKind::Degrees | ValueKind::Flag => 1,
+            ValueKind::Rotation if self.is_upright() => 1,
+            ValueKind::Scale if self.is_even() => 1,
+            _ => 3,
+        }
+    }
+
+    /// The name of one of its numbers; empty where it has only one.
+    pub fn part(&self, index: usize) -> &'static str {
+        let names = match self.kind {
+            _ if self.width() == 1 => return "",
+            ValueKind::Color | ValueKind::Kelvin => ["red", "green", "blue", "alpha"],
+            _ => ["x", "y", "z", "w"],
+        };
+        names[index.min(3)]
+    }
+
+    /// The name as it is read: `morph smile`.
+    pub fn title(&self) -> String {
+        self.name.replace([':', '_'], " ")
+    }
+
+    /// The property of the stage that its keys animate.
+    pub(crate) fn property(&self) -> Option<Property> {
+        self.channels.first().map(|channel| channel.property)
+    }
+
+    fn is_upright(&self) -> bool {
+        let flat = |all: &Option<Vec<f64>>| all.as_ref().is_some_and(|numbers| numbers.len() == 1);
+        self.written.as_ref().is_some_and(|written| written.keys.iter().all(|key| flat(&key.numbers)))
+    }
+
+    fn is_even(&self) -> bool {
+        let all = self.channels.first().map_or(&self.rest, |channel| &channel.values);
+        all.chunks_exact(3).all(|v| v[0] == v[1] && v[1] == v[2])
+    }
+
+    /// Its numbers at a time.
+    pub fn at(&self, time: Time) -> Vec<f64> {
+        let Some(channel) = self.channels.first() else { return self.rest.clone() };
+        let raw = channel.at(time).unwrap_or_default();
+        match self.kind {
+            ValueKind::Numbers(1) | ValueKind::Flag => vec![raw[0]],
+            ValueKind::Numbers(_) if self.channels.len() > 1 => {
+                let one = |channel: &Channel| channel.at(time).map_or(0.0, |v| v[0]);
+                self.channels.iter().map(one).collect()
+            }
+            ValueKind::Color | ValueKind::Kelvin if self.channels.len() > 1 => {
+                let one = |channel: &Channel| channel.at(time).map_or(0.0, |v| v[0]);
+                self.channels.iter().map(one).collect()
+            }
+            ValueKind::Numbers(count) => raw[..count.min(4)].to_vec(),
+            ValueKind::Degrees => vec![raw[0].to_degrees()],
+            ValueKind::Rotation => self.turned(time, DQuat::from_array(raw)),
+            ValueKind::Direction => (DQuat::from_array(raw) * DVec3::NEG_Z).to_array().to_vec(),
+            ValueKind::Scale if self.is_even() => vec![raw[0]],
+            ValueKind::Scale | ValueKind::Kelvin => raw[..3].to_vec(),
+            ValueKind::Color => raw[..channel.property.width()].to_vec(),
+        }
+    }
+
+    /// The angles of a rotation at a time, with as many whole turns as the keys around it have.
+    fn turned(&self, time: Time, rotation: DQuat) -> Vec<f64> {
+        let next = self.keys.partition_point(|key| *key <= time);
+        let near = match (next.checked_sub(1), self.keys.get(next)) {
+            (Some(before), Some(after)) => {
+                let (from, to) = (self.keys[before], *after);
+                let part = (time - from).as_secs() / (to - from).as_secs();
+                self.angles[before].lerp(self.angles[next], part)
+            }
+            (Some(before), None) => self.angles[before],
+            (None, _) => self.angles.first().copied().unwrap_or_default(),
+        };
+        let angles = euler_degrees_near(rotation, near).to_array();
+        if self.is_upright() { vec![angles[1]] } else { angles.to_vec() }
+    }
+
+    /// The text for a value of these numbers.
+    pub fn text(&self, numbers: &[f64]) -> ValueText {
+        let three = || DVec3::from_slice(&[numbers[0], numbers[1], numbers[2]]);
+        match self.kind {
+            ValueKind::Kelvin => ValueText::Between,
+            ValueKind::Flag => ValueText::Text((numbers[0] > 0.5).to_string()),
+            ValueKind::Color => ValueText::Text(color_text(numbers)),
+            ValueKind::Scale if numbers.len() == 1 => ValueText::Scale(DVec3::splat(numbers[0])),
+            ValueKind::Scale => ValueText::Scale(three()),
+            ValueKind::Rotation if numbers.len() == 1 => ValueText::Text(format_number(numbers[0])),
+            ValueKind::Rotation if self.states_angles() => ValueText::Point(three()),
+            ValueKind::Rotation => ValueText::Turn(choreo_session::edit::rotation_of(three())),
+            _ if numbers.len() == 1 => ValueText::Text(format_number(numbers[0])),
+            _ if numbers.len() == 3 => ValueText::Point(three()),
+            _ => {
+                let all: Vec<String> = numbers.iter().map(|number| format_number(*number)).collect();
+                ValueText::Text(format!("[{}]", all.join(", ")))
+            }
+        }
+    }
+
+    /// The text for its value at a time that needs no key near it: angles with all their turns.
+    pub(crate) fn stated_text(&self, time: Time) -> ValueText {
+        match (self.kind, self.at(time).as_slice()) {
+            (ValueKind::Rotation, [x, y, z]) if *x == 0.0 && *z == 0.0 => ValueText::Text(format_number(*y)),
+            (ValueKind::Rotation, [x, y, z]) => ValueText::Point(DVec3::new(*x, *y, *z)),
+            (_, numbers) => self.text(numbers),
+        }
+    }
+
+    /// Whether its keys are written as three angles.
+    fn states_angles(&self) -> bool {
+        let three = |all: &Option<Vec<f64>>| all.as_ref().is_some_and(|numbers| numbers.len() == 3);
+        self.written.as_ref().is_some_and(|written| written.keys.iter().all(|key| three(&key.numbers)))
+    }
+
+    /// Whether its numbers can be changed one by one.
+    pub fn is_plain(&self) -> bool {
+        self.kind != ValueKind::Kelvin
+    }
+
+    /// The key of its own at a time, to a quarter of a frame.
+    pub fn key_at(&self, time: Time, fps: FrameRate) -> Option<usize> {
+        let near = Time(fps.time_of(1).0 / 4);
+        let distance = |index: &usize| (self.keys[*index] - time).0.abs();
+        let index = (0..self.keys.len()).min_by_key(distance)?;
+        (distance(&index) <= near.0).then_some(index)
+    }
+
+    /// Takes the keys of the text over where they are those of the stage.
+    fn read(mut self, object: Option<&ScriptObject>, fps: FrameRate) -> KeyedProperty {
+        let Some(channel) = self.channels.first() else { return self };
+        self.keys = channel.times.clone();
+        let written = object.and_then(|object| object.written_keys(&self.name, fps.as_fps()).ok());
+        if let Some(written) = written {
+            let times = written_times(&written, fps);
+            let has = |time: &Time| channel.times.iter().any(|at| (*at - *time).0.abs() <= 2);
+            if times.iter().all(has) {
+                (self.keys, self.written) = (times, Some(written));
+            }
+        }
+        if self.kind == ValueKind::Rotation {
+            self.angles = angles(channel, &self.keys, self.written.as_ref());
+        }
+        self
+    }
+}
+
+/// The times of written keys as the stage has them; of two at one time the first is a tick earlier.
+fn written_times(written: &WrittenKeys, fps: FrameRate) -> Vec<Time> {
+    let time = |key: &choreo_session::edit::WrittenKey| match key.frame {
+        Some(frame) => fps.time_of(frame as i64),
+        None => Time::from_secs(key.secs),
+    };
+    let mut times: Vec<Time> = written.keys.iter().map(time).collect();
+    for index in 1..times.len() {
+        if times[index] == times[index - 1] {
+            times[index - 1] = times[index] - Time(1);
+        }
+    }
+    times
+}
+
+/// The angles at keys: those that are written, else followed along the stage's keys from the first on.
+fn angles(channel: &Channel, keys: &[Time], written: Option<&WrittenKeys>) -> Vec<DVec3> {
+    let rotation = |time| DQuat::from_array(channel.at(time).unwrap_or([0.0, 0.0, 0.0, 1.0]));
+    let stated = |index: usize| match written?.keys.get(index)?.numbers.as_deref()? {
+        [y] => Some(DVec3::new(0.0, *y, 0.0)),
+        [x, y, z] => Some(DVec3::new(*x, *y, *z)),
+        _ => None,
+    };
+    let (mut near, mut from) = (DVec3::ZERO, 0);
+    let of_key = |(index, key): (usize, &Time)| {
+        // The turns of what lies between this key and the one before are followed where the key does not state them.
+        while from < channel.times.len() && channel.times[from] <= *key {
+            near = euler_degrees_near(rotation(channel.times[from]), near);
+            from += 1;
+        }
+        near = stated(index).unwrap_or_else(|| euler_degrees_near(rotation(*key), near));
+        near
+    };
+    keys.iter().enumerate().map(of_key).collect()
+}
+
+/// `"#rrggbb"` of a linear color, with two more digits for alpha where there is some.
+fn color_text(linear: &[f64]) -> String {
+    // IEC 61966-2-1.
+    let byte = |value: f64| {
+        let value = value.clamp(0.0, 1.0);
+        let curve =
+            if value <= 0.0031308 { 12.92 * value } else { 1.055 * libm::pow(value, 1.0 / 2.4) - 0.055 };
+        (curve * 255.0).round() as u8
+    };
+    let [r, g, b] = [0, 1, 2].map(|index| byte(linear[index]));
+    let alpha = linear.get(3).filter(|alpha| **alpha < 1.0);
+    let alpha =
+        alpha.map_or(String::new(), |alpha| format!("{:02x}", (alpha.max(0.0) * 255.0).round() as u8));
+    format!("\"#{r:02x}{g:02x}{b:02x}{alpha}\"")
+}
+
+/// The place in the script that makes something other than a clip, and how many things that place makes.
+pub fn place_of(scene: &Scene, what: &Selected) -> Option<(Place, usize)> {
+    let (stage, places) = (&scene.stage, &scene.places);
+    let (all, index) = match what {
+        Selected::Actor(name) => (&places.actors, actor(stage, name)?),
+        Selected::Camera(name) => (&places.cameras, stage.cameras.iter().position(|c| c.name == *name)?),
+        Selected::Light(index) => (&places.lights, *index),
+        Selected::Effect(index) => (&places.effects, *index),
+        Selected::Title(index) => (&places.layers_2d, *index),
+        Selected::Cue { .. } => return None,
+    };
+    let place = all.get(index)?.clone();
+    let siblings = all.iter().filter(|other| **other == place).count();
+    Some((place, siblings))
+}
+
+/// The script's text, split into tokens once, for the properties of many things.
+pub fn text_of(scene: &Scene) -> Option<ScriptText<'_>> {
+    Some(ScriptText::new(scene.places.sources.get(&scene.places.main)?))
+}
+
+/// The properties of something that keys animate or could animate.
+pub fn properties(scene: &Scene, text: Option<&ScriptText>, what: &Selected) -> Vec<KeyedProperty> {
+    let stage = &scene.stage;
+    let place = place_of(scene, what)
+        .filter(|(place, count)| *count == 1 && place.line > 0 && place.file == scene.places.main);
+    let object = place.zip(text).and_then(|((place, _), text)| text.object(place.line, place.column).ok());
+    let found = match what {
+        Selected::Actor(name) => actor(stage, name).map(|index| {
+            let actor = &stage.actors[index];
+            let mut all = described(what, actor, &actor.channels, object.as_ref());
+            all.extend(morphs(what, &actor.asset, &actor.channels));
+            all
+        }),
+        Selected::Camera(name) => stage.cameras.iter().find(|camera| camera.name == *name).map(|camera| {
+            let mut all = described(what, camera, &camera.channels, object.as_ref());
+            // One of them decides about the angle.
+            let in_millimetres = all.iter().any(|p| p.name == "focal_length" && p.has_keys());
+            all.retain(|p| p.name != if in_millimetres { "fov" } else { "focal_length" });
+            all
+        }),
+        Selected::Light(index) => {
+            stage.lights.get(*index).map(|light| described(what, light, &light.channels, object.as_ref()))
+        }
+        Selected::Title(index) => {
+            stage.layers_2d.get(*index).map(|layer| described(what, layer, &layer.channels, object.as_ref()))
+        }
+        Selected::Effect(index) => stage.effects.get(*index).map(|used| parameters(scene, what, used)),
+        Selected::Cue { .. } => None,
+    };
+    let read = |property: KeyedProperty| property.read(object.as_ref(), stage.settings.fps);
+    found.unwrap_or_default().into_iter().map(read).collect()
+}
+
+fn described<T: Described>(
+    what: &Selected,
+    of: &T,
+    channels: &[Channel],
+    object: Option<&ScriptObject>,
+) -> Vec<KeyedProperty> {
+    let mut all = Vec::new();
+    for field in T::FIELDS.iter().filter(|field| (field.lacks)(of).is_none()) {
+        let Some((name, property)) = field.keyed else { continue };
+        let keys: Vec<Channel> =
+            channels.iter().rev().find(|c| c.property == property).cloned().into_iter().collect();
+        // Two names of one property: the color of a light is that of its kelvin where those have the keys.
+        let twin = T::FIELDS.iter().filter_map(|other| other.keyed);
+        let twin =
+            twin.filter(|(other, same)| *same == property && *other != name).map(|(other, _)| other).next();
+        let is_named = |name: &str| object.is_some_and(|object| object.has_keys(name));
+        if let Some(twin) = twin
+            && match keys.is_empty() {
+                true => field.of_type == FieldType::Kelvin,
+                false => is_named(twin) || (field.of_type == FieldType::Kelvin && !is_named(name)),
+            }
+        {
+            continue;
+        }
+        all.extend(of_field(what, field, of, name, keys));
+    }
+    all
+}
+
+fn of_field<T>(
+    what: &Selected,
+    field: &Field<T>,
+    of: &T,
+    name: &str,
+    channels: Vec<Channel>,
+) -> Option<KeyedProperty> {
+    let (kind, unit, range) = match field.of_type {
+        FieldType::Number(low, high, unit) => (ValueKind::Numbers(1), unit, [low, high]),
+        FieldType::Degrees(low, high) => (ValueKind::Degrees, "°", [low, high]),
+        FieldType::Flag => (ValueKind::Flag, "", [0.0, 1.0]),
+        FieldType::Color => (ValueKind::Color, "", [0.0, 1.0]),
+        FieldType::Kelvin => (ValueKind::Kelvin, "", [0.0, 1.0]),
+        FieldType::Point => (ValueKind::Numbers(3), "m", [-1e9, 1e9]),
+        FieldType::Direction => (ValueKind::Direction, "", [-1.0, 1.0]),
+        FieldType::Rotation => (ValueKind::Rotation, "°", [-1e9, 1e9]),
+        FieldType::Scale => (ValueKind::Scale, "", [-1e6, 1e6]),
+        FieldType::Pair => (ValueKind::Numbers(2), "", [-1e9, 1e9]),
+        FieldType::Time | FieldType::Duration => return None,
+    };
+    let rest = match (field.get)(of) {
+        FieldValue::Number(n) if kind == ValueKind::Degrees => vec![n.to_degrees()],
+        FieldValue::Number(n) => vec![n],
+        FieldValue::Flag(on) => vec![f64::from(u8::from(on))],
+        FieldValue::Color(c) if c.w == 1.0 => c.truncate().as_dvec3().to_array().to_vec(),
+        FieldValue::Color(c) => c.as_dvec4().to_array().to_vec(),
+        FieldValue::Vector(v) => v.to_array().to_vec(),
+        FieldValue::Rotation(q) => euler_degrees_near(q, DVec3::ZERO).to_array().to_vec(),
+        FieldValue::Pair(v) => v.to_array().to_vec(),
+        // Without keys nobody knows what it is.
+        FieldValue::Unset | FieldValue::Time(_) if channels.is_empty() => return None,
+        FieldValue::Unset | FieldValue::Time(_) => Vec::new(),
+    };
+    Some(KeyedProperty { kind, unit, range, ..named(what, name, channels, rest) })
+}
+
+fn named(what: &Selected, name: &str, channels: Vec<Channel>, rest: Vec<f64>) -> KeyedProperty {
+    KeyedProperty {
+        what: what.clone(),
+        name: name.to_string(),
+        kind: ValueKind::Numbers(1),
+        unit: "",
+        range: [-1e9, 1e9],
+        channels,
+        rest,
+        keys: Vec::new(),
+        angles: Vec::new(),
+        written: None,
+    }
+}
+
+/// Morph targets and expressions that have keys, each name once.
+fn morphs(what: &Selected, asset: &Asset, channels: &[Channel]) -> Vec<KeyedProperty> {
+    let mut all: Vec<KeyedProperty> = Vec::new();
+    for channel in channels {
+        let (name, range) = match channel.property {
+            Property::Morph { instance, target } => {
+                let instance = asset.instances.get(instance as usize);
+                let mesh = instance.and_then(|i| asset.meshes.get(i.mesh as usize));
+                let name = mesh.and_then(|mesh| mesh.morph_names.get(target as usize));
+                (name.map(|name| format!("morph:{name}")), [-1000.0, 1000.0])
+            }
+            Property::Expression { expression } => {
+                let found = asset.expressions.get(expression as usize);
+                (found.map(|found| format!("expression:{}", found.name)), [0.0, 1.0])
+            }
+            _ => continue,
+        };
+        let Some(name) = name.filter(|name| all.iter().all(|other| other.name != *name)) else { continue };
+        all.push(KeyedProperty { range, ..named(what, &name, vec![channel.clone()], Vec::new()) });
+    }
+    all
+}
+
+/// The parameters of an effect.
+fn parameters(scene: &Scene, what: &Selected, used: &EffectUse) -> Vec<KeyedProperty> {
+    let Some(plugin) = scene.registry.effect(&used.plugin) else { return Vec::new() };
+    let given = choreo_render::effect_parameters(plugin, &used.parameters);
+    let (mut all, mut first) = (Vec::new(), 0);
+    for option in &plugin.manifest().options {
+        let numbers = first..first + option.number_count();
+        first = numbers.end;
+        let rest = given.get(numbers).map(|all| all.iter().map(|n| f64::from(*n)).collect::<Vec<_>>());
+        let Some((rest, kind)) = rest.zip(kind_of(option)) else { continue };
+        let of_number =
+            |name: String| used.keys.iter().find(|(keyed, _)| *keyed == name).map(|(_, c)| c.clone());
+        let channels: Vec<Channel> = option.number_names().filter_map(of_number).collect();
+        let range = option.bounds().unwrap_or([0.0, 1.0]);
+        let is_whole = channels.len() == option.number_count();
+        if !is_whole {
+            // Numbers of it have keys under names of their own.
+            for (name, channel) in used.keys.iter().filter(|(name, _)| option.number_of(name).is_some()) {
+                all.push(KeyedProperty { range, ..named(what, name, vec![channel.clone()], Vec::new()) });
+            }
+        }
+        let channels = if is_whole { channels } else { Vec::new() };
+        all.push(KeyedProperty { kind, range, ..named(what, &option.name, channels, rest) });
+    }
+    all
+}
+
+fn kind_of(option: &OptionSpec) -> Option<ValueKind> {
+    Some(match &option.kind {
+        OptionKind::Number { .. } | OptionKind::Integer { .. } => ValueKind::Numbers(1),
+        OptionKind::Bool { .. } => ValueKind::Flag,
+        OptionKind::Color { .. } => ValueKind::Color,
+        OptionKind::Vector { .. } => ValueKind::Numbers(option.number_count()),
+        _ => return None,
+    })
+}
+
+/// Whether the interpolation of a property was replaced by samples in the stage, so that its keys are known from the text alone.
+pub(crate) fn may_be_sampled<'c>(mut channels: impl Iterator<Item = &'c Channel>) -> bool {
+    let sampled = |c: &Channel| c.interpolation == Interpolation::Linear || c.property == Property::Rotation;
+    // The color of a light may be stated in kelvin.
+    channels.any(|c| c.property == Property::Color || c.times.len() > 2 && sampled(c))
+}
