@@ -162,3 +162,48 @@ fn tables_that_mean_nothing_are_refused() {
     assert!(said(("a.csv", "name\nZoe\n"), &["--row", "2"]).contains("--row 2: a.csv has rows 1 to 1"));
     assert!(said(("a.csv", "name\nZoe\n"), &["--segment", "parts"]).contains("choose its row with --row"));
 }
+
+/// A triangle with a texture of its own, which takes 21 MB with its mipmaps.
+#[cfg(target_os = "linux")]
+fn textured(folder: &Path, number: u8) {
+    let image = image::RgbImage::from_pixel(2048, 2048, image::Rgb([number, 90, 200 - number]));
+    image.save(folder.join(format!("{number}.png"))).unwrap();
+    let positions: [f32; 9] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0];
+    let uvs: [f32; 6] = [0.0, 0.0, 1.0, 0.0, 0.0, 1.0];
+    let mut bytes: Vec<u8> = positions.iter().chain(&uvs).flat_map(|v| v.to_le_bytes()).collect();
+    bytes.extend([0u16, 1, 2].iter().flat_map(|i| i.to_le_bytes()));
+    let accessor = |view: u8, kind: &str| serde_json::json!({ "bufferView": view, "componentType": 5126, "count": 3, "type": kind });
+    let mut positions = accessor(0, "VEC3");
+    (positions["min"], positions["max"]) = (serde_json::json!([-1, 0, 0]), serde_json::json!([1, 1, 0]));
+    let mut indices = accessor(2, "SCALAR");
+    indices["componentType"] = 5123.into();
+    let view = |offset: u8, length: u8| serde_json::json!({ "buffer": 0, "byteOffset": offset, "byteLength": length });
+    let model = serde_json::json!({
+        "asset": { "version": "2.0" }, "scene": 0, "scenes": [{ "nodes": [0] }], "nodes": [{ "mesh": 0 }],
+        "meshes": [{ "primitives": [
+            { "attributes": { "POSITION": 0, "TEXCOORD_0": 1 }, "indices": 2, "material": 0 }
+        ] }],
+        "materials": [{ "pbrMetallicRoughness": { "baseColorTexture": { "index": 0 } } }],
+        "textures": [{ "source": 0 }], "images": [{ "uri": format!("{number}.png") }],
+        "accessors": [positions, accessor(1, "VEC2"), indices],
+        "bufferViews": [view(0, 36), view(36, 24), view(60, 6)],
+        "buffers": [{
+            "byteLength": bytes.len(), "uri": format!("data:application/octet-stream;base64,{}", base64(&bytes)),
+        }],
+    });
+    std::fs::write(folder.join(format!("{number}.gltf")), model.to_string()).unwrap();
+}
+
+/// Twenty rows of different models, of which the program could hold ten.
+#[cfg(target_os = "linux")]
+#[test]
+fn models_of_earlier_rows_are_released() {
+    let dir = scene();
+    let d = dir.path();
+    (0..20).for_each(|number| textured(d, number));
+    let rows = (0..20).map(|number| format!("{number},{number}.gltf\n"));
+    std::fs::write(d.join("rows.csv"), "_file,model\n".to_string() + &rows.collect::<String>()).unwrap();
+    let run = batch(d, &["-o", "out{_file}.png", "--at", "0", "--limit", "memory=300000000"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert!((0..20).all(|number| d.join(format!("out{number}.png")).is_file()));
+}

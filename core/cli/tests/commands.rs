@@ -143,6 +143,38 @@ fn explain_states_the_cost_of_each_pass() {
     assert!(one.iter().all(|(by, ..)| by == "the pass depth" || by == "the passes of the frame"), "{one:?}");
 }
 
+/// Shadow maps have no materials: nothing that the box alone asks for names those of the figure, which come first. The tables fit the terminal.
+#[test]
+fn explain_names_the_materials_of_what_it_is_about() {
+    let dir = folder();
+    let script = "sun(#{ shadow: true });\nlet m = load(\"choreo:mannequin\");\ncast(\"figure\", m);\n\
+        cast(\"box\", shape(\"box\")).at(1, 0, 0);\ncamera(\"c\").at(0, 1, 5).look_at([0, 1, 0]);";
+    std::fs::write(dir.path().join("s.rhai"), script).unwrap();
+    let value = json(dir.path(), &["explain", "s.rhai", "--json"]);
+    let of_box = |part: &&serde_json::Value| {
+        let actors = part["asked_by"]["actors"].as_array().unwrap();
+        actors.len() == 1 && actors[0]["name"] == "box"
+    };
+    let parts: Vec<_> = value["in"].as_array().unwrap().iter().filter(of_box).collect();
+    let shadowed = |part: &&&serde_json::Value| part["what"].as_str().unwrap().contains("SHADOW_PASS");
+    assert!(parts.iter().any(|part| shadowed(&part)), "{parts:?}");
+    for part in parts {
+        let materials = part["asked_by"]["materials"].as_array().unwrap();
+        assert!(materials.iter().all(|name| name == "shape"), "{part}");
+    }
+    for columns in ["80", "120"] {
+        let run =
+            finished(command(dir.path(), &["explain", "s.rhai"]).env("COLUMNS", columns).output().unwrap());
+        let table: Vec<&str> = run.out.lines().skip_while(|line| !line.contains("asked for by")).collect();
+        assert!(
+            table.len() > 20 && table.iter().all(|line| line.chars().count() <= columns.parse().unwrap())
+        );
+    }
+    let mut piped = command(dir.path(), &["explain", "s.rhai"]);
+    let run = finished(piped.env_remove("COLUMNS").output().unwrap());
+    assert!(run.out.lines().any(|line| line.chars().count() > 120), "{}", run.out);
+}
+
 #[test]
 fn explain_says_where_in_the_script_something_was_asked_for() {
     let dir = tempfile::tempdir().unwrap();

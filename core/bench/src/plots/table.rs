@@ -83,7 +83,7 @@ impl Table {
         self.text_within(usize::MAX)
     }
 
-    /// As [`Table::text`], in lines of this many characters where words allow it: longer cells go on in lines of their own.
+    /// The text of [`Table::text`] in lines of this many characters where words allow it: longer cells go on in lines of their own.
     pub fn text_within(&self, width: usize) -> String {
         let widths = self.fitted(width);
         let mut out = String::new();
@@ -214,9 +214,9 @@ mod tests {
             assert!(text.lines().all(|line| line.width() <= width), "{text}");
             assert_eq!(words(&text), words(&table.text()), "{text}");
         }
-        let expected = "  what                       size  asked for by
-  triangles lit skin       1.2 kB  Zoë (line 3),
-    morph normal_map: 3              田中 (line 4)
+        let expected = "  what                      size  asked for by
+  triangles lit skin      1.2 kB  Zoë (line 3), 田中
+    morph normal_map: 3             (line 4)
     draws, 12 copies
 ";
         assert!(table.text_within(56).starts_with(expected), "{}", table.text_within(56));

@@ -225,7 +225,7 @@ impl Folder {
         }
     }
 
-    /// Copies the part of another machine that has the most finished frames, where that are more than the own ones. It is not moved: its process may
+    /// Copies the part of another machine that has the most finished frames, where it has more than the own part. It is not moved: its process may
     /// live where locks do not reach.
     fn copy_of_others(&mut self, identity: &Identity) -> Result<(), WriteError> {
         let mut most = finished_in(self.part.lock_file()).map_or(0, |found| found.records.len());

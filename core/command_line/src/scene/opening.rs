@@ -39,7 +39,7 @@ impl Keep {
         self.touched.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Of scenes that are opened one after the other, releases the assets that none of the open ones uses, once the program holds a quarter of the memory
+    /// Releases the assets that no open scene uses, once the program holds a quarter of the memory
     /// that it may: until then a later scene finds them made.
     pub(crate) fn release(&self, limit: u64) {
         let held = in_use();

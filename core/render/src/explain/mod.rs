@@ -113,11 +113,15 @@ impl Costs<'_> {
 
     fn requested_by<'d>(&self, draws: impl Iterator<Item = &'d Draw>) -> RequestedBy {
         let mut requested_by = RequestedBy::default();
+        let in_shadow: BTreeSet<u32> = self.plan.shadow_draws().map(|draw| draw.first_instance).collect();
         for draw in draws {
             let first = draw.first_instance as usize;
             let copies = self.plan.instance_actors.get(first..first + draw.instance_count as usize);
             requested_by.actors.extend(copies.unwrap_or_default());
-            requested_by.materials.insert(draw.material);
+            // Shadow maps have materials only where these cut holes.
+            if !in_shadow.contains(&draw.first_instance) || draw.pipeline.features.has(Features::ALPHA_MASK) {
+                requested_by.materials.insert(draw.material);
+            }
         }
         requested_by
     }
