@@ -57,7 +57,7 @@ fn an_installed_package_in_webassembly_works_in_the_viewer() {
 
     let Some(screen) = Screen::new() else { return };
     let said = fs::File::create(folder.join("said.txt")).unwrap();
-    let mut command = set_up(viewer, &["s.rhai"]);
+    let mut command = set_up(viewer, &["s.rhai", "--full-size"]);
     command.env("DISPLAY", &screen.display).env_remove("WAYLAND_DISPLAY");
     command.env("XDG_STATE_HOME", folder.join("state"));
     let mut viewer = Running(command.stdout(said.try_clone().unwrap()).stderr(said).spawn().unwrap());
