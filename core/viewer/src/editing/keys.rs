@@ -218,7 +218,7 @@ impl Viewer {
         if !keyed.is_empty() {
             return self.set_keys(&what, &keyed);
         }
-        let usual = ["position", "intensity", "fov", "opacity"];
+        let usual = ["intensity", "position", "fov", "opacity"];
         let usual = usual.into_iter().find(|name| all.iter().any(|p| p.name == *name));
         let first = usual.or(all.first().map(|p| p.name.as_str()));
         let first = first.ok_or_else(|| EditError::refused("nothing of it can have keys"))?;
