@@ -104,7 +104,14 @@ fn no_text_makes_it_panic() {
         if let Ok(object) = ScriptObject::at(&text[..*to], 1, 1) {
             for secs in [0.0, 0.5, 9.0] {
                 let _ = object.set_key("position", EditTime { secs, fps: FPS }, KeyValue::Point(DVec3::ONE));
+                let _ = object.move_keys("position", &[(time(0.0), time(secs)), (time(2.0), time(0.5))]);
+                let _ = object.delete_keys("position", &[time(secs), time(2.0)]);
+                let _ = object.set_key_ease("position", time(secs), Some("\"in_sine\""));
+                let _ = object.paste_keys(&text[text.find(".key").unwrap()..*to.max(&11)], time(secs));
             }
+            let _ = object.set_key_how("position", FPS, Some("\"step\""));
+            let _ = object.copy_keys("position", &[time(0.0), time(2.0)]);
+            let _ = object.written_keys("position", FPS);
         }
     }
 }

@@ -93,7 +93,7 @@ pub struct Viewer {
     pub(crate) copied: String,
     /// The further parts that are selected, and beside which.
     pub(crate) more: (Option<Selected>, Vec<Selected>),
-    /// The selected keys, and beside which selection they are.
+    /// The selected keys in order, and beside which selection they are.
     pub(crate) keys: (Option<Selected>, Vec<KeyRef>),
     pub curves: Curves,
     pub span: Span,
@@ -417,11 +417,13 @@ impl Viewer {
     }
 
     pub(crate) fn is_key_selected(&self, key: &KeyRef) -> bool {
-        self.selected_keys().contains(key)
+        self.selected_keys().binary_search(key).is_ok()
     }
 
     /// Selects keys, and what they animate where nothing is selected with them.
-    pub fn select_keys(&mut self, keys: Vec<KeyRef>) {
+    pub fn select_keys(&mut self, mut keys: Vec<KeyRef>) {
+        keys.sort();
+        keys.dedup();
         if let Some(first) = keys.first() {
             let is_of_it = |key: &KeyRef| self.selection.as_ref() == Some(&key.what);
             if !keys.iter().any(is_of_it) {
@@ -432,7 +434,9 @@ impl Viewer {
     }
 
     /// Selects bars, and keys with them.
-    pub(crate) fn select_bars_and_keys(&mut self, bars: Vec<Selected>, keys: Vec<KeyRef>) {
+    pub(crate) fn select_bars_and_keys(&mut self, bars: Vec<Selected>, mut keys: Vec<KeyRef>) {
+        keys.sort();
+        keys.dedup();
         let has_bars = !bars.is_empty();
         self.select_all(bars);
         match has_bars {
@@ -456,6 +460,7 @@ impl Viewer {
         for key in self.keys.1.iter_mut().filter(|key| moved.contains(key)) {
             key.at = Time::from_secs((key.at.as_secs() + by).max(0.0));
         }
+        self.keys.1.sort();
     }
 
     /// Finds the selected keys in a new version, by what they animate and their times; those that are gone are selected no longer.
@@ -470,7 +475,8 @@ impl Viewer {
             let event = events().filter(is_it).min_by_key(|event| (event.at - key.at).0.abs())?;
             Some(KeyRef { at: event.at, ..key.clone() })
         };
-        let found = self.keys.1.iter().filter_map(found).collect();
+        let mut found: Vec<KeyRef> = self.keys.1.iter().filter_map(found).collect();
+        found.sort();
         self.keys.1 = found;
     }
 

@@ -4,6 +4,7 @@
 mod place;
 
 use choreo_session::{Problem, SceneSource, Session};
+use choreo_viewer::editing::expression;
 use choreo_viewer::geometry::gizmo::Change;
 use choreo_viewer::state::selection::Selected;
 use egui::{Key, Modifiers, pos2, vec2};
@@ -299,4 +300,83 @@ fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
     assert!(place.viewer.faulty && place.viewer.problems.len() == 2);
     assert!(place.viewer.add_guests().unwrap_err().to_string().contains("cannot be read"));
     assert_eq!(place.text(), SCRIPT);
+}
+
+/// What is typed is arithmetic, and the right mouse button sets a field to its default.
+#[test]
+fn fields_take_expressions_and_go_back_to_their_defaults() {
+    let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
+    harness.get_by_label("row ada").click();
+    harness.run();
+    for (typed, written) in [("1/4 - 2", "-1.75"), ("f(12) + 0.5", "0.98"), ("-f(30)/2", "-0.6")] {
+        harness.get_by_label("x").click();
+        harness.run();
+        harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        harness.event(egui::Event::Text(typed.into()));
+        harness.run();
+        harness.key_press(Key::Enter);
+        harness.run();
+        assert_eq!(harness.state().viewer.message, None);
+        assert_eq!(harness.state().text(), SCRIPT.replace(".at(-0.5,", &format!(".at({written},")));
+        harness.state_mut().reload();
+        harness.run();
+    }
+    harness.state_mut().reload_with(SCRIPT);
+    harness.state_mut().viewer.selection = Some(Selected::Effect(0));
+    harness.run();
+    let secondary_click = |harness: &mut egui_kittest::Harness<'static, Place>, pos: egui::Pos2| {
+        harness.hover_at(pos);
+        harness.run();
+        for pressed in [true, false] {
+            let (button, modifiers) = (egui::PointerButton::Secondary, Modifiers::NONE);
+            harness.event(egui::Event::PointerButton { pos, button, pressed, modifiers });
+            harness.run();
+        }
+    };
+    let pos = harness.get_by_role_and_label(egui::accesskit::Role::Label, "strength").rect().center();
+    secondary_click(&mut harness, pos);
+    let default = {
+        let scene = harness.state().viewer.scene.clone().unwrap();
+        let plugin = scene.registry.effect("vignette").unwrap();
+        choreo_session::edit::format_number(f64::from(choreo_render::effect_parameters(plugin, &[])[0]))
+    };
+    assert_ne!(default, "0.5");
+    harness.get_by_label(&format!("Reset to {default}")).click();
+    harness.run();
+    assert_eq!(harness.state().text(), SCRIPT.replace("strength: 0.5", &format!("strength: {default}")));
+    harness.state_mut().reload_with(SCRIPT);
+    harness.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
+    harness.run();
+    let pos = harness.get_by_label("x").rect().center();
+    secondary_click(&mut harness, pos);
+    harness.get_by_label("Reset to 0.0").click();
+    harness.run();
+    assert_eq!(harness.state().text(), SCRIPT.replace(".at(-0.5, 0.0", ".at(0.0, 0.0"));
+}
+
+#[test]
+fn expressions_have_the_values_of_arithmetic() {
+    for (text, expected) in [
+        ("1/3", 1.0 / 3.0),
+        (" -2.5 ", -2.5),
+        ("1 + 2*3", 7.0),
+        ("(1+2)*3 - 4/8", 8.5),
+        ("f(12)", 0.48),
+        ("f(12) + 2*-f( 5 + 5 )", -0.32),
+        ("10/2/5", 1.0),
+        ("8-4-2", 2.0),
+        (".5", 0.5),
+        ("\u{2212}1", -1.0),
+    ] {
+        let got = expression::value(text, 25.0).unwrap_or_else(|| panic!("{text}"));
+        assert!((got - expected).abs() < 1e-12, "{text}: {got}");
+    }
+}
+
+#[test]
+fn what_is_no_number_is_none() {
+    let deep = "(".repeat(100_000);
+    for text in ["", "x", "1/0", "1 2", "(1", "1)", "f12", "f(", "--", "1..2", "1e", &deep] {
+        assert_eq!(expression::value(text, 25.0), None, "{}", &text[..text.len().min(8)]);
+    }
 }

@@ -74,35 +74,3 @@ impl Parser<'_> {
         rest[..end].parse().ok()
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::value;
-
-    #[test]
-    fn expressions_have_the_values_of_arithmetic() {
-        for (text, expected) in [
-            ("1/3", 1.0 / 3.0),
-            (" -2.5 ", -2.5),
-            ("1 + 2*3", 7.0),
-            ("(1+2)*3 - 4/8", 8.5),
-            ("f(12)", 0.48),
-            ("f(12) + 2*-f( 5 + 5 )", -0.32),
-            ("10/2/5", 1.0),
-            ("8-4-2", 2.0),
-            (".5", 0.5),
-            ("\u{2212}1", -1.0),
-        ] {
-            let got = value(text, 25.0).unwrap_or_else(|| panic!("{text}"));
-            assert!((got - expected).abs() < 1e-12, "{text}: {got}");
-        }
-    }
-
-    #[test]
-    fn what_is_no_number_is_none() {
-        let deep = "(".repeat(100_000);
-        for text in ["", "x", "1/0", "1 2", "(1", "1)", "f12", "f(", "--", "1..2", "1e", &deep] {
-            assert_eq!(value(text, 25.0), None, "{}", &text[..text.len().min(8)]);
-        }
-    }
-}

@@ -3,6 +3,7 @@
 
 use super::{EditError, Step};
 use crate::app::Viewer;
+use crate::state::curves::KnownProperties;
 use crate::state::events::{Event, KeyOf};
 use crate::state::keyed::{self, KeyRef, KeyedProperty, ValueKind, ValueText};
 use crate::state::selection::{Selected, actor};
@@ -10,7 +11,6 @@ use choreo_motion::Time;
 use choreo_script::Place;
 use choreo_session::edit::{Edit, EditRefused, EditTime, KeyValue, ScriptObject, copied_keys};
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 /// Keys that a line may state anew; more would be samples of an easing.
 const MOST_STATED: usize = 64;
@@ -102,7 +102,7 @@ impl Viewer {
 
     /// Deletes the selected clips and keys, as one change.
     pub fn delete_selected(&mut self) -> Result<(), EditError> {
-        let mut steps = self.key_delete_steps(&self.selected_keys().to_vec())?;
+        let mut steps = self.key_delete_steps(self.selected_keys())?;
         steps.extend(self.cue_delete_steps(&self.selected_bars())?);
         self.change_all(steps)?;
         self.selection = None;
@@ -218,7 +218,7 @@ impl Viewer {
         if !keyed.is_empty() {
             return self.set_keys(&what, &keyed);
         }
-        let usual = ["position", "intensity", "fov", "opacity"];
+        let usual = ["intensity", "position", "fov", "opacity"];
         let usual = usual.into_iter().find(|name| all.iter().any(|p| p.name == *name));
         let first = usual.or(all.first().map(|p| p.name.as_str()));
         let first = first.ok_or_else(|| EditError::refused("nothing of it can have keys"))?;
@@ -234,10 +234,7 @@ impl Viewer {
     }
 
     /// All properties of something that can have keys, and those that have some, found once a version.
-    pub(crate) fn known_properties(
-        &mut self,
-        what: &Selected,
-    ) -> Option<(Arc<Vec<KeyedProperty>>, Arc<Vec<KeyedProperty>>)> {
+    pub(crate) fn known_properties(&mut self, what: &Selected) -> Option<KnownProperties> {
         let scene = self.scene.clone()?;
         let find = || keyed::properties(&scene, keyed::text_of(&scene).as_ref(), what);
         Some(self.curves.properties(scene.number, what, find))

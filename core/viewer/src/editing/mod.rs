@@ -6,7 +6,7 @@ mod adding;
 mod cues;
 pub(crate) mod difference;
 mod error;
-pub(crate) mod expression;
+pub mod expression;
 pub(crate) mod external_editor;
 mod keys;
 pub mod placing;

@@ -321,7 +321,7 @@ pub(super) fn beside(ui: &Ui, at: egui::Pos2, text: &str) {
     let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Tooltip, egui::Id::new("beside")));
     let galley = painter.layout_no_wrap(text.to_string(), FontId::proportional(12.0), Color32::WHITE);
     let rect = Rect::from_min_size(at + vec2(14.0, -22.0), galley.size()).expand(3.0);
-    painter.rect_filled(rect, 3.0, Color32::from_black_alpha(200));
+    painter.rect_filled(rect, 3.0, Color32::from_black_alpha(230));
     painter.galley(rect.min + vec2(3.0, 3.0), galley, Color32::WHITE);
 }
 

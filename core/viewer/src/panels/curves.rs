@@ -395,8 +395,6 @@ fn background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected, all: &
     }
     if ui.input(|i| i.modifiers.shift || i.modifiers.command) {
         keys.extend(viewer.selected_keys().iter().cloned());
-        keys.sort();
-        keys.dedup();
     }
     viewer.select_keys(keys);
 }
@@ -438,7 +436,8 @@ fn lines(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, index:
 fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, index: usize) -> Option<Act> {
     let mut act = None;
     let (fps, scale) = (viewer.playhead.fps(), viewer.curves.scale(property));
-    for (number, at) in property.keys.iter().enumerate().take(MOST) {
+    let first = property.keys.partition_point(|at| plot.x(*at) < plot.rect.left() - HALF);
+    for (number, at) in property.keys.iter().enumerate().skip(first).take(MOST) {
         let x = plot.x(*at);
         if !plot.rect.expand(HALF).x_range().contains(x) {
             continue;

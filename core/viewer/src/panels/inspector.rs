@@ -303,7 +303,7 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable
             let usual = &defaults[numbers];
             let is_keyed = keyable.iter().any(|p| p.name == option.name && p.has_keys());
             let value = if is_keyed { now } else { value };
-            ui.label(&option.name).on_hover_text(&option.about);
+            let label = ui.label(&option.name).interact(egui::Sense::click()).on_hover_text(&option.about);
             match &option.kind {
                 // The value comes from a callback or keys of single numbers, which a literal would not change.
                 _ if now != value => {
@@ -314,7 +314,9 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable
                     let value = f64::from(value[0]);
                     let [min, max] = option.bounds().unwrap_or_default();
                     let usual = f64::from(usual[0]);
-                    if let Some(to) = field(&option.name, value, 0.01, min..=max, usual).slider(ui) {
+                    let reset = values::reset(&label, usual).filter(|to| *to != value);
+                    let set = field(&option.name, value, 0.01, min..=max, usual).slider(ui);
+                    if let Some(to) = reset.or(set) {
                         let is_whole = matches!(option.kind, OptionKind::Integer { .. });
                         let to = if is_whole { to.round() } else { to };
                         wanted = Some(Wanted::Parameter(option.name.clone(), format_number(to)));

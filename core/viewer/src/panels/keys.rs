@@ -117,7 +117,8 @@ fn view_keys(ui: &Ui, viewer: &mut Viewer) {
         let back = ui.input(|i| i.key_down(Key::PageUp));
         next_selection(viewer, back);
     }
-    if pressed(Key::Escape) {
+    // An open menu is closed first.
+    if !egui::Popup::is_any_open(ui.ctx()) && pressed(Key::Escape) {
         match viewer.offer.is_some() {
             true => viewer.offer = None,
             false => viewer.selection = None,

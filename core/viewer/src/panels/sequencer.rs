@@ -299,8 +299,6 @@ fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[usize]) {
         keys.extend(viewer.selected_keys().iter().cloned());
     }
     all.dedup();
-    keys.sort();
-    keys.dedup();
     viewer.select_bars_and_keys(all, keys);
 }
 

@@ -51,7 +51,8 @@ fn settled(
     reset.or_else(|| done.then_some(now)).filter(|now| *now != value && now.is_finite())
 }
 
-fn reset(response: &Response, default: f64) -> Option<f64> {
+/// A menu of the right mouse button that gives the default.
+pub fn reset(response: &Response, default: f64) -> Option<f64> {
     let mut chosen = None;
     response.context_menu(|ui| {
         let default_text = choreo_session::edit::format_number(default);

@@ -27,6 +27,9 @@ pub struct Curves {
     known: Option<Known>,
 }
 
+/// All properties of something that can have keys, and those that have some.
+pub type KnownProperties = (Arc<Vec<KeyedProperty>>, Arc<Vec<KeyedProperty>>);
+
 /// The properties of something in a version of the scene.
 struct Known {
     number: u64,
@@ -71,7 +74,7 @@ impl Curves {
         number: u64,
         what: &Selected,
         find: impl FnOnce() -> Vec<KeyedProperty>,
-    ) -> (Arc<Vec<KeyedProperty>>, Arc<Vec<KeyedProperty>>) {
+    ) -> KnownProperties {
         let same = self.known.as_ref().filter(|known| known.what == *what);
         if let Some(known) = same.filter(|known| known.number == number) {
             return (known.all.clone(), known.keyed.clone());

@@ -227,7 +227,13 @@ impl KeyedProperty {
         let written = object.and_then(|object| object.written_keys(&self.name, fps.as_fps()).ok());
         if let Some(written) = written {
             let times = written_times(&written, fps);
-            let has = |time: &Time| channel.times.iter().any(|at| (*at - *time).0.abs() <= 2);
+            let near = |time: &Time, index: usize| {
+                channel.times.get(index).is_some_and(|at| (*at - *time).0.abs() <= 2)
+            };
+            let has = |time: &Time| {
+                let next = channel.times.partition_point(|at| at < time);
+                near(time, next) || next > 0 && near(time, next - 1)
+            };
             if times.iter().all(has) {
                 (self.keys, self.written) = (times, Some(written));
             }
