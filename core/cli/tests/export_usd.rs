@@ -370,27 +370,34 @@ fn blender_has_the_joints_where_they_were() {
         let apart =
             numbers(&read["starts"]).iter().zip(&starts).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(numbers(&read["starts"]).len() == starts.len() && apart < 1e-6, "{}", read["starts"]);
-        let (mut evaluator, mut worst) = (Evaluator::new(stage.clone()), Worst::default());
-        for (number, frame) in frames.iter().enumerate() {
-            let time = stage.settings.fps.time_of(*frame as _);
-            let truth = evaluator.at(time).unwrap();
-            for (actor, state) in stage.actors.iter().zip(&truth.actors).filter(|(_, state)| state.visible) {
-                for (joint, name) in actor.asset.skeleton.names().iter().enumerate() {
-                    let bone = name.replace(':', "_");
-                    let found = &read["joints"][&actor.name][bone][number];
-                    let (Some(place), false) = (state.world_from_joint(joint), found.is_null()) else {
-                        continue;
-                    };
-                    let apart = place.translation.distance(DVec3::from_slice(&numbers(found)));
-                    worst.take(apart, || format!("{} {name} at frame {frame}", actor.name));
+        let worst_of = |late: usize| {
+            let (mut evaluator, mut worst) = (Evaluator::new(stage.clone()), Worst::default());
+            for (number, frame) in frames.iter().enumerate() {
+                let truth = evaluator.at(stage.settings.fps.time_of((*frame + late) as _)).unwrap();
+                for (actor, state) in
+                    stage.actors.iter().zip(&truth.actors).filter(|(_, state)| state.visible)
+                {
+                    for (joint, name) in actor.asset.skeleton.names().iter().enumerate() {
+                        let bone = name.replace(':', "_");
+                        let found = &read["joints"][&actor.name][bone][number];
+                        let (Some(place), false) = (state.world_from_joint(joint), found.is_null()) else {
+                            continue;
+                        };
+                        let apart = place.translation.distance(DVec3::from_slice(&numbers(found)));
+                        worst.take(apart, || format!("{} {name} at frame {frame}", actor.name));
+                    }
                 }
             }
-        }
+            worst
+        };
+        let worst = worst_of(0);
         println!(
             "Blender, {lesson}: {} places, {:.1e} m, {}; {}",
             worst.count, worst.metres, worst.place, read["kinds"]
         );
         assert!(worst.count > 20 * 8 && worst.metres < TOLERANCE, "{:e} m, {}", worst.metres, worst.place);
+        let late = worst_of(1).metres;
+        assert!(lesson != LESSONS[0] || late > 10.0 * TOLERANCE, "a frame late is not found: {late:e} m");
         let shaped =
             stage.actors.iter().flat_map(|a| &a.asset.meshes).filter(|m| m.morph_targets > 0).count();
         assert!(shaped == 0 || !read["shapes"].as_object().unwrap().is_empty(), "no shape keys");

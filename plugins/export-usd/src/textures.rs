@@ -11,12 +11,14 @@ use std::sync::Arc;
 /// Formats of images in packages (the USDZ specification).
 const FORMATS: &[ImageFileFormat] = &[ImageFileFormat::Png, ImageFileFormat::Jpeg];
 
+/// The end of a file's name, and its bytes.
+type NamedFile = (String, Arc<Vec<u8>>);
+
 pub struct Textures {
     /// Stem of the names.
     pub stem: String,
     images: ImageFiles,
-    /// The end of the name, and the file of the sky.
-    sky: Option<(&'static str, Arc<Vec<u8>>)>,
+    sky: Option<NamedFile>,
 }
 
 impl Default for Textures {
@@ -39,8 +41,8 @@ impl Textures {
     /// One that cannot be written as OpenEXR.
     pub fn sky(&mut self, panorama: &Panorama, is_package: bool) -> Result<String, ExportError> {
         let (ending, _) = self.sky.insert(match &panorama.file {
-            Some(file) if !is_package => ("_sky.hdr", file.clone()),
-            _ => ("_sky.exr", Arc::new(exr_of(panorama)?)),
+            Some(file) if !is_package => ("_sky.hdr".into(), file.clone()),
+            _ => ("_sky.exr".into(), Arc::new(exr_of(panorama)?)),
         });
         Ok(format!("./{}{ending}", self.stem))
     }
@@ -49,10 +51,10 @@ impl Textures {
     ///
     /// # Errors
     /// An image that cannot be written as PNG.
-    pub fn files(&self) -> Result<Vec<(String, Arc<Vec<u8>>)>, ExportError> {
+    pub fn files(&self) -> Result<Vec<NamedFile>, ExportError> {
         let files = self.images.files()?.into_iter().enumerate();
         let images = files.map(|(number, file)| (self.images.ending(number), file.bytes));
-        Ok(images.chain(self.sky.iter().map(|(ending, file)| (ending.to_string(), file.clone()))).collect())
+        Ok(images.chain(self.sky.clone()).collect())
     }
 }
 
