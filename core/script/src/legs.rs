@@ -2,7 +2,7 @@
 
 use crate::api_error::ApiError;
 use choreo_asset::Asset;
-use choreo_motion::{HumanBone, Skeleton};
+use choreo_motion::{HumanBone, HumanoidJoints, Skeleton};
 use choreo_stage::{Leg, find_legs};
 
 /// The legs found by joint names, else those above the feet that the file declares.
@@ -16,12 +16,16 @@ pub fn legs(asset: &Asset) -> Vec<Leg> {
     feet.filter_map(|foot| leg_above(&asset.skeleton, foot).ok()).collect()
 }
 
-/// The lowest joint that is above all legs.
+/// The hips if they are above all legs, else the lowest joint that is. Legs may hang on the spine, and the pelvis beside it.
 pub fn hips(asset: &Asset, legs: &[Leg]) -> Option<u32> {
     let parents = asset.skeleton.parents();
     let above = |leg: &Leg| std::iter::successors(parents[leg.hip as usize], |j| parents[*j as usize]);
     let (first, others) = legs.split_first()?;
-    above(first).find(|joint| others.iter().all(|leg| above(leg).any(|j| j == *joint)))
+    let lowest = above(first).find(|joint| others.iter().all(|leg| above(leg).any(|j| j == *joint)))?;
+    let hips = HumanoidJoints::of(&asset.skeleton).joint("hips");
+    let is_above =
+        |hips: &u32| std::iter::successors(Some(lowest), |j| parents[*j as usize]).any(|j| j == *hips);
+    Some(hips.filter(is_above).unwrap_or(lowest))
 }
 
 pub(crate) fn leg_above(skeleton: &Skeleton, foot: u32) -> Result<Leg, ApiError> {

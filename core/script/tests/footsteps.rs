@@ -3,7 +3,7 @@
 
 mod common;
 
-use choreo_motion::Time;
+use choreo_motion::{HumanoidJoints, Time};
 use choreo_stage::{ConstraintKind, Evaluator, Leg, Stage, find_legs};
 use common::stage_of_samples;
 use glam::DVec3;
@@ -67,6 +67,8 @@ const STEADY: f64 = 1e-4;
 /// A foot that is so far from where it stood, in legs, has left it; before it stands again it must get as high as this.
 const LEFT: f64 = 0.06;
 const LIFT: f64 = 0.025;
+/// Share of the height of the hips by which hips and the lower foot may get higher and lower on a slope.
+const BOBS: f64 = 0.3;
 /// Metres that feet may slide.
 const MOST: f64 = 0.02;
 /// Metres per second: a foot that is faster from one 240th of a second to the next pops.
@@ -427,6 +429,61 @@ fn leg_length(stage: &Stage, leg: &Leg) -> f64 {
     (knee - hip).length() + (foot - knee).length()
 }
 
+/// Rise of the slope, metres a metre.
+const SLOPE: f64 = 0.2;
+
+/// Heights above the ground of the hips and of the lower foot, at times of a walk up a slope.
+fn up_a_slope(folder: &Path, character: &Character) -> Vec<[f64; 2]> {
+    let calls = format!(
+        "let hill = cast(\"hill\", shape(\"box\", #{{ size: [80, 1, 8] }})).rotate(0, 0, {});
+         anna.at(-8, 0, 0).face([1000, 0, 0]);
+         anna.root_motion(); anna.plant_feet(#{{ ground: hill }}); anna.play(walk);",
+        SLOPE.atan().to_degrees()
+    );
+    let stage = stage_of_samples(folder, &script(character, &calls));
+    let skeleton = &stage.actors[0].asset.skeleton;
+    let legs = find_legs(skeleton);
+    let hips = HumanoidJoints::of(skeleton).joint("hips").unwrap_or(legs[0].hip) as usize;
+    let mut evaluator = Evaluator::new(Arc::new(stage.clone()));
+    // The box stands on the plane y = 0 before it is turned about its middle there.
+    let ground = |x: f64| (1.0 + SLOPE * SLOPE).sqrt() + SLOPE * x;
+    let mut heights = Vec::new();
+    for i in 0..=16 {
+        let snapshot = evaluator.at(Time::from_secs(f64::from(i) * 0.5)).unwrap();
+        let state = &snapshot.actors[0];
+        let above = |joint: usize| {
+            let m = state.model_from_joint[joint];
+            let p = state.world_from_model.transform_point3(glam::Vec3::from(m.translation).as_dvec3());
+            p.y - ground(p.x)
+        };
+        let foot = |leg: &Leg| above(leg.toe.unwrap_or(leg.foot) as usize);
+        heights.push([above(hips), legs.iter().map(foot).fold(f64::INFINITY, f64::min)]);
+    }
+    heights
+}
+
+/// Hips and feet of all characters follow the ground; the hips of those whose legs hang on the spine once stayed behind.
+#[test]
+fn bodies_stay_above_a_slope() {
+    let Some(folder) = choreo_importer_kit_testing::assets(8) else { return };
+    println!("| file | hips above the ground, m | lower foot, m |");
+    println!("| --- | ---: | ---: |");
+    let mut faults = Vec::new();
+    for character in &CHARACTERS {
+        let heights = up_a_slope(&folder, character);
+        let range = |which: usize| {
+            let of = heights.iter().map(|h| h[which]);
+            (of.clone().fold(f64::INFINITY, f64::min), of.fold(f64::NEG_INFINITY, f64::max))
+        };
+        let (hips, feet) = (range(0), range(1));
+        println!("| {} | {:.3}–{:.3} | {:.3}–{:.3} |", character.0, hips.0, hips.1, feet.0, feet.1);
+        if hips.1 - hips.0 > BOBS * hips.1 || feet.0 < -BOBS * hips.1 || feet.1 > BOBS * hips.1 {
+            faults.push(format!("{}: {hips:?}, {feet:?}", character.0));
+        }
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
 /// Shortest time of the first frame at a time, by new evaluators, in seconds.
 fn first_frame(stage: &Arc<Stage>, time: f64) -> f64 {
     let one = || {
@@ -458,8 +515,9 @@ fn only_frames_in_a_stop_plan_its_steps() {
     let ratio = |time: f64| first_frame(&steps, time) / first_frame(&none, time);
     let (before, within) = (ratio(1.0), ratio(6.4));
     println!("first frame, times that without steps: {before:.2} before the stop, {within:.2} within");
-    assert!(before < 2.0, "{before}");
-    assert!(within > 2.0, "{within}: the measure sees planning");
+    // Planning takes some hundred times as long as a frame.
+    assert!(before < 20.0, "{before}");
+    assert!(within > 20.0, "{within}: the measure sees planning");
 }
 
 /// Ways to walk: name, calls of the script.

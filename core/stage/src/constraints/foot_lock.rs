@@ -392,11 +392,11 @@ pub(super) fn apply(
         // The hips come down as far as the lower foot needs.
         let drop = corrections.iter().map(|c| c.y).fold(f64::INFINITY, f64::min);
         if drop.is_finite() {
-            body.shift(hips, model_from_world.matrix3 * (DVec3::Y * drop));
+            shift(hips, &foot_lock.legs, model_from_world.matrix3 * (DVec3::Y * drop), body);
         }
     }
     if let (Some(hips), drop @ f64::MIN_POSITIVE..) = (foot_lock.hips, track.drop_at(time) * share) {
-        body.shift(hips, model_from_world.matrix3 * (DVec3::NEG_Y * drop));
+        shift(hips, &foot_lock.legs, model_from_world.matrix3 * (DVec3::NEG_Y * drop), body);
     }
     let targets: Vec<DVec3> =
         feet.iter().zip(&corrections).map(|(foot, c)| *foot + model_from_world.matrix3 * *c).collect();
@@ -404,6 +404,16 @@ pub(super) fn apply(
         let (ankle, roll) = on_the_ball(leg, target, body);
         bend_leg(leg, ankle, track.front.direction(), body);
         body.turn(leg.foot, roll);
+    }
+}
+
+/// Moves the hips with the legs. Feet that are handles do not hang on them, but belong to the ends of the legs.
+fn shift(hips: u32, legs: &[Leg], by: DVec3, body: &mut PosedSkeleton) {
+    body.shift(hips, by);
+    for leg in legs {
+        if !body.hangs_on(leg.foot, hips) {
+            body.shift(leg.foot, by);
+        }
     }
 }
 
