@@ -255,10 +255,16 @@ fn options<'a>(index: usize, registry: &'a Registry) -> PlanOptions<'a> {
     PlanOptions { effects: registry.effects(), ..PlanOptions::new(SIZE, LADDER[index].samples) }
 }
 
-/// Names of the parts of a kind, without how many of them there are.
+/// Names of the parts of a kind, without how many of them there are, and as if there were several.
 fn names(parts: &[explain::Cost], kind: CostKind) -> BTreeSet<String> {
-    let name =
-        |p: &explain::Cost| p.what.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ').to_owned();
+    let name = |p: &explain::Cost| {
+        let name = p.what.trim_start_matches(|c: char| c.is_ascii_digit() || c == ' ');
+        match name {
+            "copy" => "copies".to_owned(),
+            "light" => "lights".to_owned(),
+            name => name.to_owned(),
+        }
+    };
     parts.iter().filter(|p| p.kind == kind).map(name).collect()
 }
 

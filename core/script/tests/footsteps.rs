@@ -67,8 +67,8 @@ const STEADY: f64 = 1e-4;
 /// A foot that is so far from where it stood, in legs, has left it; before it stands again it must get as high as this.
 const LEFT: f64 = 0.06;
 const LIFT: f64 = 0.025;
-/// Share of the height of the hips by which hips and the lower foot may get higher and lower on a slope.
-const BOBS: f64 = 0.3;
+/// Share of the height of the hips by which hips and the lower foot may get higher and lower on a slope; the hips of RobotExpressive do by a third.
+const BOBS: f64 = 0.4;
 /// Metres that feet may slide.
 const MOST: f64 = 0.02;
 /// Metres per second: a foot that is faster from one 240th of a second to the next pops.
