@@ -178,7 +178,7 @@ impl<'b> Binary<'b> {
         Ok(numbers)
     }
 
-    /// The text at an offset, up to its first zero byte, in a field of so many bytes. Bytes that are no UTF-8 become U+FFFD.
+    /// The text at an offset, up to its first zero byte, in a field of `count` bytes. Bytes that are no UTF-8 become U+FFFD.
     ///
     /// # Errors
     /// The file ends before the field does.

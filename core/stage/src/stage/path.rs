@@ -24,7 +24,7 @@ pub struct Path {
 /// Points that no path goes through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathError {
-    /// So many points, fewer than two.
+    /// The number of points, fewer than two.
     TooFew(usize),
     /// The point with this index is not finite.
     NotFinite(usize),

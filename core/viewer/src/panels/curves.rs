@@ -54,7 +54,7 @@ impl Plot {
         self.rect.bottom() - (part.clamp(-1e4, 1e4) * f64::from(self.rect.height())) as f32
     }
 
-    /// Values that so many points are high.
+    /// The difference of values that a height in points means.
     fn value_of(&self, points: f32) -> f64 {
         f64::from(points / self.rect.height().max(1.0)) * (self.values.to - self.values.from)
     }
@@ -116,7 +116,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     ui.allocate_rect(area, Sense::hover());
 }
 
-/// What the curves are of, and its properties that have keys.
+/// The selection whose curves are shown, and its properties that have keys.
 fn shown(viewer: &mut Viewer) -> Option<(Selected, Arc<Vec<KeyedProperty>>)> {
     let what = viewer.keyed_selection()?;
     let (_, keyed) = viewer.known_properties(&what)?;

@@ -13,9 +13,9 @@ use egui::{Button, Event, Key, Modifiers, Popup, PopupCloseBehavior, Response, S
 pub enum KeyAct {
     Select(Vec<KeyRef>),
     Run(KeyCommand),
-    /// Into the selected keys, as source text.
+    /// The easing into the selected keys, as source text.
     Ease(Option<String>),
-    /// Of all keys of their properties.
+    /// The interpolation of all keys of their properties.
     How(Option<String>),
     /// Seconds.
     Time(KeyRef, f64),
@@ -28,7 +28,7 @@ pub enum KeyCommand {
     Duplicate,
     Copy,
     Cut,
-    /// On the selection, at the playhead.
+    /// Sets keys of the selection at the playhead.
     Paste,
     Delete,
     GoToLine,

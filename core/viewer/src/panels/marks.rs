@@ -26,7 +26,7 @@ pub fn report(place: &Place) -> String {
     format!("{name}:{}", place.line)
 }
 
-/// What the user does to a mark.
+/// A change of a mark by the user.
 pub enum MarkAct {
     /// Clicked; with Ctrl or Shift: beside what is selected.
     Click(Event, bool),
@@ -35,7 +35,7 @@ pub enum MarkAct {
     Key(KeyAct),
 }
 
-/// Where keys are dragged to in this frame, seconds: the other selected ones are drawn there, too.
+/// The time by which keys are dragged in this frame, seconds: the other selected ones are drawn there, too.
 fn dragged_id() -> egui::Id {
     egui::Id::new("keys dragged")
 }

@@ -35,7 +35,7 @@ struct Known {
     number: u64,
     what: Selected,
     all: Arc<Vec<KeyedProperty>>,
-    /// Those that have keys.
+    /// The properties that have keys.
     keyed: Arc<Vec<KeyedProperty>>,
 }
 
@@ -62,7 +62,7 @@ pub struct KeyDrag {
     pub part: usize,
     /// Seconds.
     pub by: f64,
-    /// In the unit of the value.
+    /// The change in the unit of the value.
     pub value: f64,
 }
 
@@ -115,7 +115,7 @@ impl Curves {
         self.values = Span { from: low - margin, to: high + margin };
     }
 
-    /// What is added to a value and divided by then, so that it is drawn on the common scale.
+    /// The offset that is added to a value and the divisor after it, so that it is drawn on the common scale.
     pub fn scale(&self, property: &KeyedProperty) -> (f64, f64) {
         if !self.normalized || self.speed {
             return (0.0, 1.0);
@@ -142,7 +142,7 @@ impl Curves {
         let mut times: Vec<Time> = (0..=count)
             .map(|n| Time(from.0 + (i128::from(length) * i128::from(n) / i128::from(count)) as i64))
             .collect();
-        // Keys and the ticks before them, so that corners and jumps are where they are.
+        // Keys and the ticks before them, so that bends and jumps are where they are.
         let corners = property.keys.iter().flat_map(|key| [*key - Time(1), *key]);
         times.extend(corners.filter(|time| from <= *time && *time <= to).take(2 * MOST_SAMPLES));
         times.sort_unstable();
@@ -151,7 +151,7 @@ impl Curves {
         times.into_iter().map(|time| (time, self.drawn(property, time, scale))).collect()
     }
 
-    /// What is drawn of a property at a time, on a scale as [`Curves::scale`] gives it.
+    /// The numbers that are drawn of a property at a time, on a scale as [`Curves::scale`] gives it.
     pub fn drawn(&self, property: &KeyedProperty, time: Time, (add, divide): (f64, f64)) -> Vec<f64> {
         match self.speed {
             true => speed(property, time),

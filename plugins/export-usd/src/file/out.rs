@@ -10,7 +10,7 @@ pub struct Out<'w> {
     position: u64,
     /// The position at which the file within a package begins.
     origin: u64,
-    /// Of what has come since [`Out::begin_sum`].
+    /// The checksum of all bytes since [`Out::begin_sum`].
     sum: Option<crc32fast::Hasher>,
     pending: Vec<u8>,
 }

@@ -3,7 +3,7 @@
 use crate::file::Out;
 use choreo_plugin::ExportError;
 
-/// What the head of a file states about its bytes.
+/// The checksum and length that the head of a file states.
 #[derive(Clone, Copy, Default)]
 pub struct Contents {
     /// CRC-32.
@@ -24,7 +24,7 @@ const ALIGNMENT: u64 = 64;
 /// 1980-01-01, so that the same scene has the same bytes.
 const DATE: u16 = 1 << 5 | 1;
 
-/// Where the head of a file states its contents.
+/// Offset in the head of a file at which it states its contents.
 const CONTENTS_AT: u64 = 14;
 
 #[derive(Default)]
@@ -97,7 +97,7 @@ impl Archive {
 }
 
 impl Entry {
-    /// Whether an archive has room for so many bytes from here on, and the list of its files after them.
+    /// Whether an archive has room for `length` bytes from here on, and the list of its files after them.
     fn fits(&self, length: u64) -> Result<(), ExportError> {
         let end = self.at.saturating_add(length).saturating_add(1 << 20);
         u32::try_from(end).map(|_| ()).map_err(|_| too_large())
