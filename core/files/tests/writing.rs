@@ -41,7 +41,7 @@ impl Planted {
 
     fn pipe(&self, name: &str) -> PathBuf {
         let pipe = self.inside.join(name);
-        // Without another process: between its fork and its exec it would hold the locks of tests beside this one.
+        // Another process would hold the locks of tests beside this one between its fork and its exec.
         mknodat(CWD, &pipe, FileType::Fifo, Mode::from_raw_mode(0o600), 0).unwrap();
         pipe
     }

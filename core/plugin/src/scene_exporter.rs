@@ -170,7 +170,7 @@ pub trait SceneFiles {
     /// An ending that does not begin with `.`, `_` or `-` or that has a folder, that of the main file, or a file that cannot be created.
     fn beside(&mut self, ending: &str) -> Result<&mut dyn Write, ExportError>;
 
-    /// Replaces bytes of the main file that are there already, such as a checksum in its head that is known at the end. An empty list tells
+    /// Replaces bytes of the main file that are there already, such as a checksum in its head that is known at the end. An empty list asks
     /// whether that is possible.
     ///
     /// # Errors

@@ -81,7 +81,7 @@ fn curves_are_what_the_stage_shows() {
         let (_, turned, at) = snapshot.actors[0].world_from_model.to_scale_rotation_translation();
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-5, "{a} for {b} at {secs}");
         position.at(time).iter().zip(at.to_array()).for_each(|(a, b)| near(*a, b));
-        // Two whole turns in two seconds, which no rotation tells.
+        // Two whole turns in two seconds, which a rotation does not hold.
         let degrees = rotation.at(time);
         assert_eq!(degrees.len(), 1);
         near(degrees[0], 360.0 * secs.min(2.0));
@@ -444,7 +444,7 @@ fn points_of_curves_are_dragged_in_time_and_value() {
         )])
     );
     undone(&mut desk);
-    // With Shift along one axis: the greater way counts.
+    // Shift keeps the drag on one axis, that of the greater way.
     desk.key_down_modifiers(Modifiers::SHIFT, Key::ArrowUp);
     let (from, to) = (at, pos2(x_of(&desk, 2.4), at.y + 12.0));
     desk.hover_at(from);

@@ -31,7 +31,7 @@ fn built() -> Result<Vec<Binary>, String> {
 }
 
 impl Binary {
-    /// From a message of cargo about what it has built (the Cargo Book, "External tools").
+    /// Reads a message of cargo about what it has built (the Cargo Book, "External tools").
     fn of_message(line: &str) -> Option<Binary> {
         let message: serde_json::Value = serde_json::from_str(line).ok()?;
         let path = PathBuf::from(message["executable"].as_str()?);

@@ -235,7 +235,7 @@ fn differs(a: Vec3, b: Vec3) -> bool {
     (a - b).abs().max_element() > FAINT * a.max(b).max_element()
 }
 
-/// Whether anything but a hardly visible change of its color tells two states of a light apart.
+/// Whether two states of a light differ by more than a hardly visible change of its color.
 fn light_changes(a: &LightState, b: &LightState) -> bool {
     let color = |l: &LightState| l.light.color * l.light.intensity;
     let mut colored = *b;

@@ -57,8 +57,8 @@ pub(super) fn key_at(keys: &[Key], time: EditTime) -> Option<usize> {
     let distance = |index: &usize| (keys[*index].secs - time.secs).abs();
     let near = (0..keys.len()).filter(|index| distance(index) < 0.5 / time.fps);
     let nearest = near.min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
-    let twin = keys.get(nearest + 1).is_some_and(|next| next.secs == keys[nearest].secs);
-    Some(nearest + usize::from(twin && time.secs >= keys[nearest].secs))
+    let repeated = keys.get(nearest + 1).is_some_and(|next| next.secs == keys[nearest].secs);
+    Some(nearest + usize::from(repeated && time.secs >= keys[nearest].secs))
 }
 
 /// The parts between commas; nothing after a trailing one.
@@ -111,7 +111,7 @@ pub(super) fn inserted(text: &str, keys: &[Key], next: usize, key: &str) -> Edit
     let rest = &text[at..text[at..].find('\n').map_or(text.len(), |n| at + n)];
     let has_comment = rest.trim_start().trim_start_matches(',').trim_start().starts_with("//");
     if gap.starts_with('\n') && has_comment {
-        // After the comment on the last key, which then needs a comma.
+        // The new key comes after the comment on the last one, which then needs a comma.
         let comma = if rest.trim_start().starts_with(',') { "" } else { "," };
         return Edit { range: at..at + rest.len(), text: format!("{comma}{rest}{gap}{key}") };
     }

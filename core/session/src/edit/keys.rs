@@ -187,7 +187,7 @@ impl ScriptObject<'_> {
         copied.sort_by_key(|key| key.all.start);
         copied.dedup_by_key(|key| key.all.start);
         let copied: Vec<&str> = copied.iter().map(|key| &self.text[key.all.clone()]).collect();
-        // On one line, so that a line of the clipboard is one property.
+        // The list is on one line, so that a line of the clipboard is one property.
         let copied = copied.join(", ").split_whitespace().collect::<Vec<_>>().join(" ");
         Ok(format!(".key({}, [{copied}])", first_arguments(property)))
     }

@@ -205,7 +205,7 @@ fn plan_with(
             found.push(stand(&ContactSpan { span: *span, ends }));
         }
     }
-    // Where the feet stand in each stand.
+    // Places of the feet in each stand.
     let mut places: Vec<Option<Vec<DVec3>>> = Vec::new();
     for held in stands {
         let counts = held.from <= to && held.to >= from;

@@ -273,7 +273,7 @@ mod tests {
                 (0..=200).map(at).fold(f64::NEG_INFINITY, f64::max)
             };
             assert!(farthest(&step) < 1e-6, "{z}, {lands_secs}: {}", farthest(&step));
-            // With all of its speed it does.
+            // A foot that keeps all of its speed does.
             let whole = PlannedStep { velocity: air.velocity, to: 0.35, ..steps[1][0] };
             assert!(farthest(&Footstep::new(whole, Time::ZERO, false)) > 0.01);
         }

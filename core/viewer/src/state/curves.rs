@@ -143,8 +143,8 @@ impl Curves {
             .map(|n| Time(from.0 + (i128::from(length) * i128::from(n) / i128::from(count)) as i64))
             .collect();
         // Keys and the ticks before them, so that bends and jumps are where they are.
-        let corners = property.keys.iter().flat_map(|key| [*key - Time(1), *key]);
-        times.extend(corners.filter(|time| from <= *time && *time <= to).take(2 * MOST_SAMPLES));
+        let bends = property.keys.iter().flat_map(|key| [*key - Time(1), *key]);
+        times.extend(bends.filter(|time| from <= *time && *time <= to).take(2 * MOST_SAMPLES));
         times.sort_unstable();
         times.dedup();
         let scale = self.scale(property);
@@ -168,7 +168,7 @@ fn speed(property: &KeyedProperty, time: Time) -> Vec<f64> {
 }
 
 impl Span {
-    /// Above 1 shows less; the value at a part of the height stays there.
+    /// A factor above 1 shows less; the value at a part of the height stays there.
     pub fn zoom_values(&mut self, factor: f64, part: f64) {
         let at = self.from + (self.to - self.from) * part;
         let size = ((self.to - self.from) / factor.max(1e-6)).clamp(1e-6, 1e9);

@@ -25,7 +25,7 @@ pub struct KeyRef {
 /// How the value of a property is written and shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ValueKind {
-    /// This many numbers, one after the other.
+    /// A fixed number of numbers, one after the other.
     Numbers(usize),
     Degrees,
     /// Degrees about y, or about x, y and z.
@@ -363,14 +363,13 @@ fn described<T: Described>(
         let keys: Vec<Channel> =
             channels.iter().rev().find(|c| c.property == property).cloned().into_iter().collect();
         // Two names of one property: the color of a light is that of its kelvin where those have the keys.
-        let twin = T::FIELDS.iter().filter_map(|other| other.keyed);
-        let twin =
-            twin.filter(|(other, same)| *same == property && *other != name).map(|(other, _)| other).next();
+        let mut names = T::FIELDS.iter().filter_map(|other| other.keyed);
+        let alias = names.find(|(other, same)| *same == property && *other != name).map(|(other, _)| other);
         let is_named = |name: &str| object.is_some_and(|object| object.has_keys(name));
-        if let Some(twin) = twin
+        if let Some(alias) = alias
             && match keys.is_empty() {
                 true => field.of_type == FieldType::Kelvin,
-                false => is_named(twin) || (field.of_type == FieldType::Kelvin && !is_named(name)),
+                false => is_named(alias) || (field.of_type == FieldType::Kelvin && !is_named(name)),
             }
         {
             continue;
@@ -409,7 +408,7 @@ fn of_field<T>(
         FieldValue::Vector(v) => v.to_array().to_vec(),
         FieldValue::Rotation(q) => euler_degrees_near(q, DVec3::ZERO).to_array().to_vec(),
         FieldValue::Pair(v) => v.to_array().to_vec(),
-        // Without keys nobody knows what it is.
+        // Nobody knows what it is without keys.
         FieldValue::Unset | FieldValue::Time(_) if channels.is_empty() => return None,
         FieldValue::Unset | FieldValue::Time(_) => Vec::new(),
     };

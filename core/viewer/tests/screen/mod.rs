@@ -65,7 +65,7 @@ impl Screen {
                 return None;
             }
         }
-        // The server picks a free number and tells it; two at once, of other tests, too, could take the same.
+        // The server picks a free number and prints it; two at once, of other tests, too, could take the same.
         let one = fs::File::create(Path::new(env!("CARGO_TARGET_TMPDIR")).join("xvfb.lock")).unwrap();
         one.lock().unwrap();
         let mut server = Command::new("Xvfb");
