@@ -8,11 +8,11 @@ use serde_json::{Value, json};
 /// A hand at rest. Directions are unit vectors in the space of its joint, at right angles to each other.
 struct Hand {
     joint: u32,
-    /// From the wrist to the knuckles.
+    /// Direction from the wrist to the knuckles.
     fingers: Vec3,
-    /// Out of the palm.
+    /// Direction out of the palm.
     palm: Vec3,
-    /// To the side of the thumb.
+    /// Direction to the side of the thumb.
     thumb: Vec3,
 }
 
