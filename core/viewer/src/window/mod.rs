@@ -7,6 +7,8 @@ mod event_log;
 mod gpu;
 mod gpu_error;
 mod image;
+#[cfg(target_os = "linux")]
+mod lost_display;
 mod open;
 mod shot;
 mod start;
@@ -50,6 +52,8 @@ const OWN: u64 = 0;
 pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     let event_log = EventLog::new(asked.event_log);
     let events = start::event_loop()?;
+    #[cfg(target_os = "linux")]
+    lost_display::watch(&events);
     event_log.done("event loop");
     let proxy = events.create_proxy();
     let registry = program.registry.clone();
@@ -105,8 +109,13 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     app.remember();
     if let Err(error) = ran {
         // After an error the objects of the window system can no longer be freed.
-        std::mem::forget(app);
-        return Err(error);
+        #[cfg(target_os = "linux")]
+        lost_display::leave(&error);
+        #[cfg(not(target_os = "linux"))]
+        {
+            std::mem::forget(app);
+            return Err(error);
+        }
     }
     app.failed.take().map_or(Ok(()), Err)
 }
