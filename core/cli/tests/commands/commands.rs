@@ -584,6 +584,29 @@ fn legs_to_the_back() -> String {
     )
 }
 
+/// The recipe of a hand-over states the axes of the built-in character's hands.
+#[test]
+fn axes_of_hands_are_named() {
+    let dir = folder();
+    let run = choreo(dir.path(), &["info", "choreo:mannequin"]);
+    let line = run.out.lines().find(|line| line.starts_with("hands "));
+    let expected = "hands      mixamorig:LeftHand fingers +y, palm +z, thumb -x; mixamorig:RightHand fingers +y, palm +z, thumb +x";
+    assert_eq!(line, Some(expected), "{}", run.out);
+    let recipe = include_str!("../../../../scripts/guide/src/recipes/hand_over.md");
+    assert!(recipe.contains(
+        "hands of the built-in character and of Mixamo y runs along the fingers\n  and z out of the palm"
+    ));
+    let told = json(dir.path(), &["info", "choreo:mannequin", "--json"])["character"]["hands"].clone();
+    assert_eq!(told.as_array().unwrap().len(), 2, "{told}");
+    // VRM 0.x: joints have the axes of the model, in which the arms are stretched out.
+    let Some(assets) = assets() else { return };
+    let model = assets.join("vrm/cool_loops.vrm");
+    let run = choreo(dir.path(), &["info", model.to_str().unwrap()]);
+    let line = run.out.lines().find(|line| line.starts_with("hands "));
+    let expected = "hands      mixamorig:LeftHand fingers +x, palm -y, thumb +z; mixamorig:RightHand fingers -x, palm -y, thumb +z";
+    assert_eq!(line, Some(expected), "{}", run.out);
+}
+
 #[test]
 fn a_character_that_faces_minus_z_is_named_so_and_walks_forwards() {
     let dir = folder();

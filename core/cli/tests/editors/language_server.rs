@@ -956,3 +956,40 @@ fn neovim_shows_diagnostics_completion_and_hover() {
         assert!(shown.lines().any(|line| line.starts_with(expected)), "{expected}:\n{shown}");
     }
 }
+
+/// The settings that the page gives for Neovim, as `init.lua`.
+#[test]
+fn neovim_works_with_the_documented_settings() {
+    if std::process::Command::new("nvim").arg("--version").output().is_err() {
+        println!("SKIP 1: nvim is not installed (Debian package neovim)");
+        return;
+    }
+    let page = include_str!("../../../language_server/README.md");
+    let settings = page.split_once("**Neovim**").and_then(|(_, rest)| rest.split_once("```lua\n"));
+    let (settings, _) = settings.and_then(|(_, rest)| rest.split_once("```")).expect("settings on the page");
+    let folder = project();
+    let text = format!("{HEAD}hero.play(  tri.clip(\"Slid\"));\n");
+    std::fs::write(folder.path().join("scene.rhai"), text).unwrap();
+    std::fs::write(folder.path().join("init.lua"), settings).unwrap();
+    std::fs::write(folder.path().join("session.lua"), include_str!("../common/settings.lua")).unwrap();
+    let programs = Path::new(env!("CARGO_BIN_EXE_choreo")).parent().unwrap();
+    let others = std::env::var("PATH").unwrap_or_default();
+    let run = std::process::Command::new("nvim")
+        .args(["--headless", "-u", "init.lua", "-i", "NONE", "-n", "-c", "luafile session.lua"])
+        .env("PATH", format!("{}:{others}", programs.display()))
+        .env("CHOREO_PLUGINS", "")
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let shown = std::fs::read_to_string(folder.path().join("shown.txt"));
+    let shown = shown.unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&run.stderr)));
+    for expected in [
+        "diagnostic 3:22 unknown clip \"Slid\"",
+        "item Slide",
+        "0 diagnostics",
+        "line hero.play(tri.clip(\"Slide\"));",
+        "omnifunc v:lua.vim.lsp.omnifunc",
+    ] {
+        assert!(shown.lines().any(|line| line.starts_with(expected)), "{expected}:\n{shown}");
+    }
+}
