@@ -10,6 +10,7 @@ pub mod app;
 mod args;
 pub mod editing;
 pub mod geometry;
+pub mod library;
 pub mod panels;
 pub mod state;
 #[allow(unsafe_code, reason = "calls of Vulkan")]
@@ -29,9 +30,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     };
     match window::run(asked, app) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(text) => {
-            eprintln!("{text}");
-            ExitCode::from(4)
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::from(error.exit_code())
         }
     }
 }

@@ -1,11 +1,15 @@
 //! The panels, and how they lie beside each other.
 
+mod actions;
+mod assets;
 mod bar;
 mod bar_menu;
 mod bars;
 mod curves;
 mod drop;
 mod explain;
+mod fields;
+mod files;
 mod handles;
 mod headers;
 mod inspector;
@@ -16,14 +20,19 @@ mod markers;
 mod marks;
 mod messages;
 mod overlay;
+mod palette;
 mod performance;
+mod pictures;
 mod refusal;
 mod script;
 mod sequencer;
+mod start;
 mod strip;
 mod tree;
 mod values;
 mod viewport;
+
+pub(crate) use actions::problem as shortcut_problem;
 
 use crate::app::Viewer;
 use crate::state::settings::Settings;
@@ -45,12 +54,13 @@ pub enum Tab {
     Explain,
     Performance,
     Curves,
+    Assets,
 }
 
 const TITLES: [&str; MOST_VIEWS] = ["Viewport", "Viewport 2", "Viewport 3", "Viewport 4"];
 
 impl Tab {
-    pub const ALL: [Tab; 12] = [
+    pub const ALL: [Tab; 13] = [
         Tab::Viewport(0),
         Tab::Sequencer,
         Tab::Tree,
@@ -63,6 +73,7 @@ impl Tab {
         Tab::Viewport(1),
         Tab::Viewport(2),
         Tab::Viewport(3),
+        Tab::Assets,
     ];
 
     pub fn title(self) -> &'static str {
@@ -76,6 +87,7 @@ impl Tab {
             Tab::Explain => "Explain",
             Tab::Performance => "Performance",
             Tab::Curves => "Curves",
+            Tab::Assets => "Assets",
         }
     }
 }
@@ -117,6 +129,9 @@ pub struct Panels {
     splits: layout::SplitFractions,
     help: bool,
     waiting: drop::Waiting,
+    pictures: pictures::Pictures,
+    browser: assets::Browser,
+    palette: palette::Palette,
     refusals: refusal::Refusals,
     pub light: bool,
     /// 1 to 2.
@@ -132,12 +147,15 @@ impl Default for Panels {
         let below = vec![Tab::Sequencer, Tab::Curves, Tab::Messages, Tab::Explain, Tab::Performance];
         let [above, _] = surface.split_below(NodeIndex::root(), 0.66, below);
         let [middle, _] = surface.split_right(above, 0.72, vec![Tab::Inspector, Tab::Script]);
-        surface.split_left(middle, 0.2, vec![Tab::Tree]);
+        surface.split_left(middle, 0.2, vec![Tab::Tree, Tab::Assets]);
         Panels {
             dock,
             splits: Default::default(),
             help: false,
             waiting: Default::default(),
+            pictures: Default::default(),
+            browser: Default::default(),
+            palette: Default::default(),
             refusals: Default::default(),
             light: false,
             scale: 1.0,
@@ -158,10 +176,12 @@ impl Panels {
     /// A new context knows neither colors nor scale.
     pub(crate) fn forget_context(&mut self) {
         self.applied = None;
+        self.pictures = Default::default();
     }
 
     pub fn settings(&self) -> Settings {
-        Settings { light: self.light, scale: self.scale, layout: Some(self.splits.write(&self.dock)) }
+        let layout = Some(self.splits.write(&self.dock));
+        Settings { light: self.light, scale: self.scale, layout, recent: Vec::new() }
     }
 
     /// `pictures`: by view, the texture with the frame that is shown; `now`: the clock, seconds.
@@ -176,19 +196,25 @@ impl Panels {
         keys::handle(self, ui, viewer, now);
         bar::show(self, ui, viewer);
         bar::offer(ui, viewer);
+        files::dialogs(ui, viewer);
+        palette::show(self, ui, viewer, now);
         if self.help {
-            keys::help(ui, &mut self.help);
+            keys::help(ui, &mut self.help, viewer);
         }
         if viewer.go_to.is_some() {
             self.bring(Tab::Script);
         }
         viewer.views.iter_mut().for_each(|view| view.seen = false);
+        if viewer.documents.start {
+            return start::show(self, ui, viewer);
+        }
         viewer.scrubs = false;
         viewer.curves.hovered = false;
         // Between the rounded corners of the panels.
         ui.painter().rect_filled(ui.available_rect_before_wrap(), 0.0, ui.visuals().panel_fill);
         let style = Style::from_egui(ui.style());
-        let mut tabs = Tabs { viewer, pictures, now };
+        let (own_pictures, browser) = (&mut self.pictures, &mut self.browser);
+        let mut tabs = Tabs { viewer, pictures, own_pictures, browser, now };
         self.splits.restore(&mut self.dock, ui.available_size());
         let before = layout::SplitFractions::of(&self.dock);
         DockArea::new(&mut self.dock)
@@ -200,6 +226,11 @@ impl Panels {
         self.splits.keep(&self.dock, &before, acts);
         refusal::show(&mut self.refusals, ui, viewer);
         hovering(ui, viewer);
+    }
+
+    /// Whether a question or the palette has the keyboard.
+    fn is_asking(&self, viewer: &Viewer) -> bool {
+        self.palette.is_open() || viewer.documents.dialog.is_some()
     }
 
     fn is_open(&self, tab: Tab) -> bool {
@@ -280,6 +311,9 @@ fn hovering(ui: &Ui, viewer: &Viewer) {
 struct Tabs<'a> {
     viewer: &'a mut Viewer,
     pictures: &'a [Option<TextureId>],
+    /// Images of files.
+    own_pictures: &'a mut pictures::Pictures,
+    browser: &'a mut assets::Browser,
     now: f64,
 }
 
@@ -317,12 +351,13 @@ impl TabViewer for Tabs<'_> {
             Tab::Explain => explain::show(ui, self.viewer),
             Tab::Performance => performance::show(ui, self.viewer),
             Tab::Curves => curves::show(ui, self.viewer),
+            Tab::Assets => assets::show(ui, self.viewer, self.browser, self.own_pictures),
         }
     }
 
     fn scroll_bars(&self, tab: &Tab) -> [bool; 2] {
         match tab {
-            Tab::Viewport(_) | Tab::Sequencer | Tab::Curves | Tab::Script => [false, false],
+            Tab::Viewport(_) | Tab::Sequencer | Tab::Curves | Tab::Script | Tab::Assets => [false, false],
             _ => [true, true],
         }
     }
@@ -338,4 +373,10 @@ fn elided(painter: &Painter, text: &str, size: f32, color: Color32, width: f32) 
     let mut job = LayoutJob::simple_singleline(text.to_string(), FontId::proportional(size), color);
     job.wrap = TextWrapping::truncate_at_width(width.max(1.0));
     painter.layout_job(job)
+}
+
+/// The keys of a command in a menu: those of an action, else as they are written.
+fn shown_keys(viewer: &Viewer, command: &str) -> String {
+    let keys = actions::keys_of(viewer, command);
+    if keys.is_empty() { actions::action(command).map_or(command, |_| "").to_string() } else { keys }
 }

@@ -11,6 +11,7 @@ pub mod playhead;
 pub mod reduction;
 pub mod selection;
 pub mod settings;
+pub mod shortcuts;
 pub mod span;
 pub mod timeline;
 pub mod view;

@@ -14,11 +14,13 @@ pub struct Settings {
     pub scale: f32,
     /// The layout as [`crate::panels::Panels`] writes it.
     pub layout: Option<Value>,
+    /// Files that were shown last, the newest first.
+    pub recent: Vec<PathBuf>,
 }
 
 impl Default for Settings {
     fn default() -> Settings {
-        Settings { light: false, scale: 1.0, layout: None }
+        Settings { light: false, scale: 1.0, layout: None, recent: Vec::new() }
     }
 }
 
@@ -40,17 +42,21 @@ impl Settings {
     }
 
     fn from_json(value: &Value) -> Settings {
+        let recent = value["recent"].as_array().into_iter().flatten();
         let scale = value["scale"].as_f64().unwrap_or(1.0) as f32;
         Settings {
             light: value["light"].as_bool().unwrap_or(false),
             scale: if scale.is_finite() { scale.clamp(SCALES.0, SCALES.1) } else { 1.0 },
             layout: value.get("layout").filter(|l| l.is_object()).cloned(),
+            recent: recent.filter_map(|file| Some(PathBuf::from(file.as_str()?))).collect(),
         }
     }
 
     /// Failure is no reason to stop: the next window looks as at first.
     pub fn write(&self, file: &Path) {
-        let value = json!({ "light": self.light, "scale": self.scale, "layout": self.layout });
+        let recent: Vec<&str> = self.recent.iter().filter_map(|file| file.to_str()).collect();
+        let value =
+            json!({ "light": self.light, "scale": self.scale, "layout": self.layout, "recent": recent });
         if let (Some(folder), Some(name)) = (file.parent(), file.file_name()) {
             let _ = write_whole_beneath(folder, name.as_ref(), format!("{value:#}\n").as_bytes());
         }
@@ -66,7 +72,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("new/view.json");
         assert_eq!(Settings::read(&file), Settings::default());
-        let settings = Settings { light: true, scale: 1.5, layout: Some(json!({ "tabs": [1] })) };
+        let settings = Settings {
+            light: true,
+            scale: 1.5,
+            layout: Some(json!({ "tabs": [1] })),
+            recent: vec!["/a/b.rhai".into()],
+        };
         settings.write(&file);
         assert_eq!(Settings::read(&file), settings);
         for garbage in
