@@ -60,7 +60,7 @@ pub struct Viewer {
     pub name: String,
     /// The script's file, where it is one.
     pub path: Option<PathBuf>,
-    /// What the window could show next.
+    /// The files that the window could show next.
     pub documents: Documents,
     pub shortcuts: Shortcuts,
     pub history: History,

@@ -70,7 +70,7 @@ pub(crate) struct ViewerOptions {
 
 /// Options for every file that the window shows.
 pub(crate) struct FileOptions {
-    /// Without a file, and without the folders of a project.
+    /// The options alone: no file, and no folders of a project.
     like: SceneSource,
     /// Whether a project's `choreo.toml` is read.
     project_file: bool,

@@ -51,7 +51,7 @@ fn the_palette_runs_actions_and_goes_to_actors_clips_and_lines() {
     command(&mut desk, "times as seconds");
     assert!(!desk.state().viewer.in_seconds);
     command(&mut desk, "split the selected");
-    assert_eq!(desk.state().viewer.message.as_deref().unwrap_or_default().contains("playhead"), true);
+    assert!(desk.state().viewer.message.as_deref().unwrap_or_default().contains("playhead"));
     desk.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(3.0));
     command(&mut desk, "split the selected");
     assert!(desk.state().text().matches("Wave").count() == 2, "{}", desk.state().text());

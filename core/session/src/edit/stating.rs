@@ -132,7 +132,8 @@ impl<'a> ScriptObject<'a> {
             let brace = self.text[..map.start].rfind("#{").unwrap_or(map.start);
             let before = self.text[..brace].trim_end();
             let start = before.strip_suffix(',').map_or(before.len(), str::len);
-            return vec![start.max(inside.start)..inside.end];
+            let argument = start.max(inside.start)..inside.end;
+            return vec![argument];
         }
         let kept_after = |number: usize| all[number + 1..].iter().any(|(_, goes)| !goes);
         let ranges = all.iter().enumerate().filter(|(_, (_, goes))| *goes).map(|(number, (entry, _))| {

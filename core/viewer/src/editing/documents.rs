@@ -27,7 +27,7 @@ impl Viewer {
         let path = self.path.as_ref().ok_or(EditError::NoScript)?;
         let text = read(path)?;
         let canonical = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
-        let folder = |path: &Path| path.parent().map(|parent| canonical(parent)).unwrap_or_default();
+        let folder = |path: &Path| path.parent().map(canonical).unwrap_or_default();
         let (own, from, into) = (canonical(path), folder(path.as_path()), folder(to));
         if from != into {
             for file in self.documents.read.iter().filter(|file| **file != own) {

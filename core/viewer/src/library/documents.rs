@@ -61,23 +61,3 @@ fn free_name(folder: &Path) -> String {
     let names = (1..).map(|n| if n == 1 { "scene.rhai".to_string() } else { format!("scene_{n}.rhai") });
     names.into_iter().find(|name| !folder.join(name).exists()).unwrap_or_default()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn recent_files_are_each_there_once_the_newest_first() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut documents = Documents::default();
-        for name in ["a", "b", "a"] {
-            documents.shows(&folder.path().join(name));
-        }
-        let names: Vec<_> = documents.recent.iter().map(|p| p.file_name().unwrap().to_owned()).collect();
-        assert_eq!(names, ["a", "b"]);
-        (0..40).for_each(|n| documents.shows(&folder.path().join(n.to_string())));
-        assert_eq!(documents.recent.len(), MOST_RECENT);
-        std::fs::write(folder.path().join("scene.rhai"), "").unwrap();
-        assert_eq!(free_name(folder.path()), "scene_2.rhai");
-    }
-}

@@ -105,37 +105,3 @@ impl FileDialog {
         None
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::super::templates::TEMPLATES;
-    use super::*;
-
-    #[test]
-    fn names_are_completed_and_nothing_is_replaced_unasked() {
-        let folder = tempfile::tempdir().unwrap();
-        let at = folder.path().canonicalize().unwrap();
-        std::fs::write(at.join("a.rhai"), "x").unwrap();
-        std::fs::create_dir(at.join("sub")).unwrap();
-        let mut new = FileDialog::new(Purpose::New(TEMPLATES[0]), &at, "b", &[]);
-        assert_eq!(new.accept(), Some(at.join("b.rhai")));
-        new.name = "a.rhai".into();
-        assert_eq!((new.accept(), new.accept()), (None, None));
-        assert_eq!(new.problem.as_deref(), Some("a.rhai is there already; choose another name"));
-        let mut save = FileDialog::new(Purpose::SaveAs, &at, "a", &[]);
-        assert_eq!(save.accept(), None);
-        assert!(save.problem.as_ref().unwrap().contains("save once more"));
-        assert_eq!(save.accept(), Some(at.join("a.rhai")));
-        let mut open = FileDialog::new(Purpose::Open, &at, "none.rhai", &[]);
-        assert_eq!(open.accept(), None);
-        assert_eq!(open.problem.as_deref(), Some("none.rhai: there is no such file"));
-        open.name = "sub".into();
-        assert_eq!((open.accept(), open.folder.clone()), (None, at.join("sub")));
-        open.go(&at.join("nowhere"));
-        assert_eq!(open.folder, at.join("sub"), "it stays where it was");
-        open.go(&at);
-        let first = open.entries.iter().find(|e| e.kind == FileKind::Script).unwrap().clone();
-        open.choose(&first);
-        assert_eq!(open.accept(), Some(at.join("a.rhai")));
-    }
-}

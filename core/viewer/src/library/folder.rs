@@ -61,30 +61,3 @@ fn kind(path: &Path, models: &[String]) -> Option<FileKind> {
         ending => models.iter().any(|model| model == ending).then_some(FileKind::Model),
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_folder_shows_folders_scripts_and_models() {
-        let folder = tempfile::tempdir().unwrap();
-        std::fs::create_dir(folder.path().join("zoo")).unwrap();
-        for name in
-            ["b.rhai", "A.RHAI", "x.GLB", "notes.txt", ".hidden.glb", "own.importer.rhai", "glow.wgsl"]
-        {
-            std::fs::write(folder.path().join(name), "").unwrap();
-        }
-        let endings = model_endings(&choreo::registry());
-        let names: Vec<(String, FileKind)> =
-            list(folder.path(), &endings).unwrap().into_iter().map(|e| (e.name, e.kind)).collect();
-        let expected = [
-            ("zoo", FileKind::Folder),
-            ("A.RHAI", FileKind::Script),
-            ("b.rhai", FileKind::Script),
-            ("x.GLB", FileKind::Model),
-        ];
-        assert_eq!(names, expected.map(|(name, kind)| (name.to_string(), kind)));
-        assert!(list(&folder.path().join("nowhere"), &endings).is_err());
-    }
-}

@@ -40,33 +40,3 @@ pub fn within(folder: &Path) -> Vec<Lesson> {
     lessons.sort_by_key(|(number, _)| *number);
     lessons.into_iter().map(|(_, lesson)| lesson).collect()
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lessons_are_numbered_scripts_and_folders_with_one() {
-        let folder = tempfile::tempdir().unwrap();
-        let write = |name: &str| {
-            let path = folder.path().join(name);
-            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-            std::fs::write(path, "").unwrap();
-        };
-        [
-            "10_more_of_it.rhai",
-            "2_a.rhai",
-            "3_b/lesson.rhai",
-            "4_c/other.rhai",
-            "5_d.txt",
-            "x_e.rhai",
-            "README.md",
-        ]
-        .into_iter()
-        .for_each(write);
-        let titles: Vec<String> = within(folder.path()).into_iter().map(|lesson| lesson.title).collect();
-        assert_eq!(titles, ["2 a", "3 b", "10 more of it"]);
-        assert!(within(&folder.path().join("nowhere")).is_empty());
-        assert!(find().len() > 40, "those of the sources");
-    }
-}

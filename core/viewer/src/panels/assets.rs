@@ -161,8 +161,11 @@ fn tile(ui: &Ui, viewer: &mut Viewer, pictures: &mut Pictures, entry: &Entry, pl
     match entry.kind {
         FileKind::Folder => {
             ui.painter().rect_filled(image, 3.0, ui.visuals().faint_bg_color);
-            let font = egui::FontId::proportional(22.0);
-            ui.painter().text(image.center(), egui::Align2::CENTER_CENTER, "📁", font, color);
+            // A folder: a tab above a sheet.
+            let sheet = Rect::from_center_size(image.center(), vec2(36.0, 24.0));
+            let tab = Rect::from_min_size(sheet.min - vec2(0.0, 4.0), vec2(14.0, 8.0));
+            ui.painter().rect_filled(tab, 2.0, ui.visuals().weak_text_color());
+            ui.painter().rect_filled(sheet, 2.0, ui.visuals().weak_text_color());
         }
         _ => drop(pictures.show(ui, viewer, &Subject::file(entry.path.clone()), None, image)),
     }

@@ -197,36 +197,3 @@ impl Shortcuts {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn own_keys_come_before_those_of_the_preset_and_the_usual_ones() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("choreo").join(Shortcuts::FILE);
-        assert_eq!(Shortcuts::read(&file), (Shortcuts::default(), None));
-        let mut keys = Shortcuts { preset: "blender".into(), ..Shortcuts::default() };
-        assert_eq!(keys.text("scale", "B"), "S");
-        assert_eq!(keys.text("delete", "Delete"), "X, Delete");
-        assert_eq!(keys.text("play", "Space"), "Space");
-        keys.own.insert("delete".into(), "Ctrl+Shift+Backspace, alt+D".into());
-        keys.own.insert("play".into(), String::new());
-        assert_eq!(keys.text("delete", "Delete"), "Ctrl Shift Backspace, Alt D");
-        assert_eq!(keys.of("play", "Space"), []);
-        keys.write(&file);
-        assert_eq!(Shortcuts::read(&file), (keys, None));
-        for (text, wrong) in [
-            ("[", "EOF"),
-            ("{\"preset\": \"maya\"}", "unknown preset \"maya\"; presets: choreo, blender, unity"),
-            ("{\"keys\": {\"play\": 3}}", "play: keys are a text"),
-        ] {
-            std::fs::write(&file, text).unwrap();
-            let problem = Shortcuts::read(&file).1.unwrap();
-            assert!(problem.contains(wrong), "{problem}");
-        }
-        assert_eq!(Chord::read("Hyper+Z"), None);
-        assert_eq!(Chord::read("Ctrl+"), None);
-    }
-}
