@@ -13,6 +13,7 @@ mod fields;
 mod keys;
 pub mod placing;
 mod shared;
+mod signs;
 mod strips;
 
 pub use error::EditError;

@@ -2,9 +2,12 @@
 
 mod actions;
 mod assets;
+mod axes;
 mod bar;
 mod bar_menu;
 mod bars;
+#[cfg(test)]
+mod contrast;
 mod curves;
 mod drop;
 mod explain;
@@ -23,11 +26,16 @@ mod overlay;
 mod palette;
 mod performance;
 mod pictures;
+mod presets;
 mod refusal;
+mod render;
 mod script;
 mod sequencer;
+mod signs;
 mod start;
 mod strip;
+mod tests;
+mod trails;
 mod tree;
 mod values;
 mod viewport;
@@ -36,7 +44,7 @@ pub(crate) use actions::problem as shortcut_problem;
 
 use crate::app::Viewer;
 use crate::state::settings::Settings;
-use crate::state::view::{MOST_VIEWS, View};
+use crate::state::view::{MOST_VIEWS, Overlays, View};
 use egui::text::{LayoutJob, TextWrapping};
 use egui::{Color32, FontId, Galley, Painter, RichText, TextureId, Ui, WidgetText};
 use egui_dock::{DockArea, DockState, NodeIndex, Split, Style, TabViewer};
@@ -55,12 +63,14 @@ pub enum Tab {
     Performance,
     Curves,
     Assets,
+    Render,
+    Tests,
 }
 
 const TITLES: [&str; MOST_VIEWS] = ["Viewport", "Viewport 2", "Viewport 3", "Viewport 4"];
 
 impl Tab {
-    pub const ALL: [Tab; 13] = [
+    pub const ALL: [Tab; 15] = [
         Tab::Viewport(0),
         Tab::Sequencer,
         Tab::Tree,
@@ -70,6 +80,8 @@ impl Tab {
         Tab::Explain,
         Tab::Performance,
         Tab::Curves,
+        Tab::Render,
+        Tab::Tests,
         Tab::Viewport(1),
         Tab::Viewport(2),
         Tab::Viewport(3),
@@ -88,6 +100,8 @@ impl Tab {
             Tab::Performance => "Performance",
             Tab::Curves => "Curves",
             Tab::Assets => "Assets",
+            Tab::Render => "Render",
+            Tab::Tests => "Tests",
         }
     }
 }
@@ -116,6 +130,7 @@ pub(crate) fn set_colors(context: &egui::Context, light: bool) {
     bright.weak_text_color = Some(egui::Color32::from_gray(105));
     bright.error_fg_color = egui::Color32::from_rgb(0xb0, 0x20, 0x10);
     bright.warn_fg_color = egui::Color32::from_rgb(0x8a, 0x55, 0x00);
+    bright.hyperlink_color = egui::Color32::from_rgb(0x00, 0x5f, 0xb0);
     bright.text_cursor.blink = false;
     // Mixed with light by amounts of light, thin dark strokes fade: as much stronger as egui makes light ones on dark.
     bright.text_options.color_transfer_function = dark_text;
@@ -136,20 +151,16 @@ pub struct Panels {
     pub light: bool,
     /// 1 to 2.
     pub scale: f32,
+    /// What is laid over the first viewport's image, which new ones take over.
+    overlays: Overlays,
     /// The colors and scale that were last given to egui's context.
     applied: Option<(bool, f32)>,
 }
 
 impl Default for Panels {
     fn default() -> Panels {
-        let mut dock = DockState::new(vec![Tab::Viewport(0)]);
-        let surface = dock.main_surface_mut();
-        let below = vec![Tab::Sequencer, Tab::Curves, Tab::Messages, Tab::Explain, Tab::Performance];
-        let [above, _] = surface.split_below(NodeIndex::root(), 0.66, below);
-        let [middle, _] = surface.split_right(above, 0.72, vec![Tab::Inspector, Tab::Script]);
-        surface.split_left(middle, 0.2, vec![Tab::Tree, Tab::Assets]);
         Panels {
-            dock,
+            dock: presets::Preset::General.dock(),
             splits: Default::default(),
             help: false,
             waiting: Default::default(),
@@ -159,6 +170,7 @@ impl Default for Panels {
             refusals: Default::default(),
             light: false,
             scale: 1.0,
+            overlays: Overlays::default(),
             applied: None,
         }
     }
@@ -166,7 +178,8 @@ impl Default for Panels {
 
 impl Panels {
     pub fn new(settings: &Settings) -> Panels {
-        let mut panels = Panels { light: settings.light, scale: settings.scale, ..Panels::default() };
+        let Settings { light, scale, overlays, .. } = *settings;
+        let mut panels = Panels { light, scale, overlays, ..Panels::default() };
         if let Some(dock) = settings.layout.as_ref().and_then(layout::read) {
             panels.dock = dock;
         }
@@ -181,7 +194,7 @@ impl Panels {
 
     pub fn settings(&self) -> Settings {
         let layout = Some(self.splits.write(&self.dock));
-        Settings { light: self.light, scale: self.scale, layout, recent: Vec::new() }
+        Settings { light: self.light, scale: self.scale, layout, recent: Vec::new(), overlays: self.overlays }
     }
 
     /// `pictures`: by view, the texture with the frame that is shown; `now`: the clock, seconds.
@@ -208,6 +221,7 @@ impl Panels {
         if viewer.documents.start {
             return start::show(self, ui, viewer);
         }
+        self.overlays = viewer.views[0].overlays;
         viewer.scrubs = false;
         viewer.curves.hovered = false;
         // Between the rounded corners of the panels.
@@ -338,7 +352,8 @@ impl TabViewer for Tabs<'_> {
             Tab::Viewport(view) => {
                 let view = *view as usize % MOST_VIEWS;
                 while self.viewer.views.len() <= view {
-                    self.viewer.views.push(View { seen: false, ..View::default() });
+                    let overlays = self.viewer.views[0].overlays;
+                    self.viewer.views.push(View { seen: false, overlays, ..View::default() });
                 }
                 let picture = self.pictures.get(view).copied().flatten();
                 viewport::show(ui, self.viewer, view, picture);
@@ -352,6 +367,8 @@ impl TabViewer for Tabs<'_> {
             Tab::Performance => performance::show(ui, self.viewer),
             Tab::Curves => curves::show(ui, self.viewer),
             Tab::Assets => assets::show(ui, self.viewer, self.browser, self.own_pictures),
+            Tab::Render => render::show(ui, self.viewer),
+            Tab::Tests => tests::show(ui, self.viewer),
         }
     }
 

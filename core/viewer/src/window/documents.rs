@@ -71,6 +71,7 @@ impl ViewerWindow {
         self.frames.clear();
         self.viewer = self.viewer.succeeded_by(name_of(&source));
         self.viewer.path = source.is_script().then(|| source.input.clone());
+        self.viewer.commands.take_file(&source.input);
         let documents = &mut self.viewer.documents;
         documents.start = false;
         documents.missing = (source.is_script() && !source.input.exists()).then(|| source.input.clone());
