@@ -36,7 +36,7 @@ impl Texture {
         let at = |x: usize, y: usize| self.pixels[y * self.width + x].to_array().map(f32::from);
         // A pixel of the image for each of the screen: the same bytes.
         const EXACT: f32 = 1.0 / 256.0;
-        let near = |f: f32| f < EXACT || f > 1.0 - EXACT;
+        let near = |f: f32| !(EXACT..=1.0 - EXACT).contains(&f);
         if self.nearest || (near(fx) && near(fy)) {
             return at(if fx > 0.5 { x1 } else { x0 }, if fy > 0.5 { y1 } else { y0 });
         }
