@@ -118,7 +118,11 @@ pub fn show(
             .min_by(|a, b| distance(a).partial_cmp(&distance(b)).unwrap_or(std::cmp::Ordering::Equal))
             .cloned()
     };
-    let hot = response.hover_pos().filter(|_| !response.dragged()).filter(|p| place.contains(*p)).and_then(|p| near(vector(p)));
+    let hot = response
+        .hover_pos()
+        .filter(|_| !response.dragged())
+        .filter(|p| place.contains(*p))
+        .and_then(|p| near(vector(p)));
     for sign in &signs {
         let chosen = viewer.selection == Some(sign.what.selected());
         let is_hot = hot.as_ref().is_some_and(|hot| hot.what == sign.what);
