@@ -42,9 +42,15 @@ pub struct ViewOverrides {
 /// Pixels of the line around what is selected, and its color, linear.
 const OUTLINE: [(&str, f64); 4] = [("width", 2.5), ("color_r", 1.0), ("color_g", 0.3), ("color_b", 0.04)];
 
-/// The ground's grid: grey, so that it is seen on dark and on light ground.
-const GRID: [(&str, f64); 5] =
-    [("opacity", 0.45), ("color_r", 0.22), ("color_g", 0.22), ("color_b", 0.22), ("fade", 40.0)];
+/// The ground's grid: grey, so that it is seen on dark and on light ground, and a little above a floor at the same height.
+const GRID: [(&str, f64); 6] = [
+    ("opacity", 0.45),
+    ("color_r", 0.22),
+    ("color_g", 0.22),
+    ("color_b", 0.22),
+    ("fade", 40.0),
+    ("height", 0.01),
+];
 
 /// An effect that a view adds to the scene's.
 #[derive(Clone, Debug, PartialEq)]

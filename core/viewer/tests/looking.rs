@@ -20,7 +20,7 @@ let ada = cast("ada", load("choreo:mannequin"));
 ada.play(load("choreo:mannequin").clip("Walk"));
 camera("wide").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
 camera("side").at(1.2, 1.5, 1.0).look_at(ada);
-ada.reach("RightHand", [-0.35, 1.25, 0.35]);
+ada.reach("RightHand", [-0.35, 1.25, 0.35]).fade(0.0);
 let lamp = point(#{ position: [-1.2, 1.8, 0.5], intensity: 40.0 });
 "##;
 

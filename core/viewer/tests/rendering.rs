@@ -66,7 +66,7 @@ fn choose_format(harness: &mut Harness<'static, Place>, kind: Kind, extension: &
     let viewer = &mut harness.state_mut().viewer;
     let found = viewer.commands.formats.iter().position(|f| f.kind == kind && f.extension == extension);
     viewer.render_form.format = found.unwrap();
-    harness.run();
+    harness.run_steps(2);
 }
 
 /// What the command line makes of the same.
@@ -85,7 +85,7 @@ fn a_queue_of_renders_and_exports_makes_the_files_of_the_command_line() {
     // A film at half the size, and the scene for another program behind it.
     choose_format(&mut harness, Kind::Film, "gif");
     harness.state_mut().viewer.render_form.size = Size::Scaled(1, 2);
-    harness.run();
+    harness.run_steps(2);
     click_add(&mut harness, "Render");
     choose_format(&mut harness, Kind::Scene, "glb");
     click_add(&mut harness, "Export");
@@ -107,7 +107,7 @@ fn a_queue_of_renders_and_exports_makes_the_files_of_the_command_line() {
     choose_format(&mut harness, Kind::Images, "png");
     harness.state_mut().viewer.render_form.range = Range::Playhead;
     harness.state_mut().viewer.playhead.step(3);
-    harness.run();
+    harness.run_steps(2);
     click_add(&mut harness, "Render");
     ended(&mut harness, 2);
     let image =
@@ -144,7 +144,7 @@ fn a_render_that_is_canceled_leaves_nothing_and_the_next_one_goes_on() {
     click_add(&mut harness, "Render");
     harness.state_mut().viewer.render_form.output = folder.join("one.png").to_str().unwrap().into();
     harness.state_mut().viewer.render_form.range = Range::Playhead;
-    harness.run();
+    harness.run_steps(2);
     click_add(&mut harness, "Render");
     until(&mut harness, "progress", |harness| {
         let jobs = harness.state().viewer.renders.jobs();
@@ -163,7 +163,7 @@ fn a_render_that_is_canceled_leaves_nothing_and_the_next_one_goes_on() {
     assert_eq!(names, ["a.rhai", "one.png"]);
     // What has ended is taken off the list.
     harness.get_all_by_label("Remove").next().unwrap().click();
-    harness.run();
+    harness.run_steps(2);
     assert_eq!(harness.state().viewer.renders.jobs().len(), 1);
 }
 
@@ -182,11 +182,11 @@ fn a_render_that_fails_says_why() {
 const TESTS: &str = r##"let ball = shape("sphere", #{ color: "orange" });
 
 test("twice two", || {
-    expect(2 * 2).is(4);
+    expect(["two", "four"]).contains("four");
 });
 
 test("a wrong sum", || {
-    expect(2 + 2).is(5);
+    expect(["two", "four"]).contains("five");
 });
 
 test("an image", || {
@@ -210,8 +210,8 @@ fn sections_are_run_compared_and_accepted() {
         harness.state().viewer.tests.failure()
     );
     harness.get_by_label("2 failed, 1 passed");
-    harness.get_by_label("expected: 5");
-    harness.get_by_label("got: 4");
+    assert!(harness.get_all_by_label_contains("five").next().is_some());
+    assert!(harness.get_all_by_label_contains("got: ").next().is_some());
     // A new image is accepted, and its section alone is run again.
     assert!(golden(&folder).is_none());
     accept(&mut harness, 2);

@@ -95,10 +95,12 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
         let at_joint = trails::show(ui, viewer, index, &response, place, &lens);
         let drags_sign = viewer.dragged_sign.is_some();
         let at_handle = !drags_sign && handles::show(ui, viewer, index, &response, place, &lens);
-        if at_axis || at_sign || at_joint || at_handle {
+        if at_handle || viewer.dragged_sign.is_some() {
             return;
         }
+        let at_other = at_axis || at_sign || at_joint;
         if response.clicked()
+            && !at_other
             && let Some(at) = response.interact_pointer_pos().filter(|at| place.contains(*at))
         {
             click(viewer, index, &lens, DVec2::new(f64::from(at.x), f64::from(at.y)));
