@@ -1,7 +1,7 @@
 //! Brightness by default: gray and white under the default lights by both renderers, raw values on request, and lights of
 //! files and of scripts in the same units.
 
-use crate::unhurried;
+use crate::exported::unhurried;
 
 use choreo_motion::Time;
 use choreo_plugin::Frame;

@@ -6,8 +6,6 @@ mod common;
 mod exported;
 #[path = "../common/gltf_validator.rs"]
 mod gltf_validator;
-#[path = "../common/unhurried.rs"]
-mod unhurried;
 
 mod exposure;
 mod gltf;

@@ -304,9 +304,8 @@ mod tests {
         for _ in 0..200 {
             let mut point = || pos2(chance.next() * 40.0 - 4.0, chance.next() * 40.0 - 4.0);
             let corners = [point(), point(), point()];
-            let mut mesh = Mesh::default();
-            mesh.vertices = corners.map(|pos| Vertex { pos, uv: WHITE, color: Color32::WHITE }).to_vec();
-            mesh.indices = vec![0, 1, 2];
+            let vertices = corners.map(|pos| Vertex { pos, uv: WHITE, color: Color32::WHITE }).to_vec();
+            let mesh = Mesh { vertices, indices: vec![0, 1, 2], ..Mesh::default() };
             let pixels = drawn(mesh, 32, 0, &textures());
             for (at, pixel) in pixels.iter().enumerate() {
                 let center = [(at % 32) as f64 + 0.5, (at / 32) as f64 + 0.5];
