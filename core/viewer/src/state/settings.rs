@@ -17,7 +17,7 @@ pub struct Settings {
     pub layout: Option<Value>,
     /// Files that were shown last, the newest first.
     pub recent: Vec<PathBuf>,
-    /// What is laid over the images of new viewports.
+    /// Overlays of new viewports.
     pub overlays: Overlays,
 }
 

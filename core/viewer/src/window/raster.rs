@@ -152,9 +152,9 @@ fn pixels(low: f32, high: f32, from: usize, until: usize) -> std::ops::Range<usi
     first(low)..first(high)
 }
 
-/// Where an edge crosses the middle of a row: the same from both of its triangles.
+/// Place at which an edge crosses the middle of a row: the same from both of its triangles.
 fn crossing(a: Pos2, b: Pos2, y: f32) -> f32 {
-    // Corners at the same height come in any order, and have no crossing between them.
+    // Vertices at the same height come in any order, and have no crossing between them.
     let (a, b) = if (a.y, a.x) <= (b.y, b.x) { (a, b) } else { (b, a) };
     if b.y <= a.y {
         return a.x;
@@ -162,7 +162,7 @@ fn crossing(a: Pos2, b: Pos2, y: f32) -> f32 {
     a.x + (y - a.y) * ((b.x - a.x) / (b.y - a.y))
 }
 
-/// A value over a triangle: at a corner, and its change a pixel to the right and down.
+/// A value over a triangle: at a vertex, and its change a pixel to the right and down.
 #[derive(Clone, Copy)]
 struct Plane<const N: usize> {
     at: [f32; N],
@@ -177,7 +177,7 @@ struct Paint<'a> {
     /// Premultiplied, 0 to 255; `None` where it is the same everywhere.
     tint: Option<Plane<4>>,
     place: Option<Plane<2>>,
-    /// At the first corner: the tint and the texture's color.
+    /// Values at the first vertex: the tint and the texture's color.
     first: ([f32; 4], [f32; 4]),
 }
 
