@@ -585,7 +585,7 @@ const RUNS: [([&str; 2], [&str; 2]); 4] = [
 
 /// Seconds of a fade in step.
 const IN_STEP: f64 = 0.6;
-/// Metres that feet may slide in such a fade: one that leaves the ground at 3 m/s gets this far before it is a centimetre above it.
+/// Metres that feet may slide in such a fade: 0.0227 in one of UV_Animation_Test.vrm, less than 0.013 in all others.
 const MOST_IN_STEP: f64 = 0.025;
 /// Metres per second of the fastest foot, above twice that of the clips: legs of different length step in different times.
 const FASTER: f64 = 4.0;
