@@ -31,6 +31,8 @@ pub struct ViewOverrides {
     pub hidden: Vec<usize>,
     /// Actor that is drawn with an outline.
     pub outlined: Option<usize>,
+    /// The ground has a grid, hidden by what is nearer.
+    pub grid: bool,
     /// Transform that replaces an actor's while it is being dragged: world-from-model.
     pub moved: Option<(usize, DAffine3)>,
     /// Layers whose clips do not play: actor and layer.
@@ -39,6 +41,24 @@ pub struct ViewOverrides {
 
 /// Pixels of the line around what is selected, and its color, linear.
 const OUTLINE: [(&str, f64); 4] = [("width", 2.5), ("color_r", 1.0), ("color_g", 0.3), ("color_b", 0.04)];
+
+/// The ground's grid: grey, so that it is seen on dark and on light ground, and a little above a floor at the same height.
+const GRID: [(&str, f64); 6] = [
+    ("opacity", 0.45),
+    ("color_r", 0.22),
+    ("color_g", 0.22),
+    ("color_b", 0.22),
+    ("fade", 40.0),
+    ("height", 0.01),
+];
+
+/// An effect that a view adds to the scene's.
+#[derive(Clone, Debug, PartialEq)]
+struct Addition {
+    plugin: &'static str,
+    on: Vec<EffectTarget>,
+    parameters: &'static [(&'static str, f64)],
+}
 
 /// The stage without the layers that do not play, and which they are.
 struct Muted {
@@ -55,8 +75,8 @@ pub(crate) struct ViewEvaluators {
     own: Option<Evaluator>,
     /// The stage with one camera on all the time.
     cameras: BTreeMap<usize, Evaluator>,
-    /// The stage with an outline around one actor.
-    outlined: Option<(usize, Arc<Stage>)>,
+    /// The stage with the effects that the view adds.
+    added: Option<(Vec<Addition>, Arc<Stage>)>,
 }
 
 impl ViewEvaluators {
@@ -100,11 +120,12 @@ impl ViewEvaluators {
         {
             actor.world_from_model = world_from_model;
         }
-        if self.outline(request).is_some() {
-            let parameters = OUTLINE.map(|(name, value)| (name.to_string(), value)).to_vec();
-            let outline = EffectState { effect: scene.stage.effects.len(), parameters };
-            snapshot.dissolve.iter_mut().for_each(|dissolve| dissolve.effects.push(outline.clone()));
-            snapshot.effects.push(outline);
+        for (index, addition) in additions(request).into_iter().enumerate() {
+            let parameters =
+                addition.parameters.iter().map(|(name, value)| (name.to_string(), *value)).collect();
+            let effect = EffectState { effect: scene.stage.effects.len() + index, parameters };
+            snapshot.dissolve.iter_mut().for_each(|dissolve| dissolve.effects.push(effect.clone()));
+            snapshot.effects.push(effect);
         }
         Ok(snapshot)
     }
@@ -112,7 +133,7 @@ impl ViewEvaluators {
     /// The stage with what the view overrides add to it.
     pub fn stage(&mut self, request: &FrameRequest) -> Arc<Stage> {
         self.set_scene(request);
-        self.outline(request).unwrap_or_else(|| self.base(&request.scene))
+        self.with_additions(request).unwrap_or_else(|| self.base(&request.scene))
     }
 
     fn set_scene(&mut self, request: &FrameRequest) {
@@ -138,20 +159,34 @@ impl ViewEvaluators {
         self.muted.as_ref().map_or_else(|| scene.stage.clone(), |muted| muted.stage.clone())
     }
 
-    /// The stage with the outline, where there is one to draw.
-    fn outline(&mut self, request: &FrameRequest) -> Option<Arc<Stage>> {
-        let scene = &request.scene;
-        let actor = request.overrides.outlined.filter(|a| *a < scene.stage.actors.len())?;
-        scene.registry.effect("outline")?;
-        if self.outlined.as_ref().is_none_or(|(of, _)| *of != actor) {
-            let mut stage = (*self.base(scene)).clone();
-            stage.effects.push(EffectUse {
-                plugin: "outline".into(),
-                on: vec![EffectTarget { actor, material: None }],
-                ..EffectUse::default()
-            });
-            self.outlined = Some((actor, Arc::new(stage)));
+    /// The stage with the effects that the view adds, where there are any.
+    fn with_additions(&mut self, request: &FrameRequest) -> Option<Arc<Stage>> {
+        let additions = additions(request);
+        if additions.is_empty() {
+            return None;
         }
-        self.outlined.as_ref().map(|(_, stage)| stage.clone())
+        if self.added.as_ref().is_none_or(|(of, _)| *of != additions) {
+            let mut stage = (*self.base(&request.scene)).clone();
+            stage.effects.extend(additions.iter().map(|addition| EffectUse {
+                plugin: addition.plugin.into(),
+                on: addition.on.clone(),
+                ..EffectUse::default()
+            }));
+            self.added = Some((additions, Arc::new(stage)));
+        }
+        self.added.as_ref().map(|(_, stage)| stage.clone())
     }
+}
+
+/// The effects that a view adds: those that the program has.
+fn additions(request: &FrameRequest) -> Vec<Addition> {
+    let FrameRequest { scene, overrides, .. } = request;
+    let actor = overrides.outlined.filter(|actor| *actor < scene.stage.actors.len());
+    let outline = actor.map(|actor| Addition {
+        plugin: "outline",
+        on: vec![EffectTarget { actor, material: None }],
+        parameters: &OUTLINE,
+    });
+    let grid = overrides.grid.then_some(Addition { plugin: "grid", on: Vec::new(), parameters: &GRID });
+    outline.into_iter().chain(grid).filter(|added| scene.registry.effect(added.plugin).is_some()).collect()
 }

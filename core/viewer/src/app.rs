@@ -1,9 +1,13 @@
 //! The content and state of the window, apart from how it is drawn: fed with versions, frames and the clock, asked for the next
 //! frame to draw. No toolkit here.
 
+use crate::commands::Commands;
+use crate::commands::queue::RenderQueue;
+use crate::commands::test_run::TestRun;
 use crate::geometry::gizmo::{Change, Drag, Tool};
 use crate::geometry::picking;
 use crate::state::curves::Curves;
+use crate::state::dragged_sign::DraggedSign;
 use crate::state::dropped_models::DroppedModels;
 use crate::state::events::Event;
 use crate::state::history::{History, Offer};
@@ -12,9 +16,11 @@ use crate::state::orbit::Orbit;
 use crate::state::performance::Performance;
 use crate::state::playhead::Playhead;
 use crate::state::reduction::Reduction;
+use crate::state::render_form::RenderForm;
 use crate::state::selection::{self, Selected};
 use crate::state::span::Span;
 use crate::state::timeline::{Bar, Timeline};
+use crate::state::trail::{JointRef, Trails};
 use crate::state::view::{Resolution, View, ViewCamera, Wish, fitted};
 use choreo_motion::Time;
 use choreo_plugin::Frame;
@@ -71,6 +77,13 @@ pub struct Viewer {
     pub refusals: u64,
     /// A note on the last change, beyond what is seen.
     pub note: Option<String>,
+    /// How renders and tests are run.
+    pub commands: Commands,
+    pub renders: RenderQueue,
+    pub render_form: RenderForm,
+    pub tests: TestRun,
+    /// The script or folder whose tests are run, where it is not the script that is shown.
+    pub tested: String,
     /// The last good one.
     pub scene: Option<Arc<Scene>>,
     pub timeline: Timeline,
@@ -80,6 +93,8 @@ pub struct Viewer {
     pub faulty: bool,
     /// Problems of the renderer: drivers that failed, shaders that do not compile, callbacks that fail at this time.
     pub trouble: Vec<String>,
+    /// Why the window itself is drawn on the CPU, where it is.
+    pub without_vulkan: Option<String>,
     pub playhead: Playhead,
     /// The views; at least one.
     pub views: Vec<View>,
@@ -87,6 +102,10 @@ pub struct Viewer {
     pub active: usize,
     pub tool: Tool,
     pub dragging: Option<Dragging>,
+    pub dragged_sign: Option<DraggedSign>,
+    /// The joint that is selected beside the selection.
+    pub joint: Option<JointRef>,
+    pub trails: Trails,
     pub shelf: Shelf,
     pub selection: Option<Selected>,
     /// The clips that were copied last, a line each.
@@ -138,16 +157,25 @@ impl Viewer {
             refusals: 0,
             note: None,
             quit: false,
+            commands: Commands::default(),
+            renders: RenderQueue::default(),
+            render_form: RenderForm::default(),
+            tests: TestRun::default(),
+            tested: String::new(),
             scene: None,
             timeline: Timeline::default(),
             problems: Vec::new(),
             faulty: false,
             trouble: Vec::new(),
+            without_vulkan: None,
             playhead: Playhead::default(),
             views: vec![View::default()],
             active: 0,
             tool: Tool::Move,
             dragging: None,
+            dragged_sign: None,
+            joint: None,
+            trails: Trails::default(),
             shelf: Shelf::default(),
             selection: None,
             copied: String::new(),
@@ -242,6 +270,7 @@ impl Viewer {
         let samples = self.samples.or(scene.stage.settings.samples).unwrap_or(4);
         let overrides = self.overrides(&scene);
         let moving = self.is_moving();
+        let (saves, active) = (self.screenshot.is_some(), self.active.min(self.views.len() - 1));
         for (index, view) in self.views.iter_mut().enumerate().filter(|(_, v)| v.seen && !v.waiting) {
             let size = match view.resolution {
                 Resolution::Full => scene.stage.settings.size.map(|s| s.clamp(1, LARGEST)),
@@ -258,7 +287,7 @@ impl Viewer {
                 samples,
                 viewport_camera: view.viewport_camera(&scene.stage),
                 moving,
-                overrides: overrides.clone(),
+                overrides: view_overrides(&overrides, view, saves && index == active),
             };
             if view.asked.as_ref() == Some(&wish) {
                 continue;
@@ -303,7 +332,7 @@ impl Viewer {
         let muted = self.shelf.muted.iter();
         let muted =
             muted.filter_map(|(name, layer)| Some((selection::actor(stage, name)?, *layer))).collect();
-        ViewOverrides { hidden, outlined, moved, muted }
+        ViewOverrides { hidden, outlined, moved, muted, grid: false }
     }
 
     /// How often shaders have changed so far.
@@ -506,5 +535,13 @@ impl Viewer {
         let fps = self.playhead.fps().as_fps();
         let secs = if self.snap { (secs * fps).round() / fps } else { secs };
         secs.clamp(0.0, self.playhead.length().as_secs())
+    }
+}
+
+/// What one view adds to what all show. An image that is saved has neither grid nor outline.
+fn view_overrides(all: &ViewOverrides, view: &View, saved: bool) -> ViewOverrides {
+    match saved {
+        true => ViewOverrides { outlined: None, ..all.clone() },
+        false => ViewOverrides { grid: view.overlays.grid, ..all.clone() },
     }
 }

@@ -1,5 +1,6 @@
 //! The command line.
 
+use crate::commands::{AS_PROGRAM, Commands};
 use choreo::App;
 use choreo_script::{ImportChoice, Limits};
 use choreo_session::SceneSource;
@@ -64,6 +65,31 @@ pub(crate) struct ViewerOptions {
     pub lose: Vec<u64>,
     /// Reports on standard output what is shown, a line each.
     pub event_log: bool,
+    pub commands: Commands,
+}
+
+/// How renders, exports and tests of the same scene are called.
+fn commands(args: &Args, app: &App) -> Commands {
+    let each = |flag: &'static str, values: Vec<OsString>| {
+        values.into_iter().flat_map(move |value| [OsString::from(flag), value])
+    };
+    let texts = |values: &[String]| values.iter().map(OsString::from).collect();
+    let folders = |values: &[PathBuf]| values.iter().map(OsString::from).collect();
+    let mut test: Vec<OsString> = each("--search", folders(&args.search)).collect();
+    test.extend(each("--plugins", folders(&args.plugins)));
+    test.extend(each("--limit", texts(&args.limit)));
+    test.extend(args.no_project_file.then(|| "--no-project-file".into()));
+    let scene =
+        each("--set", texts(&args.set)).chain(each("--clip", args.clip.iter().map(Into::into).collect()));
+    // Without a path of its own, nothing can be run: the panels say so.
+    let program = std::env::current_exe().map(|exe| vec![exe.into(), AS_PROGRAM.into()]).unwrap_or_default();
+    Commands {
+        program,
+        input: args.input.clone(),
+        scene: scene.chain(test.iter().cloned()).collect(),
+        test,
+        formats: Commands::formats_of(&app.registry),
+    }
 }
 
 /// The command line, for completions and manual pages.
@@ -110,6 +136,7 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
     if !args.at.is_finite() {
         return Err(usage(format!("--at {}: write seconds", args.at)));
     }
+    let commands = commands(&args, app);
     let source = SceneSource {
         set,
         search: [args.search, of_project.search, app.search.clone()].concat(),
@@ -121,7 +148,7 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         ..SceneSource::new(args.input)
     };
     let Args { at, play, full_size, lose, event_log, .. } = args;
-    Ok(ViewerOptions { source, at, play, full_size, lose, event_log })
+    Ok(ViewerOptions { source, at, play, full_size, lose, event_log, commands })
 }
 
 #[cfg(test)]

@@ -3,11 +3,12 @@
 //! ```text
 //! SessionThread ─ scene versions ─► Viewer (app) ─ frame requests ─► FrameRenderer ─ frames ─┐
 //!                                    ▲ panels (egui)                                        │
-//!                                    └─────────────── window (winit, Vulkan) ◄──────────────┘
+//!                                    └─────── window (winit, Vulkan or CPU) ◄──────────────┘
 //! ```
 
 pub mod app;
 mod args;
+pub mod commands;
 pub mod editing;
 pub mod geometry;
 pub mod panels;
@@ -23,6 +24,11 @@ use std::process::ExitCode;
 
 /// One call of the viewer of a program: `args` as in `std::env::args_os()`.
 pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
+    let args: Vec<OsString> = args.into_iter().collect();
+    if args.get(1).is_some_and(|word| word == commands::AS_PROGRAM) {
+        let words = [OsString::from(app.name)].into_iter().chain(args.into_iter().skip(2));
+        return choreo::run(words, app);
+    }
     let asked = match args::parse(args, app) {
         Ok(asked) => asked,
         Err(code) => return code,

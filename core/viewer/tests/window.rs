@@ -180,13 +180,12 @@ fn a_wayland_that_is_not_there_is_told_and_x11_takes_its_place() {
 }
 
 /// Libraries that are loaded when a window is opened, and their packages. (libX11 is also searched for by its whole path.)
-const LIBRARIES: [(&[&str], &str); 6] = [
+const LIBRARIES: [(&[&str], &str); 5] = [
     (&["libX11-xcb.so.1", "libX11-xcb.so"], "libx11-xcb1"),
     (&["libXcursor.so.1", "libXcursor.so"], "libxcursor1"),
     (&["libXi.so.6", "libXi.so"], "libxi6"),
     (&["libxkbcommon.so.0", "libxkbcommon.so"], "libxkbcommon0"),
     (&["libxkbcommon-x11.so.0", "libxkbcommon-x11.so"], "libxkbcommon-x11-0"),
-    (&["libvulkan.so.1", "libvulkan.so"], "libvulkan1"),
 ];
 
 /// Each of them made useless: an empty file of its name is found before it.

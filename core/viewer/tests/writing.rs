@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 /// Colors in the sequencer: the playhead, and the bar of the second clip (`Run`).
 const PLAYHEAD: [u8; 3] = [0xff, 0x6a, 0x3d];
-const SECOND: [u8; 3] = [0x00, 0x8a, 0x66];
+const SECOND: [u8; 3] = [0x00, 0x86, 0x62];
 /// The gizmo's arrow along x, and its ring about y.
 const ALONG_X: [u8; 3] = [0xe0, 0x55, 0x4d];
 const ABOUT_Y: [u8; 3] = [0x6a, 0xb0, 0x3f];

@@ -216,6 +216,9 @@ pub(crate) struct RenderArgs {
     /// Draw the stages of the CPU renderer for one frame, six images in the folder -o: model, view, clip, raster, depth, shade
     #[arg(long, conflicts_with_all = ["resume", "watch", "frames"])]
     pub stages: bool,
+    /// Write how many frames are done, a line of JSON each on standard error, for the viewer
+    #[arg(long, hide = true)]
+    pub progress_lines: bool,
     /// Threads at most (default: one for each core)
     #[arg(long, value_name = "N")]
     pub jobs: Option<String>,

@@ -1,14 +1,26 @@
-//! A bar with the time left, on a terminal; nothing elsewhere.
+//! A bar with the time left, on a terminal; lines for a program that shows a bar of its own; nothing elsewhere.
 
+use crate::failure::print_message;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use std::sync::atomic::{AtomicU64, Ordering};
 
-pub struct Progress(Option<ProgressBar>);
+pub struct Progress(Option<ProgressBar>, Option<Lines>);
+
+struct Lines {
+    frames: u64,
+    done: AtomicU64,
+}
 
 impl Progress {
+    /// Writes `{"done":1,"frames":90}` for each frame, a line each on standard error.
+    pub fn lines(frames: u64) -> Progress {
+        Progress(None, Some(Lines { frames, done: AtomicU64::new(0) }))
+    }
+
     pub fn new(frames: u64, quiet: bool) -> Progress {
         use std::io::IsTerminal;
         if quiet || frames < 2 || !std::io::stderr().is_terminal() {
-            return Progress(None);
+            return Progress(None, None);
         }
         let bar = ProgressBar::with_draw_target(Some(frames), ProgressDrawTarget::stderr_with_hz(10));
         let template = "{bar:32} {pos}/{len} frames, {rate}/s, {eta} left";
@@ -18,12 +30,16 @@ impl Progress {
             };
             bar.set_style(style.with_key("rate", rate).progress_chars("█▌·"));
         }
-        Progress(Some(bar))
+        Progress(Some(bar), None)
     }
 
     pub fn step(&self) {
         if let Some(bar) = &self.0 {
             bar.inc(1);
+        }
+        if let Some(Lines { frames, done }) = &self.1 {
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            print_message(format_args!("{{\"done\":{done},\"frames\":{frames}}}"));
         }
     }
 

@@ -7,6 +7,7 @@ mod key_easing;
 mod key_list;
 mod keys;
 mod object;
+mod reaching;
 mod refused;
 mod scan;
 mod strips;

@@ -10,6 +10,7 @@ pub mod expression;
 pub(crate) mod external_editor;
 mod keys;
 pub mod placing;
+mod signs;
 mod strips;
 
 pub use error::EditError;

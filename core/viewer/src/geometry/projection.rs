@@ -78,6 +78,11 @@ impl Lens {
         depth.max(NEAREST) * self.height / self.size.y.max(1.0)
     }
 
+    /// Unit vector in which the camera looks.
+    pub(crate) fn forward(&self) -> DVec3 {
+        -self.view_from_world.inverse().matrix3.z_axis.normalize_or(DVec3::Z)
+    }
+
     /// Unit vector from a place to the camera.
     pub fn to_eye(&self, from: DVec3) -> DVec3 {
         let world_from_view = self.view_from_world.inverse();

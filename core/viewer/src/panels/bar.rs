@@ -1,5 +1,6 @@
 //! The bar above the panels: menus, the first problem, the offer of the last change.
 
+use super::presets::Preset;
 use super::{Panels, Tab};
 use crate::app::Viewer;
 use crate::state::settings::SCALES;
@@ -19,8 +20,11 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
                         panels.set_open(tab, open);
                     }
                 }
-                if ui.button("As at first").clicked() {
-                    panels.dock = Panels::default().dock;
+                ui.separator();
+                for preset in Preset::ALL {
+                    if ui.button(preset.name()).clicked() {
+                        panels.dock = preset.dock();
+                    }
                 }
             });
             ui.menu_button("Look", |ui| {
@@ -91,6 +95,9 @@ fn status(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
             false => "faulty: nothing to show yet",
         };
         Some(RichText::new(text).color(visuals.error_fg_color).strong())
+    } else if viewer.without_vulkan.is_some() && viewer.trouble.len() == 1 {
+        // The renderer says the same.
+        Some(RichText::new("drawn on the CPU").color(visuals.warn_fg_color))
     } else if !viewer.trouble.is_empty() {
         Some(RichText::new("trouble: see Messages").color(visuals.error_fg_color))
     } else if warnings > 0 {

@@ -346,19 +346,30 @@ fn hover(viewer: &Viewer, bar: &Bar) -> String {
     text
 }
 
+/// Colors of bars with an error and with a warning.
+pub(super) const FAULTY: Color32 = Color32::from_rgb(0xc0, 0x30, 0x28);
+pub(super) const WARNED: Color32 = Color32::from_rgb(0xa0, 0x68, 0x00);
+/// How much of its color a bar has that is off.
+pub(super) const OFF: f32 = 0.35;
+
+/// Color of the name of a bar that is off, which the panel shines through.
+pub(super) fn off_text(visuals: &egui::Visuals) -> Color32 {
+    visuals.strong_text_color()
+}
+
 type Looks = (bool, Option<choreo_script::Severity>);
 
 fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane, (selected, wrong): Looks) {
     let [r, g, b] = COLORS[bar.kind % COLORS.len()];
     let color = match wrong {
-        Some(choreo_script::Severity::Error) => Color32::from_rgb(0xc0, 0x30, 0x28),
-        Some(choreo_script::Severity::Warning) => Color32::from_rgb(0xa0, 0x68, 0x00),
+        Some(choreo_script::Severity::Error) => FAULTY,
+        Some(choreo_script::Severity::Warning) => WARNED,
         _ => Color32::from_rgb(r, g, b),
     };
     let x = |time: Time| lane.x(viewer, time.as_secs());
     let round = CornerRadius::same(3);
     let is_off = bar.strip.is_some_and(|strip| strip.weight <= 0.0);
-    painter.rect_filled(place, round, if is_off { color.gamma_multiply(0.35) } else { color });
+    painter.rect_filled(place, round, if is_off { color.gamma_multiply(OFF) } else { color });
     if let Some(holds) = bar.holds_from {
         // The clip is over: its last pose is held.
         let held = Rect::from_min_max(pos2(x(holds), place.top()), place.max).intersect(place);
@@ -379,9 +390,10 @@ fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane,
     rounds(painter, viewer, bar, place, lane);
     let text = painter.with_clip_rect(place.shrink2(vec2(4.0, 0.0)).intersect(painter.clip_rect()));
     let left = pos2(place.left() + 5.0, place.center().y);
-    text.text(left, Align2::LEFT_CENTER, &bar.label, FontId::proportional(11.5), Color32::WHITE);
+    let ink = if is_off { off_text(&painter.ctx().global_style().visuals) } else { Color32::WHITE };
+    text.text(left, Align2::LEFT_CENTER, &bar.label, FontId::proportional(11.5), ink);
     if is_off {
-        painter.hline(place.x_range(), place.center().y, Stroke::new(1.0, Color32::WHITE));
+        painter.hline(place.x_range(), place.center().y, Stroke::new(1.0, ink));
     }
     if selected {
         painter.rect_stroke(place, round, Stroke::new(2.0, Color32::WHITE), StrokeKind::Inside);

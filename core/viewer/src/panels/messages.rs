@@ -6,8 +6,11 @@ use egui::{RichText, Sense, Ui};
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let visuals = ui.visuals().clone();
-    if viewer.problems.is_empty() && viewer.trouble.is_empty() {
+    if viewer.problems.is_empty() && viewer.trouble.is_empty() && viewer.without_vulkan.is_none() {
         ui.label("nothing to say");
+    }
+    if let Some(text) = &viewer.without_vulkan {
+        ui.label(RichText::new(text).color(visuals.warn_fg_color).monospace());
     }
     for text in &viewer.trouble {
         ui.label(RichText::new(text).color(visuals.error_fg_color).monospace());

@@ -1,8 +1,11 @@
 //! The panels, and how they lie beside each other.
 
+mod axes;
 mod bar;
 mod bar_menu;
 mod bars;
+#[cfg(test)]
+mod contrast;
 mod curves;
 mod drop;
 mod explain;
@@ -17,17 +20,22 @@ mod marks;
 mod messages;
 mod overlay;
 mod performance;
+mod presets;
 mod refusal;
+mod render;
 mod script;
 mod sequencer;
+mod signs;
 mod strip;
+mod tests;
+mod trails;
 mod tree;
 mod values;
 mod viewport;
 
 use crate::app::Viewer;
 use crate::state::settings::Settings;
-use crate::state::view::{MOST_VIEWS, View};
+use crate::state::view::{MOST_VIEWS, Overlays, View};
 use egui::text::{LayoutJob, TextWrapping};
 use egui::{Color32, FontId, Galley, Painter, RichText, TextureId, Ui, WidgetText};
 use egui_dock::{DockArea, DockState, NodeIndex, Split, Style, TabViewer};
@@ -45,12 +53,14 @@ pub enum Tab {
     Explain,
     Performance,
     Curves,
+    Render,
+    Tests,
 }
 
 const TITLES: [&str; MOST_VIEWS] = ["Viewport", "Viewport 2", "Viewport 3", "Viewport 4"];
 
 impl Tab {
-    pub const ALL: [Tab; 12] = [
+    pub const ALL: [Tab; 14] = [
         Tab::Viewport(0),
         Tab::Sequencer,
         Tab::Tree,
@@ -60,6 +70,8 @@ impl Tab {
         Tab::Explain,
         Tab::Performance,
         Tab::Curves,
+        Tab::Render,
+        Tab::Tests,
         Tab::Viewport(1),
         Tab::Viewport(2),
         Tab::Viewport(3),
@@ -76,6 +88,8 @@ impl Tab {
             Tab::Explain => "Explain",
             Tab::Performance => "Performance",
             Tab::Curves => "Curves",
+            Tab::Render => "Render",
+            Tab::Tests => "Tests",
         }
     }
 }
@@ -104,6 +118,7 @@ pub(crate) fn set_colors(context: &egui::Context, light: bool) {
     bright.weak_text_color = Some(egui::Color32::from_gray(105));
     bright.error_fg_color = egui::Color32::from_rgb(0xb0, 0x20, 0x10);
     bright.warn_fg_color = egui::Color32::from_rgb(0x8a, 0x55, 0x00);
+    bright.hyperlink_color = egui::Color32::from_rgb(0x00, 0x5f, 0xb0);
     bright.text_cursor.blink = false;
     // Mixed with light by amounts of light, thin dark strokes fade: as much stronger as egui makes light ones on dark.
     bright.text_options.color_transfer_function = dark_text;
@@ -121,26 +136,23 @@ pub struct Panels {
     pub light: bool,
     /// 1 to 2.
     pub scale: f32,
+    /// What is laid over the first viewport's image, which new ones take over.
+    overlays: Overlays,
     /// The colors and scale that were last given to egui's context.
     applied: Option<(bool, f32)>,
 }
 
 impl Default for Panels {
     fn default() -> Panels {
-        let mut dock = DockState::new(vec![Tab::Viewport(0)]);
-        let surface = dock.main_surface_mut();
-        let below = vec![Tab::Sequencer, Tab::Curves, Tab::Messages, Tab::Explain, Tab::Performance];
-        let [above, _] = surface.split_below(NodeIndex::root(), 0.66, below);
-        let [middle, _] = surface.split_right(above, 0.72, vec![Tab::Inspector, Tab::Script]);
-        surface.split_left(middle, 0.2, vec![Tab::Tree]);
         Panels {
-            dock,
+            dock: presets::Preset::General.dock(),
             splits: Default::default(),
             help: false,
             waiting: Default::default(),
             refusals: Default::default(),
             light: false,
             scale: 1.0,
+            overlays: Overlays::default(),
             applied: None,
         }
     }
@@ -148,7 +160,8 @@ impl Default for Panels {
 
 impl Panels {
     pub fn new(settings: &Settings) -> Panels {
-        let mut panels = Panels { light: settings.light, scale: settings.scale, ..Panels::default() };
+        let Settings { light, scale, overlays, .. } = *settings;
+        let mut panels = Panels { light, scale, overlays, ..Panels::default() };
         if let Some(dock) = settings.layout.as_ref().and_then(layout::read) {
             panels.dock = dock;
         }
@@ -161,7 +174,8 @@ impl Panels {
     }
 
     pub fn settings(&self) -> Settings {
-        Settings { light: self.light, scale: self.scale, layout: Some(self.splits.write(&self.dock)) }
+        let layout = Some(self.splits.write(&self.dock));
+        Settings { light: self.light, scale: self.scale, layout, overlays: self.overlays }
     }
 
     /// `pictures`: by view, the texture with the frame that is shown; `now`: the clock, seconds.
@@ -183,6 +197,7 @@ impl Panels {
             self.bring(Tab::Script);
         }
         viewer.views.iter_mut().for_each(|view| view.seen = false);
+        self.overlays = viewer.views[0].overlays;
         viewer.scrubs = false;
         viewer.curves.hovered = false;
         // Between the rounded corners of the panels.
@@ -304,7 +319,8 @@ impl TabViewer for Tabs<'_> {
             Tab::Viewport(view) => {
                 let view = *view as usize % MOST_VIEWS;
                 while self.viewer.views.len() <= view {
-                    self.viewer.views.push(View { seen: false, ..View::default() });
+                    let overlays = self.viewer.views[0].overlays;
+                    self.viewer.views.push(View { seen: false, overlays, ..View::default() });
                 }
                 let picture = self.pictures.get(view).copied().flatten();
                 viewport::show(ui, self.viewer, view, picture);
@@ -317,6 +333,8 @@ impl TabViewer for Tabs<'_> {
             Tab::Explain => explain::show(ui, self.viewer),
             Tab::Performance => performance::show(ui, self.viewer),
             Tab::Curves => curves::show(ui, self.viewer),
+            Tab::Render => render::show(ui, self.viewer),
+            Tab::Tests => tests::show(ui, self.viewer),
         }
     }
 

@@ -1,4 +1,4 @@
-//! Overlays over the image: the ground's grid, skeletons, bounds, safe areas. Lines of the window, not of the scene: they are
+//! Overlays over the image: skeletons, bounds, safe areas. Lines of the window, not of the scene: they are
 //! visible through everything.
 
 use crate::app::Viewer;
@@ -8,8 +8,6 @@ use crate::state::selection::Selected;
 use egui::{Align2, Color32, FontId, Painter, Rect, Stroke, StrokeKind, Ui, pos2, vec2};
 use glam::{DVec2, DVec3};
 
-/// Lines of the grid to either side.
-const LINES: i32 = 20;
 /// Joints in all that are drawn.
 const MOST_JOINTS: usize = 20_000;
 
@@ -52,9 +50,6 @@ pub fn show(ui: &Ui, viewer: &Viewer, index: usize, place: Rect, lens: &Lens) {
     let view = &viewer.views[index];
     let (Some(scene), Some(shown)) = (&viewer.scene, &view.shown) else { return };
     let painter = ui.painter_at(place);
-    if view.overlays.grid {
-        grid(&painter, viewer, lens);
-    }
     let selected = viewer.selection.as_ref().and_then(Selected::actor);
     let mut joints = 0;
     for (actor, state) in scene.stage.actors.iter().zip(&shown.snapshot.actors).filter(|(_, s)| s.visible) {
@@ -93,30 +88,6 @@ pub fn show(ui: &Ui, viewer: &Viewer, index: usize, place: Rect, lens: &Lens) {
     }
     if view.overlays.safe {
         safe_areas(&painter, place, scene.stage.settings.size);
-    }
-}
-
-/// Draws a grid on the ground around the target of the camera, one, ten or a hundred metres apart.
-fn grid(painter: &Painter, viewer: &Viewer, lens: &Lens) {
-    let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
-    let mut step = 1.0_f64;
-    while lens.metres_a_point(DVec3::new(middle.x, 0.0, middle.z)) * 12.0 > step && step < 1e9 {
-        step *= 10.0;
-    }
-    let (x, z) = ((middle.x / step).round() * step, (middle.z / step).round() * step);
-    let reach = f64::from(LINES) * step;
-    for i in -LINES..=LINES {
-        let at = f64::from(i) * step;
-        let stroke = |along: f64, axis: Color32| {
-            if along.abs() < step * 1e-6 {
-                Stroke::new(1.5, axis)
-            } else {
-                Stroke::new(1.0, Color32::from_white_alpha(46))
-            }
-        };
-        let (gx, gz) = (x + at, z + at);
-        line(painter, lens, DVec3::new(gx, 0.0, z - reach), DVec3::new(gx, 0.0, z + reach), stroke(gx, Z));
-        line(painter, lens, DVec3::new(x - reach, 0.0, gz), DVec3::new(x + reach, 0.0, gz), stroke(gz, X));
     }
 }
 

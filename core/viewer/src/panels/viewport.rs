@@ -1,6 +1,6 @@
 //! The image, the camera that the mouse moves, and what is picked in it.
 
-use super::{handles, overlay};
+use super::{axes, handles, overlay, signs, trails};
 use crate::app::Viewer;
 use crate::geometry::picking;
 use crate::geometry::projection::Lens;
@@ -77,14 +77,23 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     let lens = viewer.scene.clone().and_then(|scene| {
         let camera = viewer.views[index].now(&scene.stage)?;
         let vector = |x: f32, y: f32| DVec2::new(f64::from(x), f64::from(y));
-        Some(Lens::new(&camera, vector(place.left(), place.top()), vector(place.width(), place.height())))
+        let corner = vector(place.left(), place.top());
+        let lens = Lens::new(&camera, corner, vector(place.width(), place.height()));
+        Some((lens, camera.world_from_view))
     });
-    if let Some(lens) = lens {
+    if let Some((lens, world_from_view)) = lens {
         overlay::show(ui, viewer, index, place, &lens);
-        if handles::show(ui, viewer, index, &response, place, &lens) {
+        let at_axis = axes::show(ui, viewer, index, place, &world_from_view);
+        let at_sign = signs::show(ui, viewer, index, &response, place, &lens);
+        let at_joint = trails::show(ui, viewer, index, &response, place, &lens);
+        let drags_sign = viewer.dragged_sign.is_some();
+        let at_handle = !drags_sign && handles::show(ui, viewer, index, &response, place, &lens);
+        if at_handle || viewer.dragged_sign.is_some() {
             return;
         }
+        let at_other = at_axis || at_sign || at_joint;
         if response.clicked()
+            && !at_other
             && let Some(at) = response.interact_pointer_pos().filter(|at| place.contains(*at))
         {
             click(viewer, index, &lens, DVec2::new(f64::from(at.x), f64::from(at.y)));
@@ -107,6 +116,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
         }
         into_script(ui, viewer, index);
         follow(ui, viewer, index);
+        axes::menu(ui, viewer, index);
         ui.separator();
         let view = &mut viewer.views[index];
         let full = view.resolution == Resolution::Full;
@@ -115,10 +125,9 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
             view.resolution = if full { Resolution::Fitted } else { Resolution::Full };
         }
         ui.menu_button("Show", |ui| {
-            ui.checkbox(&mut view.overlays.grid, "Grid");
-            ui.checkbox(&mut view.overlays.skeletons, "Skeletons");
-            ui.checkbox(&mut view.overlays.bounds, "Bounds");
-            ui.checkbox(&mut view.overlays.safe, "Safe areas");
+            for (_, name, shown) in view.overlays.all() {
+                ui.checkbox(shown, name);
+            }
         });
         ui.separator();
         for (tool, name, key) in

@@ -1,6 +1,7 @@
 //! The state of the viewer: plain data without a toolkit, tested without a window.
 
 pub mod curves;
+pub mod dragged_sign;
 pub mod dropped_models;
 pub mod events;
 pub mod history;
@@ -9,8 +10,11 @@ pub mod orbit;
 pub mod performance;
 pub mod playhead;
 pub mod reduction;
+pub mod render_form;
 pub mod selection;
 pub mod settings;
+pub mod side;
 pub mod span;
 pub mod timeline;
+pub mod trail;
 pub mod view;

@@ -1,6 +1,7 @@
 //! Settings that the window keeps between runs: where its panels lie, light or dark, how large. A small JSON file in the user's state
 //! folder; one that cannot be read counts as none.
 
+use crate::state::view::Overlays;
 use choreo_files::write_whole_beneath;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -14,11 +15,13 @@ pub struct Settings {
     pub scale: f32,
     /// The layout as [`crate::panels::Panels`] writes it.
     pub layout: Option<Value>,
+    /// What is laid over the images of new viewports.
+    pub overlays: Overlays,
 }
 
 impl Default for Settings {
     fn default() -> Settings {
-        Settings { light: false, scale: 1.0, layout: None }
+        Settings { light: false, scale: 1.0, layout: None, overlays: Overlays::default() }
     }
 }
 
@@ -41,16 +44,26 @@ impl Settings {
 
     fn from_json(value: &Value) -> Settings {
         let scale = value["scale"].as_f64().unwrap_or(1.0) as f32;
+        let mut overlays = Overlays::default();
+        for (name, _, shown) in overlays.all() {
+            *shown = value["overlays"][name].as_bool().unwrap_or(*shown);
+        }
         Settings {
             light: value["light"].as_bool().unwrap_or(false),
             scale: if scale.is_finite() { scale.clamp(SCALES.0, SCALES.1) } else { 1.0 },
             layout: value.get("layout").filter(|l| l.is_object()).cloned(),
+            overlays,
         }
     }
 
     /// Failure is no reason to stop: the next window looks as at first.
     pub fn write(&self, file: &Path) {
-        let value = json!({ "light": self.light, "scale": self.scale, "layout": self.layout });
+        let mut overlays = self.overlays;
+        let overlays: serde_json::Map<String, Value> =
+            overlays.all().into_iter().map(|(name, _, shown)| (name.to_string(), json!(*shown))).collect();
+        let value = json!({
+            "light": self.light, "scale": self.scale, "layout": self.layout, "overlays": overlays,
+        });
         if let (Some(folder), Some(name)) = (file.parent(), file.file_name()) {
             let _ = write_whole_beneath(folder, name.as_ref(), format!("{value:#}\n").as_bytes());
         }
@@ -66,7 +79,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("new/view.json");
         assert_eq!(Settings::read(&file), Settings::default());
-        let settings = Settings { light: true, scale: 1.5, layout: Some(json!({ "tabs": [1] })) };
+        let overlays = Overlays { grid: false, onion: true, ..Overlays::default() };
+        let settings = Settings { light: true, scale: 1.5, layout: Some(json!({ "tabs": [1] })), overlays };
         settings.write(&file);
         assert_eq!(Settings::read(&file), settings);
         for garbage in

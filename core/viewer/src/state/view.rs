@@ -33,13 +33,53 @@ pub enum Resolution {
 }
 
 /// The overlays that are drawn over the image.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Overlays {
+    /// The ground's grid, which the renderer draws: it is hidden by what is nearer.
     pub grid: bool,
+    /// Signs for lights and cameras.
+    pub signs: bool,
+    /// The directions of the axes, in a corner.
+    pub axes: bool,
+    /// The path of the selected joint, else of the selected actor.
+    pub trail: bool,
+    /// Skeletons of the selected actor before and after the playhead.
+    pub onion: bool,
     pub skeletons: bool,
     pub bounds: bool,
     /// Action and title safe areas, and the middle.
     pub safe: bool,
+}
+
+impl Default for Overlays {
+    fn default() -> Overlays {
+        Overlays {
+            grid: true,
+            signs: true,
+            axes: true,
+            trail: false,
+            onion: false,
+            skeletons: false,
+            bounds: false,
+            safe: false,
+        }
+    }
+}
+
+impl Overlays {
+    /// Each with its name in the settings and its name for people.
+    pub fn all(&mut self) -> [(&'static str, &'static str, &mut bool); 8] {
+        [
+            ("grid", "Grid", &mut self.grid),
+            ("axes", "Axes", &mut self.axes),
+            ("signs", "Lights and cameras", &mut self.signs),
+            ("skeletons", "Skeletons", &mut self.skeletons),
+            ("trail", "Motion trail", &mut self.trail),
+            ("onion", "Onion skin", &mut self.onion),
+            ("bounds", "Bounds", &mut self.bounds),
+            ("safe", "Safe areas", &mut self.safe),
+        ]
+    }
 }
 
 /// Everything that a requested image depends on: an equal request is drawn once.
@@ -90,6 +130,11 @@ impl Default for View {
 }
 
 impl View {
+    /// Whether the image that was requested last has neither grid nor outline, as one that is saved.
+    pub(crate) fn is_plain(&self) -> bool {
+        self.asked.as_ref().is_some_and(|wish| !wish.overrides.grid && wish.overrides.outlined.is_none())
+    }
+
     /// The viewport camera for the renderer.
     pub fn viewport_camera(&self, stage: &Stage) -> ViewportCamera {
         let actor = |name: &str| stage.actors.iter().position(|a| a.name == name);

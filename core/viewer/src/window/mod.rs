@@ -8,7 +8,10 @@ mod gpu;
 mod gpu_error;
 mod image;
 mod open;
+mod painter;
+mod raster;
 mod shot;
+mod software;
 mod start;
 mod swapchain;
 
@@ -66,11 +69,13 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     let live = watched(asked.source.clone(), &registry, &proxy, OWN)?;
     let mut viewer = Viewer::new(name);
     viewer.path = path;
+    viewer.commands = asked.commands;
     if asked.full_size {
         viewer.views.iter_mut().for_each(|view| view.resolution = Resolution::Full);
     }
     let settings_file = Settings::file();
     let settings = settings_file.as_deref().map(Settings::read).unwrap_or_default();
+    viewer.views.iter_mut().for_each(|view| view.overlays = settings.overlays);
     let mut app = ViewerWindow {
         program: program.name,
         viewer,
@@ -240,7 +245,7 @@ impl ViewerWindow {
         }
         self.pressed = false;
         let input = open.taken();
-        let textures = open.gpu.pictures();
+        let textures = open.painter.pictures();
         let (panels, viewer) = (&mut self.panels, &mut self.viewer);
         let output = open.egui.run_ui(input, |ui| panels.show(ui, viewer, &textures, now));
         open.input.handle_platform_output(&open.window, output.platform_output);
@@ -248,9 +253,10 @@ impl ViewerWindow {
         let primitives = open.egui.tessellate(output.shapes, pixels_per_point);
         let window = open.window.clone();
         let (size, frames) = ([size.width, size.height], &self.frames);
-        let drawn = open.gpu.draw(size, &primitives, pixels_per_point, output.textures_delta, frames, || {
-            window.pre_present_notify()
-        });
+        let drawn =
+            open.painter.draw(size, &primitives, pixels_per_point, output.textures_delta, frames, || {
+                window.pre_present_notify()
+            });
         self.drawn += 1;
         let lost =
             self.lose.contains(&self.drawn).then(|| "the device was lost, as the test has it".to_string());
@@ -266,7 +272,7 @@ impl ViewerWindow {
                         self.event_log.shown(view, shown, &self.viewer.held);
                     }
                 }
-                if open.gpu.pictures() != textures {
+                if open.painter.pictures() != textures {
                     // The panels did not know it yet.
                     self.redraw();
                 }
@@ -351,6 +357,7 @@ impl ViewerWindow {
     fn take_frame(&mut self, reply: FrameReply) {
         let Some((view, frame)) = self.viewer.take_frame(reply) else { return };
         if view == self.viewer.active
+            && self.viewer.views[view].is_plain()
             && let Some(file) = self.viewer.screenshot.take()
         {
             let saved = shot::save(&self.registry, &frame, self.viewer.playhead.fps(), &file);
@@ -364,6 +371,13 @@ impl ViewerWindow {
         }
     }
 
+    /// Takes a window that has just been opened, and says so where its panels are drawn on the CPU.
+    fn opened(&mut self, open: Open) {
+        let why = open.no_vulkan.as_ref();
+        self.viewer.without_vulkan = why.map(|why| format!("the window is drawn on the CPU: {why}"));
+        self.open = Some(open);
+    }
+
     /// A lost device or surface: made afresh once; what is shown and where stays.
     fn begin_again(&mut self, error: &str, events: &ActiveEventLoop) {
         self.failures += 1;
@@ -375,7 +389,7 @@ impl ViewerWindow {
         };
         match again {
             Ok(open) => {
-                self.open = Some(open);
+                self.opened(open);
                 // The new device has no image yet, and its context no colors.
                 self.viewer.views.iter_mut().for_each(|view| view.asked = None);
                 self.panels.forget_context();
@@ -411,7 +425,7 @@ impl ApplicationHandler<News> for ViewerWindow {
         match opened {
             Ok(open) => {
                 self.event_log.done("device of the window");
-                self.open = Some(open);
+                self.opened(open);
                 self.redraw();
             }
             Err(error) => {

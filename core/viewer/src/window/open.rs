@@ -1,8 +1,7 @@
 //! The window with what belongs to it; its scale, which can change while it is open.
 
 use super::News;
-use super::gpu::Gpu;
-use super::gpu_error::GpuError;
+use super::painter::{PaintError, Painter};
 use std::sync::Arc;
 use winit::event::InnerSizeWriter;
 use winit::event_loop::EventLoopProxy;
@@ -13,15 +12,17 @@ pub struct Open {
     pub egui: egui::Context,
     pub input: egui_winit::State,
     // Before the window, whose surface it draws on.
-    pub gpu: Gpu,
+    pub painter: Painter,
     pub window: Arc<Window>,
     /// Pixels a point of the screen, as reported last: on X11 `Window::scale_factor` may know it only after the window was moved.
     pub scale: f64,
+    /// Why Vulkan does not draw the window, where it does not.
+    pub no_vulkan: Option<String>,
 }
 
 impl Open {
-    pub fn new(window: Arc<Window>, proxy: &EventLoopProxy<News>) -> Result<Open, GpuError> {
-        let gpu = Gpu::new(&window)?;
+    pub fn new(window: Arc<Window>, proxy: &EventLoopProxy<News>) -> Result<Open, PaintError> {
+        let (painter, no_vulkan) = Painter::new(&window)?;
         let egui = egui::Context::default();
         let proxy = std::sync::Mutex::new(proxy.clone());
         egui.set_request_repaint_callback(move |info| {
@@ -34,10 +35,11 @@ impl Open {
             &window,
             Some(window.scale_factor() as f32),
             window.theme(),
-            Some(gpu.largest_texture()),
+            Some(painter.largest_texture()),
         );
         let scale = window.scale_factor();
-        Ok(Open { egui, input, gpu, window, scale })
+        let no_vulkan = no_vulkan.map(|error| error.to_string());
+        Ok(Open { egui, input, painter, window, scale, no_vulkan })
     }
 
     /// The input events since the last call, in points of the current scale.

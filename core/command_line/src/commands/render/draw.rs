@@ -231,7 +231,10 @@ impl Drawing<'_> {
             let planned = plan_at(&resources, &mut evaluator, time, &options, None);
             planned.map(|(_, plan)| plan).map_err(|e| Failure::input(e.to_string()))
         });
-        let progress = Progress::new(frames.len() as u64, self.args.quiet || self.args.json);
+        let progress = match self.args.progress_lines {
+            true => Progress::lines(frames.len() as u64),
+            false => Progress::new(frames.len() as u64, self.args.quiet || self.args.json),
+        };
         let frames = frames.to_vec();
         let renderer_of_frames = &mut *renderer;
         let pipeline =

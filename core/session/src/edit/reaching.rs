@@ -1,0 +1,56 @@
+//! Targets of inverse kinematics that stand in a script as points: `.reach("hand_r", [0.4, 1.2, 0.3])`.
+
+use super::values::{literals, rewritten};
+use super::{Edit, EditRefused, ScriptObject};
+use glam::DVec3;
+use std::ops::Range;
+
+/// Metres within which a written point is the stage's.
+const SAME: f64 = 1e-6;
+
+impl ScriptObject<'_> {
+    /// Rewrites the target of the last `.reach` that has this point.
+    ///
+    /// # Errors
+    /// No call has it as literals.
+    pub fn set_reach(&self, from: DVec3, to: DVec3) -> Result<Edit, EditRefused> {
+        let target = |inside: &Range<usize>| {
+            let joint = self.text.value_end(inside.start, inside.end);
+            let start = (joint + 1).min(inside.end);
+            let point = start..self.text.value_end(start, inside.end);
+            literals(&self.text, &point).filter(|numbers| numbers.len() == 3)
+        };
+        let is_it = |numbers: &Vec<(Range<usize>, f64)>| {
+            let values: Vec<f64> = numbers.iter().map(|(_, value)| *value).collect();
+            (DVec3::from_slice(&values) - from).length() < SAME
+        };
+        let reaches: Vec<_> =
+            self.calls.iter().filter(|call| &self.text[call.name.clone()] == "reach").collect();
+        let found = reaches.iter().rev().find_map(|call| target(&call.inside).filter(is_it));
+        let edit = found.and_then(|old| rewritten(&self.text, &old, &to.to_array()));
+        edit.ok_or_else(|| {
+            let line = reaches.last().map_or(self.line, |call| self.line_of(call.name.start));
+            EditRefused::at(line, "the target of .reach is computed; change it there")
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_target_that_has_the_point_is_rewritten() {
+        let text = "let ada = cast(\"ada\", m);\nada.reach(\"hand_l\", [1, 1.5, 0.0]); // up\nada.reach(\"hand_r\", [ -1.0, 1.5, 0 ], #{ soft: 0.1 }).until(2.0);\nada.reach(\"foot_l\", ball);\n";
+        let object = ScriptObject::at(text, 1, 11).unwrap();
+        let moved = |from: [f64; 3], to: [f64; 3]| {
+            object.set_reach(DVec3::from_array(from), DVec3::from_array(to)).map(|edit| edit.apply(text))
+        };
+        let one = moved([1.0, 1.5, 0.0], [1.0, 1.75, 0.25]).unwrap();
+        assert_eq!(one, text.replace("[1, 1.5, 0.0]", "[1, 1.75, 0.25]"));
+        let other = moved([-1.0, 1.5, 0.0], [-1.0, 1.5, 0.4]).unwrap();
+        assert_eq!(other, text.replace("[ -1.0, 1.5, 0 ]", "[ -1.0, 1.5, 0.4 ]"));
+        let refused = moved([9.0, 9.0, 9.0], [0.0; 3]).unwrap_err();
+        assert_eq!(refused.line, Some(4));
+    }
+}

@@ -1,0 +1,200 @@
+//! Renders and exports, one after the other.
+
+use super::Commands;
+use super::process::Process;
+use serde_json::Value;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum JobState {
+    Waiting,
+    /// Frames that are done, and all of them; none are known while files are read.
+    Running {
+        done: u64,
+        frames: u64,
+    },
+    Finished(String),
+    Failed(String),
+    Canceled,
+}
+
+#[derive(Clone, Debug)]
+pub struct Job {
+    pub number: u64,
+    pub output: PathBuf,
+    /// Range, size and quality, for people.
+    pub about: String,
+    words: Vec<OsString>,
+    pub state: JobState,
+}
+
+/// A render or export to be queued.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// `render` or `export`.
+    pub command: &'static str,
+    pub output: PathBuf,
+    pub about: String,
+    /// Words after the scene.
+    pub options: Vec<OsString>,
+}
+
+#[derive(Default)]
+struct Jobs {
+    all: Vec<Job>,
+    last: u64,
+    running: Option<(u64, Process)>,
+    /// There is a thread that takes the next one.
+    works: bool,
+    /// The window has gone: nothing is begun.
+    ended: bool,
+}
+
+/// Clones of the list are taken to show it; jobs go on meanwhile.
+#[derive(Default)]
+pub struct RenderQueue(Arc<Mutex<Jobs>>);
+
+fn locked(jobs: &Mutex<Jobs>) -> MutexGuard<'_, Jobs> {
+    jobs.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl RenderQueue {
+    pub fn jobs(&self) -> Vec<Job> {
+        locked(&self.0).all.clone()
+    }
+
+    /// `changed`: called when the list has changed.
+    pub fn add(&self, commands: &Commands, asked: Request, changed: impl Fn() + Send + 'static) {
+        let scene = [commands.input.clone().into_os_string()].into_iter().chain(commands.scene.clone());
+        let output = ["-o".into(), asked.output.clone().into_os_string(), "--json".into()];
+        let words = commands.words(asked.command, scene.chain(output).chain(asked.options));
+        let mut jobs = locked(&self.0);
+        jobs.last += 1;
+        let number = jobs.last;
+        let Request { output, about, .. } = asked;
+        jobs.all.push(Job { number, output, about, words, state: JobState::Waiting });
+        if std::mem::replace(&mut jobs.works, true) {
+            return;
+        }
+        let shared = self.0.clone();
+        let thread = std::thread::Builder::new().name("renders".into());
+        if let Err(error) = thread.spawn(move || work(&shared, &changed)) {
+            jobs.works = false;
+            set_state(&mut jobs, number, JobState::Failed(format!("cannot start a thread: {error}")));
+        }
+    }
+
+    /// Stops a job, or takes one away that has ended.
+    pub fn cancel(&self, number: u64) {
+        let mut jobs = locked(&self.0);
+        if let Some((running, process)) = &jobs.running
+            && *running == number
+        {
+            return process.interrupt();
+        }
+        jobs.all.retain(|job| job.number != number);
+    }
+}
+
+/// A window that is closed ends its renders; incomplete files go with them.
+impl Drop for RenderQueue {
+    fn drop(&mut self) {
+        let mut jobs = locked(&self.0);
+        jobs.ended = true;
+        if let Some((_, process)) = &jobs.running {
+            process.interrupt();
+        }
+    }
+}
+
+fn set_state(jobs: &mut Jobs, number: u64, state: JobState) {
+    if let Some(job) = jobs.all.iter_mut().find(|job| job.number == number) {
+        job.state = state;
+    }
+}
+
+/// Takes job after job until none waits.
+fn work(shared: &Mutex<Jobs>, changed: &dyn Fn()) {
+    loop {
+        let (number, process) = {
+            let mut jobs = locked(shared);
+            let jobs = &mut *jobs;
+            let next = jobs.all.iter_mut().find(|job| job.state == JobState::Waiting && !jobs.ended);
+            let Some(job) = next else {
+                jobs.works = false;
+                return;
+            };
+            let number = job.number;
+            match Process::start(&job.words) {
+                Ok(process) => {
+                    job.state = JobState::Running { done: 0, frames: 0 };
+                    jobs.running = Some((number, process.clone()));
+                    (number, process)
+                }
+                Err(error) => {
+                    job.state = JobState::Failed(format!("cannot be started: {error}"));
+                    continue;
+                }
+            }
+        };
+        changed();
+        let ended = process.finish(|line| {
+            let Some((done, frames)) = progress(line) else { return false };
+            set_state(&mut locked(shared), number, JobState::Running { done, frames });
+            changed();
+            true
+        });
+        let state = match ended {
+            Ok(ended) if ended.interrupted => JobState::Canceled,
+            Ok(ended) => outcome(&ended.stdout, &ended.stderr),
+            Err(error) => JobState::Failed(error.to_string()),
+        };
+        let mut jobs = locked(shared);
+        jobs.running = None;
+        set_state(&mut jobs, number, state);
+        drop(jobs);
+        changed();
+    }
+}
+
+/// `{"done":3,"frames":90}`.
+fn progress(line: &str) -> Option<(u64, u64)> {
+    let value: Value = serde_json::from_str(line).ok()?;
+    Some((value["done"].as_u64()?, value["frames"].as_u64()?))
+}
+
+/// What a report in JSON says, in a line or several.
+fn outcome(report: &str, messages: &str) -> JobState {
+    let Ok(report) = serde_json::from_str::<Value>(report) else {
+        let text = messages.trim();
+        return JobState::Failed(if text.is_empty() {
+            "it ended without a word".into()
+        } else {
+            text.into()
+        });
+    };
+    if report["ok"] != true {
+        return JobState::Failed(errors(&report));
+    }
+    let secs = report["seconds"].as_f64().unwrap_or(0.0);
+    let frames = report["frames"].as_u64().unwrap_or(0);
+    let on = report["device"].as_str().map(|device| format!(" on {device}")).unwrap_or_default();
+    let plural = if frames == 1 { "frame" } else { "frames" };
+    let texts = |name: &str| report[name].as_array().cloned().unwrap_or_default();
+    let all: Vec<Value> = texts("warnings").into_iter().chain(texts("notes")).collect();
+    let more = all.iter().filter_map(Value::as_str).map(|text| format!("\n{text}")).collect::<String>();
+    JobState::Finished(format!("{frames} {plural} in {secs:.1} s{on}{more}"))
+}
+
+/// The errors of a report, with their lines.
+pub(super) fn errors(report: &Value) -> String {
+    let one = |error: &Value| {
+        let place = error["line"].as_u64().map(|line| format!("line {line}: ")).unwrap_or_default();
+        let hint = error["hint"].as_str().map(|hint| format!("\nhint: {hint}")).unwrap_or_default();
+        format!("{place}{}{hint}", error["message"].as_str().unwrap_or_default())
+    };
+    let all: Vec<String> = report["errors"].as_array().into_iter().flatten().map(one).collect();
+    all.join("\n")
+}

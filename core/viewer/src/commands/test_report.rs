@@ -1,0 +1,120 @@
+//! Results of tests, from the report of `choreo test --json`.
+
+use serde_json::Value;
+use std::path::PathBuf;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Status {
+    Passed,
+    Failed,
+    Skipped,
+    Error,
+}
+
+/// A section of a test script.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Section {
+    pub file: String,
+    /// Empty for a file that could not be read.
+    pub name: String,
+    pub line: usize,
+    pub status: Status,
+    /// Reason of an error or a skip.
+    pub text: String,
+    pub checks: Vec<Check>,
+    pub seconds: f64,
+    /// Nothing has changed since an earlier run, whose result this is.
+    pub reused: bool,
+}
+
+/// An expectation that was judged.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Check {
+    pub line: usize,
+    pub title: String,
+    pub passed: bool,
+    pub expected: String,
+    pub got: String,
+    pub hint: String,
+    pub images: Option<Images>,
+}
+
+/// Files of a golden image that does not match.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Images {
+    pub name: String,
+    /// The golden image of the project.
+    pub stored: PathBuf,
+    /// There is none of a new image.
+    pub expected: Option<PathBuf>,
+    pub got: Option<PathBuf>,
+    pub difference: Option<PathBuf>,
+}
+
+impl Section {
+    /// The sections of a report.
+    pub fn of_report(report: &Value) -> Vec<Section> {
+        report["sections"].as_array().into_iter().flatten().map(Section::new).collect()
+    }
+
+    fn new(value: &Value) -> Section {
+        let status = match value["status"].as_str() {
+            Some("passed") => Status::Passed,
+            Some("failed") => Status::Failed,
+            Some("skipped") => Status::Skipped,
+            _ => Status::Error,
+        };
+        Section {
+            file: text(&value["file"]),
+            name: text(&value["section"]),
+            line: value["line"].as_u64().unwrap_or(0) as usize,
+            status,
+            text: text(&value["text"]),
+            checks: value["checks"].as_array().into_iter().flatten().map(Check::new).collect(),
+            seconds: value["seconds"].as_f64().unwrap_or(0.0),
+            reused: value["reused"].as_bool().unwrap_or(false),
+        }
+    }
+
+    /// The words that choose it: `FILE > SECTION`.
+    pub fn filter(&self) -> String {
+        format!("{} > {}", self.file, self.name)
+    }
+
+    /// Those that failed first, which are those to be looked at.
+    pub fn is_bad(&self) -> bool {
+        matches!(self.status, Status::Failed | Status::Error)
+    }
+}
+
+impl Check {
+    fn new(value: &Value) -> Check {
+        let picture = &value["picture"];
+        let file = |name: &str| picture[name].as_str().map(PathBuf::from);
+        let images = picture["name"].as_str().map(|name| Images {
+            name: name.to_string(),
+            stored: file("stored").unwrap_or_default(),
+            expected: file("expected"),
+            got: file("got"),
+            difference: file("difference"),
+        });
+        Check {
+            line: value["place"]["line"].as_u64().unwrap_or(0) as usize,
+            title: text(&value["title"]),
+            passed: value["passed"].as_bool().unwrap_or(false),
+            expected: text(&value["expected"]),
+            got: text(&value["got"]),
+            hint: text(&value["hint"]),
+            images,
+        }
+    }
+}
+
+/// A text, or another value as JSON writes it; nothing of a missing one.
+fn text(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::String(text) => text.clone(),
+        other => other.to_string(),
+    }
+}

@@ -1,0 +1,145 @@
+//! Test scripts that are run from the window, and their last results.
+
+use super::Commands;
+use super::process::Process;
+use super::queue::errors;
+use super::test_report::Section;
+use serde_json::Value;
+use std::ffi::OsString;
+use std::io;
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+#[derive(Default)]
+struct Results {
+    sections: Vec<Section>,
+    running: Option<Process>,
+    /// Why there are no results.
+    failure: Option<String>,
+    /// How often results have come.
+    runs: u64,
+}
+
+/// The tests of a window. Clones of the results are taken to show them.
+#[derive(Default)]
+pub struct TestRun(Arc<Mutex<Results>>);
+
+/// What of a test script is run.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Choice {
+    All,
+    /// One section.
+    Section(Section),
+    /// What was drawn becomes the golden image of this name, in one section.
+    Accept(Section, String),
+}
+
+fn locked(results: &Mutex<Results>) -> MutexGuard<'_, Results> {
+    results.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl TestRun {
+    pub fn sections(&self) -> Vec<Section> {
+        locked(&self.0).sections.clone()
+    }
+
+    pub fn is_running(&self) -> bool {
+        locked(&self.0).running.is_some()
+    }
+
+    pub fn failure(&self) -> Option<String> {
+        locked(&self.0).failure.clone()
+    }
+
+    /// Grows by one with each result.
+    pub fn runs(&self) -> u64 {
+        locked(&self.0).runs
+    }
+
+    pub fn stop(&self) {
+        if let Some(process) = &locked(&self.0).running {
+            process.interrupt();
+        }
+    }
+
+    /// Runs tests of a script or folder; nothing while others run. `changed`: called when there are results.
+    pub fn start(
+        &self,
+        commands: &Commands,
+        path: &Path,
+        choice: &Choice,
+        changed: impl Fn() + Send + 'static,
+    ) {
+        let mut words: Vec<OsString> = vec![path.into(), "--json".into()];
+        words.extend(commands.test.iter().cloned());
+        if let Choice::Section(section) | Choice::Accept(section, _) = choice {
+            words.extend(["--filter".into(), section.filter().into()]);
+        }
+        if let Choice::Accept(_, name) = choice {
+            words.push(format!("--accept={name}").into());
+        }
+        let mut results = locked(&self.0);
+        if results.running.is_some() {
+            return;
+        }
+        let all = *choice == Choice::All;
+        let started = Process::start(&commands.words("test", words)).and_then(|process| {
+            let (shared, of_thread) = (self.0.clone(), process.clone());
+            let thread = std::thread::Builder::new().name("tests".into());
+            thread.spawn(move || {
+                let ended = judged(&of_thread);
+                locked(&shared).take(ended, all);
+                changed();
+            })?;
+            Ok(process)
+        });
+        match started {
+            Ok(process) => results.running = Some(process),
+            Err(error) => results.failure = Some(format!("cannot be started: {error}")),
+        }
+    }
+}
+
+impl Drop for TestRun {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+/// The sections of a run, or why there are none.
+fn judged(process: &Process) -> Result<Vec<Section>, String> {
+    let ended = process.finish(|_| false).map_err(|e: io::Error| e.to_string())?;
+    if ended.interrupted {
+        return Err("stopped".into());
+    }
+    let report: Value = serde_json::from_str(&ended.stdout).map_err(|_| ended.stderr.trim().to_string())?;
+    match report["sections"].is_array() {
+        true => Ok(Section::of_report(&report)),
+        false => Err(errors(&report)),
+    }
+}
+
+impl Results {
+    /// `all`: in place of the earlier ones; else each replaces that of the same section.
+    fn take(&mut self, ended: Result<Vec<Section>, String>, all: bool) {
+        self.running = None;
+        self.runs += 1;
+        match ended {
+            Err(why) => self.failure = Some(why),
+            Ok(sections) => {
+                self.failure = None;
+                if all {
+                    self.sections = sections;
+                    return;
+                }
+                for new in sections {
+                    let same = |old: &&mut Section| old.file == new.file && old.name == new.name;
+                    match self.sections.iter_mut().find(same) {
+                        Some(old) => *old = new,
+                        None => self.sections.push(new),
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,54 @@
+//! Places that are dragged in a viewport, other than those of actors.
+
+use super::EditError;
+use crate::app::Viewer;
+use crate::state::selection::actor;
+use choreo_session::edit::{KeyValue, ScriptObject};
+use choreo_stage::{ConstraintKind, Property, Rig, Target};
+use glam::DVec3;
+
+impl Viewer {
+    /// Lets a camera stand elsewhere: `.at`, or its key at the playhead. It goes on looking at what it looked at.
+    ///
+    /// # Errors
+    /// Fails as [`Viewer::change_actor`] does.
+    pub fn move_camera(&mut self, name: &str, at: DVec3) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or(EditError::Gone)?;
+        let camera = &scene.stage.cameras[index];
+        let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
+        let siblings = scene.places.cameras.iter().filter(|p| **p == place).count();
+        if !matches!(camera.rig, Rig::Fixed { .. }) {
+            return Err(EditError::refused_at(&place, "it moves by itself; change that there"));
+        }
+        let keyed = camera.channels.iter().any(|c| c.property == Property::Translation);
+        let when = self.edit_time(self.playhead.time().as_secs());
+        self.change(&place, siblings, |text| {
+            let object = ScriptObject::at(text, place.line, place.column)?;
+            match keyed {
+                true => object.set_key("position", when, KeyValue::Point(at)),
+                false => object.set("at", &at.to_array()),
+            }
+        })
+    }
+
+    /// Lets a hand or foot reach for another point, which stands in the script as numbers. `constraint`: by number, of the actor.
+    ///
+    /// # Errors
+    /// Fails as [`Viewer::change_actor`] does.
+    pub fn move_target(&mut self, name: &str, constraint: usize, to: DVec3) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
+        let constraint = scene.stage.actors[index].constraints.get(constraint).ok_or(EditError::Gone)?;
+        let ConstraintKind::Reach(reach) = &constraint.kind else { return Err(EditError::Gone) };
+        let Target::Point(from) = reach.target else {
+            return Err(EditError::refused("it reaches for something that moves; move that"));
+        };
+        let to = to - reach.offset.unwrap_or(DVec3::ZERO);
+        let place = scene.places.actors.get(index).cloned().unwrap_or_default();
+        let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
+        self.change(&place, siblings, |text| {
+            ScriptObject::at(text, place.line, place.column)?.set_reach(from, to)
+        })
+    }
+}

@@ -1,0 +1,90 @@
+//! The directions of the axes in a corner of a viewport; a click on an end looks along it. The same views as a menu.
+
+use super::overlay::{X, Y, Z, point};
+use crate::app::Viewer;
+use crate::state::orbit::Orbit;
+use crate::state::side::Side;
+use crate::state::view::ViewCamera;
+use choreo_asset::Projection;
+use egui::{Align2, Color32, FontId, Rect, Sense, Stroke, Ui, pos2, vec2};
+use glam::{DAffine3, DVec2};
+
+/// Points from the middle to the ends, and of an end.
+const ARM: f32 = 30.0;
+const END: f32 = 8.0;
+
+/// Gives whether the mouse is at it.
+pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_view: &DAffine3) -> bool {
+    if !viewer.views[index].overlays.axes || place.width() < 200.0 || place.height() < 120.0 {
+        return false;
+    }
+    let middle = pos2(place.right() - ARM - END - 10.0, place.top() + ARM + END + 10.0);
+    let painter = ui.painter_at(place);
+    let view_from_world = world_from_view.matrix3.inverse();
+    let mut ends: Vec<_> =
+        Side::ALL.into_iter().map(|side| (side, view_from_world * side.direction())).collect();
+    // The nearest last, over the others.
+    ends.sort_by(|a, b| a.1.z.total_cmp(&b.1.z));
+    let mut hot = false;
+    for (side, toward) in ends {
+        let at = point(
+            DVec2::new(f64::from(middle.x), f64::from(middle.y))
+                + DVec2::new(toward.x, -toward.y) * f64::from(ARM),
+        );
+        let (letter, color) = match side {
+            Side::Right | Side::Left => ("X", X),
+            Side::Top | Side::Bottom => ("Y", Y),
+            Side::Front | Side::Back => ("Z", Z),
+        };
+        let positive = matches!(side, Side::Right | Side::Top | Side::Front);
+        let id = ui.id().with(("axis", index, side.name()));
+        let response =
+            ui.interact(Rect::from_center_size(at, vec2(2.0 * END, 2.0 * END)), id, Sense::click());
+        response.widget_info(|| {
+            egui::WidgetInfo::labeled(egui::WidgetType::Button, true, format!("{} view", side.name()))
+        });
+        hot |= response.hovered();
+        if positive {
+            painter.line_segment([middle, at], Stroke::new(2.0, color));
+            painter.circle_filled(at, END, color);
+            painter.text(at, Align2::CENTER_CENTER, letter, FontId::proportional(11.0), Color32::BLACK);
+        } else {
+            painter.circle_filled(at, END - 1.5, color.gamma_multiply(0.35));
+            painter.circle_stroke(at, END - 1.5, Stroke::new(1.5, color));
+        }
+        if response.hovered() {
+            painter.circle_stroke(at, END + 2.0, Stroke::new(1.5, Color32::WHITE));
+        }
+        if response.on_hover_text(format!("{} view, without perspective", side.name())).clicked() {
+            viewer.active = index;
+            // The other end lies behind the one that points at the viewer.
+            let same = orbit(viewer, index).as_ref().and_then(Side::of) == Some(side);
+            viewer.look_from(index, if same { side.opposite() } else { side });
+        }
+    }
+    hot
+}
+
+fn orbit(viewer: &Viewer, index: usize) -> Option<Orbit> {
+    match &viewer.views[index].camera {
+        ViewCamera::Free(orbit) | ViewCamera::Follow { orbit, .. } => Some(*orbit),
+        _ => None,
+    }
+}
+
+pub fn menu(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
+    let orbit = orbit(viewer, index);
+    let side = orbit.as_ref().and_then(Side::of);
+    let flat = orbit.is_some_and(|o| matches!(o.projection, Projection::Orthographic { .. }));
+    let name = side.map_or("View", Side::name);
+    ui.menu_button(name, |ui| {
+        if ui.selectable_label(orbit.is_some() && !flat, "Perspective").clicked() {
+            viewer.look_in_perspective(index);
+        }
+        for one in Side::ALL {
+            if ui.selectable_label(side == Some(one), one.name()).clicked() {
+                viewer.look_from(index, one);
+            }
+        }
+    });
+}

@@ -1,0 +1,193 @@
+//! Renders and exports from within: what, where to, and the queue.
+
+use crate::app::Viewer;
+use crate::commands::queue::{Job, JobState};
+use crate::commands::{Format, Kind};
+use crate::state::render_form::{FormScene, Range, RenderForm, Size};
+use egui::{ComboBox, DragValue, Grid, ProgressBar, RichText, TextEdit, Ui};
+
+/// Sides in pixels that a render may have.
+const SIDES: std::ops::RangeInclusive<u32> = 1..=16_384;
+
+pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+    let Some(of_scene) = viewer.scene.clone().filter(|_| !viewer.commands.program.is_empty()) else {
+        ui.label("nothing to render yet");
+        return;
+    };
+    viewer.commands.follow(viewer.path.as_deref());
+    let input = viewer.commands.input.clone();
+    let settings = &of_scene.stage.settings;
+    let fps = viewer.playhead.fps();
+    let frame = |secs: f64| (secs * fps.as_fps()).round() as i64;
+    let scene = FormScene {
+        input: &input,
+        frames: fps.frames_in(settings.length).max(1),
+        shown: [frame(viewer.span.from.max(0.0)), frame(viewer.span.to) - 1],
+        playhead: viewer.playhead.frame(),
+        size: settings.size,
+    };
+    let formats = std::mem::take(&mut viewer.commands.formats);
+    let form = &mut viewer.render_form;
+    form.format = form.format.min(formats.len().saturating_sub(1));
+    if let Some(format) = formats.get(form.format) {
+        Grid::new("render").num_columns(2).show(ui, |ui| fields(ui, form, &scene, &formats));
+        let request = form.request(&scene, format);
+        ui.horizontal(|ui| {
+            let what = if format.kind == Kind::Scene { "Export" } else { "Render" };
+            let add = ui.button(RichText::new(what).strong()).on_hover_text(request.about.clone());
+            if request.output.exists() {
+                ui.colored_label(ui.visuals().warn_fg_color, "replaces the file");
+            }
+            if add.clicked() {
+                let context = ui.ctx().clone();
+                viewer.renders.add(&viewer.commands, request, move || context.request_repaint());
+            }
+        });
+    }
+    viewer.commands.formats = formats;
+    ui.separator();
+    queue(ui, viewer);
+}
+
+fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Format]) {
+    let format = &formats[form.format];
+    ui.label("format");
+    ComboBox::from_id_salt("format").selected_text(name(format)).show_ui(ui, |ui| {
+        for (index, one) in formats.iter().enumerate() {
+            ui.selectable_value(&mut form.format, index, name(one)).on_hover_text(&one.about);
+        }
+    });
+    ui.end_row();
+
+    let label = ui.label("output");
+    let proposed = form.proposed(scene, format).display().to_string();
+    ui.add(TextEdit::singleline(&mut form.output).hint_text(proposed)).labelled_by(label.id);
+    ui.end_row();
+
+    ui.label("frames");
+    ui.horizontal_wrapped(|ui| {
+        let ranges = [
+            (Range::Whole, "all"),
+            (Range::Shown, "those shown"),
+            (Range::Playhead, "this one"),
+            (Range::Chosen, "from … to"),
+        ];
+        let [first, last] = form.frames(scene);
+        for (range, name) in ranges {
+            if ui.selectable_label(form.range == range, name).clicked() {
+                form.range = range;
+                form.chosen = [first, last];
+            }
+        }
+        match form.range {
+            Range::Chosen => {
+                form.chosen.iter_mut().zip(["first frame", "last frame"]).for_each(|(at, name)| {
+                    let value = ui.add(DragValue::new(at).range(0..=scene.frames - 1));
+                    value.on_hover_text(name);
+                })
+            }
+            _ => drop(ui.label(format!("{first} to {last}"))),
+        }
+    });
+    ui.end_row();
+    if format.kind != Kind::Scene {
+        of_images(ui, form, scene);
+    }
+
+    let label = ui.label("options");
+    let names: Vec<&str> = format.options.iter().map(|(name, _)| name.as_str()).collect();
+    let hint = match names.first() {
+        Some(first) => format!("{first}=…"),
+        None => "none".to_string(),
+    };
+    let field = TextEdit::singleline(&mut form.options).hint_text(hint);
+    let all = format.options.iter().map(|(name, about)| format!("{name}: {about}"));
+    let field = ui.add_enabled(!names.is_empty(), field).labelled_by(label.id);
+    field.on_hover_text(all.collect::<Vec<_>>().join("\n"));
+    ui.end_row();
+}
+
+fn of_images(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
+    ui.label("size");
+    ui.horizontal_wrapped(|ui| {
+        let scales = [(1, 4, "¼"), (1, 2, "½"), (1, 1, "as written"), (2, 1, "double")];
+        let pixels = form.pixels(scene);
+        for (numerator, denominator, name) in scales {
+            ui.selectable_value(&mut form.size, Size::Scaled(numerator, denominator), name);
+        }
+        if ui.selectable_label(form.size == Size::Chosen, "pixels").clicked() {
+            form.size = Size::Chosen;
+            form.chosen_size = pixels;
+        }
+        match form.size {
+            Size::Chosen => form.chosen_size.iter_mut().zip(["width", "height"]).for_each(|(side, name)| {
+                ui.add(DragValue::new(side).range(SIDES)).on_hover_text(name);
+            }),
+            Size::Scaled(..) => drop(ui.label(format!("{}×{}", pixels[0], pixels[1]))),
+        }
+    });
+    ui.end_row();
+
+    ui.label("quality");
+    ui.horizontal_wrapped(|ui| {
+        let all = [(None, "as written"), (Some(1), "draft"), (Some(4), "smooth edges")];
+        for (samples, name) in all {
+            ui.selectable_value(&mut form.samples, samples, name);
+        }
+    });
+    ui.end_row();
+}
+
+fn name(format: &Format) -> String {
+    let what = match format.kind {
+        Kind::Film => "film",
+        Kind::Images => "images",
+        Kind::Scene => "scene",
+    };
+    format!(".{} ({what})", format.extension)
+}
+
+/// The jobs, the newest below; a click on the cross stops one, or takes it off the list.
+fn queue(ui: &mut Ui, viewer: &Viewer) {
+    let jobs = viewer.renders.jobs();
+    if jobs.is_empty() {
+        ui.weak("Renders run one after the other, beside the window, and show the script as it is saved when they begin.");
+    }
+    for job in jobs {
+        ui.push_id(job.number, |ui| {
+            ui.horizontal(|ui| {
+                let ends = matches!(job.state, JobState::Running { .. } | JobState::Waiting);
+                let text = if ends { "Cancel" } else { "Remove" };
+                if ui.small_button(text).clicked() {
+                    viewer.renders.cancel(job.number);
+                }
+                let name = job.output.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                let label = ui.add(egui::Label::new(RichText::new(name).strong()).truncate());
+                label.on_hover_text(format!("{}\n{}", job.output.display(), job.about));
+            });
+            state(ui, &job);
+        });
+        ui.separator();
+    }
+}
+
+fn state(ui: &mut Ui, job: &Job) {
+    let visuals = ui.visuals();
+    let (error, weak) = (visuals.error_fg_color, visuals.weak_text_color());
+    match &job.state {
+        JobState::Waiting => drop(ui.colored_label(weak, format!("waits: {}", job.about))),
+        JobState::Running { frames: 0, .. } => {
+            ui.horizontal(|ui| {
+                ui.spinner();
+                ui.label("reads the scene");
+            });
+        }
+        JobState::Running { done, frames } => {
+            let part = *done as f32 / (*frames).max(1) as f32;
+            ui.add(ProgressBar::new(part).text(format!("{done} of {frames} frames")));
+        }
+        JobState::Finished(text) => drop(ui.label(text)),
+        JobState::Failed(text) => drop(ui.colored_label(error, text)),
+        JobState::Canceled => drop(ui.colored_label(weak, "canceled: no file was written")),
+    }
+}

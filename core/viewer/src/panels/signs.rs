@@ -1,0 +1,302 @@
+//! Signs for the lights and the cameras that stand, over the image: clicked they are selected, dragged they are moved in the script.
+
+use super::overlay::{line, point};
+use crate::app::Viewer;
+use crate::geometry::projection::Lens;
+use crate::state::dragged_sign::{DraggedSign, SignOf};
+use crate::state::view::ViewCamera;
+use choreo_asset::{LightKind, Projection};
+use choreo_session::{FrameInfo, Scene};
+use choreo_stage::{ConstraintKind, Property, Rig, Target};
+use egui::{Color32, PointerButton, Rect, Response, Stroke, Ui};
+use glam::{DVec2, DVec3};
+
+/// Points around a sign's middle in which the mouse takes it.
+const REACH: f64 = 11.0;
+/// Metres from what a sun shines on to its sign.
+const SUN: f64 = 3.0;
+
+/// A light or camera in the viewport.
+#[derive(Clone, Debug)]
+struct Sign {
+    what: SignOf,
+    at: DVec3,
+    kind: Kind,
+}
+
+#[derive(Clone, Debug)]
+enum Kind {
+    /// What it shines on.
+    Sun(DVec3),
+    Point,
+    /// Unit vector, and half the angle of its cone, radians.
+    Spot(DVec3, f64),
+    /// What it looks at, and its image's angle, radians.
+    Camera(DVec3, f64),
+    /// A point of inverse kinematics, and the joint that reaches for it.
+    Reach(DVec3),
+}
+
+fn signs(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<Sign> {
+    let stage = &scene.stage;
+    let Some(shown) = &viewer.views[index].shown else { return Vec::new() };
+    let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
+    let lights = scene.evaluator.stage_lights(&shown.snapshot).into_iter().enumerate();
+    let lights = lights.filter_map(|(number, light)| {
+        let light = light?;
+        let direction = light.direction.as_dvec3();
+        let (at, kind) = match light.light.kind {
+            LightKind::Directional => (middle - direction * SUN, Kind::Sun(middle)),
+            LightKind::Spot { outer, .. } => (light.position, Kind::Spot(direction, f64::from(outer))),
+            _ => (light.position, Kind::Point),
+        };
+        Some(Sign { what: SignOf::Light(number), at, kind })
+    });
+    let time = shown.time;
+    let cameras = stage.cameras.iter().filter_map(|camera| {
+        let Rig::Fixed { position, rotation, look_at } = &camera.rig else { return None };
+        let keyed = camera.channels.iter().rev().find(|c| c.property == Property::Translation);
+        let at = keyed.and_then(|c| c.at(time)).map_or(*position, |v| DVec3::new(v[0], v[1], v[2]));
+        let target = match look_at {
+            Some(Target::Point(point)) => *point,
+            Some(_) => middle,
+            None => at + *rotation * (DVec3::NEG_Z * SUN),
+        };
+        let angle = match camera.projection {
+            Projection::Perspective { yfov, .. } => f64::from(yfov),
+            Projection::Orthographic { .. } => 0.0,
+        };
+        Some(Sign { what: SignOf::Camera(camera.name.clone()), at, kind: Kind::Camera(target, angle) })
+    });
+    lights.chain(cameras).chain(targets(scene, shown)).collect()
+}
+
+/// Points that joints reach for at the time of the image.
+fn targets(scene: &Scene, shown: &FrameInfo) -> Vec<Sign> {
+    let mut signs = Vec::new();
+    for (actor, state) in scene.stage.actors.iter().zip(&shown.snapshot.actors).filter(|(_, s)| s.visible) {
+        for (number, constraint) in actor.constraints.iter().enumerate() {
+            let now = constraint.start <= shown.time && constraint.end.is_none_or(|end| shown.time < end);
+            let ConstraintKind::Reach(reach) = &constraint.kind else { continue };
+            let (Target::Point(point), true) = (&reach.target, now) else { continue };
+            let joint = reach.joints.last().and_then(|joint| state.model_from_joint.get(*joint as usize));
+            let Some(joint) = joint.map(|m| m.translation.as_dvec3()) else { continue };
+            signs.push(Sign {
+                what: SignOf::Reach(actor.name.clone(), number),
+                at: *point + reach.offset.unwrap_or(DVec3::ZERO),
+                kind: Kind::Reach(state.world_from_model.transform_point3(joint)),
+            });
+        }
+    }
+    signs
+}
+
+/// Gives whether the mouse is at one, and belongs to nothing else.
+pub fn show(
+    ui: &Ui,
+    viewer: &mut Viewer,
+    index: usize,
+    response: &Response,
+    place: Rect,
+    lens: &Lens,
+) -> bool {
+    // An image through a camera of the script is looked at as it will be.
+    let view = &viewer.views[index];
+    if !view.overlays.signs || matches!(view.camera, ViewCamera::Script | ViewCamera::Named(_)) {
+        return false;
+    }
+    let Some(scene) = viewer.scene.clone() else { return false };
+    let mut signs = signs(viewer, index, &scene);
+    if let Some(dragged) = &viewer.dragged_sign {
+        signs.iter_mut().filter(|sign| sign.what == dragged.what).for_each(|sign| sign.at = dragged.to);
+    }
+    let vector = |p: egui::Pos2| DVec2::new(f64::from(p.x), f64::from(p.y));
+    let near = |at: DVec2| {
+        let distance = |sign: &Sign| lens.point(sign.at).map(|p| (p - at).length());
+        let within = signs.iter().filter(|sign| distance(sign).is_some_and(|d| d <= REACH));
+        within
+            .min_by(|a, b| distance(a).partial_cmp(&distance(b)).unwrap_or(std::cmp::Ordering::Equal))
+            .cloned()
+    };
+    let hot = response
+        .hover_pos()
+        .filter(|_| !response.dragged())
+        .filter(|p| place.contains(*p))
+        .and_then(|p| near(vector(p)));
+    for sign in &signs {
+        let chosen = viewer.selection == Some(sign.what.selected());
+        let is_hot = hot.as_ref().is_some_and(|hot| hot.what == sign.what);
+        draw(ui, sign, chosen, is_hot, place, lens);
+    }
+    if let Some(hot) = &hot {
+        response.clone().on_hover_text_at_pointer(name(&hot.what));
+        if response.clicked() {
+            viewer.selection = Some(hot.what.selected());
+        }
+    }
+    drag(ui, viewer, &scene, response, lens, &near) || hot.is_some()
+}
+
+/// Gives whether one is being dragged. It moves in the plane of the image, at its own distance.
+fn drag(
+    ui: &Ui,
+    viewer: &mut Viewer,
+    scene: &Scene,
+    response: &Response,
+    lens: &Lens,
+    near: &dyn Fn(DVec2) -> Option<Sign>,
+) -> bool {
+    let vector = |p: egui::Pos2| DVec2::new(f64::from(p.x), f64::from(p.y));
+    if response.drag_started_by(PointerButton::Primary)
+        && let Some(sign) = ui.input(|i| i.pointer.press_origin()).and_then(|p| near(vector(p)))
+    {
+        viewer.selection = Some(sign.what.selected());
+        viewer.dragged_sign = Some(DraggedSign { what: sign.what, from: sign.at, to: sign.at });
+    }
+    let Some(dragged) = &mut viewer.dragged_sign else { return false };
+    if let Some(at) = response.interact_pointer_pos().filter(|_| response.dragged()) {
+        let (origin, direction) = lens.ray(vector(at));
+        let normal = lens.forward();
+        let along = (dragged.from - origin).dot(normal) / direction.dot(normal);
+        if along.is_finite() && along > 0.0 {
+            dragged.to = origin + direction * along;
+        }
+    }
+    let at = dragged.to.to_array().map(|v| super::rounded(v, 1e3));
+    if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
+        viewer.dragged_sign = None;
+    } else if response.drag_stopped() {
+        let dragged = viewer.dragged_sign.take();
+        if let Some(dragged) = dragged.filter(|d| d.from != d.to) {
+            put(viewer, scene, &dragged, DVec3::from_array(at));
+        }
+    } else if !response.dragged() {
+        viewer.dragged_sign = None;
+    }
+    true
+}
+
+/// Writes a sign's new place into the script.
+fn put(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedSign, at: DVec3) {
+    let list = |v: DVec3| {
+        let [x, y, z] = v.to_array().map(|v| super::rounded(v, 1e3));
+        format!("[{x:?}, {y:?}, {z:?}]")
+    };
+    match &dragged.what {
+        SignOf::Light(number) => {
+            let light = scene.stage.lights.get(*number);
+            let sun = light.is_some_and(|l| matches!(l.light.kind, LightKind::Directional));
+            let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
+            let (name, value) = match sun {
+                true => ("direction", list((middle - at).normalize_or(DVec3::NEG_Y))),
+                false => ("position", list(at)),
+            };
+            viewer.edit(|v| v.set_value(&dragged.what.selected(), name, &value));
+        }
+        SignOf::Camera(name) => viewer.edit(|v| v.move_camera(name, at)),
+        SignOf::Reach(name, number) => viewer.edit(|v| v.move_target(name, *number, at)),
+    }
+}
+
+fn name(what: &SignOf) -> String {
+    match what {
+        SignOf::Light(index) => format!("light {}: drag to move it", index + 1),
+        SignOf::Camera(name) => format!("camera {name}: drag to move it"),
+        SignOf::Reach(name, _) => format!("target that {name} reaches for: drag to move it"),
+    }
+}
+
+fn draw(ui: &Ui, sign: &Sign, chosen: bool, hot: bool, place: Rect, lens: &Lens) {
+    let painter = ui.painter_at(place);
+    let Some(at) = lens.point(sign.at).map(point) else { return };
+    let color = match (chosen, hot) {
+        (true, _) => Color32::from_rgb(0xff, 0xa0, 0x50),
+        (_, true) => Color32::from_rgb(0xff, 0xe0, 0x70),
+        _ => Color32::from_gray(225),
+    };
+    let stroke = Stroke::new(1.5, color);
+    let thin = Stroke::new(1.0, color.gamma_multiply(0.6));
+    // On dark and on light ground.
+    painter.circle_filled(at, 9.0, Color32::from_black_alpha(150));
+    let ray = |angle: f32, from: f32, to: f32| {
+        let along = egui::Vec2::angled(angle);
+        painter.line_segment([at + along * from, at + along * to], stroke);
+    };
+    let turn = std::f32::consts::TAU;
+    match &sign.kind {
+        Kind::Sun(on) => {
+            painter.circle_filled(at, 3.5, color);
+            (0..8).for_each(|i| ray(turn * i as f32 / 8.0, 5.5, 8.0));
+            line(&painter, lens, sign.at, *on, thin);
+        }
+        Kind::Point => {
+            painter.circle_stroke(at, 4.0, stroke);
+            painter.circle_filled(at, 1.5, color);
+            (0..4).for_each(|i| ray(turn * (i as f32 + 0.5) / 4.0, 5.5, 8.0));
+        }
+        Kind::Spot(direction, angle) => {
+            painter.circle_filled(at, 3.0, color);
+            cone(&painter, lens, sign.at, *direction, *angle, if chosen { 1.0 } else { 0.4 }, stroke);
+        }
+        Kind::Reach(joint) => {
+            painter.circle_stroke(at, 6.0, stroke);
+            (0..4).for_each(|i| ray(turn * i as f32 / 4.0, 2.0, 9.0));
+            line(&painter, lens, sign.at, *joint, thin);
+        }
+        Kind::Camera(target, angle) => {
+            let body = Rect::from_center_size(at, egui::vec2(9.0, 7.0));
+            painter.rect_stroke(body, 1.0, stroke, egui::StrokeKind::Inside);
+            let beak = [at + egui::vec2(4.5, 0.0), at + egui::vec2(8.0, -3.5), at + egui::vec2(8.0, 3.5)];
+            painter.add(egui::Shape::convex_polygon(beak.to_vec(), color, Stroke::NONE));
+            let toward = (*target - sign.at).normalize_or(DVec3::NEG_Z);
+            frame(&painter, lens, sign.at, toward, *angle, if chosen { 1.0 } else { 0.5 }, thin);
+        }
+    }
+}
+
+/// Two unit vectors across a direction: to the right and up, where it is level.
+fn across(direction: DVec3) -> [DVec3; 2] {
+    let right = direction.cross(DVec3::Y).normalize_or(DVec3::X);
+    [right, right.cross(direction)]
+}
+
+fn cone(
+    painter: &egui::Painter,
+    lens: &Lens,
+    at: DVec3,
+    along: DVec3,
+    angle: f64,
+    length: f64,
+    stroke: Stroke,
+) {
+    let [right, up] = across(along);
+    let radius = libm::tan(angle.min(1.4)) * length;
+    let ring = (0..=16).map(|i| {
+        let (sin, cos) = libm::sincos(f64::from(i) / 16.0 * core::f64::consts::TAU);
+        at + along * length + (right * cos + up * sin) * radius
+    });
+    let ring: Vec<DVec3> = ring.collect();
+    ring.windows(2).for_each(|w| line(painter, lens, w[0], w[1], stroke));
+    [0, 4, 8, 12].iter().for_each(|i: &usize| line(painter, lens, at, ring[*i], stroke));
+}
+
+/// The pyramid that a camera sees, for an image of 16 to 9.
+fn frame(
+    painter: &egui::Painter,
+    lens: &Lens,
+    at: DVec3,
+    along: DVec3,
+    angle: f64,
+    length: f64,
+    stroke: Stroke,
+) {
+    let [right, up] = across(along);
+    let high = if angle > 0.0 { libm::tan(angle / 2.0) * length } else { 0.3 };
+    let wide = high * 16.0 / 9.0;
+    let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+        .map(|(x, y)| at + along * length + right * (x * wide) + up * (y * high));
+    for i in 0..4 {
+        line(painter, lens, at, corners[i], stroke);
+        line(painter, lens, corners[i], corners[(i + 1) % 4], stroke);
+    }
+}

@@ -1,0 +1,196 @@
+//! Sections of a test script: their states, what was expected and what came, images side by side, and accepting them.
+
+use crate::app::Viewer;
+use crate::commands::test_report::{Check, Images, Section, Status};
+use crate::commands::test_run::Choice;
+use egui::{CollapsingHeader, Color32, ColorImage, RichText, TextEdit, TextureHandle, Ui};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Points of an image's longer side.
+const IMAGE: f32 = 220.0;
+
+pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+    if viewer.commands.program.is_empty() {
+        ui.label("nothing to test");
+        return;
+    }
+    viewer.commands.follow(viewer.path.as_deref());
+    let mut choice = None;
+    ui.horizontal_wrapped(|ui| {
+        let label = ui.label("tests in");
+        let proposed = viewer.commands.input.display().to_string();
+        ui.add(TextEdit::singleline(&mut viewer.tested).hint_text(proposed)).labelled_by(label.id);
+        if viewer.tests.is_running() {
+            ui.spinner();
+            if ui.button("Stop").clicked() {
+                viewer.tests.stop();
+            }
+        } else if ui.button("Run tests").on_hover_text("all sections of this script or folder").clicked() {
+            choice = Some(Choice::All);
+        }
+    });
+    if let Some(why) = viewer.tests.failure() {
+        ui.colored_label(ui.visuals().error_fg_color, why);
+    }
+    let sections = viewer.tests.sections();
+    if !sections.is_empty() {
+        ui.label(counts(&sections));
+    }
+    let run = viewer.tests.runs();
+    for section in sections.iter().filter(|s| s.is_bad()).chain(sections.iter().filter(|s| !s.is_bad())) {
+        one(ui, viewer, section, run, &mut choice);
+    }
+    if let Some(choice) = choice {
+        let path = match viewer.tested.trim() {
+            "" => viewer.commands.input.clone(),
+            text => PathBuf::from(text),
+        };
+        let context = ui.ctx().clone();
+        viewer.tests.start(&viewer.commands, &path, &choice, move || context.request_repaint());
+    }
+}
+
+fn counts(sections: &[Section]) -> String {
+    let of = |status: Status| sections.iter().filter(|s| s.status == status).count();
+    let all = [
+        (Status::Failed, "failed"),
+        (Status::Error, "with errors"),
+        (Status::Passed, "passed"),
+        (Status::Skipped, "skipped"),
+    ];
+    let parts = all.iter().map(|(status, name)| (of(*status), name)).filter(|(count, _)| *count > 0);
+    parts.map(|(count, name)| format!("{count} {name}")).collect::<Vec<_>>().join(", ")
+}
+
+fn one(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, choice: &mut Option<Choice>) {
+    let visuals = ui.visuals();
+    let (sign, color) = match section.status {
+        Status::Passed => ("✔", visuals.text_color()),
+        Status::Failed => ("✖", visuals.error_fg_color),
+        Status::Error => ("⚠", visuals.error_fg_color),
+        Status::Skipped => ("–", visuals.weak_text_color()),
+    };
+    let name = if section.name.is_empty() { &section.file } else { &section.name };
+    let reused = if section.reused { ", as before" } else { "" };
+    let title = RichText::new(format!("{sign} {name} ({:.1} s{reused})", section.seconds)).color(color);
+    let header = CollapsingHeader::new(title).id_salt((&section.file, &section.name));
+    let header = header.default_open(section.is_bad());
+    header.show(ui, |ui| {
+        ui.horizontal_wrapped(|ui| {
+            if ui.link(format!("{}:{}", section.file, section.line)).clicked() {
+                go_to(viewer, section, section.line);
+            }
+            if ui.add_enabled(!viewer.tests.is_running(), egui::Button::new("Run again").small()).clicked() {
+                *choice = Some(Choice::Section(section.clone()));
+            }
+        });
+        if !section.text.is_empty() {
+            ui.label(&section.text);
+        }
+        let checks = section.checks.iter();
+        for (index, check) in checks.enumerate().filter(|(_, c)| !c.passed || c.images.is_some()) {
+            ui.push_id(index, |ui| judged(ui, viewer, section, check, run, choice));
+        }
+    });
+}
+
+/// Goes to a line of the script that is shown; another one is opened in the editor.
+fn go_to(viewer: &mut Viewer, section: &Section, line: usize) {
+    let shown = viewer.path.as_ref().and_then(|path| path.canonicalize().ok());
+    if shown.is_some() && Path::new(&section.file).canonicalize().ok() == shown {
+        viewer.go_to = Some(line);
+    } else {
+        viewer.note = Some(format!("it is in {}, line {line}", section.file));
+    }
+}
+
+fn judged(
+    ui: &mut Ui,
+    viewer: &mut Viewer,
+    section: &Section,
+    check: &Check,
+    run: u64,
+    choice: &mut Option<Choice>,
+) {
+    let color = if check.passed { ui.visuals().text_color() } else { ui.visuals().error_fg_color };
+    let title = RichText::new(format!("line {}: {}", check.line, check.title)).color(color);
+    let label = ui.add(egui::Label::new(title).sense(egui::Sense::click()));
+    if label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {
+        go_to(viewer, section, check.line);
+    }
+    for (name, text) in [("expected", &check.expected), ("got", &check.got), ("hint", &check.hint)] {
+        if !text.is_empty() && !check.passed {
+            ui.label(RichText::new(format!("{name}: {text}")).monospace());
+        }
+    }
+    let Some(images) = check.images.as_ref().filter(|_| !check.passed) else { return };
+    compared(ui, images, run);
+    let accept = ui.add_enabled(!viewer.tests.is_running(), egui::Button::new("Accept"));
+    let accept =
+        accept.on_hover_text(format!("what was drawn becomes the golden image {}", images.stored.display()));
+    if accept.clicked() {
+        *choice = Some(Choice::Accept(section.clone(), images.name.clone()));
+    }
+}
+
+/// The golden image, what was drawn and their difference, side by side.
+fn compared(ui: &mut Ui, images: &Images, run: u64) {
+    let files = [
+        ("expected", images.expected.as_ref()),
+        ("actual", images.got.as_ref()),
+        ("difference", images.difference.as_ref()),
+    ];
+    ui.horizontal_wrapped(|ui| {
+        for (name, file) in files {
+            let Some(file) = file else { continue };
+            ui.vertical(|ui| {
+                ui.label(name);
+                match texture(ui, file, run) {
+                    Some(texture) => {
+                        let size = texture.size_vec2();
+                        let scale = IMAGE / size.max_elem().max(1.0);
+                        let shown = egui::Image::new((texture.id(), size * scale.min(4.0)));
+                        let response = ui.add(shown.alt_text(format!("{name} image")));
+                        response.on_hover_ui(|ui| {
+                            ui.label(file.display().to_string());
+                            let fits = (900.0 / size.max_elem().max(1.0)).min(1.0);
+                            ui.image((texture.id(), size * fits));
+                        });
+                    }
+                    None => drop(ui.weak(format!("{} cannot be read", file.display()))),
+                }
+            });
+            ui.add_space(4.0);
+        }
+    });
+}
+
+/// Images that were read for the last results.
+#[derive(Clone, Default)]
+struct Read {
+    run: u64,
+    textures: BTreeMap<PathBuf, Option<TextureHandle>>,
+}
+
+fn texture(ui: &Ui, file: &Path, run: u64) -> Option<TextureHandle> {
+    let id = egui::Id::new("images of tests");
+    let mut read: Arc<Read> = ui.data_mut(|data| data.get_temp_mut_or_default::<Arc<Read>>(id).clone());
+    if read.run != run {
+        read = Arc::new(Read { run, ..Read::default() });
+    }
+    if let Some(known) = read.textures.get(file) {
+        return known.clone();
+    }
+    let image = image::open(file).ok().map(|image| image.into_rgba8());
+    let texture = image.map(|image| {
+        let size = [image.width() as usize, image.height() as usize];
+        let pixels = image.pixels().map(|p| Color32::from_rgba_unmultiplied(p[0], p[1], p[2], p[3]));
+        let image = ColorImage::new(size, pixels.collect());
+        ui.ctx().load_texture(file.display().to_string(), image, egui::TextureOptions::LINEAR)
+    });
+    Arc::make_mut(&mut read).textures.insert(file.to_path_buf(), texture.clone());
+    ui.data_mut(|data| data.insert_temp(id, read));
+    texture
+}

@@ -1,0 +1,137 @@
+//! Joints over the image: picked by the mouse where skeletons are shown, their motion trails, and onion skins of the selected actor.
+
+use super::overlay::{line, point};
+use crate::app::Viewer;
+use crate::geometry::projection::Lens;
+use crate::state::selection::Selected;
+use crate::state::trail::{JointRef, Trail};
+use choreo_motion::Time;
+use egui::{Color32, Painter, Rect, Response, Stroke, Ui};
+use glam::{DVec2, DVec3};
+
+/// Points around a joint in which the mouse takes it.
+const REACH: f64 = 7.0;
+/// Frames from the playhead to the skins of an onion.
+const SKINS: [i64; 4] = [-10, -5, 5, 10];
+pub const BEFORE: Color32 = Color32::from_rgb(0x5a, 0xa9, 0xf0);
+pub const AFTER: Color32 = Color32::from_rgb(0xf0, 0x9a, 0x4a);
+const NOW: Color32 = Color32::from_rgb(0xff, 0xe0, 0x70);
+
+/// Gives whether the mouse is at a joint.
+pub fn show(
+    ui: &Ui,
+    viewer: &mut Viewer,
+    index: usize,
+    response: &Response,
+    place: Rect,
+    lens: &Lens,
+) -> bool {
+    let overlays = viewer.views[index].overlays;
+    let painter = ui.painter_at(place);
+    let selected = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string);
+    viewer.joint.take_if(|joint| selected.as_ref() != Some(&joint.actor));
+    if let (Some(actor), Some(scene)) = (&selected, viewer.scene.clone())
+        && (overlays.trail || overlays.onion)
+    {
+        let context = ui.ctx().clone();
+        if let Some(trail) = viewer.trails.of(&scene, actor, move || context.request_repaint()) {
+            let now = viewer.views[index].shown.as_ref().map_or(viewer.playhead.time(), |shown| shown.time);
+            if overlays.onion {
+                let parents = scene.stage.actors.iter().find(|a| a.name == *actor);
+                let parents = parents.map_or(&[][..], |a| a.asset.skeleton.parents());
+                skins(&painter, lens, &trail, now, parents, viewer.playhead.fps().time_of(1));
+            }
+            if overlays.trail {
+                path(&painter, lens, &trail, now, viewer.joint.as_ref().map_or(0, |joint| joint.joint));
+            }
+        }
+    }
+    if overlays.skeletons { pick(viewer, index, response, place, lens, &painter) } else { false }
+}
+
+/// The joint under the mouse is named, and a click selects it.
+fn pick(
+    viewer: &mut Viewer,
+    index: usize,
+    response: &Response,
+    place: Rect,
+    lens: &Lens,
+    painter: &Painter,
+) -> bool {
+    let (Some(scene), Some(shown)) = (viewer.scene.clone(), &viewer.views[index].shown) else { return false };
+    let at_joint = |actor: usize, joint: usize| -> Option<DVec2> {
+        let state = shown.snapshot.actors.get(actor).filter(|state| state.visible)?;
+        let at = state.model_from_joint.get(joint)?.translation.as_dvec3();
+        lens.point(state.world_from_model.transform_point3(at))
+    };
+    let names = &scene.stage.actors;
+    if let Some(JointRef { actor, joint }) = &viewer.joint
+        && let Some(number) = names.iter().position(|a| a.name == *actor)
+        && let Some(at) = at_joint(number, *joint)
+    {
+        painter.circle_stroke(point(at), 6.0, Stroke::new(2.0, NOW));
+    }
+    let still = response.hover_pos().filter(|_| !response.dragged());
+    let Some(mouse) = still.filter(|p| place.contains(*p)) else { return false };
+    let mouse = DVec2::new(f64::from(mouse.x), f64::from(mouse.y));
+    let mut best: Option<(f64, usize, usize)> = None;
+    for (number, actor) in names.iter().enumerate().filter(|(_, a)| !viewer.shelf.locked.contains(&a.name)) {
+        for joint in 0..actor.asset.skeleton.len() {
+            let distance = at_joint(number, joint).map_or(f64::INFINITY, |at| (at - mouse).length());
+            if distance <= REACH && best.is_none_or(|(least, ..)| distance < least) {
+                best = Some((distance, number, joint));
+            }
+        }
+    }
+    let Some((_, number, joint)) = best else { return false };
+    let actor = &names[number];
+    let name = actor.asset.skeleton.names().get(joint).cloned().unwrap_or_default();
+    if let Some(at) = at_joint(number, joint) {
+        painter.circle_filled(point(at), 4.5, NOW);
+    }
+    response.clone().on_hover_text_at_pointer(format!("{}: {name}", actor.name));
+    if response.clicked() {
+        viewer.selection = Some(Selected::Actor(actor.name.clone()));
+        viewer.joint = Some(JointRef { actor: actor.name.clone(), joint });
+    }
+    true
+}
+
+/// The way of a joint: a line from frame to frame, a dot for each, the present one larger.
+fn path(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, joint: usize) {
+    let at = |index: usize| -> Option<DVec3> { trail.frames.get(index)?.1.get(joint).copied() };
+    for index in 0..trail.frames.len() {
+        let Some(here) = at(index) else { continue };
+        let color = if trail.frames[index].0 < now { BEFORE } else { AFTER };
+        if let Some(next) = at(index + 1) {
+            line(painter, lens, here, next, Stroke::new(1.5, color));
+        }
+        if let Some(dot) = lens.point(here) {
+            painter.circle_filled(point(dot), 1.8, color);
+        }
+    }
+    if let Some(dot) = trail.near(now).and_then(at).and_then(|at| lens.point(at)) {
+        painter.circle_filled(point(dot), 4.0, NOW);
+    }
+}
+
+/// Skeletons some frames before and after the present one, fainter the farther.
+fn skins(painter: &Painter, lens: &Lens, trail: &Trail, now: Time, parents: &[Option<u32>], frame: Time) {
+    for skin in SKINS {
+        let time = Time(now.0 + skin * frame.0);
+        let ends = trail.frames.first().zip(trail.frames.last());
+        let Some(index) = trail.near(time).filter(|_| ends.is_some_and(|(a, b)| a.0 <= time && time <= b.0))
+        else {
+            continue;
+        };
+        let joints = &trail.frames[index].1;
+        let color = if skin < 0 { BEFORE } else { AFTER };
+        let stroke = Stroke::new(2.0, color.gamma_multiply(if skin.abs() > 5 { 0.35 } else { 0.65 }));
+        for (joint, parent) in parents.iter().enumerate() {
+            let ends = joints.get(joint).zip(parent.and_then(|parent| joints.get(parent as usize)));
+            if let Some((to, from)) = ends {
+                line(painter, lens, *from, *to, stroke);
+            }
+        }
+    }
+}

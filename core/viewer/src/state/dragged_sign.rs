@@ -1,0 +1,31 @@
+//! The sign of a light, a camera or a target of inverse kinematics, while it is dragged in a viewport.
+
+use crate::state::selection::Selected;
+use glam::DVec3;
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SignOf {
+    Light(usize),
+    Camera(String),
+    /// A point that a joint of an actor reaches for: the actor, and the number of the constraint.
+    Reach(String, usize),
+}
+
+impl SignOf {
+    /// The object that a click on the sign selects.
+    pub fn selected(&self) -> Selected {
+        match self {
+            SignOf::Light(index) => Selected::Light(*index),
+            SignOf::Camera(name) => Selected::Camera(name.clone()),
+            SignOf::Reach(actor, _) => Selected::Actor(actor.clone()),
+        }
+    }
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub struct DraggedSign {
+    pub what: SignOf,
+    /// Where it was, and where it is by now.
+    pub from: DVec3,
+    pub to: DVec3,
+}

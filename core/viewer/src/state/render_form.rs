@@ -1,0 +1,192 @@
+//! What is to be rendered or exported, as it stands in the panel, and the words of the command that does it.
+
+use crate::commands::queue::Request;
+use crate::commands::{Format, Kind};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Range {
+    Whole,
+    /// The frames that the timeline shows.
+    Shown,
+    /// The one at the playhead.
+    Playhead,
+    Chosen,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Size {
+    /// The script's, by a numerator and a denominator.
+    Scaled(u32, u32),
+    Chosen,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RenderForm {
+    /// Index into the formats.
+    pub format: usize,
+    /// The file, where it is not the one that is proposed.
+    pub output: String,
+    pub range: Range,
+    /// The first frame and the last one.
+    pub chosen: [i64; 2],
+    pub size: Size,
+    pub chosen_size: [u32; 2],
+    /// Samples a pixel; `None`: as the script has it.
+    pub samples: Option<u32>,
+    /// Options of the format: `NAME=VALUE`, between blanks.
+    pub options: String,
+}
+
+impl Default for RenderForm {
+    fn default() -> RenderForm {
+        RenderForm {
+            format: 0,
+            output: String::new(),
+            range: Range::Whole,
+            chosen: [0, 0],
+            size: Size::Scaled(1, 1),
+            chosen_size: [1280, 720],
+            samples: None,
+            options: String::new(),
+        }
+    }
+}
+
+/// What the form is about: the scene that is shown.
+#[derive(Clone, Debug)]
+pub struct FormScene<'a> {
+    pub input: &'a Path,
+    /// Frames in all.
+    pub frames: i64,
+    /// The first frame that the timeline shows, and the last one.
+    pub shown: [i64; 2],
+    pub playhead: i64,
+    pub size: [u32; 2],
+}
+
+impl RenderForm {
+    /// The frames that are drawn, the last one included.
+    pub fn frames(&self, scene: &FormScene) -> [i64; 2] {
+        let last = (scene.frames - 1).max(0);
+        let [first, until] = match self.range {
+            Range::Whole => [0, last],
+            Range::Shown => scene.shown,
+            Range::Playhead => [scene.playhead; 2],
+            Range::Chosen => self.chosen,
+        };
+        let first = first.clamp(0, last);
+        [first, until.clamp(first, last)]
+    }
+
+    /// Pixels. Even numbers, which films need.
+    pub fn pixels(&self, scene: &FormScene) -> [u32; 2] {
+        match self.size {
+            Size::Scaled(1, 1) => scene.size,
+            Size::Scaled(numerator, denominator) => scene.size.map(|side| {
+                let half = u64::from(side) * u64::from(numerator) / u64::from(denominator.max(1) * 2);
+                (half as u32 * 2).max(2)
+            }),
+            Size::Chosen => self.chosen_size,
+        }
+    }
+
+    /// The file that is proposed: beside the script, with its name; images in a folder.
+    pub fn proposed(&self, scene: &FormScene, format: &Format) -> PathBuf {
+        let stem = scene.input.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let extension = &format.extension;
+        let name = match format.kind {
+            Kind::Film | Kind::Scene => format!("{stem}.{extension}"),
+            Kind::Images if self.range == Range::Playhead => {
+                format!("{stem}_{}.{extension}", self.frames(scene)[0])
+            }
+            Kind::Images => format!("{stem}_frames/%04d.{extension}"),
+        };
+        scene.input.with_file_name(name)
+    }
+
+    pub fn request(&self, scene: &FormScene, format: &Format) -> Request {
+        let output = match self.output.trim() {
+            "" => self.proposed(scene, format),
+            text => PathBuf::from(text),
+        };
+        let [first, last] = self.frames(scene);
+        let mut options: Vec<OsString> = vec!["--frames".into(), format!("{first}..{}", last + 1).into()];
+        let mut about = match first == last {
+            true => format!("frame {first}"),
+            false => format!("frames {first} to {last}"),
+        };
+        if format.kind != Kind::Scene {
+            let [width, height] = self.pixels(scene);
+            options.extend(["--progress-lines".into(), "--discard".into()]);
+            options.extend(["--size".into(), format!("{width}x{height}").into()]);
+            about += &format!(", {width}×{height}");
+            if let Some(samples) = self.samples {
+                options.extend(["--samples".into(), samples.to_string().into()]);
+                about += if samples == 1 { ", draft" } else { ", smooth" };
+            }
+        }
+        for option in self.options.split_whitespace() {
+            options.extend(["--export".into(), option.into()]);
+            about += &format!(", {option}");
+        }
+        let command = if format.kind == Kind::Scene { "export" } else { "render" };
+        Request { command, output, about, options }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene() -> FormScene<'static> {
+        FormScene {
+            input: Path::new("plays/dance.rhai"),
+            frames: 90,
+            shown: [10, 200],
+            playhead: 31,
+            size: [640, 362],
+        }
+    }
+
+    fn format(kind: Kind, extension: &str) -> Format {
+        Format { kind, extension: extension.into(), about: String::new(), options: Vec::new() }
+    }
+
+    fn words(form: &RenderForm, format: &Format) -> String {
+        let Request { command, output, options, .. } = form.request(&scene(), format);
+        let options: Vec<String> = options.iter().map(|w| w.to_string_lossy().into_owned()).collect();
+        format!("{command} {} {}", output.display(), options.join(" "))
+    }
+
+    #[test]
+    fn a_form_becomes_the_words_of_a_command() {
+        let mut form = RenderForm::default();
+        let film = format(Kind::Film, "mp4");
+        let all = "--progress-lines --discard --size 640x362";
+        assert_eq!(words(&form, &film), format!("render plays/dance.mp4 --frames 0..90 {all}"));
+        form.range = Range::Shown;
+        form.size = Size::Scaled(1, 4);
+        form.samples = Some(1);
+        form.options = " crf=30  speed=fast ".into();
+        assert_eq!(
+            words(&form, &film),
+            "render plays/dance.mp4 --frames 10..90 --progress-lines --discard --size 160x90 --samples 1 \
+             --export crf=30 --export speed=fast"
+        );
+        form.options.clear();
+        let scenes = format(Kind::Scene, "glb");
+        assert_eq!(words(&form, &scenes), "export plays/dance.glb --frames 10..90");
+        form.range = Range::Playhead;
+        form.size = Size::Chosen;
+        let images = format(Kind::Images, "png");
+        assert!(words(&form, &images).starts_with("render plays/dance_31.png --frames 31..32 "));
+        form.range = Range::Chosen;
+        form.chosen = [80, 20];
+        form.output = "elsewhere/%03d.png".into();
+        assert!(words(&form, &images).starts_with("render elsewhere/%03d.png --frames 80..81 "));
+        form.output.clear();
+        assert!(words(&form, &images).starts_with("render plays/dance_frames/%04d.png "));
+    }
+}

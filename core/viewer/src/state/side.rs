@@ -1,0 +1,122 @@
+//! Views along the axes: from above, from the front, from the side.
+
+use crate::app::Viewer;
+use crate::state::orbit::Orbit;
+use choreo_asset::Projection;
+use core::f64::consts::{FRAC_PI_2, PI};
+use glam::DVec3;
+
+/// The side from which a view looks. Characters face +Z, so that "front" shows their faces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    Right,
+    Left,
+    Top,
+    Bottom,
+    Front,
+    Back,
+}
+
+impl Side {
+    pub const ALL: [Side; 6] = [Side::Right, Side::Left, Side::Top, Side::Bottom, Side::Front, Side::Back];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Side::Right => "Right",
+            Side::Left => "Left",
+            Side::Top => "Top",
+            Side::Bottom => "Bottom",
+            Side::Front => "Front",
+            Side::Back => "Back",
+        }
+    }
+
+    /// Unit vector to where the camera stands.
+    pub fn direction(self) -> DVec3 {
+        match self {
+            Side::Right => DVec3::X,
+            Side::Left => -DVec3::X,
+            Side::Top => DVec3::Y,
+            Side::Bottom => -DVec3::Y,
+            Side::Front => DVec3::Z,
+            Side::Back => -DVec3::Z,
+        }
+    }
+
+    /// Azimuth and elevation of an orbit, radians.
+    fn angles(self) -> [f64; 2] {
+        match self {
+            Side::Right => [FRAC_PI_2, 0.0],
+            Side::Left => [-FRAC_PI_2, 0.0],
+            Side::Top => [0.0, FRAC_PI_2],
+            Side::Bottom => [0.0, -FRAC_PI_2],
+            Side::Front => [0.0, 0.0],
+            Side::Back => [PI, 0.0],
+        }
+    }
+
+    /// The opposite side, which lies behind it in the corner of the axes.
+    pub fn opposite(self) -> Side {
+        match self {
+            Side::Right => Side::Left,
+            Side::Left => Side::Right,
+            Side::Top => Side::Bottom,
+            Side::Bottom => Side::Top,
+            Side::Front => Side::Back,
+            Side::Back => Side::Front,
+        }
+    }
+
+    /// The side from which an orbit looks without perspective.
+    pub fn of(orbit: &Orbit) -> Option<Side> {
+        let flat = matches!(orbit.projection, Projection::Orthographic { .. });
+        let same = |side: &Side| side.angles() == [orbit.azimuth, orbit.elevation];
+        Side::ALL.into_iter().find(|side| flat && same(side))
+    }
+}
+
+impl Viewer {
+    /// The free camera of a view looks from a side, without perspective, at what it turned around.
+    pub fn look_from(&mut self, view: usize, side: Side) {
+        let Some(orbit) = self.free_camera(view) else { return };
+        [orbit.azimuth, orbit.elevation] = side.angles();
+        let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = orbit.projection;
+        // The orbit gives the height; see `Orbit::camera`.
+        orbit.projection = Projection::Orthographic { height: 1.0, near, far: 10_000.0 };
+    }
+
+    /// The free camera of a view has perspective again.
+    pub fn look_in_perspective(&mut self, view: usize) {
+        let Some(orbit) = self.free_camera(view) else { return };
+        if matches!(orbit.projection, Projection::Orthographic { .. }) {
+            orbit.projection = Projection::default();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Truth: the directions as they are named.
+    #[test]
+    fn a_side_looks_along_its_axis() {
+        for side in Side::ALL {
+            let [azimuth, elevation] = side.angles();
+            let projection = Projection::Orthographic { height: 1.0, near: 0.1, far: 100.0 };
+            let orbit =
+                Orbit { center: DVec3::new(1.0, 2.0, 3.0), distance: 5.0, azimuth, elevation, projection };
+            let camera = orbit.camera();
+            let eye = orbit.center + side.direction() * 5.0;
+            assert!((camera.world_from_view.translation - eye).length() < 1e-12, "{side:?}");
+            // Heads are up; from above and below the side that faces the viewer's far edge is −Z and +Z.
+            let up = match side {
+                Side::Top => -DVec3::Z,
+                Side::Bottom => DVec3::Z,
+                _ => DVec3::Y,
+            };
+            assert!((camera.world_from_view.matrix3.y_axis - up).length() < 1e-12, "{side:?}");
+            assert_eq!(Side::of(&orbit), Some(side));
+        }
+    }
+}

@@ -1,0 +1,101 @@
+//! Where the joints of an actor are at every frame: for motion trails and onion skins. Computed on a thread of its own, because the
+//! scene is evaluated once for each frame.
+
+use choreo_motion::Time;
+use choreo_session::Scene;
+use glam::DVec3;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Frames at most: those of a longer scene are farther apart.
+const MOST: i64 = 600;
+
+/// A joint of an actor that is selected.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct JointRef {
+    pub actor: String,
+    pub joint: usize,
+}
+
+/// Places of an actor's joints, in the world.
+#[derive(Clone, Debug, Default)]
+pub struct Trail {
+    /// In order of time; where the actor is not there, no joints.
+    pub frames: Vec<(Time, Vec<DVec3>)>,
+}
+
+impl Trail {
+    /// The frame next to a time.
+    pub fn near(&self, time: Time) -> Option<usize> {
+        let after = self.frames.partition_point(|(at, _)| *at < time);
+        let before = after.saturating_sub(1);
+        let distance = |index: &usize| (self.frames[*index].0 - time).0.abs();
+        [before, after].into_iter().filter(|index| *index < self.frames.len()).min_by_key(distance)
+    }
+}
+
+/// The trail of one actor in one version, once it is there.
+#[derive(Default)]
+pub struct Trails {
+    of: Option<(u64, String)>,
+    found: Arc<Mutex<Option<Arc<Trail>>>>,
+    stop: Arc<AtomicBool>,
+}
+
+impl Trails {
+    /// The trail of an actor; `None` until it is computed. `changed`: called then.
+    pub fn of(
+        &mut self,
+        scene: &Arc<Scene>,
+        actor: &str,
+        changed: impl FnOnce() + Send + 'static,
+    ) -> Option<Arc<Trail>> {
+        let wanted = (scene.number, actor.to_string());
+        if self.of.as_ref() != Some(&wanted) {
+            self.stop.store(true, Ordering::Relaxed);
+            *self = Trails::default();
+            self.of = Some(wanted);
+            let (scene, actor) = (scene.clone(), actor.to_string());
+            let (found, stop) = (self.found.clone(), self.stop.clone());
+            let thread = std::thread::Builder::new().name("trail".into());
+            // Where no thread starts, there is no trail.
+            let _ = thread.spawn(move || {
+                if let Some(trail) = computed(&scene, &actor, &stop) {
+                    *found.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(trail));
+                    changed();
+                }
+            });
+        }
+        self.found.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl Drop for Trails {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+    }
+}
+
+fn computed(scene: &Scene, actor: &str, stop: &AtomicBool) -> Option<Trail> {
+    let index = scene.stage.actors.iter().position(|a| a.name == actor)?;
+    let settings = &scene.stage.settings;
+    let frames = settings.fps.frames_in(settings.length).max(1);
+    let step = ((frames + MOST - 1) / MOST).max(1);
+    let mut evaluator = scene.evaluator.clone().posing_hidden();
+    let mut trail = Trail::default();
+    for frame in (0..frames).step_by(step as usize) {
+        if stop.load(Ordering::Relaxed) {
+            return None;
+        }
+        let time = settings.fps.time_of(frame);
+        let snapshot = evaluator.at(time).ok()?;
+        let state = snapshot.actors.get(index)?;
+        let place = |m: &glam::Affine3A| state.world_from_model.transform_point3(m.translation.as_dvec3());
+        let joints = match state.visible {
+            true => state.model_from_joint.iter().map(place).collect(),
+            false => Vec::new(),
+        };
+        trail.frames.push((time, joints));
+    }
+    Some(trail)
+}

@@ -1,0 +1,77 @@
+//! The two ways in which the window is drawn: by Vulkan, else on the CPU.
+
+use super::gpu::Gpu;
+use super::gpu_error::GpuError;
+use super::software::{LARGEST_TEXTURE, Software};
+use choreo_plugin::Frame;
+use egui::{ClippedPrimitive, TextureId, TexturesDelta};
+use softbuffer::SoftBufferError;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use winit::window::Window;
+
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum PaintError {
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    #[error("pixels of the window: {0}")]
+    Software(#[from] SoftBufferError),
+    /// Neither way is open.
+    #[error("{gpu}; pixels of the window: {software}")]
+    Neither { gpu: GpuError, software: SoftBufferError },
+}
+
+pub(crate) enum Painter {
+    Vulkan(Box<Gpu>),
+    Software(Box<Software>),
+}
+
+impl Painter {
+    /// Gives it with the reason, where it is not Vulkan that draws.
+    pub fn new(window: &Arc<Window>) -> Result<(Painter, Option<GpuError>), PaintError> {
+        match Gpu::new(window) {
+            Ok(gpu) => Ok((Painter::Vulkan(Box::new(gpu)), None)),
+            Err(gpu) => match Software::new(window) {
+                Ok(software) => Ok((Painter::Software(Box::new(software)), Some(gpu))),
+                Err(software) => Err(PaintError::Neither { gpu, software }),
+            },
+        }
+    }
+
+    /// Pixels of the largest texture's side.
+    pub fn largest_texture(&self) -> usize {
+        match self {
+            Painter::Vulkan(gpu) => gpu.largest_texture(),
+            Painter::Software(_) => LARGEST_TEXTURE,
+        }
+    }
+
+    /// Textures with the last frame of each view, once there was one.
+    pub fn pictures(&self) -> Vec<Option<TextureId>> {
+        match self {
+            Painter::Vulkan(gpu) => gpu.pictures(),
+            Painter::Software(software) => software.pictures(),
+        }
+    }
+
+    /// Draws one frame of the window. `frames`: new images of views; `before`: called right before it is shown. Gives whether
+    /// it was drawn: a window without a pixel, as one that is minimised can be, keeps its images waiting.
+    pub fn draw(
+        &mut self,
+        window: [u32; 2],
+        primitives: &[ClippedPrimitive],
+        pixels_per_point: f32,
+        textures: TexturesDelta,
+        frames: &BTreeMap<usize, Frame>,
+        before: impl FnOnce(),
+    ) -> Result<bool, PaintError> {
+        match self {
+            Painter::Vulkan(gpu) => {
+                Ok(gpu.draw(window, primitives, pixels_per_point, textures, frames, before)?)
+            }
+            Painter::Software(software) => {
+                Ok(software.draw(window, primitives, pixels_per_point, textures, frames, before)?)
+            }
+        }
+    }
+}

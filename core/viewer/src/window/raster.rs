@@ -1,0 +1,397 @@
+//! Triangles of egui as pixels, on the CPU, for a window that no Vulkan driver can draw. Colors are blended as egui intends it: premultiplied,
+//! in sRGB. A pixel belongs to a triangle that holds its center; of two triangles with a common edge it belongs to exactly one, because
+//! both compute the same end of a row from that edge, and rows are half-open.
+
+use egui::epaint::{ImageDelta, Primitive, Vertex};
+use egui::{ClippedPrimitive, Color32, ImageData, Pos2, Rect, TextureFilter, TextureId, TexturesDelta};
+use std::collections::BTreeMap;
+
+/// A texture with premultiplied colors.
+pub struct Texture {
+    width: usize,
+    height: usize,
+    pixels: Vec<Color32>,
+    nearest: bool,
+}
+
+impl Texture {
+    /// An opaque image of rows of red, green, blue and alpha. `old`: a texture whose memory is taken.
+    pub fn opaque(old: Option<Texture>, width: u32, height: u32, rgba: &[u8]) -> Texture {
+        let mut pixels = old.map(|old| old.pixels).unwrap_or_default();
+        pixels.clear();
+        pixels.extend(rgba.chunks_exact(4).map(|p| Color32::from_rgb(p[0], p[1], p[2])));
+        Texture { width: width as usize, height: height as usize, pixels, nearest: false }
+    }
+
+    /// The color at a place, 0 to 1, between the four nearest pixels; the edge goes on outside.
+    fn color(&self, u: f32, v: f32) -> [f32; 4] {
+        let (x, y) = (u * self.width as f32 - 0.5, v * self.height as f32 - 0.5);
+        let part = |at: f32, size: usize| {
+            let at = at.clamp(0.0, (size - 1) as f32);
+            let low = at as usize;
+            (low, (low + 1).min(size - 1), at - low as f32)
+        };
+        let (x0, x1, fx) = part(x, self.width);
+        let (y0, y1, fy) = part(y, self.height);
+        let at = |x: usize, y: usize| self.pixels[y * self.width + x].to_array().map(f32::from);
+        // A pixel of the image for each of the screen: the same bytes.
+        const EXACT: f32 = 1.0 / 256.0;
+        let near = |f: f32| f < EXACT || f > 1.0 - EXACT;
+        if self.nearest || (near(fx) && near(fy)) {
+            return at(if fx > 0.5 { x1 } else { x0 }, if fy > 0.5 { y1 } else { y0 });
+        }
+        let mix = |a: [f32; 4], b: [f32; 4], f: f32| std::array::from_fn(|i| a[i] + (b[i] - a[i]) * f);
+        mix(mix(at(x0, y0), at(x1, y0), fx), mix(at(x0, y1), at(x1, y1), fx), fy)
+    }
+}
+
+/// All textures of a window.
+#[derive(Default)]
+pub struct Textures(BTreeMap<TextureId, Texture>);
+
+impl Textures {
+    pub fn insert(&mut self, id: TextureId, make: impl FnOnce(Option<Texture>) -> Texture) {
+        let old = self.0.remove(&id);
+        self.0.insert(id, make(old));
+    }
+
+    /// Takes over what has changed, and empties the list but for textures to free, which the frame may still use.
+    pub fn change(&mut self, delta: &mut TexturesDelta) {
+        // Emptied at once: egui takes it for a fault if one is dropped with something left in it.
+        for (id, deltas) in std::mem::take(&mut delta.set) {
+            deltas.into_iter().for_each(|delta| self.set(id, delta));
+        }
+    }
+
+    pub fn free(&mut self, delta: &mut TexturesDelta) {
+        for id in std::mem::take(&mut delta.free) {
+            self.0.remove(&id);
+        }
+    }
+
+    fn set(&mut self, id: TextureId, delta: ImageDelta) {
+        let ImageData::Color(image) = &delta.image;
+        let [width, height] = image.size;
+        let nearest = delta.options.magnification == TextureFilter::Nearest;
+        match (delta.pos, self.0.get_mut(&id)) {
+            (None, _) => {
+                let pixels = image.pixels.clone();
+                self.0.insert(id, Texture { width, height, pixels, nearest });
+            }
+            (Some([left, top]), Some(texture)) if width > 0 => {
+                for (row, from) in image.pixels.chunks_exact(width).enumerate() {
+                    let at = (top + row) * texture.width + left;
+                    if let Some(to) = texture.pixels.get_mut(at..at + width) {
+                        to.copy_from_slice(from);
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+/// The pixels of a window, 0x00RRGGBB.
+pub struct Target<'a> {
+    pub width: usize,
+    pub height: usize,
+    pub pixels: &'a mut [u32],
+}
+
+impl Target<'_> {
+    /// Draws triangles over what is there.
+    pub fn draw(&mut self, primitives: &[ClippedPrimitive], pixels_per_point: f32, textures: &Textures) {
+        for ClippedPrimitive { clip_rect, primitive } in primitives {
+            let Primitive::Mesh(mesh) = primitive else { continue };
+            let Some(texture) = textures.0.get(&mesh.texture_id).filter(|t| !t.pixels.is_empty()) else {
+                continue;
+            };
+            let clip = self.clip(*clip_rect * pixels_per_point);
+            let vertex = |index: u32| {
+                let vertex = mesh.vertices.get(index as usize)?;
+                Some(Vertex { pos: vertex.pos * pixels_per_point, ..*vertex })
+            };
+            for corners in mesh.indices.chunks_exact(3) {
+                if let [Some(a), Some(b), Some(c)] = [corners[0], corners[1], corners[2]].map(vertex) {
+                    self.triangle([a, b, c], clip, texture);
+                }
+            }
+        }
+    }
+
+    /// Left, top, right and bottom in whole pixels of this target.
+    fn clip(&self, rect: Rect) -> [usize; 4] {
+        let within = |at: f32, size: usize| at.round().clamp(0.0, size as f32) as usize;
+        let (w, h) = (self.width, self.height);
+        [within(rect.min.x, w), within(rect.min.y, h), within(rect.max.x, w), within(rect.max.y, h)]
+    }
+
+    fn triangle(&mut self, mut corners: [Vertex; 3], clip: [usize; 4], texture: &Texture) {
+        corners.sort_by(|a, b| a.pos.y.total_cmp(&b.pos.y));
+        let [a, b, c] = corners.map(|corner| corner.pos);
+        let rows = pixels(a.y, c.y, clip[1], clip[3]);
+        let Some(paint) = Paint::new(&corners, texture).filter(|_| !rows.is_empty()) else { return };
+        for y in rows {
+            let center = y as f32 + 0.5;
+            let long = crossing(a, c, center);
+            let short = if center < b.y { crossing(a, b, center) } else { crossing(b, c, center) };
+            let span = pixels(long.min(short), long.max(short), clip[0], clip[2]);
+            if span.is_empty() {
+                continue;
+            }
+            let from = span.start as f32 + 0.5;
+            let row = &mut self.pixels[y * self.width + span.start..y * self.width + span.end];
+            paint.row(row, from, center);
+        }
+    }
+}
+
+/// The pixels whose centers lie in [low, high), and within the clipped range.
+fn pixels(low: f32, high: f32, from: usize, until: usize) -> std::ops::Range<usize> {
+    let first = |at: f32| (at - 0.5).ceil().clamp(from as f32, until.max(from) as f32) as usize;
+    first(low)..first(high)
+}
+
+/// Where an edge crosses the middle of a row: the same from both of its triangles.
+fn crossing(a: Pos2, b: Pos2, y: f32) -> f32 {
+    // Corners at the same height come in any order, and have no crossing between them.
+    let (a, b) = if (a.y, a.x) <= (b.y, b.x) { (a, b) } else { (b, a) };
+    if b.y <= a.y {
+        return a.x;
+    }
+    a.x + (y - a.y) * ((b.x - a.x) / (b.y - a.y))
+}
+
+/// A value over a triangle: at a corner, and its change a pixel to the right and down.
+#[derive(Clone, Copy)]
+struct Plane<const N: usize> {
+    at: [f32; N],
+    right: [f32; N],
+    down: [f32; N],
+}
+
+/// Colors of one triangle.
+struct Paint<'a> {
+    origin: Pos2,
+    texture: &'a Texture,
+    /// Premultiplied, 0 to 255; `None` where it is the same everywhere.
+    tint: Option<Plane<4>>,
+    place: Option<Plane<2>>,
+    /// At the first corner: the tint and the texture's color.
+    first: ([f32; 4], [f32; 4]),
+}
+
+impl Paint<'_> {
+    /// `None` for a triangle without an area.
+    fn new<'a>(corners: &[Vertex; 3], texture: &'a Texture) -> Option<Paint<'a>> {
+        let [a, b, c] = corners;
+        let (u, v) = (b.pos - a.pos, c.pos - a.pos);
+        let area = u.x * v.y - u.y * v.x;
+        if !(area.abs() > 1e-12 && area.is_finite()) {
+            return None;
+        }
+        fn plane<const N: usize>(
+            at: [[f32; N]; 3],
+            u: egui::Vec2,
+            v: egui::Vec2,
+            area: f32,
+        ) -> Option<Plane<N>> {
+            let [a, b, c] = at;
+            let (to_b, to_c): ([f32; N], [f32; N]) =
+                (std::array::from_fn(|i| b[i] - a[i]), std::array::from_fn(|i| c[i] - a[i]));
+            if to_b == [0.0; N] && to_c == [0.0; N] {
+                return None;
+            }
+            let right = std::array::from_fn(|i| (to_b[i] * v.y - to_c[i] * u.y) / area);
+            let down = std::array::from_fn(|i| (to_c[i] * u.x - to_b[i] * v.x) / area);
+            Some(Plane { at: a, right, down })
+        }
+        let color = |corner: &Vertex| corner.color.to_array().map(f32::from);
+        let place = |corner: &Vertex| [corner.uv.x, corner.uv.y];
+        Some(Paint {
+            origin: a.pos,
+            texture,
+            tint: plane([a, b, c].map(color), u, v, area),
+            place: plane([a, b, c].map(place), u, v, area),
+            first: (color(a), texture.color(a.uv.x, a.uv.y)),
+        })
+    }
+
+    /// Draws pixels beside each other, the first of them with its center at `x`.
+    fn row(&self, row: &mut [u32], x: f32, y: f32) {
+        let (dx, dy) = (x - self.origin.x, y - self.origin.y);
+        if self.tint.is_none() && self.place.is_none() {
+            let color = product(self.first.0, self.first.1);
+            return match color[3] >= 254.5 {
+                true => row.fill(packed(color)),
+                false => row.iter_mut().for_each(|pixel| *pixel = over(color, *pixel)),
+            };
+        }
+        for (step, pixel) in row.iter_mut().enumerate() {
+            let right = dx + step as f32;
+            let tint = self.tint.map_or(self.first.0, |plane| plane.value(right, dy));
+            let texel = self.place.map_or(self.first.1, |plane| {
+                let [u, v] = plane.value(right, dy);
+                self.texture.color(u, v)
+            });
+            let color = product(tint, texel);
+            *pixel = if color[3] >= 254.5 { packed(color) } else { over(color, *pixel) };
+        }
+    }
+}
+
+impl<const N: usize> Plane<N> {
+    fn value(&self, right: f32, down: f32) -> [f32; N] {
+        std::array::from_fn(|i| self.at[i] + self.right[i] * right + self.down[i] * down)
+    }
+}
+
+fn product(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
+    std::array::from_fn(|i| (a[i] * b[i] / 255.0).clamp(0.0, 255.0))
+}
+
+fn packed(color: [f32; 4]) -> u32 {
+    let [r, g, b, _] = color.map(|c| (c + 0.5) as u32);
+    r << 16 | g << 8 | b
+}
+
+/// A premultiplied color over an opaque one (Porter and Duff 1984).
+fn over(color: [f32; 4], below: u32) -> u32 {
+    let through = 1.0 - color[3] / 255.0;
+    let channel = |shift: u32, i: usize| (color[i] + (below >> shift & 0xff) as f32 * through).min(255.0);
+    packed([channel(16, 0), channel(8, 1), channel(0, 2), 255.0])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui::epaint::Mesh;
+    use egui::{ColorImage, pos2};
+
+    const WHITE: Pos2 = pos2(0.5, 0.5);
+
+    fn textures() -> Textures {
+        let mut textures = Textures::default();
+        let image = ColorImage::filled([1, 1], Color32::WHITE);
+        textures.set(TextureId::default(), ImageDelta::full(image, egui::TextureOptions::LINEAR));
+        textures
+    }
+
+    fn drawn(mesh: Mesh, size: usize, below: u32, textures: &Textures) -> Vec<u32> {
+        let clip_rect = Rect::from_min_size(Pos2::ZERO, egui::Vec2::splat(size as f32));
+        let primitive = ClippedPrimitive { clip_rect, primitive: Primitive::Mesh(mesh) };
+        let mut pixels = vec![below; size * size];
+        Target { width: size, height: size, pixels: &mut pixels }.draw(&[primitive], 1.0, textures);
+        pixels
+    }
+
+    /// Marsaglia's xorshift (2003), 0 to 1.
+    struct Chance(u64);
+
+    impl Chance {
+        fn next(&mut self) -> f32 {
+            self.0 ^= self.0 << 13;
+            self.0 ^= self.0 >> 7;
+            self.0 ^= self.0 << 17;
+            (self.0 % 10_000) as f32 / 10_000.0
+        }
+    }
+
+    /// Truth: the sign of three cross products in f64. Centers within a hair of an edge may go either way.
+    #[test]
+    fn a_triangle_covers_the_pixels_whose_centers_it_holds() {
+        let mut chance = Chance(7);
+        for _ in 0..200 {
+            let mut point = || pos2(chance.next() * 40.0 - 4.0, chance.next() * 40.0 - 4.0);
+            let corners = [point(), point(), point()];
+            let mut mesh = Mesh::default();
+            mesh.vertices = corners.map(|pos| Vertex { pos, uv: WHITE, color: Color32::WHITE }).to_vec();
+            mesh.indices = vec![0, 1, 2];
+            let pixels = drawn(mesh, 32, 0, &textures());
+            for (at, pixel) in pixels.iter().enumerate() {
+                let center = [(at % 32) as f64 + 0.5, (at / 32) as f64 + 0.5];
+                let side = |i: usize| {
+                    let (a, b) = (corners[i], corners[(i + 1) % 3]);
+                    let (a, b) = ([f64::from(a.x), f64::from(a.y)], [f64::from(b.x), f64::from(b.y)]);
+                    (b[0] - a[0]) * (center[1] - a[1]) - (b[1] - a[1]) * (center[0] - a[0])
+                };
+                let sides = [side(0), side(1), side(2)];
+                if sides.iter().any(|s| s.abs() < 1e-3) {
+                    continue;
+                }
+                let inside = sides.iter().all(|s| *s > 0.0) || sides.iter().all(|s| *s < 0.0);
+                assert_eq!(*pixel != 0, inside, "{corners:?} at {center:?}");
+            }
+        }
+    }
+
+    /// Triangles around a point, half transparent: where two of them covered a pixel it would be brighter, and where none did, dark.
+    #[test]
+    fn triangles_with_common_edges_cover_each_pixel_once() {
+        let mut chance = Chance(99);
+        for _ in 0..50 {
+            let around = [pos2(-9.0, -9.0), pos2(41.0, -9.0), pos2(41.0, 41.0), pos2(-9.0, 41.0)];
+            let middle = pos2((chance.next() * 64.0).round() / 2.0, chance.next() * 32.0);
+            let mut mesh = Mesh::default();
+            let color = Color32::from_rgba_premultiplied(100, 100, 100, 128);
+            let vertices = around.into_iter().chain([middle]).map(|pos| Vertex { pos, uv: WHITE, color });
+            mesh.vertices = vertices.collect();
+            mesh.indices = (0..4).flat_map(|i| [i, (i + 1) % 4, 4]).collect();
+            let pixels = drawn(mesh, 32, 0, &textures());
+            assert!(pixels.iter().all(|p| *p == 0x646464), "{middle:?}");
+        }
+    }
+
+    /// Truth: the closed form of a gradient, and of blending, in f64.
+    #[test]
+    fn colors_are_interpolated_and_blended() {
+        let mut mesh = Mesh::default();
+        let corner = |x: f32, y: f32, value: u8, alpha: u8| Vertex {
+            pos: pos2(x, y),
+            uv: WHITE,
+            color: Color32::from_rgba_premultiplied(value, 0, 0, alpha),
+        };
+        mesh.vertices = vec![
+            corner(0.0, 0.0, 0, 50),
+            corner(32.0, 0.0, 160, 200),
+            corner(0.0, 32.0, 0, 50),
+            corner(32.0, 32.0, 160, 200),
+        ];
+        mesh.indices = vec![0, 1, 2, 1, 2, 3];
+        let pixels = drawn(mesh, 32, 0x404040, &textures());
+        for (at, pixel) in pixels.iter().enumerate() {
+            let along = ((at % 32) as f64 + 0.5) / 32.0;
+            let alpha = 50.0 + 150.0 * along;
+            let red = 160.0 * along + 64.0 * (1.0 - alpha / 255.0);
+            let green = 64.0 * (1.0 - alpha / 255.0);
+            let off = |shift: u32, wanted: f64| ((pixel >> shift & 0xff) as f64 - wanted).abs();
+            assert!(off(16, red) < 0.51 && off(8, green) < 0.51, "{pixel:x} at {at}: {red} {green}");
+        }
+    }
+
+    /// An image pixel on pixel keeps its bytes, also beside the origin; one drawn twice as large has the means between its pixels.
+    #[test]
+    fn images_keep_their_bytes() {
+        let rgba: Vec<u8> = (0..64).flat_map(|i| [i as u8 * 4, 255 - i as u8, 7, 0]).collect();
+        let mut textures = textures();
+        let id = TextureId::User(3);
+        textures.insert(id, |old| Texture::opaque(old, 8, 8, &rgba));
+        let shown = |size: f32| {
+            let mut mesh = Mesh::with_texture(id);
+            let place = Rect::from_min_size(pos2(5.0, 9.0), egui::Vec2::splat(size));
+            mesh.add_rect_with_uv(place, Rect::from_min_max(Pos2::ZERO, pos2(1.0, 1.0)), Color32::WHITE);
+            drawn(mesh, 32, 0, &textures)
+        };
+        let pixels = shown(8.0);
+        for y in 0..8 {
+            for x in 0..8 {
+                let i = (y * 8 + x) as u32;
+                let wanted = (i * 4) << 16 | (255 - i) << 8 | 7;
+                assert_eq!(pixels[(y + 9) * 32 + x + 5], wanted);
+            }
+        }
+        assert_eq!(pixels.iter().filter(|p| **p != 0).count(), 64);
+        // A quarter of the way from pixel 0 to pixel 1: 0 + 4 · 0.25.
+        assert_eq!(shown(16.0)[9 * 32 + 5 + 1] >> 16, 1);
+    }
+}

@@ -1,0 +1,75 @@
+//! Frames of the window without Vulkan: egui's triangles as pixels, which go to the window system as they are. On the window's own
+//! thread, because the threads of the pool may draw a frame of the scene for a second.
+
+use super::raster::{Target, Texture, Textures};
+use choreo_plugin::Frame;
+use egui::{ClippedPrimitive, TextureId, TexturesDelta};
+use softbuffer::{Context, SoftBufferError, Surface};
+use std::collections::BTreeMap;
+use std::num::NonZeroU32;
+use std::sync::Arc;
+use winit::window::Window;
+
+/// Pixels of the largest texture's side: that of egui's letters.
+pub const LARGEST_TEXTURE: usize = 4096;
+
+pub struct Software {
+    surface: Surface<Arc<Window>, Arc<Window>>,
+    textures: Textures,
+    /// Textures with the last frame of each view, once there was one.
+    pictures: Vec<Option<TextureId>>,
+}
+
+impl Software {
+    pub fn new(window: &Arc<Window>) -> Result<Software, SoftBufferError> {
+        let surface = Surface::new(&Context::new(window.clone())?, window.clone())?;
+        let pictures = vec![None; crate::state::view::MOST_VIEWS];
+        Ok(Software { surface, textures: Textures::default(), pictures })
+    }
+
+    pub fn pictures(&self) -> Vec<Option<TextureId>> {
+        self.pictures.clone()
+    }
+
+    /// Draws one frame of the window, as [`super::gpu::Gpu::draw`].
+    pub fn draw(
+        &mut self,
+        size: [u32; 2],
+        primitives: &[ClippedPrimitive],
+        pixels_per_point: f32,
+        mut textures: TexturesDelta,
+        frames: &BTreeMap<usize, Frame>,
+        before: impl FnOnce(),
+    ) -> Result<bool, SoftBufferError> {
+        self.textures.change(&mut textures);
+        for (view, frame) in frames {
+            let id = TextureId::User(*view as u64);
+            let texture = |old| Texture::opaque(old, frame.width, frame.height, &frame.rgba);
+            self.textures.insert(id, texture);
+            if let Some(picture) = self.pictures.get_mut(*view) {
+                *picture = Some(id);
+            }
+        }
+        let drawn = self.show(size, primitives, pixels_per_point, before);
+        self.textures.free(&mut textures);
+        drawn
+    }
+
+    fn show(
+        &mut self,
+        [width, height]: [u32; 2],
+        primitives: &[ClippedPrimitive],
+        pixels_per_point: f32,
+        before: impl FnOnce(),
+    ) -> Result<bool, SoftBufferError> {
+        let (Some(w), Some(h)) = (NonZeroU32::new(width), NonZeroU32::new(height)) else { return Ok(false) };
+        self.surface.resize(w, h)?;
+        let mut pixels = self.surface.buffer_mut()?;
+        pixels.fill(0);
+        let mut target = Target { width: width as usize, height: height as usize, pixels: &mut pixels };
+        target.draw(primitives, pixels_per_point, &self.textures);
+        before();
+        pixels.present()?;
+        Ok(true)
+    }
+}
