@@ -538,7 +538,7 @@ impl Viewer {
     }
 }
 
-/// What one view adds to what all show. An image that is saved has neither grid nor outline.
+/// Overrides of one view: those of all, and its grid. An image that is saved has neither grid nor outline.
 fn view_overrides(all: &ViewOverrides, view: &View, saved: bool) -> ViewOverrides {
     match saved {
         true => ViewOverrides { outlined: None, ..all.clone() },

@@ -21,7 +21,7 @@ pub struct Commands {
     pub input: PathBuf,
     /// Options of the scene, as the viewer got them.
     pub scene: Vec<OsString>,
-    /// Those that `test` takes.
+    /// Options that `test` takes.
     pub test: Vec<OsString>,
     pub formats: Vec<Format>,
 }
@@ -39,7 +39,7 @@ pub enum Kind {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Format {
     pub kind: Kind,
-    /// Without the dot.
+    /// Extension of the file, without the dot.
     pub extension: String,
     pub about: String,
     /// Names and explanations of its options.

@@ -165,7 +165,7 @@ fn progress(line: &str) -> Option<(u64, u64)> {
     Some((value["done"].as_u64()?, value["frames"].as_u64()?))
 }
 
-/// What a report in JSON says, in a line or several.
+/// The state that a report in JSON states, with its text in a line or several.
 fn outcome(report: &str, messages: &str) -> JobState {
     let Ok(report) = serde_json::from_str::<Value>(report) else {
         let text = messages.trim();

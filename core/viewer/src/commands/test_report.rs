@@ -81,7 +81,7 @@ impl Section {
         format!("{} > {}", self.file, self.name)
     }
 
-    /// Those that failed first, which are those to be looked at.
+    /// Whether it is to be looked at.
     pub fn is_bad(&self) -> bool {
         matches!(self.status, Status::Failed | Status::Error)
     }

@@ -24,13 +24,13 @@ struct Results {
 #[derive(Default)]
 pub struct TestRun(Arc<Mutex<Results>>);
 
-/// What of a test script is run.
+/// Part of a test script that is run.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Choice {
     All,
     /// One section.
     Section(Section),
-    /// What was drawn becomes the golden image of this name, in one section.
+    /// The drawn image becomes the golden image of this name, in one section.
     Accept(Section, String),
 }
 

@@ -26,12 +26,12 @@ struct Sign {
 
 #[derive(Clone, Debug)]
 enum Kind {
-    /// What it shines on.
+    /// Place that it shines on.
     Sun(DVec3),
     Point,
     /// Unit vector, and half the angle of its cone, radians.
     Spot(DVec3, f64),
-    /// What it looks at, and its image's angle, radians.
+    /// Place that it looks at, and its image's angle, radians.
     Camera(DVec3, f64),
     /// A point of inverse kinematics, and the joint that reaches for it.
     Reach(DVec3),

@@ -25,7 +25,7 @@ impl SignOf {
 #[derive(Clone, Debug, PartialEq)]
 pub struct DraggedSign {
     pub what: SignOf,
-    /// Where it was, and where it is by now.
+    /// Place at which it was, and at which it is by now.
     pub from: DVec3,
     pub to: DVec3,
 }

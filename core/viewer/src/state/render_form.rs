@@ -1,4 +1,4 @@
-//! What is to be rendered or exported, as it stands in the panel, and the words of the command that does it.
+//! Choices of a render or export, as they stand in the panel, and the words of the command that does it.
 
 use crate::commands::queue::Request;
 use crate::commands::{Format, Kind};
@@ -54,7 +54,7 @@ impl Default for RenderForm {
     }
 }
 
-/// What the form is about: the scene that is shown.
+/// The scene that the form is about.
 #[derive(Clone, Debug)]
 pub struct FormScene<'a> {
     pub input: &'a Path,

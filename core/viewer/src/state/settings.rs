@@ -15,7 +15,7 @@ pub struct Settings {
     pub scale: f32,
     /// The layout as [`crate::panels::Panels`] writes it.
     pub layout: Option<Value>,
-    /// What is laid over the images of new viewports.
+    /// Overlays of new viewports.
     pub overlays: Overlays,
 }
 

@@ -1,4 +1,4 @@
-//! Where the joints of an actor are at every frame: for motion trails and onion skins. Computed on a thread of its own, because the
+//! Places of an actor's joints at every frame: for motion trails and onion skins. Computed on a thread of its own, because the
 //! scene is evaluated once for each frame.
 
 use choreo_motion::Time;
@@ -20,7 +20,7 @@ pub struct JointRef {
 /// Places of an actor's joints, in the world.
 #[derive(Clone, Debug, Default)]
 pub struct Trail {
-    /// In order of time; where the actor is not there, no joints.
+    /// Frames in order of time; where the actor is not there, no joints.
     pub frames: Vec<(Time, Vec<DVec3>)>,
 }
 

@@ -36,7 +36,7 @@ impl Texture {
         let at = |x: usize, y: usize| self.pixels[y * self.width + x].to_array().map(f32::from);
         // A pixel of the image for each of the screen: the same bytes.
         const EXACT: f32 = 1.0 / 256.0;
-        let near = |f: f32| f < EXACT || f > 1.0 - EXACT;
+        let near = |f: f32| !(EXACT..=1.0 - EXACT).contains(&f);
         if self.nearest || (near(fx) && near(fy)) {
             return at(if fx > 0.5 { x1 } else { x0 }, if fy > 0.5 { y1 } else { y0 });
         }
@@ -152,9 +152,9 @@ fn pixels(low: f32, high: f32, from: usize, until: usize) -> std::ops::Range<usi
     first(low)..first(high)
 }
 
-/// Where an edge crosses the middle of a row: the same from both of its triangles.
+/// Place at which an edge crosses the middle of a row: the same from both of its triangles.
 fn crossing(a: Pos2, b: Pos2, y: f32) -> f32 {
-    // Corners at the same height come in any order, and have no crossing between them.
+    // Vertices at the same height come in any order, and have no crossing between them.
     let (a, b) = if (a.y, a.x) <= (b.y, b.x) { (a, b) } else { (b, a) };
     if b.y <= a.y {
         return a.x;
@@ -162,7 +162,7 @@ fn crossing(a: Pos2, b: Pos2, y: f32) -> f32 {
     a.x + (y - a.y) * ((b.x - a.x) / (b.y - a.y))
 }
 
-/// A value over a triangle: at a corner, and its change a pixel to the right and down.
+/// A value over a triangle: at a vertex, and its change a pixel to the right and down.
 #[derive(Clone, Copy)]
 struct Plane<const N: usize> {
     at: [f32; N],
@@ -177,7 +177,7 @@ struct Paint<'a> {
     /// Premultiplied, 0 to 255; `None` where it is the same everywhere.
     tint: Option<Plane<4>>,
     place: Option<Plane<2>>,
-    /// At the first corner: the tint and the texture's color.
+    /// Values at the first vertex: the tint and the texture's color.
     first: ([f32; 4], [f32; 4]),
 }
 
@@ -304,9 +304,8 @@ mod tests {
         for _ in 0..200 {
             let mut point = || pos2(chance.next() * 40.0 - 4.0, chance.next() * 40.0 - 4.0);
             let corners = [point(), point(), point()];
-            let mut mesh = Mesh::default();
-            mesh.vertices = corners.map(|pos| Vertex { pos, uv: WHITE, color: Color32::WHITE }).to_vec();
-            mesh.indices = vec![0, 1, 2];
+            let vertices = corners.map(|pos| Vertex { pos, uv: WHITE, color: Color32::WHITE }).to_vec();
+            let mesh = Mesh { vertices, indices: vec![0, 1, 2], ..Mesh::default() };
             let pixels = drawn(mesh, 32, 0, &textures());
             for (at, pixel) in pixels.iter().enumerate() {
                 let center = [(at % 32) as f64 + 0.5, (at / 32) as f64 + 0.5];
