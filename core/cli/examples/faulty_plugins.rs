@@ -1,4 +1,4 @@
-//! choreo with an importer, an exporter and an effect that panic: `tests/faulty_plugins.rs` runs it.
+//! choreo with an importer, an exporter and an effect that panic: `tests/plugins/faulty_plugins.rs` runs it.
 
 use choreo_asset::Asset;
 use choreo_plugin::{

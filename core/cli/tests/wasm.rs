@@ -1,5 +1,5 @@
-//! Plugins in WebAssembly: a new importer and a new exporter are built, tested, installed and used; manifests are remembered, and compared
-//! with those of the plugins.
+//! Plugins in WebAssembly: a new importer and a new exporter are built, tested, installed and used, an importer with a texture among them;
+//! manifests are remembered, and compared with those of the plugins.
 
 mod common;
 
@@ -97,4 +97,69 @@ fn a_manifest_is_remembered_and_a_false_one_found() {
     std::fs::write(remembered.join(&name), b"nothing of the kind").unwrap();
     good(folder, &["info", "a.my_format"]);
     assert_eq!(std::fs::read(remembered.join(&name)).unwrap(), text);
+}
+
+/// The corners of a picture: upper left, upper right, lower left, lower right.
+const PICTURE: [[u8; 3]; 4] = [[224, 32, 32], [32, 192, 64], [32, 96, 224], [240, 224, 64]];
+
+/// A picture of four squares.
+fn picture() -> Vec<u8> {
+    let corner = |x: u32, y: u32| usize::from(x >= 16) + 2 * usize::from(y >= 16);
+    let pixels = image::RgbaImage::from_fn(32, 32, |x, y| {
+        let [red, green, blue] = PICTURE[corner(x, y)];
+        image::Rgba([red, green, blue, 255])
+    });
+    let mut file = std::io::Cursor::new(Vec::new());
+    pixels.write_to(&mut file, image::ImageFormat::Png).unwrap();
+    file.into_inner()
+}
+
+#[test]
+fn an_importer_hands_over_a_texture_and_its_file() {
+    let dir = folder();
+    let folder = dir.path();
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap();
+    good(folder, &["new", "importer", "painted", "--wasm", "--sources", sources.to_str().unwrap()]);
+    let made = folder.join("import-painted");
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).unwrap();
+    write("import-painted/src/lib.rs", include_bytes!("wasm/painted.rs"));
+    let manifest = String::from_utf8(read(&made, "Cargo.toml")).unwrap();
+    let manifest = manifest.replacen("[dependencies]", "[dependencies]\npng = \"0.18\"", 1);
+    write("import-painted/Cargo.toml", manifest.as_bytes());
+    let picture = picture();
+    for name in ["import-painted/tests/sample", "a"] {
+        let png = format!("{name}.png");
+        let last = Path::new(&png).file_name().unwrap().to_str().unwrap();
+        write(&format!("{name}.painted"), last.as_bytes());
+        write(&png, &picture);
+    }
+    std::fs::copy(built(&made, "import-painted"), made.join("painted.importer.wasm")).unwrap();
+    good(folder, &["plugins", "test", "import-painted"]);
+    good(folder, &["plugins", "install", "import-painted"]);
+    let script = "stage(#{ size: [96, 96], length: 0.1, background: \"black\" });\ncast(\"a\", load(\"a.painted\"));\n\
+        camera(\"c\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]).ortho(3.0);\n";
+    write("s.rhai", script.as_bytes());
+    for device in ["cpu", "vulkan"] {
+        let drawn = run(folder, &["render", "s.rhai", "-o", "s.png", "--at", "0", "--device", device]);
+        if drawn.code == 4 && device == "vulkan" {
+            println!("SKIP 1: no Vulkan device");
+            continue;
+        }
+        assert_eq!(drawn.code, 0, "{device}: {}", drawn.err);
+        let drawn = image::open(folder.join("s.png")).unwrap().to_rgb8();
+        // The square covers 64 pixels in the middle; a quarter of it is 16 pixels away from it.
+        for (corner, [x, y]) in PICTURE.into_iter().zip([[32, 32], [64, 32], [32, 64], [64, 64]]) {
+            let drawn = drawn.get_pixel(x, y).0;
+            let off = drawn.iter().zip(corner).map(|(a, b)| a.abs_diff(b)).max();
+            assert!(off <= Some(1), "{device} {x},{y}: {drawn:?} instead of {corner:?}");
+        }
+        assert_eq!([drawn.get_pixel(10, 48).0, drawn.get_pixel(48, 86).0], [[0; 3]; 2], "{device}");
+    }
+    // An export asks for the file of the image and keeps its bytes.
+    good(folder, &["export", "s.rhai", "-o", "s.glb"]);
+    let exported = read(folder, "s.glb");
+    assert!(exported.windows(picture.len()).any(|part| part == picture), "the PNG file as it was");
+    if let Some(kept) = std::env::var_os("CHOREO_KEEP_IMAGES") {
+        std::fs::copy(folder.join("s.png"), Path::new(&kept).join("painted_by_wasm.png")).unwrap();
+    }
 }

@@ -5,7 +5,7 @@
 //! f₀ = t, fᵢ = fᵢ₋₁ (i² − t²) / (i (2i + 1)), all positive for 0 ≤ t ≤ 1. Joints that share their key times share
 //! t, so the coefficients are computed once for all of them, and each joint costs two short Horner chains. How many
 //! terms are needed depends on the widest interval, known when the clip is packed: two for keys 10° apart, 26 for 180°.
-//! Against f64 slerp the result is within 3e-5° for keys up to 179.9° apart (`tests/sample.rs`).
+//! Against f64 slerp the result is within 3e-5° for keys up to 179.9° apart (`tests/motion/sample.rs`).
 
 use crate::simd::F8;
 

@@ -42,11 +42,10 @@ fn load(file) {
         }
     }
     let table = lines.part(header, vertices).numbers();
-    mesh(#{
-        positions: table.columns(6, [0, 1, 2]),
-        normals: table.columns(6, [3, 4, 5]),
-        indices: lines.part(header + vertices, faces).numbers().fans(),
-    });
+    let positions = table.columns(6, [0, 1, 2]);
+    let normals = table.columns(6, [3, 4, 5]);
+    table = ();
+    mesh(#{ positions: positions, normals: normals, indices: lines.part(header + vertices, faces).numbers().fans() });
 }
 "#;
 
@@ -127,7 +126,8 @@ fn measure(name: &str, importer: &str, bytes: Vec<u8>, vertices: u32) {
 fn peak_mb() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    line.and_then(|line| line.trim().trim_end_matches(" kB").parse::<u64>().ok()).unwrap_or(0) / 1024
+    line.and_then(|line| line.trim().trim_end_matches(" kB").parse::<u64>().ok()).unwrap_or(0) * 1024
+        / 1_000_000
 }
 
 fn main() {

@@ -342,6 +342,9 @@ fn memory_is_counted_and_bounded() {
     let dropped = "let a = []; a.pad(100000, 0); let rows = numbers(a); let n = numbers([0]);
          for i in 0..200 { n = n.rows(1, rows); n = numbers([0]); }";
     body(dropped).unwrap_or_else(|e| panic!("{e}"));
+    // As are the numbers of each line of a text: each took 32 KiB once.
+    let lines = "let all = numbers(); for i in 0..5000 { all.append(numbers(\"0 1 2\")); } if all.len != 15000 { throw all.len }";
+    body(lines).unwrap_or_else(|e| panic!("{e}"));
     let text = fails("let a = []; a.pad(2000000, 0)");
     assert!(text.contains("more than 1000000 elements, which is the limit"), "{text}");
     assert!(fails("fn_deep(1)").contains("unknown function"));
@@ -458,6 +461,10 @@ fn columns_are_put_side_by_side() {
     assert!(
         fails("interleaved([[1, 2], [3]])").contains("interleaved: column 1 has 1 numbers, the first one 2")
     );
+    assert!(fails("interleaved([numbers(), [3]])").contains("column 1 has 1 numbers, the first one 0"));
+    // 16 MB of numbers, and 64 MB of them side by side.
+    let many = "let s = numbers([1]); for i in 0..21 { s.append(s); } interleaved([s, s, s, s])";
+    assert!(fails(many).contains("too much memory"), "{}", fails(many));
 }
 
 #[test]

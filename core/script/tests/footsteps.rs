@@ -575,6 +575,64 @@ fn feet_of_a_walk_do_not_slide() {
     assert!(faults.is_empty(), "{faults:#?}");
 }
 
+/// File and name of the walk of some characters, and of their run; the others run as the mannequin does.
+const RUNS: [([&str; 2], [&str; 2]); 4] = [
+    (["gltf/Knight.glb", "Walking_A"], ["gltf/Knight.glb", "Running_A"]),
+    (["gltf/Fox.glb", "Walk"], ["gltf/Fox.glb", "Run"]),
+    (["gltf/RobotExpressive.glb", "Walking"], ["gltf/RobotExpressive.glb", "Running"]),
+    (["fbx/pab/locomotions.fbx", "walk"], ["fbx/pab/locomotions.fbx", "run"]),
+];
+
+/// Seconds of a fade in step.
+const IN_STEP: f64 = 0.6;
+/// Metres that feet may slide in such a fade: one that leaves the ground at 3 m/s gets this far before it is a centimetre above it.
+const MOST_IN_STEP: f64 = 0.025;
+/// Metres per second of the fastest foot, above twice that of the clips: legs of different length step in different times.
+const FASTER: f64 = 4.0;
+
+/// A foot stays where it stands while one gait becomes another in step, or it is lifted.
+#[test]
+fn feet_do_not_slide_while_a_walk_becomes_a_run() {
+    let Some(folder) = choreo_importer_kit_testing::assets(8) else { return };
+    println!("| file | how | at, s | slide, mm | without, mm | stands | fastest foot, m/s | without, m/s |");
+    println!("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |");
+    let (mut faults, mut worst_without) = (Vec::new(), 0.0f64);
+    for character in &CHARACTERS {
+        let own_run = RUNS.iter().find(|(walk, _)| *walk == character.2);
+        let [file, name] = own_run.map_or(["choreo:mannequin", "Run"], |(_, run)| *run);
+        for (from, to) in [("walk", "run"), ("run", "walk")] {
+            for at in (0..12).map(|i| 1.4 + 0.05 * f64::from(i)) {
+                let calls = format!(
+                    "let run = load(\"{file}\").clip(\"{name}\"); anna.root_motion();
+                     anna.play({from}).until({at}).then({to}, #{{ fade: {IN_STEP}, in_step: true }});"
+                );
+                let stage = stage_of_samples(&folder, &script(character, &calls));
+                let legs = find_legs(&stage.actors[0].asset.skeleton);
+                let ground = grounds(&balls(&stage, &legs, at - IN_STEP, at + 2.0 * IN_STEP));
+                let watch = |stage: &Stage| slide(&balls(stage, &legs, at, at + IN_STEP), &ground, at);
+                let (own, plain) = (watch(&stage), watch(&without_foot_locks(&stage)));
+                println!(
+                    "| {} | {from} to {to} | {at:.2} | {:.1} at {:.2} s | {:.1} | {} | {:.2} | {:.2} |",
+                    character.0,
+                    own.metres * 1e3,
+                    own.at_secs,
+                    plain.metres * 1e3,
+                    own.stands,
+                    own.step * RATE,
+                    plain.step * RATE
+                );
+                worst_without = worst_without.max(plain.metres);
+                let fast = own.step * RATE >= 2.0 * plain.step * RATE + FASTER;
+                if own.metres >= MOST_IN_STEP || fast {
+                    faults.push(format!("{}, {from} to {to} at {at:.2} s: {own:?}", character.0));
+                }
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+    assert!(worst_without > 8.0 * MOST_IN_STEP, "without foot locking it must fail: {worst_without} m");
+}
+
 /// The character goes on at a switch from a run to a stand, so that the legs need not bend for feet that are left behind.
 #[test]
 fn hips_do_not_drop_where_a_run_stops() {

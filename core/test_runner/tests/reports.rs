@@ -95,7 +95,7 @@ fn the_terminal_says_what_was_expected_what_came_and_what_to_type() {
     let report = all_kinds();
     let off = terminal::failure(&report.outcomes[2]);
     let expected = "FAILED t/a.rhai > it's \"off\"\n    printed: hello <b>\n  t/a.rhai:4:3: anna <LeftHand> near [0, 1, 0] & so on\n      \
-                    expected  [0, 1, 0] ± 0.001 m\n      got       [0, 1.2, 0] m \u{fffd}[31m]]>\n      off by    0.2 m\n      \
+                    of        anna LeftHand y\n      expected  [0, 1, 0] ± 0.001 m\n      got       [0, 1.2, 0] m \u{fffd}[31m]]>\n      off by    0.2 m\n      \
                     hint      type \"this\"\n  t/a.rhai:1:1: warning: slow </script>\n  \
                     alone:  choreo test t/a.rhai --filter 'it'\\''s \"off\"'\n";
     assert_eq!(off, expected);

@@ -6,6 +6,7 @@ use crate::commands::queue::RenderQueue;
 use crate::commands::test_run::TestRun;
 use crate::geometry::gizmo::{Change, Drag, Tool};
 use crate::geometry::picking;
+use crate::library::documents::Documents;
 use crate::state::curves::Curves;
 use crate::state::dragged_sign::DraggedSign;
 use crate::state::dropped_models::DroppedModels;
@@ -18,6 +19,7 @@ use crate::state::playhead::Playhead;
 use crate::state::reduction::Reduction;
 use crate::state::render_form::RenderForm;
 use crate::state::selection::{self, Selected};
+use crate::state::shortcuts::Shortcuts;
 use crate::state::span::Span;
 use crate::state::timeline::{Bar, Timeline};
 use crate::state::trail::{JointRef, Trails};
@@ -64,6 +66,9 @@ pub struct Viewer {
     pub name: String,
     /// The script's file, where it is one.
     pub path: Option<PathBuf>,
+    /// The files that the window could show next.
+    pub documents: Documents,
+    pub shortcuts: Shortcuts,
     pub history: History,
     /// A change that needs a word of the user first.
     pub offer: Option<Offer>,
@@ -143,6 +148,8 @@ pub struct Viewer {
     samples: Option<u32>,
     reloads: u64,
     ticket: u64,
+    /// Frames up to this one were asked for by the viewer before.
+    first_ticket: u64,
 }
 
 impl Viewer {
@@ -150,6 +157,8 @@ impl Viewer {
         Viewer {
             name: name.into(),
             path: None,
+            documents: Documents::default(),
+            shortcuts: Shortcuts::default(),
             history: History::default(),
             offer: None,
             message: None,
@@ -201,6 +210,34 @@ impl Viewer {
             samples: None,
             reloads: 0,
             ticket: 0,
+            first_ticket: 0,
+        }
+    }
+
+    /// The viewer of another file in the same window.
+    pub fn succeeded_by(&mut self, name: impl Into<String>) -> Viewer {
+        let performance = Performance { cap: self.performance.cap, ..Performance::default() };
+        Viewer {
+            documents: std::mem::take(&mut self.documents),
+            shortcuts: self.shortcuts.clone(),
+            copied: std::mem::take(&mut self.copied),
+            // Renders go on in the queue.
+            commands: std::mem::take(&mut self.commands),
+            renders: std::mem::take(&mut self.renders),
+            without_vulkan: self.without_vulkan.take(),
+            // Frames that are still being drawn belong to none of its views.
+            ticket: self.ticket,
+            first_ticket: self.ticket,
+            reloads: self.reloads,
+            in_seconds: self.in_seconds,
+            snap: self.snap,
+            performance,
+            views: vec![View {
+                resolution: self.view().resolution,
+                overlays: self.view().overlays,
+                ..View::default()
+            }],
+            ..Viewer::new(name)
         }
     }
 
@@ -208,6 +245,7 @@ impl Viewer {
     pub fn take_version(&mut self, version: SceneVersion) {
         self.problems = version.problems;
         self.work = version.work;
+        self.documents.read = version.read;
         self.build_took = version.took;
         self.faulty = version.scene.is_none();
         self.dragging = None;
@@ -231,6 +269,9 @@ impl Viewer {
 
     /// A frame that was drawn; gives its pixels, to be shown in its view. What could not be drawn leaves the last image.
     pub fn take_frame(&mut self, reply: FrameReply) -> Option<(usize, Frame)> {
+        if self.first_ticket > 0 && reply.ticket <= self.first_ticket {
+            return None;
+        }
         let index = reply.view as usize;
         let last_view = self.views.len() - 1;
         let view = self.views.get_mut(index)?;

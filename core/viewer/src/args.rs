@@ -13,9 +13,9 @@ use std::process::ExitCode;
 #[derive(Parser, Debug)]
 #[command(version)]
 struct Args {
-    /// A script (.rhai), or a model file
+    /// A script (.rhai), or a model file; without one a page with recent files, lessons and templates
     #[arg(value_name = "SCRIPT|MODEL")]
-    input: PathBuf,
+    input: Option<PathBuf>,
     /// A parameter of the script, read there with param("NAME"); repeatable
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
@@ -56,7 +56,9 @@ struct Args {
 
 /// Options of the program, checked.
 pub(crate) struct ViewerOptions {
-    pub source: SceneSource,
+    /// The first file; `None`: the start page.
+    pub first: Option<PathBuf>,
+    pub files: FileOptions,
     pub at: f64,
     pub play: bool,
     /// Images have the size that `render` uses.
@@ -85,10 +87,45 @@ fn commands(args: &Args, app: &App) -> Commands {
     let program = std::env::current_exe().map(|exe| vec![exe.into(), AS_PROGRAM.into()]).unwrap_or_default();
     Commands {
         program,
-        input: args.input.clone(),
+        input: args.input.clone().unwrap_or_default(),
         scene: scene.chain(test.iter().cloned()).collect(),
         test,
         formats: Commands::formats_of(&app.registry),
+    }
+}
+
+/// Options for every file that the window shows.
+pub(crate) struct FileOptions {
+    /// The options alone: no file, and no folders of a project.
+    like: SceneSource,
+    /// Whether a project's `choreo.toml` is read.
+    project_file: bool,
+    app: App,
+}
+
+impl FileOptions {
+    /// The options without a file.
+    pub fn like(&self) -> &SceneSource {
+        &self.like
+    }
+
+    /// The source of a file, with the folders of its project; else what is wrong with its `choreo.toml`.
+    pub fn source(&self, input: PathBuf) -> Result<SceneSource, String> {
+        let name = format!("{}-view", self.app.name);
+        let of_project = match self.project_file {
+            true => choreo_command_line::project_folders(&input, &self.app)?,
+            false => Vec::new(),
+        };
+        // They are this program's options, so that they are read as such.
+        let words = [name.into(), input.clone().into()].into_iter().chain(of_project);
+        let of_project = Args::try_parse_from(words).map_err(|error| error.to_string())?;
+        let like = &self.like;
+        Ok(SceneSource {
+            search: [like.search.clone(), of_project.search, self.app.search.clone()].concat(),
+            plugins: [like.plugins.clone(), of_project.plugins, self.app.plugins.clone()].concat(),
+            input,
+            ..like.clone()
+        })
     }
 }
 
@@ -111,18 +148,6 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         eprintln!("{text}\n    see {name} --help");
         ExitCode::from(2)
     };
-    let failed = |text: String| {
-        eprintln!("{text}");
-        ExitCode::from(1)
-    };
-    let of_project = match args.no_project_file {
-        true => Vec::new(),
-        false => choreo_command_line::project_folders(&args.input, app).map_err(failed)?,
-    };
-    // They are this program's options, so that they are read as such.
-    let of_project =
-        Args::try_parse_from([name.clone().into(), args.input.clone().into()].into_iter().chain(of_project))
-            .map_err(|error| failed(error.to_string()))?;
     let mut limits = Limits::default();
     for limit in &args.limit {
         limits.set(limit).map_err(|e| usage(format!("--limit {limit}: {e}")))?;
@@ -137,18 +162,19 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         return Err(usage(format!("--at {}: write seconds", args.at)));
     }
     let commands = commands(&args, app);
-    let source = SceneSource {
+    let like = SceneSource {
         set,
-        search: [args.search, of_project.search, app.search.clone()].concat(),
-        plugins: [args.plugins, of_project.plugins, app.plugins.clone()].concat(),
+        search: args.search,
+        plugins: args.plugins,
         limits,
         clip: args.clip,
         import: ImportChoice::default(),
         shaders: args.shaders,
-        ..SceneSource::new(args.input)
+        ..SceneSource::new("")
     };
-    let Args { at, play, full_size, lose, event_log, .. } = args;
-    Ok(ViewerOptions { source, at, play, full_size, lose, event_log, commands })
+    let files = FileOptions { like, project_file: !args.no_project_file, app: app.clone() };
+    let Args { input: first, at, play, full_size, lose, event_log, .. } = args;
+    Ok(ViewerOptions { first, files, at, play, full_size, lose, event_log, commands })
 }
 
 #[cfg(test)]
@@ -168,8 +194,9 @@ mod tests {
         let search = |more: &[&str]| {
             let script = d.join("scenes/a.rhai").into_os_string();
             let words = [OsString::from("choreo-view"), script].into_iter();
-            let asked = parse(words.chain(more.iter().map(OsString::from)), &app);
-            asked.map(|asked| asked.source.search).map_err(|_| "refused")
+            let asked = parse(words.chain(more.iter().map(OsString::from)), &app).map_err(|_| "refused")?;
+            let source = asked.files.source(asked.first.ok_or("no input")?);
+            source.map(|source| source.search).map_err(|_| "refused")
         };
         assert_eq!(search(&[]), Ok(vec![d.join("assets")]));
         assert_eq!(search(&["--search", "x"]), Ok(vec!["x".into(), d.join("assets")]));

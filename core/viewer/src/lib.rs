@@ -11,6 +11,7 @@ mod args;
 pub mod commands;
 pub mod editing;
 pub mod geometry;
+pub mod library;
 pub mod panels;
 pub mod state;
 #[allow(unsafe_code, reason = "calls of Vulkan")]
@@ -35,9 +36,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     };
     match window::run(asked, app) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(text) => {
-            eprintln!("{text}");
-            ExitCode::from(4)
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::from(error.exit_code())
         }
     }
 }

@@ -8,6 +8,7 @@ use choreo_viewer::editing::expression;
 use choreo_viewer::geometry::gizmo::Change;
 use choreo_viewer::state::selection::Selected;
 use egui::{Key, Modifiers, pos2, vec2};
+use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::{DQuat, DVec3};
 use place::Place;
@@ -379,4 +380,175 @@ fn what_is_no_number_is_none() {
     for text in ["", "x", "1/0", "1 2", "(1", "1)", "f12", "f(", "--", "1..2", "1e", &deep] {
         assert_eq!(expression::value(text, 25.0), None, "{}", &text[..text.len().min(8)]);
     }
+}
+
+/// A field of the inspector, found by its label, is given a number by the keyboard.
+fn type_into(desk: &mut Harness<'static, Place>, label: &str, text: &str) {
+    desk.get_by_label(label).click();
+    desk.run();
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    desk.run();
+    desk.event(egui::Event::Text(text.into()));
+    desk.run();
+    desk.key_press(Key::Enter);
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+}
+
+/// The menu of a field's name takes its value away.
+fn reset(desk: &mut Harness<'static, Place>, label: &str) {
+    desk.get_by_label(label).click_secondary();
+    desk.run();
+    desk.get_by_label("Reset to default").click();
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+}
+
+#[test]
+fn everything_about_a_clip_is_edited_and_reset() {
+    const CLIPS: &str = "stage(#{ fps: 25, length: 6.0 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\")).until(3.0).then(moves.clip(\"Wave\"), #{ fade: 0.5 });
+ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
+";
+    let mut place = Place::new(CLIPS);
+    place.viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 });
+    let mut desk = place.harness(vec2(1500.0, 1000.0));
+    let cue = |desk: &Harness<'static, Place>, layer: usize, cue: usize| {
+        desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].layers[layer].cues[cue].clone()
+    };
+    type_into(&mut desk, "speed field", "3/4");
+    assert!((cue(&desk, 0, 1).speed - 0.75).abs() < 1e-12, "{}", desk.state().text());
+    type_into(&mut desk, "fade field", "f(5)");
+    assert!((cue(&desk, 0, 1).fade_in.as_secs() - 0.2).abs() < 1e-9, "{}", desk.state().text());
+    type_into(&mut desk, "weight field", "0.5");
+    assert_eq!(cue(&desk, 0, 1).weight, 0.5);
+    type_into(&mut desk, "trim end", "1.0");
+    assert!((cue(&desk, 0, 1).trim.1.as_secs() - 1.0).abs() < 1e-9, "{}", desk.state().text());
+    desk.get_by_label("repeat: loop").click();
+    desk.run();
+    desk.get_by_label("ping_pong").click();
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+    assert_eq!(cue(&desk, 0, 1).repeat, choreo_stage::Repeat::PingPong, "{}", desk.state().text());
+    desk.get_by_label("ease: linear").click();
+    desk.run();
+    desk.get_by_label("smooth").click();
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+    assert!(desk.state().text().contains("ease: \"smooth\""), "{}", desk.state().text());
+    desk.get_by_label("clip: Wave").click();
+    desk.run();
+    desk.get_by_label("Jump").click();
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+    assert_eq!(cue(&desk, 0, 1).clip.name, "Jump");
+    // All of it goes again, and the line is as it was but for the clip and how it repeats.
+    for name in ["speed", "weight", "trim", "ease"] {
+        let row = desk.query_all_by_label(name).next().unwrap().rect().center();
+        desk.hover_at(row);
+        desk.run();
+        reset_at(&mut desk, row);
+    }
+    let line = ".then(moves.clip(\"Jump\"), #{ fade: 0.2, repeat: \"ping_pong\" });";
+    assert!(desk.state().text().contains(line), "{}", desk.state().text());
+    desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 });
+    desk.run();
+    type_into(&mut desk, "on field", "[\"Head\", \"*Arm*\"]");
+    assert!(desk.state().text().contains(".on([\"Head\", \"*Arm*\"]);"), "{}", desk.state().text());
+}
+
+fn reset_at(desk: &mut Harness<'static, Place>, pos: egui::Pos2) {
+    for pressed in [true, false] {
+        let (button, modifiers) = (egui::PointerButton::Secondary, Modifiers::NONE);
+        desk.event(egui::Event::PointerButton { pos, button, pressed, modifiers });
+        desk.run();
+    }
+    desk.get_by_label("Reset to default").click();
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+}
+
+#[test]
+fn lights_lenses_titles_and_materials_are_edited_and_reset() {
+    const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
+let box = cast(\"box\", shape(\"box\", #{ size: 1.0, color: \"#ff0000\" }));
+let view = camera(\"view\").at(0.0, 1.0, 5.0).fov(40.0);
+let key = sun(#{ intensity: 3.0 });
+let words = text(\"Hello\", #{ size: 0.1 }).from(1.0);
+";
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+    let select = |desk: &mut Harness<'static, Place>, what: Selected| {
+        desk.state_mut().viewer.selection = Some(what);
+        desk.run();
+    };
+    let stage = |desk: &Harness<'static, Place>| desk.state().viewer.scene.as_ref().unwrap().stage.clone();
+    select(&mut desk, Selected::Light(0));
+    reset(&mut desk, "intensity");
+    assert!(desk.state().text().contains("let key = sun();"), "{}", desk.state().text());
+    // The reference: 2.2 lux by default.
+    assert!((stage(&desk).lights[0].light.intensity - 2.2).abs() < 1e-6);
+    select(&mut desk, Selected::Camera("view".into()));
+    type_into(&mut desk, "focal length field", "50");
+    // The script states degrees: 50 mm on 24 mm of film are 2 atan(12 / 50).
+    let degrees = 2.0 * libm::atan(12.0 / 50.0).to_degrees();
+    let choreo_asset::Projection::Perspective { yfov, .. } = stage(&desk).cameras[0].projection else {
+        panic!()
+    };
+    assert!((f64::from(yfov).to_degrees() - degrees).abs() < 1e-3, "{}", desk.state().text());
+    type_into(&mut desk, "near field", "0.25");
+    assert!(desk.state().text().contains(".near(0.25)"), "{}", desk.state().text());
+    select(&mut desk, Selected::Title(0));
+    type_into(&mut desk, "opacity field", "0.5");
+    type_into(&mut desk, "at x", "0.25");
+    type_into(&mut desk, "size field", "0.2");
+    let text = "let words = text(\"Hello\", #{ size: 0.2, opacity: 0.5, at: [0.25, 0.5] }).from(1.0);";
+    assert!(desk.state().text().contains(text), "{}", desk.state().text());
+    select(&mut desk, Selected::Actor("box".into()));
+    type_into(&mut desk, "roughness field", "0.25");
+    assert_eq!(stage(&desk).actors[0].asset.materials[0].roughness, 0.25);
+    reset(&mut desk, "roughness");
+    assert_eq!(stage(&desk).actors[0].asset.materials[0].roughness, 0.9);
+}
+
+#[test]
+fn a_line_that_makes_several_is_changed_for_all_or_written_out() {
+    const LOOP: &str = "stage(#{ fps: 25, length: 4.0 });
+for i in [1, 2, 3] {
+    let ball = cast(`ball ${i}`, shape(\"sphere\")).at(0.0, i, 0.0).scale(0.5);
+    ball.key(\"tint\", [[0.0, \"red\"]]);
+}
+";
+    let mut desk = Place::new(LOOP).harness(vec2(1500.0, 1000.0));
+    let grown = Change::Scale(DVec3::splat(2.0));
+    let refused = desk.state_mut().viewer.change_actor("ball 2", grown).unwrap_err().to_string();
+    assert!(refused.ends_with("a.rhai:3: this line makes 3 of them; change it there"), "{refused}");
+    desk.run();
+    desk.get_by_label("line 3 makes 3 of them. This would change all of them:");
+    desk.get_by_label("Change all 3").click();
+    desk.run();
+    assert_eq!(desk.state().text(), LOOP.replace(".scale(0.5)", ".scale(1.0)"));
+    desk.state_mut().reload();
+    // A computed value has no change for all.
+    desk.state_mut().viewer.change_actor("ball 2", Change::Move(DVec3::X)).unwrap_err();
+    desk.run();
+    assert!(desk.query_by_label("Change all 3").is_none());
+    let before = desk.state().viewer.scene.as_ref().unwrap().stage.clone();
+    desk.get_by_label("Write the loop out").click();
+    desk.run();
+    desk.state_mut().reload();
+    let after = desk.state().viewer.scene.as_ref().unwrap().stage.clone();
+    let placed = |stage: &choreo_stage::Stage| -> Vec<(String, DVec3)> {
+        stage.actors.iter().map(|a| (a.name.clone(), a.transform.translation)).collect()
+    };
+    assert_eq!(placed(&before), placed(&after), "{}", desk.state().text());
+    desk.state_mut().viewer.change_actor("ball 2", grown).unwrap();
+    assert_eq!(desk.state().text().matches(".scale(2.0)").count(), 1, "{}", desk.state().text());
 }

@@ -118,8 +118,10 @@ fn a_display_that_goes_ends_it_without_a_panic() {
         std::thread::sleep(Duration::from_millis(wait));
         screen.server.0.kill().unwrap();
         let status = until("the end", || viewer.0.try_wait().unwrap());
-        assert!(status.code().is_some_and(|code| code != 0), "{status:?}");
+        assert_eq!(status.code(), Some(4));
         assert_quiet(folder.path());
+        let said = fs::read_to_string(folder.path().join("said.txt")).unwrap();
+        assert!(said.contains("the window system has gone"), "{said}");
         // The script is as it was.
         assert_eq!(fs::read_to_string(&path).unwrap(), SCRIPT);
     }

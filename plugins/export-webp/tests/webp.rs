@@ -1,4 +1,4 @@
-//! Written by us, decoded frame by frame by `image-webp`, and by libwebp where Python's Pillow is there (`core/cli/tests/passes.rs`).
+//! Written by us, decoded frame by frame by `image-webp`, and by libwebp where Python's Pillow is there (`core/cli/tests/exports/passes.rs`).
 
 use choreo_importer_kit_testing::export::{SharedBytes, resumed};
 use choreo_plugin::motion::FrameRate;

@@ -15,6 +15,7 @@
 //! cargo xtask package                        every crate as it would be published
 //! cargo xtask vscode                         tests the extension for Visual Studio Code and packs it (npm)
 //! cargo xtask farm [PROGRAM]                 a Slurm cluster on this machine renders a film, with a node that dies and one drained
+//! cargo xtask semver [COMMIT]                the API of plugins against the last tag, or a commit, by cargo-semver-checks
 //! cargo xtask wasm                           the tests of plugins in WebAssembly, whose engine takes minutes to build
 //! cargo xtask words                          texts that use a word which the terms of the field replace
 //! cargo xtask strip [SCRIPT]                 the image strips of the documentation; twenty frames of a script, side by side
@@ -36,6 +37,7 @@ mod module_order;
 mod notices;
 mod package;
 mod plain_words;
+mod semver;
 mod setup;
 mod strip;
 mod suite;
@@ -68,13 +70,15 @@ fn main() -> ExitCode {
         ["farm"] => farm::farm(None),
         #[cfg(unix)]
         ["farm", program] => farm::farm(Some(program)),
+        ["semver"] => semver::semver(None),
+        ["semver", commit] => semver::semver(Some(commit)),
         ["wasm"] => wasm::wasm(),
         ["words"] => plain_words::words(),
         ["strip"] => strip::strip(),
         ["strip", script] => strip::of(script),
         _ => {
             eprintln!(
-                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | book | contact [FILTER] | lessons | notices | dist [--check] [--programs DIR] | package | vscode | farm [PROGRAM] | wasm | words | strip [SCRIPT]"
+                "usage: cargo xtask test [--no-install] [FILTER] | lint | bench [--quick] | frames [--quick] [--gpu NAME] [FILTER] | fuzz TARGET [--seconds N] | report [NAME…] | book | contact [FILTER] | lessons | notices | dist [--check] [--programs DIR] | package | vscode | farm [PROGRAM] | semver [COMMIT] | wasm | words | strip [SCRIPT]"
             );
             return ExitCode::from(2);
         }

@@ -31,7 +31,8 @@ pub fn vscode() -> Result<(), String> {
         println!("SKIP 1: the npm registry cannot be reached");
         return Ok(());
     }
-    run(cargo(&["build", "--quiet", "-p", "choreo"]), "cargo build")?;
+    // With the features of the whole workspace, as the tests build it.
+    run(cargo(&["build", "--quiet", "--workspace", "--bin", "choreo"]), "cargo build")?;
     let mut tests = Command::new("node");
     tests.args(["--test", "test/"]).current_dir(&extension).env("TOOLS", &tools).env("CHOREO_PLUGINS", "");
     tests.env("SCRIPTS", root().join("scripts")).env("CHOREO", target.join("debug/choreo"));

@@ -2,7 +2,7 @@
 #![allow(dead_code)]
 
 #[path = "unhurried.rs"]
-mod unhurried;
+pub mod unhurried;
 
 use choreo_plugin::{ExportedScene, MemoryFiles, OptionValue};
 use choreo_script::{run_file, run_text};

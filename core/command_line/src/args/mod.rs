@@ -392,9 +392,9 @@ pub enum Device {
 
 #[derive(Args, Debug)]
 pub(crate) struct ViewArgs {
-    /// A script (.rhai), or a model file
+    /// A script (.rhai), or a model file; without one a page with recent files, lessons and templates
     #[arg(value_name = "SCRIPT|MODEL")]
-    pub input: PathBuf,
+    pub input: Option<PathBuf>,
     /// Options of the viewer: see choreo-view --help
     #[arg(value_name = "OPTION", trailing_var_arg = true, allow_hyphen_values = true)]
     pub rest: Vec<std::ffi::OsString>,

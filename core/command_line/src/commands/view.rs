@@ -36,9 +36,9 @@ pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failu
     }
     let own = no_project_file.then_some("--no-project-file");
     let mut command = Command::new(&viewer);
-    match pack::is_packed(&args.input) {
-        true => command.args(unpacked(&args)?),
-        false => command.arg(&args.input).args(own),
+    match &args.input {
+        Some(input) if pack::is_packed(input) => command.args(unpacked(input, &args.rest)?),
+        input => command.args(input).args(own),
     };
     let status = wait(command.args(&args.rest))
         .map_err(|e| Failure::Device(format!("{}: cannot be started: {e}", viewer.display())))?;
@@ -52,17 +52,16 @@ pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failu
 }
 
 /// The words that show a packed scene: it is unpacked until the viewer ends.
-fn unpacked(args: &ViewArgs) -> Result<Vec<OsString>, Failure> {
+fn unpacked(input: &Path, rest: &[OsString]) -> Result<Vec<OsString>, Failure> {
     let limits = choreo_script::Limits::default();
-    let unpacked = Unpacked::open(&args.input, limits.file)?;
+    let unpacked = Unpacked::open(input, limits.file)?;
     let manifest = &unpacked.manifest;
     if manifest.importer.is_some() || !manifest.import.is_empty() {
-        let what = format!("{}: the viewer takes no options of importers", args.input.display());
+        let what = format!("{}: the viewer takes no options of importers", input.display());
         return Err(Failure::Usage(what));
     }
     // Options of the command line win over packed ones.
-    let given: Vec<&str> = args
-        .rest
+    let given: Vec<&str> = rest
         .iter()
         .filter_map(|word| word.to_str()?.trim_start_matches("--set=").split_once('='))
         .map(|(name, _)| name)
@@ -74,7 +73,7 @@ fn unpacked(args: &ViewArgs) -> Result<Vec<OsString>, Failure> {
     manifest.plugins.iter().for_each(|folder| option("--plugins", unpacked.place(folder).into()));
     let set = manifest.set.iter().filter(|text| !given.contains(&name(text).as_str()));
     set.for_each(|text| option("--set", text.into()));
-    if !args.rest.iter().any(|word| word == "--clip") {
+    if !rest.iter().any(|word| word == "--clip") {
         manifest.clip.iter().for_each(|clip| option("--clip", clip.into()));
     }
     scratch::keep(Some(unpacked));

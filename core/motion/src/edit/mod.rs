@@ -1,7 +1,7 @@
 //! Clips made from a clip: a part of it, backwards, faster, one after the other, offset, smoothed. All pure, all by its keys.
 //!
 //! Each promise holds at every tick, to the rounding of f32: `clip.cut(a, b)` at t is the clip at a + t, `reversed` at t is
-//! the clip at its end − t, and so on (`tests/edit.rs`).
+//! the clip at its end − t, and so on (`tests/motion/edit.rs`).
 
 pub mod bake;
 mod difference;

@@ -93,7 +93,7 @@ impl Chain {
     /// turn moves the end nearer as far as its limit allows. Limits hold afterwards, also those that were broken before.
     ///
     /// The result is a local optimum: a nearer pose may exist beyond a limit, to be reached only by swinging around. Of three hinges
-    /// with random limits 85 of 100 reach the global optimum, the others come within a quarter of their reach of it (`tests/ik.rs`).
+    /// with random limits 85 of 100 reach the global optimum, the others come within a quarter of their reach of it (`tests/motion/ik.rs`).
     /// A target that is not finite leaves the chain as it is.
     pub fn solve(&mut self, target: DVec3, solver: Solver, iterations: usize, tolerance: f64) -> ChainResult {
         for bone in &mut self.bones {

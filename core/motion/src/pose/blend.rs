@@ -1,7 +1,7 @@
 //! Blending two poses.
 //!
 //! Translations and scales: lerp. Rotations: shortest-arc nlerp at a corrected weight, within 0.01° of slerp for rotations up to
-//! 135° apart and within 0.05° at 180° (`tests/jobs.rs` measures it), for about a fifth more time than plain nlerp, which is 0.9° off
+//! 135° apart and within 0.05° at 180° (`tests/motion/jobs.rs` measures it), for about a fifth more time than plain nlerp, which is 0.9° off
 //! at 90° and 8.1° at 180° (`cargo xtask report crossfade`); see [`RotationBlend`].
 
 use crate::input_error::InputError;

@@ -1,7 +1,7 @@
 //! The table of shader features: for each its name, which is its switch in WGSL too, what requests it, what it needs, which texture
 //! it reads, and what a frame reports that does without it. Everything else that is known of features is made from this table:
 //! the bits of [`Features`], the switches of `@if`, the bindings of material textures, the reports, and the set of all pipeline
-//! keys that the planner can produce, which `tests/shader_keys.rs` compiles.
+//! keys that the planner can produce, which `tests/shaders/keys.rs` compiles.
 
 /// A set of shader features, a bit for each row of [`FEATURES`], in the table's order.
 ///

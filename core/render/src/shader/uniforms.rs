@@ -1,4 +1,4 @@
-//! Uniform structs as the shaders read them (shaders/frame.wgsl, post.wgsl); `tests/shader_layouts.rs` compares every field's offset.
+//! Uniform structs as the shaders read them (shaders/frame.wgsl, post.wgsl); `tests/shaders/layouts.rs` compares every field's offset.
 
 use crate::plan::shadow_maps::MAX_PENUMBRA;
 use crate::plan::{PlanSky, PostPass, ShadowView, View};

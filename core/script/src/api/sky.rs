@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 api! {
     /// Sets an environment map: light from all directions (image-based lighting, IBL) with reflections. `panorama`
-    /// is "studio" (a built-in room with soft boxes) or an HDRI file (.hdr, equirectangular, twice as wide as high;
+    /// is "studio" (a built-in room with soft boxes) or an HDRI file (.hdr or .exr, equirectangular, twice as wide as high;
     /// its center is seen in the direction -z). It replaces the default sun, and the ambient light where the script
     /// sets none.
     /// - Options: {}.
@@ -62,7 +62,8 @@ fn read(c: &Call, name: &str) -> Result<Panorama, ApiError> {
             None => text,
         }
     })?;
-    panorama.file = c.shared.loader.needs().image_files.then(|| Arc::new(bytes));
+    let radiance = bytes.starts_with(b"#?");
+    panorama.file = (radiance && c.shared.loader.needs().image_files).then(|| Arc::new(bytes));
     Ok(panorama)
 }
 

@@ -10,8 +10,10 @@ mod object;
 mod reaching;
 mod refused;
 mod scan;
+mod stating;
 mod strips;
 mod times;
+mod unroll;
 mod values;
 
 use std::ops::Range;
@@ -21,11 +23,13 @@ pub use cues::{CueChange, delete_cue, has_end, set_times};
 pub use keys::{KeyValue, WrittenKey, WrittenKeys, copied_keys, euler_degrees_near};
 pub use object::{ScriptObject, ScriptText, euler_degrees, rotation_of, set_call, set_marker};
 pub use refused::EditRefused;
+pub use stating::Anew;
 pub use strips::{
     Rest, copied_start, copy_cue, duplicate_cue, paste_cue, set_disabled, set_number, set_trim, shift_cue,
     shift_keys, split_cue,
 };
 pub use times::{CueTime, EditTime, follows, set_time};
+pub use unroll::unroll;
 pub use values::format_number;
 
 /// These bytes of the text become this.

@@ -11,7 +11,7 @@ use glam::{DMat3, DQuat, DVec3};
 pub struct ScriptObject<'a> {
     pub(super) text: Source<'a>,
     pub(super) line: usize,
-    made: Call,
+    pub(super) made: Call,
     /// The script's variable for it.
     pub variable: Option<String>,
     /// Its own calls in the order of the text; the last of a name counts.
@@ -65,7 +65,7 @@ impl<'a> ScriptObject<'a> {
         self.last(&[name]).map(|call| self.line_of(call.name.start))
     }
 
-    fn last(&self, names: &[&str]) -> Option<&Call> {
+    pub(super) fn last(&self, names: &[&str]) -> Option<&Call> {
         self.calls.iter().rev().find(|call| names.contains(&&self.text[call.name.clone()]))
     }
 
@@ -100,7 +100,7 @@ impl<'a> ScriptObject<'a> {
         Some(Edit { range: end..end, text: format!("\n{indent}{name}.{call};") })
     }
 
-    fn behind(&self, at: usize, call: &str) -> Edit {
+    pub(super) fn behind(&self, at: usize, call: &str) -> Edit {
         Edit { range: at..at, text: format!(".{call}") }
     }
 
@@ -196,7 +196,7 @@ impl<'a> ScriptObject<'a> {
         set_option(&self.text, &self.made, self.line, name, value)
     }
 
-    fn overwrite(
+    pub(super) fn overwrite(
         &self,
         call: &Call,
         bytes: std::ops::Range<usize>,
@@ -228,6 +228,24 @@ impl<'a> ScriptObject<'a> {
         // Variables that the line names are made before it.
         let last_at = self.last_at.max(of.map_or(0, |of| of.made.end));
         self.add_call(&call, last_at)
+    }
+
+    /// The same for a clip of a file, as `load` takes it, by the script's own name of it if there is one.
+    ///
+    /// # Errors
+    /// It has no name in the script.
+    pub fn play_file(
+        &self,
+        file: &str,
+        clip: &str,
+        from: EditTime,
+        options: &str,
+    ) -> Result<Edit, EditRefused> {
+        let file = quoted(file);
+        let asset = loaded_as(&self.text, &file, self.last_at).map(str::to_string);
+        let asset = asset.unwrap_or_else(|| format!("load({file})"));
+        let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), from.text(false));
+        self.add_call(&call, self.last_at)
     }
 
     /// Adds a call as a line of its own after its last statement and after a byte; where it has no name, behind what made it.

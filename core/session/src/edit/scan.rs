@@ -26,6 +26,16 @@ pub(super) struct Call {
     pub end: usize,
 }
 
+/// A loop over values.
+pub(super) struct Loop<'a> {
+    pub all: Range<usize>,
+    /// Its variable.
+    pub name: &'a str,
+    pub values: Range<usize>,
+    /// The inside of its braces.
+    pub body: Range<usize>,
+}
+
 fn is_open(token: &str) -> bool {
     matches!(token, "(" | "[" | "{" | "#{")
 }
@@ -214,6 +224,62 @@ impl<'a> Source<'a> {
         let is_name = self.token(name).starts_with(|c: char| c.is_alphabetic() || c == '_');
         let declares = matches!(before, "let" | "" | ";" | "}" | "{");
         (self.token(equals) == "=" && is_name && declares).then(|| self.token(name))
+    }
+
+    /// The innermost `for NAME in VALUES { … }` around a byte.
+    pub(crate) fn loop_around(&self, at: usize) -> Option<Loop<'a>> {
+        let within = self.index(at);
+        let around = |index: usize| {
+            let brace =
+                self.index(self.start(self.find_outside(self.start(index + 3), |token| token == "{")));
+            let close = self.matching(brace).filter(|close| brace < within && within < *close)?;
+            Some(Loop {
+                all: self.start(index)..self.start(close) + 1,
+                name: self.token(index + 1),
+                values: self.start(index + 3)..self.start(brace),
+                body: self.start(brace) + 1..self.start(close),
+            })
+        };
+        let is_loop = |index: &usize| self.token(*index) == "for" && self.token(index + 2) == "in";
+        (0..within).rev().filter(is_loop).find_map(around)
+    }
+
+    /// The words in a range that may be names.
+    pub(crate) fn words_within(&self, range: &Range<usize>) -> Vec<Range<usize>> {
+        let tokens = self.tokens.get(self.index(range.start)..self.index(range.end)).unwrap_or_default();
+        let is_word = |token: &&Range<usize>| {
+            self.text[(*token).clone()].starts_with(|c: char| c.is_alphabetic() || c == '_')
+        };
+        tokens.iter().filter(is_word).cloned().collect()
+    }
+
+    /// The whole text.
+    pub(crate) fn whole(&self) -> &'a str {
+        self.text
+    }
+
+    /// The calls that begin in a range, in order.
+    pub(crate) fn calls_within(&self, range: &Range<usize>) -> Vec<Call> {
+        let tokens = self.index(range.start)..self.index(range.end);
+        let calls = tokens.filter_map(|index| self.call_from(self.start(index)));
+        calls.filter(|call| range.contains(&call.name.start)).collect()
+    }
+
+    /// The byte of the call behind `let NAME =` or `NAME =`, the last before a byte.
+    pub(crate) fn made_as(&self, name: &str, before: usize) -> Option<usize> {
+        let is_it = |index: &usize| {
+            self.call_from(self.start(*index)).is_some_and(|call| call.name.start == self.start(*index))
+                && self.variable_before(self.start(*index)) == Some(name)
+        };
+        let found = (0..self.index(before)).rev().find(is_it)?;
+        (!name.is_empty()).then(|| self.start(found))
+    }
+
+    /// The line and the column in characters of a byte, both from 1.
+    pub(crate) fn place_of(&self, at: usize) -> (usize, usize) {
+        let before = &self.text[..at];
+        let line = before.rfind('\n').map_or(0, |end| end + 1);
+        (before.matches('\n').count() + 1, before[line..].chars().count() + 1)
     }
 
     /// The byte at a line and a column in characters, both from 1.

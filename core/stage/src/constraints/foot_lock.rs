@@ -8,6 +8,7 @@
 use crate::constraints::foot_locks::{LONGEST_GAP, STEP};
 use crate::constraints::foot_samples::{FootSamples, Limb};
 use crate::constraints::footsteps::Footstep;
+use crate::constraints::gait_fades::{BESIDE, GaitFade, is_gait_fade};
 use crate::constraints::ground::Ground;
 use crate::constraints::solve::{bend_leg, world_place};
 use crate::pose::joints::PosedSkeleton;
@@ -61,6 +62,7 @@ pub(crate) struct FootLockTrack {
     pub(super) drops: Vec<f64>,
     /// Length of a leg, metres.
     pub(super) leg: f64,
+    pub(super) gait_fades: Vec<GaitFade>,
     /// The actor's front: knees bend there.
     pub(super) front: Front,
 }
@@ -76,6 +78,8 @@ pub(super) struct Contact {
     pub last: DVec3,
     /// Start and end of the time in which the foot is above its place or on it.
     pub rolls: (Time, Time),
+    /// How much lower than the mean of its heights in the clips it stands for a fade between gaits.
+    pub lowered: f64,
     /// A step leads there or away.
     pub by_step: bool,
 }
@@ -112,6 +116,17 @@ pub(super) struct ContactSpan {
     pub span: (Time, Time),
     /// Its positions at both times, world space.
     pub ends: [DVec3; 2],
+    /// World height at which it stands at most.
+    pub highest: f64,
+}
+
+/// Whether a foot keeps its place during a contact.
+pub(super) fn counts(foot_lock: &FootLock, (from, to): (Time, Time)) -> bool {
+    let overlaps = |span: &(Time, Time)| {
+        let beside = if is_gait_fade(foot_lock, *span) { BESIDE } else { Time::ZERO };
+        from - beside <= span.1 && to + beside >= span.0
+    };
+    foot_lock.only.is_empty() || foot_lock.only.iter().any(overlaps)
 }
 
 /// Contact of a foot with the ground. `raised`: its height above that in its clips at the contact before, and then at this one.
@@ -123,16 +138,23 @@ pub(super) fn stand(
     ground: &[Ground],
     raised: &mut f64,
 ) -> Contact {
-    let ContactSpan { span: (from, to), ends } = *stay;
-    if !foot_lock.only.is_empty() && !foot_lock.only.iter().any(|(begin, end)| from <= *end && to >= *begin) {
+    let ContactSpan { span: (from, to), ends, highest } = *stay;
+    if !counts(foot_lock, stay.span) {
         let zero = DVec3::ZERO;
-        return Contact { from, to, at: None, first: zero, last: zero, rolls: (from, to), by_step: false };
+        return Contact {
+            from,
+            to,
+            at: None,
+            first: zero,
+            last: zero,
+            rolls: (from, to),
+            lowered: 0.0,
+            by_step: false,
+        };
     }
-    // The samples between, at least one.
-    let first = ((from - samples.from).0 as u64).div_ceil(STEP.0 as u64) as usize;
-    let first = first.min(samples.transforms.len() - 1);
-    let last = (((to - samples.from).0 / STEP.0) as usize).clamp(first, samples.transforms.len() - 1);
-    let mut at = within_reach(&samples.feet[leg][first..=last], &samples.limbs[leg][first..=last]);
+    let (first, last) = samples.between((from, to));
+    let mut at = within_reach(samples, leg, (first, last), highest);
+    let lowered = within_reach(samples, leg, (first, last), f64::INFINITY).y - at.y;
     if !ground.is_empty() {
         // The height above the ground is the one that the clips have above their floor.
         let floor = samples.floor((first + last) / 2);
@@ -141,7 +163,7 @@ pub(super) fn stand(
         at.y += *raised;
     }
     let (first, last) = (at - ends[0], at - ends[1]);
-    Contact { from, to, at: Some(at), first, last, rolls: (from, to), by_step: false }
+    Contact { from, to, at: Some(at), first, last, rolls: (from, to), lowered, by_step: false }
 }
 
 /// Extends the contacts of a leg to where the foot is higher than [`ROLLS`], in whole samples, except where a step leads on. `leg`: its length,
@@ -192,8 +214,16 @@ pub(super) fn roll(
 
 /// Position of a foot during a contact: the middle of its positions in the clips, or else the nearest along the way at which the leg has
 /// to stretch the least: a foot that comes down with the leg straight cannot stand further on, nor one that leaves last further back.
-fn within_reach(stay: &[DVec3], limbs: &[Limb]) -> DVec3 {
-    let middle = stay.iter().copied().sum::<DVec3>() / stay.len() as f64;
+/// `highest`: its world height at most.
+pub(super) fn within_reach(
+    samples: &FootSamples,
+    leg: usize,
+    (first, last): (usize, usize),
+    highest: f64,
+) -> DVec3 {
+    let (stay, limbs) = (&samples.feet[leg][first..=last], &samples.limbs[leg][first..=last]);
+    let mut middle = stay.iter().copied().sum::<DVec3>() / stay.len() as f64;
+    middle.y = middle.y.min(highest);
     let beyond = |at: DVec3| {
         let one = |(ball, limb): (&DVec3, &Limb)| (limb.ankle + (at - ball) - limb.hip).length() - limb.reach;
         stay.iter().zip(limbs).map(one).fold(0.0, f64::max)
@@ -213,6 +243,14 @@ fn within_reach(stay: &[DVec3], limbs: &[Limb]) -> DVec3 {
     best.1
 }
 
+/// How far the hips would have to come down for a leg to reach a place with the heel raised, metres; it may never do so.
+pub(super) fn drop_needed(limb: &Limb, at: DVec3) -> f64 {
+    let far = (limb.reach + RAISED * limb.sole) * 0.998;
+    let across = (limb.hip - at).with_y(0.0).length_squared();
+    let high = (far * far - across).max(0.0).sqrt();
+    limb.hip.y - at.y - high
+}
+
 /// How far the hips come down at each sample: as far as the legs that stand need to reach the ground with the heel raised, and smoothly there
 /// and back (at once, and the head jerks; tried).
 pub(super) fn come_down(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64> {
@@ -222,10 +260,7 @@ pub(super) fn come_down(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64
             let next = stands.partition_point(|s| s.to < time);
             let at = stands.get(next).filter(|s| s.from <= time).and_then(|s| s.at)?;
             let limb = limbs[index];
-            let far = (limb.reach + RAISED * limb.sole) * 0.998;
-            let across = (limb.hip - at).with_y(0.0).length_squared();
-            let high = (far * far - across).max(0.0).sqrt();
-            Some((limb.hip.y - at.y - high).clamp(0.0, FootLock::LOWEST * limb.reach))
+            Some(drop_needed(&limb, at).clamp(0.0, FootLock::LOWEST * limb.reach))
         };
         legs.iter().zip(&samples.limbs).filter_map(of_leg).fold(0.0, f64::max)
     };
@@ -277,7 +312,7 @@ pub(super) fn clearance(leg: f64) -> f64 {
 }
 
 /// The smoothstep from 0 to 1.
-fn smooth(w: f64) -> f64 {
+pub(super) fn smooth(w: f64) -> f64 {
     let w = w.clamp(0.0, 1.0);
     w * w * (3.0 - 2.0 * w)
 }
@@ -310,7 +345,7 @@ impl FootLockTrack {
             // A step may begin in the air, and the feet of two clips differ in height: the lower end is on the ground.
             let [start, end] = step.ends();
             let ground = start.y.min(end.y);
-            return self.cleared(foot, [start, end].map(|end| Some(end.with_y(ground)))) - place;
+            return self.cleared(time, leg, foot, [start, end].map(|end| Some(end.with_y(ground)))) - place;
         }
         let next = stands.partition_point(|s| s.rolls.1 < time);
         let (before, after) = (next.checked_sub(1).map(|i| &stands[i]), stands.get(next));
@@ -320,32 +355,42 @@ impl FootLockTrack {
         let correction = self.correction_between(time, before, after);
         let stands = |contact: &&Contact| contact.from < contact.to;
         let ends = [before, after].map(|contact| contact.filter(stands).and_then(|contact| contact.at));
-        self.cleared(place + correction, ends) - place
+        self.cleared(time, leg, place + correction, ends) - place
     }
 
     /// The position of a foot in the air, high enough near the places where it has stood and will stand.
-    fn cleared(&self, foot: DVec3, ends: [Option<DVec3>; 2]) -> DVec3 {
+    fn cleared(&self, time: Time, leg: usize, foot: DVec3, ends: [Option<DVec3>; 2]) -> DVec3 {
         let clearance = clearance(self.leg);
         let [near, far] = CLEAR.map(|c| c * clearance);
-        let raise = |at: DVec3| {
-            let away = (foot - at).with_y(0.0).length();
-            let share = smooth(away / near) * (1.0 - smooth((away - near) / (far - near)));
-            (at.y + clearance * share - foot.y).clamp(0.0, HIGHEST_RAISE * clearance) * share
+        let away = |at: DVec3| (foot - at).with_y(0.0).length();
+        let raise = |ground: f64, share: f64| {
+            (ground + clearance * share - foot.y).clamp(0.0, HIGHEST_RAISE * clearance) * share
         };
-        foot + DVec3::Y * ends.into_iter().flatten().map(raise).fold(0.0, f64::max)
+        let over = |at: DVec3| {
+            raise(at.y, smooth(away(at) / near) * (1.0 - smooth((away(at) - near) / (far - near))))
+        };
+        let ends = ends.into_iter().flatten();
+        let from_ends = ends.clone().map(|at| smooth(away(at) / far)).fold(1.0, f64::min);
+        let above = |(ground, share): (f64, f64)| {
+            let share = from_ends * share;
+            (ground + clearance * share - foot.y).max(0.0) * share
+        };
+        let everywhere = GaitFade::ground(&self.gait_fades, leg, time).map_or(0.0, above);
+        foot + DVec3::Y * ends.map(over).fold(everywhere, f64::max)
     }
 
     /// Correction of a foot that does not stand, from the contacts before and after.
     fn correction_between(&self, time: Time, before: Option<&Contact>, after: Option<&Contact>) -> DVec3 {
-        let upright = |d: DVec3| DVec3::new(0.0, d.y, 0.0);
         // A foot in the air for long: level as it was or will be, and nothing sideways.
         let leaving = |s: &Contact| {
             let gone = smooth((time - s.rolls.1).as_secs() / FADE);
-            upright(s.last) + (s.last - upright(s.last)) * (1.0 - gone)
+            let level = DVec3::Y * (s.last.y + s.lowered);
+            level + (s.last - level) * (1.0 - gone)
         };
         let coming = |s: &Contact| {
             let left = smooth((s.rolls.0 - time).as_secs() / FADE);
-            upright(s.first) + (s.first - upright(s.first)) * (1.0 - left)
+            let level = DVec3::Y * (s.first.y + s.lowered);
+            level + (s.first - level) * (1.0 - left)
         };
         match (before, after) {
             (Some(before), Some(after)) => {

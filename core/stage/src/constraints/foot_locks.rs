@@ -2,9 +2,14 @@
 
 use crate::actors::Scratch;
 use crate::constraints::foot_contacts::{ClipContacts, FootContacts};
-use crate::constraints::foot_lock::{ContactSpan, FADE, FootLockTrack, come_down, roll, stand, unrest};
-use crate::constraints::foot_samples::{FeetInMotion, leg_length};
+use crate::constraints::foot_lock::{
+    Contact, ContactSpan, FADE, FootLockTrack, come_down, counts, roll, stand, unrest,
+};
+use crate::constraints::foot_samples::{FeetInMotion, FootSamples, leg_length};
+use crate::constraints::footsteps::Footstep;
+use crate::constraints::gait_fades::GaitFade;
 use crate::constraints::ground::Ground;
+use crate::constraints::long_contacts::LongContacts;
 use crate::constraints::standing_fades::FadeSteps;
 use crate::constraints::stands::{HeldFoot, Stand, stands};
 use crate::pose::motions::Motions;
@@ -153,6 +158,7 @@ fn held(of: &FootLockOf, stand: &Stand, window: &Window) -> Result<Option<FootLo
         open: [0, 1].map(|side| window.open[side] || window.goes_on(side)),
         drops: Vec::new(),
         leg,
+        gait_fades: Vec::new(),
         front,
     }))
 }
@@ -174,85 +180,175 @@ fn plan_with(
     feet: &mut FeetInMotion,
 ) -> Result<FootLockTrack, StageError> {
     let FootLockOf { stage, actor, foot_lock, .. } = *of;
-    let &Window { from, to, mut open, .. } = window;
+    let &Window { from, to, open, .. } = window;
     let ground: Vec<Ground> =
         foot_lock.ground.iter().map(|g| Ground::of(stage, *g)).collect::<Result<_, _>>()?;
     let leg = leg_length(stage, actor, foot_lock);
-    let count = foot_lock.legs.len();
-    // How much higher than in its clips each foot stood last.
-    let mut raised = vec![0.0; count];
+    let samples = feet.sample(from, to)?;
     let by_clips = !foot_lock.only.is_empty() || !foot_lock.standing_fades.is_empty();
     let by_clips = by_clips.then(|| FootContacts::new(&stage.actors[actor], &foot_lock.legs, clips));
-    let samples = feet.sample(from, to)?;
-    let (mut legs, mut steps) = (vec![Vec::new(); count], vec![Vec::new(); count]);
-    // The contacts of clips are exact in time.
-    let of_clips = by_clips.as_ref().filter(|_| !foot_lock.only.is_empty());
-    let of_clips = of_clips.map(|contacts| contacts.stands(count, from, to));
-    for (index, (found, raised)) in legs.iter_mut().zip(&mut raised).enumerate() {
-        let mut stand = |span: &ContactSpan| stand(&samples, span, index, foot_lock, &ground, raised);
-        let Some(of_clips) = &of_clips else {
+    let comes_down = ground.is_empty() && foot_lock.hips.is_some();
+    let planner = Planner { foot_lock, stands, window, ground, leg, samples, comes_down };
+    let count = foot_lock.legs.len();
+    let mut plan = ContactPlan {
+        legs: vec![Vec::new(); count],
+        steps: vec![Vec::new(); count],
+        raised: vec![0.0; count],
+        gait_fades: Vec::new(),
+        open,
+    };
+    match by_clips.as_ref().filter(|_| !foot_lock.only.is_empty()) {
+        // The contacts of clips are exact in time.
+        Some(contacts) => planner.contacts_of_clips(&contacts.stands(count, from, to), feet, &mut plan)?,
+        None => planner.contacts_of_samples(&mut plan),
+    }
+    let mut places = planner.places(feet)?;
+    if let Some(contacts) = &by_clips {
+        planner.standing_fades(contacts, feet, &mut places, &mut plan)?;
+    }
+    planner.hold(&places, &mut plan);
+    let samples = &planner.samples;
+    for (index, found) in plan.legs.iter_mut().enumerate() {
+        roll(samples, index, leg, &plan.steps[index], found);
+    }
+    let mut drops = if comes_down { come_down(samples, &plan.legs) } else { Vec::new() };
+    window.taper(&mut drops);
+    let front = stage.actors[actor].asset.front();
+    let ContactPlan { legs, steps, gait_fades, open, .. } = plan;
+    Ok(FootLockTrack { legs, steps, span: (from, to), open, drops, leg, gait_fades, front })
+}
+
+/// What the planner finds, leg by leg.
+struct ContactPlan {
+    legs: Vec<Vec<Contact>>,
+    steps: Vec<Vec<Footstep>>,
+    /// How much higher than in its clips each foot stood last.
+    raised: Vec<f64>,
+    gait_fades: Vec<GaitFade>,
+    /// Whether the stage, or a stand, goes on before and after the window.
+    open: [bool; 2],
+}
+
+/// Finds the contacts of a constraint in a window.
+struct Planner<'a> {
+    foot_lock: &'a FootLock,
+    stands: &'a [Stand],
+    window: &'a Window,
+    ground: Vec<Ground>,
+    /// Length of a leg, metres.
+    leg: f64,
+    samples: FootSamples,
+    /// Whether the hips come down for feet that are too far away.
+    comes_down: bool,
+}
+
+impl Planner<'_> {
+    fn stand(&self, leg: usize, span: &ContactSpan, raised: &mut [f64]) -> Contact {
+        stand(&self.samples, span, leg, self.foot_lock, &self.ground, &mut raised[leg])
+    }
+
+    /// Feet stand where they are still.
+    fn contacts_of_samples(&self, plan: &mut ContactPlan) {
+        let samples = &self.samples;
+        for (index, found) in plan.legs.iter_mut().enumerate() {
             let places = &samples.feet[index];
-            let still = still_intervals(&unrest(&samples, places, leg), STEP.as_secs(), false);
-            let stay = |(first, last): &(usize, usize)| ContactSpan {
-                span: (samples.time(*first), samples.time(*last)),
-                ends: [places[*first], places[*last]],
-            };
-            found.extend(still.iter().map(|still| stand(&stay(still))));
-            continue;
-        };
-        for span in &of_clips[index] {
-            let ends = [feet.place(index, span.0)?, feet.place(index, span.1)?];
-            found.push(stand(&ContactSpan { span: *span, ends }));
+            for (first, last) in still_intervals(&unrest(samples, places, self.leg), STEP.as_secs(), false) {
+                let span = (samples.time(first), samples.time(last));
+                let ends = [places[first], places[last]];
+                let span = ContactSpan { span, ends, highest: f64::INFINITY };
+                found.push(self.stand(index, &span, &mut plan.raised));
+            }
         }
     }
-    // Places of the feet in each stand.
-    let mut places: Vec<Option<Vec<DVec3>>> = Vec::new();
-    for held in stands {
-        let counts = held.from <= to && held.to >= from;
-        let found = if counts { held.places(feet, leg)? } else { None };
-        places.push(found.map(<[DVec3]>::to_vec));
+
+    /// Feet stand where most of their clips have them stand, by leg, with steps where a leg does not reach so far.
+    fn contacts_of_clips(
+        &self,
+        of_clips: &[Vec<(Time, Time)>],
+        feet: &mut FeetInMotion,
+        plan: &mut ContactPlan,
+    ) -> Result<(), StageError> {
+        if self.comes_down {
+            plan.gait_fades = GaitFade::all(self.foot_lock, &self.samples, of_clips);
+        }
+        let lowest = if self.comes_down { FootLock::LOWEST } else { 0.0 };
+        for (index, contacts) in of_clips.iter().enumerate() {
+            for span in contacts {
+                let highest = GaitFade::highest(&plan.gait_fades, index, *span);
+                let (samples, leg_length) = (&self.samples, self.leg);
+                let long = LongContacts { samples, leg: index, leg_length, lowest, highest };
+                let parts = if counts(self.foot_lock, *span) { long.split(*span) } else { vec![*span] };
+                let first = plan.legs[index].len();
+                for span in parts {
+                    let ends = [feet.place(index, span.0)?, feet.place(index, span.1)?];
+                    let span = ContactSpan { span, ends, highest };
+                    plan.legs[index].push(self.stand(index, &span, &mut plan.raised));
+                }
+                plan.steps[index].extend(long.steps(&plan.legs[index][first..]));
+            }
+        }
+        Ok(())
     }
-    if let Some(contacts) = &by_clips {
-        let fades = &foot_lock.standing_fades;
+
+    /// Places of the feet in each stand, if it touches the window and is held.
+    fn places(&self, feet: &mut FeetInMotion) -> Result<Vec<Option<Vec<DVec3>>>, StageError> {
+        let of_stand = |held: &Stand| {
+            let counts = held.from <= self.window.to && held.to >= self.window.from;
+            let found = if counts { held.places(feet, self.leg)? } else { None };
+            Ok(found.map(<[DVec3]>::to_vec))
+        };
+        self.stands.iter().map(of_stand).collect()
+    }
+
+    /// Steps between walking and standing.
+    fn standing_fades(
+        &self,
+        contacts: &FootContacts,
+        feet: &mut FeetInMotion,
+        places: &mut [Option<Vec<DVec3>>],
+        plan: &mut ContactPlan,
+    ) -> Result<(), StageError> {
+        let &Window { from, to, open, .. } = self.window;
+        let fades = &self.foot_lock.standing_fades;
+        let ContactPlan { legs, steps, raised, .. } = plan;
         for (i, fade) in fades.iter().enumerate().filter(|(_, f)| from <= f.from && f.to <= to) {
-            let mut stand = |leg: usize, span: &ContactSpan| {
-                stand(&samples, span, leg, foot_lock, &ground, &mut raised[leg])
-            };
             let before = i.checked_sub(1).map(|i| fades[i].to);
             // Nobody sees what a step does before the stage begins.
             let begin = if open[0] && before.is_none() { -LONGEST_GAP } else { from };
             let after = fades.get(i + 1).map_or(to, |next| next.from);
             let room = (before.map_or(begin, |before| before.max(from)), after.min(to));
-            let held = stands.iter().position(|stand| match fade.ends_standing {
+            let held = self.stands.iter().position(|stand| match fade.ends_standing {
                 true => stand.from == fade.to,
                 false => stand.to == fade.from,
             });
-            let begins = |held: usize| !fade.ends_standing && before.is_none() && stands[held].from >= from;
+            let begins =
+                |held: usize| !fade.ends_standing && before.is_none() && self.stands[held].from >= from;
             let free = held.is_some_and(begins);
             let places = held.and_then(|held| places[held].as_deref_mut());
-            FadeSteps { fade, room, leg_length: leg, samples: &samples, clips: contacts, free }
-                .run(feet, &mut stand, places, &mut legs, &mut steps)?;
+            let mut stand = |leg: usize, span: &ContactSpan| self.stand(leg, span, raised);
+            FadeSteps { fade, room, leg_length: self.leg, samples: &self.samples, clips: contacts, free }
+                .run(feet, &mut stand, places, legs, steps)?;
+        }
+        Ok(())
+    }
+
+    /// Keeps feet in their places in stands.
+    fn hold(&self, places: &[Option<Vec<DVec3>>], plan: &mut ContactPlan) {
+        let (from, to) = (self.window.from, self.window.to);
+        for (number, (stand, places)) in self.stands.iter().zip(places).enumerate() {
+            let Some(places) = places.as_ref().filter(|_| stand.from < to && stand.to > from) else {
+                continue;
+            };
+            for (leg, at) in places.iter().enumerate() {
+                let (samples, steps) = (&self.samples, &plan.steps[leg]);
+                let foot = HeldFoot { leg, at: *at, samples, span: (from, to), steps };
+                foot.hold(stand, &mut plan.legs[leg]);
+            }
+            for side in [0, 1] {
+                plan.open[side] |= self.window.stands[side] == Some(number);
+            }
         }
     }
-    for (number, (stand, places)) in stands.iter().zip(&places).enumerate() {
-        let Some(places) = places.as_ref().filter(|_| stand.from < to && stand.to > from) else { continue };
-        for (index, at) in places.iter().enumerate() {
-            let foot =
-                HeldFoot { leg: index, at: *at, samples: &samples, span: (from, to), steps: &steps[index] };
-            foot.hold(stand, &mut legs[index]);
-        }
-        for side in [0, 1] {
-            open[side] |= window.stands[side] == Some(number);
-        }
-    }
-    for (index, found) in legs.iter_mut().enumerate() {
-        roll(&samples, index, leg, &steps[index], found);
-    }
-    let comes_down = ground.is_empty() && foot_lock.hips.is_some();
-    let mut drops = if comes_down { come_down(&samples, &legs) } else { Vec::new() };
-    window.taper(&mut drops);
-    let front = stage.actors[actor].asset.front();
-    Ok(FootLockTrack { legs, steps, span: (from, to), open, drops, leg, front })
 }
 
 /// A stage of one actor, if its motion depends on nothing else.

@@ -114,6 +114,14 @@ impl FootSamples {
         (low, at - low as f64)
     }
 
+    /// Indices of the first and the last sample within a span of time; of the nearest where there is none.
+    pub fn between(&self, (from, to): (Time, Time)) -> (usize, usize) {
+        let count = self.transforms.len();
+        let first = ((from - self.from).0 as u64).div_ceil(STEP.0 as u64) as usize;
+        let first = first.min(count - 1);
+        (first, (((to - self.from).0 / STEP.0) as usize).clamp(first, count - 1))
+    }
+
     /// Place of a foot at a time between two samples.
     pub fn place(&self, leg: usize, time: Time) -> DVec3 {
         let (low, share) = self.index_at(time);

@@ -75,7 +75,7 @@ pub(super) struct PlannedStep {
 impl FootstepPlan<'_> {
     /// The steps of each foot, one after the other. `None` where no number of steps brings the feet to their places.
     pub fn run(&self) -> Option<Vec<Vec<PlannedStep>>> {
-        let step_secs = STEP_SECS * (self.leg / LEG).sqrt();
+        let step_secs = step_secs(self.leg);
         let mut steps: Vec<Vec<PlannedStep>> = vec![Vec::new(); self.feet.len()];
         let mut places: Vec<DVec3> = self.feet.iter().map(|f| f.at).collect();
         let mut now: f64 = 0.0;
@@ -113,7 +113,7 @@ impl FootstepPlan<'_> {
             }
             for leg in worst {
                 let (start, end) = (places[leg], self.place(leg, now + secs, step_secs));
-                let (velocity, lift) = (DVec3::ZERO, self.lift(start, end));
+                let (velocity, lift) = (DVec3::ZERO, step_lift(start, end, self.leg));
                 steps[leg].push(PlannedStep { from: now, to: now + secs, start, velocity, end, lift });
                 places[leg] = end;
             }
@@ -143,7 +143,8 @@ impl FootstepPlan<'_> {
         }
         // Its present height above the ground counts; a short step is a low one.
         let high = (foot.at.y - end.y).max(0.0);
-        let lift = (self.lift(foot.at, end) - high).max(LOWEST * self.leg) * (secs / hurried).min(1.0);
+        let lift =
+            (step_lift(foot.at, end, self.leg) - high).max(LOWEST * self.leg) * (secs / hurried).min(1.0);
         PlannedStep { from: 0.0, to: secs, start: foot.at, velocity, end, lift }
     }
 
@@ -157,11 +158,22 @@ impl FootstepPlan<'_> {
         let reached = (0..=SHARES).rev().map(ahead).find(|there| (self.reaches)(leg, *there, secs));
         reached.unwrap_or_else(|| (self.stance)(leg, secs))
     }
+}
 
-    fn lift(&self, start: DVec3, end: DVec3) -> f64 {
-        let way = (end - start).with_y(0.0).length();
-        (LIFT * way).clamp(LOWEST * self.leg, HIGHEST * self.leg)
-    }
+/// Seconds of a step by a leg of a length in metres.
+pub(super) fn step_secs(leg: f64) -> f64 {
+    STEP_SECS * (leg / LEG).sqrt()
+}
+
+/// Seconds of a hurried step.
+pub(super) fn hurried_secs(leg: f64) -> f64 {
+    HURRIED * step_secs(leg)
+}
+
+/// Height of a step above the way from its start to its end, metres.
+pub(super) fn step_lift(start: DVec3, end: DVec3, leg: f64) -> f64 {
+    let way = (end - start).with_y(0.0).length();
+    (LIFT * way).clamp(LOWEST * leg, HIGHEST * leg)
 }
 
 /// A step on stage: a [`PlannedStep`], forwards or backwards in time.

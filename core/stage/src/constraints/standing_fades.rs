@@ -32,6 +32,16 @@ struct FootSides {
     standing: Contact,
 }
 
+impl FootSides {
+    /// When the first contact begins and the last one ends.
+    fn span(&self, backwards: bool) -> [Time; 2] {
+        match backwards {
+            true => [self.standing.from, self.walking.to],
+            false => [self.walking.from, self.standing.to],
+        }
+    }
+}
+
 /// The steps of one fade.
 pub(super) struct FadeSteps<'a> {
     pub fade: &'a StandingFade,
@@ -68,6 +78,9 @@ impl FadeSteps<'_> {
         }
         let Some(planned) = self.plan(&sides) else { return Ok(()) };
         for (leg, (side, planned)) in sides.iter().zip(planned).enumerate() {
+            let [from, to] = side.span(backwards);
+            // Steps within contacts that are replaced.
+            steps[leg].retain(|step| step.to <= from || step.from >= to);
             self.rewrite(&mut contacts[leg], leg, side, &planned);
             steps[leg].extend(planned);
         }
@@ -150,7 +163,7 @@ impl FadeSteps<'_> {
             let (from, to) = over(at).map_or((at, at), |c| (c.from, c.to));
             let span = if before { (from.min(at), at) } else { (at, to.max(at)) };
             let ends = [place(span.0)?, place(span.1)?];
-            let contact = stand(leg, &ContactSpan { span, ends });
+            let contact = stand(leg, &ContactSpan { span, ends, highest: f64::INFINITY });
             // Another fade's step may lead there.
             let by_step = over(at).filter(|c| c.by_step).and_then(|c| c.at);
             let at = by_step.or(contact.at).unwrap_or(ends[0]);
@@ -210,6 +223,7 @@ impl FadeSteps<'_> {
             first: carried,
             last: carried,
             rolls: (walking_at, walking_at),
+            lowered: 0.0,
             by_step: true,
         };
         Ok(FootSides { walking, state: FootState { at, velocity, lands_secs }, standing })
@@ -241,7 +255,7 @@ impl FadeSteps<'_> {
         };
         let stand = |(from, to, at)| {
             let (first, last) = (at - in_clip(from), at - in_clip(to));
-            Contact { from, to, at: Some(at), first, last, rolls: (from, to), by_step: true }
+            Contact { from, to, at: Some(at), first, last, rolls: (from, to), lowered: 0.0, by_step: true }
         };
         contacts.retain(|c| c.to < first.from || c.from > last.to);
         let place = contacts.partition_point(|c| c.from < first.from);

@@ -124,7 +124,16 @@ impl Stand {
     pub fn contact(&self, at: DVec3) -> Contact {
         let (from, to) = (self.from, self.to);
         let zero = DVec3::ZERO;
-        Contact { from, to, at: Some(at), first: zero, last: zero, rolls: (from, to), by_step: true }
+        Contact {
+            from,
+            to,
+            at: Some(at),
+            first: zero,
+            last: zero,
+            rolls: (from, to),
+            lowered: 0.0,
+            by_step: true,
+        }
     }
 }
 

@@ -52,6 +52,13 @@ fn one(text: &mut String, check: &Check) {
             let _ = writeln!(text, "      {name:<9} {}", value.replace('\n', "\n                "));
         }
     };
+    if let Evidence::Traces(traces) = &check.evidence
+        && let Some(first) = traces.first()
+    {
+        // In a loop or a function, the script's line does not say whose. Curves of x, y and z end with the axis.
+        let name = first.label.rsplit_once(' ').filter(|_| traces.len() > 1);
+        row("of", name.map_or(first.label.as_str(), |(name, _)| name));
+    }
     row("expected", &check.expected);
     row("got", &check.got);
     row("off by", &check.by);

@@ -60,6 +60,14 @@ impl Commands {
         frames.chain(scenes).flatten().collect()
     }
 
+    /// Takes another file, to which the parameters and the clip of the command line do not belong.
+    pub fn take_file(&mut self, file: &Path) {
+        if file != self.input {
+            self.input = file.to_path_buf();
+            self.scene = self.test.clone();
+        }
+    }
+
     /// Takes the script that is shown, where it is one.
     pub fn follow(&mut self, script: Option<&Path>) {
         if let Some(script) = script.filter(|script| *script != self.input) {

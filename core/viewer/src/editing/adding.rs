@@ -52,6 +52,29 @@ impl Viewer {
         Ok(())
     }
 
+    /// Lets an actor play a clip of a file of the script's folder from a time on.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn add_file_clip(&mut self, name: &str, file: &Path, clip: &str, secs: f64) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let path = self.path.clone().ok_or(EditError::NoScript)?;
+        let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
+        let canonical = file.canonicalize().unwrap_or_else(|_| file.to_path_buf());
+        let inside = canonical.strip_prefix(folder_of(&path)).map(slashed).map_err(|_| {
+            let why = "it lies outside the script's folder, where load(…) may not read; put it there first";
+            EditError::refused(format!("{}: {why}", file.display()))
+        })?;
+        let place = scene.places.actors.get(index).cloned().unwrap_or_default();
+        let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
+        let plays = scene.stage.actors[index].layers.first().is_some_and(|l| !l.cues.is_empty());
+        let options = if plays { ", #{ fade: 0.3 }" } else { "" };
+        let time = self.edit_time(secs);
+        self.change(&place, siblings, |text| {
+            ScriptObject::at(text, place.line, place.column)?.play_file(&inside, clip, time, options)
+        })
+    }
+
     /// How many of the joints that a clip of one actor moves are followed by another actor, and how many it moves; `None` for its own.
     pub fn joints_that_follow(&self, of: &str, clip: &str, on: &str) -> Option<(usize, usize)> {
         let stage = &self.scene.as_ref()?.stage;
@@ -106,8 +129,15 @@ impl Viewer {
                 let count =
                     if copies.len() == 1 { "a file".into() } else { format!("{} files", copies.len()) };
                 let why = format!("{count} from outside the script's folder, copied into {ASSETS}/:");
-                self.offer =
-                    Some(Offer { why, agree: "Copy and add".into(), difference, copies, edit, text });
+                self.offer = Some(Offer {
+                    why,
+                    agree: "Copy and add".into(),
+                    difference,
+                    copies,
+                    edit,
+                    other: None,
+                    text,
+                });
             }
         }
         if refused.is_empty() { Ok(()) } else { Err(EditError::refused(refused.join("; "))) }

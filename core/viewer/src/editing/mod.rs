@@ -5,15 +5,19 @@
 mod adding;
 mod cues;
 pub(crate) mod difference;
+mod documents;
 mod error;
 pub mod expression;
 pub(crate) mod external_editor;
+mod fields;
 mod keys;
 pub mod placing;
+mod shared;
 mod signs;
 mod strips;
 
 pub use error::EditError;
+pub use fields::FieldChange;
 pub use keys::ValueDrag;
 
 use crate::app::Viewer;
@@ -113,7 +117,11 @@ impl Viewer {
         siblings: usize,
         mut make: impl FnMut(&str) -> Result<Edit, EditRefused>,
     ) -> Result<(), EditError> {
-        self.check_place(place, siblings)?;
+        if let Err(error) = self.check_place(place, siblings) {
+            let is_shared = matches!(error, EditError::SharedLine { .. });
+            let made = self.known().filter(|_| is_shared).map(|known| make(&known));
+            return Err(self.offer_of_shared(error, place, made));
+        }
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let places = &scene.places;
         let path = self.path.clone().ok_or(EditError::NoScript)?;
@@ -128,7 +136,7 @@ impl Viewer {
                 let why = "the file has changed on disk since it was shown; with both changes it would be:"
                     .to_string();
                 let (agree, copies) = ("Write both".into(), Vec::new());
-                self.offer = Some(Offer { why, agree, difference, copies, edit, text });
+                self.offer = Some(Offer { why, agree, difference, copies, edit, other: None, text });
             }
             return Err(EditError::ChangedOnDisk);
         }
@@ -139,7 +147,7 @@ impl Viewer {
                 if let Some(edit) = over {
                     let difference = difference::lines(&text, &edit.apply(&text));
                     let (why, agree, copies) = (why.clone(), agree.into(), Vec::new());
-                    self.offer = Some(Offer { why, agree, difference, copies, edit, text });
+                    self.offer = Some(Offer { why, agree, difference, copies, edit, other: None, text });
                 }
                 Err(EditError::Refused { why, line })
             }
@@ -151,27 +159,16 @@ impl Viewer {
         // Edits go from the end of the text to its start, so that none moves a call that is still to come.
         steps.sort_by_key(|step| std::cmp::Reverse((step.place.line, step.place.column)));
         let first = steps.first().ok_or(EditError::Gone)?.place.clone();
-        steps.iter().try_for_each(|step| self.check_place(&step.place, step.siblings))?;
-        self.change(&first, 1, |text| {
-            let (mut after, mut refused) = (text.to_string(), None);
-            for Step { place, make, .. } in &steps {
-                let edit = match make(&after, place.line, place.column) {
-                    Ok(edit) => edit,
-                    // The others are made with what is offered.
-                    Err(EditRefused { over: Some(over), why, line, agree, is_computed }) => {
-                        refused.get_or_insert(EditRefused { over: None, why, line, agree, is_computed });
-                        over
-                    }
-                    Err(refused) => return Err(refused),
-                };
-                after = edit.apply(&after);
-            }
-            let edit = Edit::between(text, &after);
-            match refused {
-                Some(refused) => Err(EditRefused { over: Some(edit), ..refused }),
-                None => Ok(edit),
-            }
-        })
+        let shared = steps.iter().find_map(|step| {
+            let error = self.check_place(&step.place, step.siblings).err()?;
+            Some((error, step.place.clone()))
+        });
+        if let Some((error, place)) = shared {
+            let is_shared = matches!(error, EditError::SharedLine { .. });
+            let made = self.known().filter(|_| is_shared).map(|known| made_of(&steps, &known));
+            return Err(self.offer_of_shared(error, &place, made));
+        }
+        self.change(&first, 1, |text| made_of(&steps, text))
     }
 
     /// Whether what a place makes can be edited alone.
@@ -260,6 +257,28 @@ impl Viewer {
         let after = back.apply(&now);
         write(&path, &after)?;
         Ok(Done { back: back.inverse(&now), text: after })
+    }
+}
+
+/// Several changes of a text as one.
+fn made_of(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
+    let (mut after, mut refused) = (text.to_string(), None);
+    for Step { place, make, .. } in steps {
+        let edit = match make(&after, place.line, place.column) {
+            Ok(edit) => edit,
+            // The others are made with what is offered.
+            Err(EditRefused { over: Some(over), why, line, agree, is_computed }) => {
+                refused.get_or_insert(EditRefused { over: None, why, line, agree, is_computed });
+                over
+            }
+            Err(refused) => return Err(refused),
+        };
+        after = edit.apply(&after);
+    }
+    let edit = Edit::between(text, &after);
+    match refused {
+        Some(refused) => Err(EditRefused { over: Some(edit), ..refused }),
+        None => Ok(edit),
     }
 }
 

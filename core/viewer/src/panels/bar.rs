@@ -13,6 +13,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
     egui::Panel::top("bar").show(ui, |ui| {
         ui.horizontal(|ui| {
             short(ui, RichText::new(&viewer.name).strong(), &viewer.name);
+            super::files::menu(ui, viewer);
             ui.menu_button("Panels", |ui| {
                 for tab in Tab::ALL {
                     let mut open = panels.is_open(tab);
@@ -149,30 +150,64 @@ pub fn offer(ui: &mut Ui, viewer: &mut Viewer) {
         ui.set_max_width(640.0);
         ui.label(&offer.why);
         ui.add_space(6.0);
-        let visuals = ui.visuals().clone();
-        egui::Frame::new().fill(visuals.extreme_bg_color).inner_margin(6.0).show(ui, |ui| {
-            for (sign, line) in &offer.difference {
-                let color = match sign {
-                    '-' => visuals.error_fg_color,
-                    '+' => visuals.hyperlink_color,
-                    _ => visuals.weak_text_color(),
-                };
-                ui.label(RichText::new(format!("{sign} {line}")).monospace().color(color));
-            }
-        });
+        lines(ui, &offer.difference);
         ui.add_space(6.0);
         ui.horizontal(|ui| {
             if ui.button(&offer.agree).clicked() {
-                agreed = Some(true);
+                agreed = Some(Agreed::First);
             }
-            if ui.button("Leave it").clicked() {
-                agreed = Some(false);
+            if offer.other.is_none() && ui.button("Leave it").clicked() {
+                agreed = Some(Agreed::None);
             }
         });
+        if let Some(other) = &offer.other {
+            ui.add_space(6.0);
+            ui.label("or");
+            lines(ui, &other.difference);
+            ui.add_space(6.0);
+            ui.horizontal(|ui| {
+                if ui.button(&other.agree).clicked() {
+                    agreed = Some(Agreed::Other);
+                }
+                if ui.button("Leave it").clicked() {
+                    agreed = Some(Agreed::None);
+                }
+            });
+        }
     });
     match agreed {
-        Some(true) => viewer.edit(|v| v.accept_offer()),
-        Some(false) => viewer.offer = None,
+        Some(Agreed::First) => viewer.edit(|v| v.accept_offer()),
+        Some(Agreed::Other) => {
+            if let Some(offer) = &mut viewer.offer
+                && let Some(other) = offer.other.take()
+            {
+                offer.edit = other.edit;
+            }
+            viewer.edit(|v| v.accept_offer());
+        }
+        Some(Agreed::None) => viewer.offer = None,
         None => {}
     }
+}
+
+/// The answer to an offer.
+enum Agreed {
+    First,
+    Other,
+    None,
+}
+
+/// The lines of a difference.
+fn lines(ui: &mut Ui, difference: &[(char, String)]) {
+    let visuals = ui.visuals().clone();
+    egui::Frame::new().fill(visuals.extreme_bg_color).inner_margin(6.0).show(ui, |ui| {
+        for (sign, line) in difference {
+            let color = match sign {
+                '-' => visuals.error_fg_color,
+                '+' => visuals.hyperlink_color,
+                _ => visuals.weak_text_color(),
+            };
+            ui.label(RichText::new(format!("{sign} {line}")).monospace().color(color));
+        }
+    });
 }

@@ -4,9 +4,8 @@ use super::bars::Act;
 use super::key_menu;
 use crate::app::Viewer;
 use crate::editing::EditError;
-use crate::state::selection::Selected;
 use crate::state::timeline::Bar;
-use egui::{Button, Event, Key, Modifiers, Response, Ui};
+use egui::{Button, Event, Response, Ui};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Command {
@@ -21,15 +20,15 @@ pub enum Command {
     GoToLine,
 }
 
-/// Commands, their names and keys.
+/// Commands, their names, and their keys: those of an action, or of the clipboard.
 const COMMANDS: [(Command, &str, &str); 8] = [
-    (Command::Split, "Split at the playhead", "Y"),
-    (Command::Duplicate, "Duplicate", "Ctrl D"),
+    (Command::Split, "Split at the playhead", "split"),
+    (Command::Duplicate, "Duplicate", "duplicate"),
     (Command::Copy, "Copy", "Ctrl C"),
     (Command::Cut, "Cut", "Ctrl X"),
     (Command::Paste, "Paste at the playhead", "Ctrl V"),
-    (Command::Disable, "Disable, enable", "M"),
-    (Command::Delete, "Delete", "Delete"),
+    (Command::Disable, "Disable, enable", "disable"),
+    (Command::Delete, "Delete", "delete"),
     (Command::GoToLine, "Go to its line", ""),
 ];
 
@@ -41,7 +40,7 @@ pub fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
     }
     response.context_menu(|ui| {
         for (command, name, key) in COMMANDS {
-            if ui.add(Button::new(name).shortcut_text(key)).clicked() {
+            if ui.add(Button::new(name).shortcut_text(super::shown_keys(viewer, key))).clicked() {
                 act = Some(Act::Run(command));
                 ui.close();
             }
@@ -50,21 +49,9 @@ pub fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
     act
 }
 
-/// The commands whose keys were pressed.
-pub fn keys(ui: &Ui, viewer: &mut Viewer) {
-    key_menu::keyboard(ui, viewer);
-    let with = |modifiers, key| ui.input_mut(|i| i.consume_key(modifiers, key));
-    let all = [
-        (Modifiers::NONE, Key::Y, Command::Split),
-        (Modifiers::COMMAND, Key::D, Command::Duplicate),
-        (Modifiers::NONE, Key::M, Command::Disable),
-        (Modifiers::NONE, Key::Delete, Command::Delete),
-    ];
-    for (modifiers, key, command) in all {
-        if with(modifiers, key) && viewer.selection.is_some() {
-            run(ui, viewer, command);
-        }
-    }
+/// Copies, cuts and pastes, as the clipboard is asked.
+pub fn clipboard(ui: &Ui, viewer: &mut Viewer) {
+    key_menu::clipboard(ui, viewer);
     for event in ui.input(|i| i.events.clone()) {
         match event {
             Event::Copy if !viewer.selected_bars().is_empty() => run(ui, viewer, Command::Copy),
@@ -72,11 +59,6 @@ pub fn keys(ui: &Ui, viewer: &mut Viewer) {
             Event::Paste(text) => paste(viewer, &text),
             _ => {}
         }
-    }
-    if with(Modifiers::COMMAND, Key::A) {
-        let all: Vec<Selected> =
-            viewer.bars().filter(|b| b.strip.is_some()).map(|b| b.what.clone()).collect();
-        viewer.select_all(all);
     }
 }
 

@@ -50,7 +50,7 @@ pub fn take(waiting: &mut Waiting, ui: &Ui, viewer: &mut Viewer) {
 }
 
 /// The place on the ground under a point of a viewport; where that is the sky, the point that the view is about.
-fn ground(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
+pub(super) fn ground(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     let scene = viewer.scene.as_ref()?;
     let inside = |view: &&crate::state::view::View| {
         let [left, top, right, bottom] = view.place;

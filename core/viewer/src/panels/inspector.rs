@@ -1,7 +1,8 @@
 //! Everything about the selection at the playhead; the script's own values can be changed here.
 
-use super::values;
+use super::{fields as stated, values};
 use crate::app::Viewer;
+use crate::editing::FieldChange;
 use crate::editing::placing::{light_at, placement};
 use crate::geometry::gizmo::Change;
 use crate::state::keyed::{KeyRef, KeyedProperty};
@@ -15,12 +16,21 @@ use choreo_stage::{ActiveClip, ActorState, Described, FieldType, FieldValue, Rig
 use egui::{Grid, RichText, Ui};
 use glam::{DQuat, DVec3, Vec3};
 use std::ops::RangeInclusive;
+use std::path::PathBuf;
 
 /// A clip that is dragged onto the sequencer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ClipDrag {
-    pub actor: String,
+    pub of: ClipOf,
     pub clip: String,
+}
+
+/// The file that a dragged clip is in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum ClipOf {
+    Actor(String),
+    /// A file of the script's folder.
+    File(PathBuf),
 }
 
 /// The change that the user makes here, applied once everything has been drawn.
@@ -33,6 +43,7 @@ enum Wanted {
     FieldOfView(f64),
     /// A key of a property at the playhead; `true`: it is there, and is deleted.
     Key(String, bool),
+    Field(FieldChange),
 }
 
 /// The properties of the selection that have keys or could have some.
@@ -66,6 +77,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             viewer.go_to = Some(line);
         }
     }
+    let written = viewer.all_written(&selection);
     let mut wanted = None;
     let known = match &selection {
         Selected::Cue { .. } => None,
@@ -75,11 +87,13 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let keyable: Keyable = &known;
     match &selection {
         Selected::Actor(name) => wanted = transform(ui, viewer, &scene.stage, name, keyable),
-        Selected::Light(index) => wanted = light(ui, viewer, &scene.stage, *index, keyable),
+        Selected::Light(index) => wanted = light(ui, viewer, (&scene.stage, *index), keyable, &written),
         Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, *index, keyable),
         Selected::Camera(name) => wanted = lens(ui, viewer, &scene.stage, name, keyable),
         Selected::Cue { .. } | Selected::Title(_) => {}
     }
+    let field = stated::show(ui, viewer, &scene.stage, &selection, &written);
+    wanted = field.map(Wanted::Field).or(wanted);
     wanted = keys_menu(ui, viewer, keyable).or(wanted);
     Grid::new("inspector").num_columns(2).striped(true).show(ui, |ui| {
         for (name, value) in rows {
@@ -100,6 +114,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     let change = match wanted {
         None => return,
+        Some(Wanted::Field(change)) => viewer.change_field(&selection, &change),
         Some(Wanted::FieldOfView(degrees)) => match &selection {
             Selected::Camera(name) => viewer.set_field_of_view(name, degrees),
             _ => Ok(()),
@@ -238,7 +253,13 @@ fn srgb(linear: Vec3) -> [u8; 3] {
 }
 
 /// The light at the playhead.
-fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize, keyable: Keyable) -> Option<Wanted> {
+fn light(
+    ui: &mut Ui,
+    viewer: &Viewer,
+    (stage, index): (&Stage, usize),
+    keyable: Keyable,
+    written: &stated::Stated,
+) -> Option<Wanted> {
     let light = light_at(stage.lights.get(index)?, viewer.playhead.time());
     let mut wanted = None;
     Grid::new("light").num_columns(4).show(ui, |ui| {
@@ -246,15 +267,15 @@ fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize, keyable: Key
             let name = format!("light {}", field.name);
             let set = match ((field.get)(&light), field.of_type) {
                 (FieldValue::Number(n), FieldType::Number(low, high, _)) => {
-                    ui.label(field.name);
+                    wanted = default_menu(ui, written, field.name).or(wanted.take());
                     values::number(ui, &name, n, 0.05, low..=high).map(format_number)
                 }
                 (FieldValue::Number(n), FieldType::Degrees(low, high)) => {
-                    ui.label(field.name);
+                    wanted = default_menu(ui, written, field.name).or(wanted.take());
                     values::number(ui, &name, n.to_degrees(), 0.25, low..=high).map(format_number)
                 }
                 (_, FieldType::Color) => {
-                    ui.label(field.name);
+                    wanted = default_menu(ui, written, field.name).or(wanted.take());
                     let set = values::color(ui, &name, srgb(light.light.color));
                     set.map(|[r, g, b]| format!("\"#{r:02x}{g:02x}{b:02x}\""))
                 }
@@ -270,7 +291,10 @@ fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize, keyable: Key
             true => ("shines along", "direction", light.direction.as_dvec3(), 0.01),
             false => ("stands at", "position", light.position, 0.01),
         };
-        ui.label(label);
+        let menu = ui.add(egui::Label::new(label).sense(egui::Sense::click()));
+        let resets: &[&'static str] =
+            if name == "position" { &["position", "at"] } else { &["direction", "look_at"] };
+        wanted = stated::reset(&menu, resets).map(Wanted::Field).or(wanted.take());
         for (axis, letter) in ["light x", "light y", "light z"].into_iter().enumerate() {
             if let Some(to) = values::number(ui, letter, vector[axis], speed, -1e6..=1e6) {
                 let mut all = vector;
@@ -283,6 +307,17 @@ fn light(ui: &mut Ui, viewer: &Viewer, stage: &Stage, index: usize, keyable: Key
         ui.end_row();
     });
     wanted
+}
+
+/// The name of a light's field, with a menu that takes the script's value away; strong where there is one.
+fn default_menu(ui: &mut Ui, written: &stated::Stated, name: &'static str) -> Option<Wanted> {
+    let names: &[&'static str] = if name == "color" { &["color", "kelvin"] } else { &[name] };
+    let is_stated = names.iter().any(|name| written.contains_key(*name));
+    let text = RichText::new(name);
+    let text = if is_stated { text.strong() } else { text };
+    let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
+    let hint = if is_stated { "stated by the script; right click: reset to default" } else { "by default" };
+    stated::reset(&response.on_hover_text(hint), names).map(Wanted::Field)
 }
 
 /// A slider each, as its manifest has it.
@@ -388,7 +423,7 @@ fn clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option<Want
                     wanted = Some(Wanted::Clip(clip.name.clone(), viewer.playhead.time().as_secs()));
                 }
                 let id = ui.id().with(("clip", &clip.name));
-                let payload = ClipDrag { actor: name.to_string(), clip: clip.name.clone() };
+                let payload = ClipDrag { of: ClipOf::Actor(name.to_string()), clip: clip.name.clone() };
                 ui.dnd_drag_source(id, payload, |ui| {
                     ui.label(format!("{}  {:.2} s", clip.name, clip.duration.as_secs()));
                 });
@@ -479,13 +514,12 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
         Selected::Light(index) => {
             if let Some(light) = stage.lights.get(*index) {
                 row("kind", light.light.kind.title().into());
-                fields(viewer, light, &mut row);
                 row("shadow", light.shadow.map_or("none".into(), |s| format!("{} texels", s.size)));
             }
         }
         Selected::Title(index) => {
             if let Some(title) = stage.layers_2d.get(*index) {
-                fields(viewer, title, &mut row);
+                row("keys", title.channels.len().to_string());
             }
         }
         Selected::Effect(index) => {
@@ -522,9 +556,6 @@ fn of_cue(
     let Some(found) = actor(stage, name).map(|a| &stage.actors[a]) else { return };
     let Some(played) = found.layers.get(layer).and_then(|l| l.cues.get(cue)) else { return };
     row("clip", played.clip.name.clone());
-    fields(viewer, played, row);
-    row("repeat", format!("{:?}", played.repeat));
-    row("trim", format!("{} to {} s", played.trim.0.as_secs(), played.trim.1.as_secs()));
     let active = found.active_clips(viewer.playhead.time());
     match shares(&active, layer).find(|(h, _)| h.cue == cue) {
         Some((active, share)) => {

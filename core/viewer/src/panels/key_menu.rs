@@ -6,7 +6,7 @@ use crate::editing::EditError;
 use crate::state::keyed::{KeyRef, KeyedProperty};
 use crate::state::selection::Selected;
 use choreo_script::{KEY_INTERPOLATIONS, easing_names};
-use egui::{Button, Event, Key, Modifiers, Popup, PopupCloseBehavior, Response, ScrollArea, Ui};
+use egui::{Button, Event, Popup, PopupCloseBehavior, Response, ScrollArea, Ui};
 
 /// A change of keys by the user.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,11 +35,11 @@ pub enum KeyCommand {
 }
 
 const COMMANDS: [(KeyCommand, &str, &str); 6] = [
-    (KeyCommand::Duplicate, "Duplicate to the playhead", "Ctrl D"),
+    (KeyCommand::Duplicate, "Duplicate to the playhead", "duplicate"),
     (KeyCommand::Copy, "Copy", "Ctrl C"),
     (KeyCommand::Cut, "Cut", "Ctrl X"),
     (KeyCommand::Paste, "Paste at the playhead", "Ctrl V"),
-    (KeyCommand::Delete, "Delete", "Delete"),
+    (KeyCommand::Delete, "Delete", "delete"),
     (KeyCommand::GoToLine, "Go to its line", ""),
 ];
 
@@ -76,7 +76,7 @@ fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
     });
     ui.separator();
     for (command, name, key) in COMMANDS {
-        if ui.add(Button::new(name).shortcut_text(key)).clicked() {
+        if ui.add(Button::new(name).shortcut_text(super::shown_keys(viewer, key))).clicked() {
             act = Some(KeyAct::Run(command));
         }
     }
@@ -131,26 +131,10 @@ fn choice(ui: &mut Ui, none: &str, names: &[String]) -> Option<Option<String>> {
     chosen
 }
 
-/// The commands whose keys were pressed, where keys are selected. `K` sets keys.
-pub fn keyboard(ui: &Ui, viewer: &mut Viewer) {
-    let with = |modifiers, key| ui.input_mut(|i| i.consume_key(modifiers, key));
-    if with(Modifiers::NONE, Key::K) {
-        viewer.edit(Viewer::set_keys_of_selection);
-    }
-    if viewer.selected_keys().is_empty() {
+/// Copies and cuts keys where they alone are selected: clips have their own commands.
+pub fn clipboard(ui: &Ui, viewer: &mut Viewer) {
+    if viewer.selected_keys().is_empty() || !viewer.selected_bars().is_empty() {
         return;
-    }
-    let has_bars = !viewer.selected_bars().is_empty();
-    if with(Modifiers::NONE, Key::Delete) {
-        viewer.edit(Viewer::delete_selected);
-        return;
-    }
-    // Clips have their own commands.
-    if has_bars {
-        return;
-    }
-    if with(Modifiers::COMMAND, Key::D) {
-        run(ui, viewer, KeyAct::Run(KeyCommand::Duplicate));
     }
     let mut asked = Vec::new();
     ui.input_mut(|i| {

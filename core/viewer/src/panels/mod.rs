@@ -1,5 +1,7 @@
 //! The panels, and how they lie beside each other.
 
+mod actions;
+mod assets;
 mod axes;
 mod bar;
 mod bar_menu;
@@ -9,6 +11,8 @@ mod contrast;
 mod curves;
 mod drop;
 mod explain;
+mod fields;
+mod files;
 mod handles;
 mod headers;
 mod inspector;
@@ -19,19 +23,24 @@ mod markers;
 mod marks;
 mod messages;
 mod overlay;
+mod palette;
 mod performance;
+mod pictures;
 mod presets;
 mod refusal;
 mod render;
 mod script;
 mod sequencer;
 mod signs;
+mod start;
 mod strip;
 mod tests;
 mod trails;
 mod tree;
 mod values;
 mod viewport;
+
+pub(crate) use actions::problem as shortcut_problem;
 
 use crate::app::Viewer;
 use crate::state::settings::Settings;
@@ -53,6 +62,7 @@ pub enum Tab {
     Explain,
     Performance,
     Curves,
+    Assets,
     Render,
     Tests,
 }
@@ -60,7 +70,7 @@ pub enum Tab {
 const TITLES: [&str; MOST_VIEWS] = ["Viewport", "Viewport 2", "Viewport 3", "Viewport 4"];
 
 impl Tab {
-    pub const ALL: [Tab; 14] = [
+    pub const ALL: [Tab; 15] = [
         Tab::Viewport(0),
         Tab::Sequencer,
         Tab::Tree,
@@ -75,6 +85,7 @@ impl Tab {
         Tab::Viewport(1),
         Tab::Viewport(2),
         Tab::Viewport(3),
+        Tab::Assets,
     ];
 
     pub fn title(self) -> &'static str {
@@ -88,6 +99,7 @@ impl Tab {
             Tab::Explain => "Explain",
             Tab::Performance => "Performance",
             Tab::Curves => "Curves",
+            Tab::Assets => "Assets",
             Tab::Render => "Render",
             Tab::Tests => "Tests",
         }
@@ -132,6 +144,9 @@ pub struct Panels {
     splits: layout::SplitFractions,
     help: bool,
     waiting: drop::Waiting,
+    pictures: pictures::Pictures,
+    browser: assets::Browser,
+    palette: palette::Palette,
     refusals: refusal::Refusals,
     pub light: bool,
     /// 1 to 2.
@@ -149,6 +164,9 @@ impl Default for Panels {
             splits: Default::default(),
             help: false,
             waiting: Default::default(),
+            pictures: Default::default(),
+            browser: Default::default(),
+            palette: Default::default(),
             refusals: Default::default(),
             light: false,
             scale: 1.0,
@@ -171,11 +189,12 @@ impl Panels {
     /// A new context knows neither colors nor scale.
     pub(crate) fn forget_context(&mut self) {
         self.applied = None;
+        self.pictures = Default::default();
     }
 
     pub fn settings(&self) -> Settings {
         let layout = Some(self.splits.write(&self.dock));
-        Settings { light: self.light, scale: self.scale, layout, overlays: self.overlays }
+        Settings { light: self.light, scale: self.scale, layout, recent: Vec::new(), overlays: self.overlays }
     }
 
     /// `pictures`: by view, the texture with the frame that is shown; `now`: the clock, seconds.
@@ -190,20 +209,26 @@ impl Panels {
         keys::handle(self, ui, viewer, now);
         bar::show(self, ui, viewer);
         bar::offer(ui, viewer);
+        files::dialogs(ui, viewer);
+        palette::show(self, ui, viewer, now);
         if self.help {
-            keys::help(ui, &mut self.help);
+            keys::help(ui, &mut self.help, viewer);
         }
         if viewer.go_to.is_some() {
             self.bring(Tab::Script);
         }
         viewer.views.iter_mut().for_each(|view| view.seen = false);
+        if viewer.documents.start {
+            return start::show(self, ui, viewer);
+        }
         self.overlays = viewer.views[0].overlays;
         viewer.scrubs = false;
         viewer.curves.hovered = false;
         // Between the rounded corners of the panels.
         ui.painter().rect_filled(ui.available_rect_before_wrap(), 0.0, ui.visuals().panel_fill);
         let style = Style::from_egui(ui.style());
-        let mut tabs = Tabs { viewer, pictures, now };
+        let (own_pictures, browser) = (&mut self.pictures, &mut self.browser);
+        let mut tabs = Tabs { viewer, pictures, own_pictures, browser, now };
         self.splits.restore(&mut self.dock, ui.available_size());
         let before = layout::SplitFractions::of(&self.dock);
         DockArea::new(&mut self.dock)
@@ -215,6 +240,11 @@ impl Panels {
         self.splits.keep(&self.dock, &before, acts);
         refusal::show(&mut self.refusals, ui, viewer);
         hovering(ui, viewer);
+    }
+
+    /// Whether a question or the palette has the keyboard.
+    fn is_asking(&self, viewer: &Viewer) -> bool {
+        self.palette.is_open() || viewer.documents.dialog.is_some()
     }
 
     fn is_open(&self, tab: Tab) -> bool {
@@ -295,6 +325,9 @@ fn hovering(ui: &Ui, viewer: &Viewer) {
 struct Tabs<'a> {
     viewer: &'a mut Viewer,
     pictures: &'a [Option<TextureId>],
+    /// Images of files.
+    own_pictures: &'a mut pictures::Pictures,
+    browser: &'a mut assets::Browser,
     now: f64,
 }
 
@@ -333,6 +366,7 @@ impl TabViewer for Tabs<'_> {
             Tab::Explain => explain::show(ui, self.viewer),
             Tab::Performance => performance::show(ui, self.viewer),
             Tab::Curves => curves::show(ui, self.viewer),
+            Tab::Assets => assets::show(ui, self.viewer, self.browser, self.own_pictures),
             Tab::Render => render::show(ui, self.viewer),
             Tab::Tests => tests::show(ui, self.viewer),
         }
@@ -340,7 +374,7 @@ impl TabViewer for Tabs<'_> {
 
     fn scroll_bars(&self, tab: &Tab) -> [bool; 2] {
         match tab {
-            Tab::Viewport(_) | Tab::Sequencer | Tab::Curves | Tab::Script => [false, false],
+            Tab::Viewport(_) | Tab::Sequencer | Tab::Curves | Tab::Script | Tab::Assets => [false, false],
             _ => [true, true],
         }
     }
@@ -356,4 +390,10 @@ fn elided(painter: &Painter, text: &str, size: f32, color: Color32, width: f32) 
     let mut job = LayoutJob::simple_singleline(text.to_string(), FontId::proportional(size), color);
     job.wrap = TextWrapping::truncate_at_width(width.max(1.0));
     painter.layout_job(job)
+}
+
+/// The keys of a command in a menu: those of an action, else as they are written.
+fn shown_keys(viewer: &Viewer, command: &str) -> String {
+    let keys = actions::keys_of(viewer, command);
+    if keys.is_empty() { actions::action(command).map_or(command, |_| "").to_string() } else { keys }
 }

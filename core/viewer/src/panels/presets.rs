@@ -29,8 +29,8 @@ impl Preset {
 
     pub fn dock(self) -> DockState<Tab> {
         use Tab::{
-            Curves, Explain, Inspector, Messages, Performance, Render, Script, Sequencer, Tests, Tree,
-            Viewport,
+            Assets, Curves, Explain, Inspector, Messages, Performance, Render, Script, Sequencer, Tests,
+            Tree, Viewport,
         };
         let root = NodeIndex::root();
         let mut dock = DockState::new(vec![Viewport(0)]);
@@ -40,7 +40,7 @@ impl Preset {
                 let below = vec![Sequencer, Curves, Messages, Explain, Performance];
                 let [above, _] = surface.split_below(root, 0.66, below);
                 let [middle, _] = surface.split_right(above, 0.72, vec![Inspector, Script, Render, Tests]);
-                surface.split_left(middle, 0.2, vec![Tree]);
+                surface.split_left(middle, 0.2, vec![Tree, Assets]);
             }
             // The text beside the image; messages below the text.
             Preset::Scripting => {

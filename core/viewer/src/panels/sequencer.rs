@@ -1,6 +1,6 @@
 //! Rows of bars over time: cues, active cameras; the playhead, and how to move it.
 
-use super::inspector::ClipDrag;
+use super::inspector::{ClipDrag, ClipOf};
 use super::marks::MarkAct;
 use super::{bars, headers, key_menu, markers, marks};
 use crate::app::Viewer;
@@ -224,7 +224,10 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         run_mark(ui, viewer, marked);
     }
     if let Some((clip, on, secs)) = dropped {
-        viewer.edit(|v| v.add_clip(&on, &clip.actor, &clip.clip, secs));
+        viewer.edit(|v| match &clip.of {
+            ClipOf::Actor(of) => v.add_clip(&on, of, &clip.clip, secs),
+            ClipOf::File(file) => v.add_file_clip(&on, file, &clip.clip, secs),
+        });
     }
     if let Some(what) = clicked {
         viewer.selection = if viewer.selection.as_ref() == Some(&what) { None } else { Some(what) };
@@ -351,12 +354,13 @@ fn dropped(ui: &Ui, viewer: &mut Viewer, index: usize, lane: Rect) -> Option<(Cl
 
 /// How many joints of an actor follow a dragged clip, found once a drag.
 fn followed(ui: &Ui, viewer: &Viewer, clip: &ClipDrag, on: &str) -> Option<(usize, usize)> {
+    let ClipOf::Actor(of) = &clip.of else { return None };
     let number = viewer.scene.as_ref()?.number;
-    let id = egui::Id::new("followed").with((number, &clip.actor, &clip.clip, on));
+    let id = egui::Id::new("followed").with((number, of, &clip.clip, on));
     if let Some(known) = ui.data(|d| d.get_temp(id)) {
         return known;
     }
-    let found = viewer.joints_that_follow(&clip.actor, &clip.clip, on);
+    let found = viewer.joints_that_follow(of, &clip.clip, on);
     ui.data_mut(|d| d.insert_temp(id, found));
     found
 }

@@ -1,9 +1,11 @@
 //! The image, the camera that the mouse moves, and what is picked in it.
 
+use super::assets::ModelDrag;
 use super::{axes, handles, overlay, signs, trails};
 use crate::app::Viewer;
 use crate::geometry::picking;
 use crate::geometry::projection::Lens;
+use crate::state::dropped_models::DroppedModels;
 use crate::state::selection::{Selected, actor};
 use crate::state::view::{Resolution, ViewCamera};
 use egui::{Color32, Key, PointerButton, Rect, Sense, Stroke, StrokeKind, TextureId, Ui, Vec2, pos2};
@@ -62,6 +64,11 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
         painter.galley(rect.center() - galley.size() / 2.0, galley, Color32::GRAY);
         return;
     };
+    if let Some(model) = response.dnd_release_payload::<ModelDrag>()
+        && let Some(at) = ui.ctx().pointer_interact_pos().and_then(|at| super::drop::ground(viewer, at))
+    {
+        viewer.dropped_models = Some(DroppedModels { files: vec![model.0.clone()], at });
+    }
     viewer.scrubs |= response.dragged();
     let fills = viewer.views[index].resolution == Resolution::Fitted;
     let place = placed(rect, size, pixels, fills);
@@ -303,7 +310,9 @@ fn mouse(ui: &Ui, viewer: &mut Viewer, index: usize, response: &egui::Response, 
     }
     let held = |a, b| ui.input(|i| f64::from(i8::from(i.key_down(a)) - i8::from(i.key_down(b))));
     let step = DVec3::new(held(Key::D, Key::A), held(Key::E, Key::Q), held(Key::W, Key::S));
-    let command = ui.input(|i| i.modifiers.command);
+    // Letters that are keys of actions walk while the right button is held.
+    let command = ui.input(|i| i.modifiers.command)
+        || super::actions::takes_walking_keys(viewer) && !ui.input(|i| i.pointer.secondary_down());
     if step != DVec3::ZERO && !command && !ui.ctx().egui_wants_keyboard_input() {
         let secs = ui.input(|i| f64::from(i.stable_dt.min(0.1)));
         let pace = if shift { PACE * 4.0 } else { PACE };

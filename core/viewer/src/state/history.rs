@@ -31,8 +31,19 @@ pub struct Offer {
     /// Files that are copied first, from and to.
     pub(crate) copies: Vec<(PathBuf, PathBuf)>,
     pub(crate) edit: Edit,
+    /// Another change in place of it.
+    pub other: Option<Alternative>,
     /// The text that the edit was made for.
     pub(crate) text: String,
+}
+
+/// The second of two changes that are offered.
+pub struct Alternative {
+    /// Label of the button.
+    pub agree: String,
+    /// Lines that go (`-`), come (`+`) and stay (` `).
+    pub difference: Vec<(char, String)>,
+    pub(crate) edit: Edit,
 }
 
 /// The placement of an actor that the next version must show.

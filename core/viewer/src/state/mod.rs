@@ -13,6 +13,7 @@ pub mod reduction;
 pub mod render_form;
 pub mod selection;
 pub mod settings;
+pub mod shortcuts;
 pub mod side;
 pub mod span;
 pub mod timeline;

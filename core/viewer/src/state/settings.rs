@@ -15,13 +15,15 @@ pub struct Settings {
     pub scale: f32,
     /// The layout as [`crate::panels::Panels`] writes it.
     pub layout: Option<Value>,
+    /// Files that were shown last, the newest first.
+    pub recent: Vec<PathBuf>,
     /// Overlays of new viewports.
     pub overlays: Overlays,
 }
 
 impl Default for Settings {
     fn default() -> Settings {
-        Settings { light: false, scale: 1.0, layout: None, overlays: Overlays::default() }
+        Settings { light: false, scale: 1.0, layout: None, recent: Vec::new(), overlays: Overlays::default() }
     }
 }
 
@@ -43,6 +45,7 @@ impl Settings {
     }
 
     fn from_json(value: &Value) -> Settings {
+        let recent = value["recent"].as_array().into_iter().flatten();
         let scale = value["scale"].as_f64().unwrap_or(1.0) as f32;
         let mut overlays = Overlays::default();
         for (name, _, shown) in overlays.all() {
@@ -52,17 +55,19 @@ impl Settings {
             light: value["light"].as_bool().unwrap_or(false),
             scale: if scale.is_finite() { scale.clamp(SCALES.0, SCALES.1) } else { 1.0 },
             layout: value.get("layout").filter(|l| l.is_object()).cloned(),
+            recent: recent.filter_map(|file| Some(PathBuf::from(file.as_str()?))).collect(),
             overlays,
         }
     }
 
     /// Failure is no reason to stop: the next window looks as at first.
     pub fn write(&self, file: &Path) {
+        let recent: Vec<&str> = self.recent.iter().filter_map(|file| file.to_str()).collect();
         let mut overlays = self.overlays;
         let overlays: serde_json::Map<String, Value> =
             overlays.all().into_iter().map(|(name, _, shown)| (name.to_string(), json!(*shown))).collect();
         let value = json!({
-            "light": self.light, "scale": self.scale, "layout": self.layout, "overlays": overlays,
+            "light": self.light, "scale": self.scale, "layout": self.layout, "recent": recent, "overlays": overlays,
         });
         if let (Some(folder), Some(name)) = (file.parent(), file.file_name()) {
             let _ = write_whole_beneath(folder, name.as_ref(), format!("{value:#}\n").as_bytes());
@@ -80,7 +85,13 @@ mod tests {
         let file = folder.path().join("new/view.json");
         assert_eq!(Settings::read(&file), Settings::default());
         let overlays = Overlays { grid: false, onion: true, ..Overlays::default() };
-        let settings = Settings { light: true, scale: 1.5, layout: Some(json!({ "tabs": [1] })), overlays };
+        let settings = Settings {
+            light: true,
+            scale: 1.5,
+            layout: Some(json!({ "tabs": [1] })),
+            recent: vec!["/a/b.rhai".into()],
+            overlays,
+        };
         settings.write(&file);
         assert_eq!(Settings::read(&file), settings);
         for garbage in

@@ -6,6 +6,9 @@ use std::io;
 
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum ViewerError {
+    /// The project's `choreo.toml` has an error.
+    #[error("{0}")]
+    Project(String),
     /// The text has a hint where a package is missing.
     #[error("{0}")]
     NoWindow(String),
@@ -19,6 +22,16 @@ pub(crate) enum ViewerError {
     WindowSystemGone(String),
     #[error("the window can no longer be drawn: {first}; {second}")]
     NotDrawn { first: String, second: String },
+}
+
+impl ViewerError {
+    /// Exit code of the program.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            ViewerError::Project(_) => 1,
+            _ => 4,
+        }
+    }
 }
 
 /// Why an image is not saved; there is no incomplete file.

@@ -2,11 +2,14 @@
 
 mod choose;
 mod device;
+mod documents;
 mod error;
 mod event_log;
 mod gpu;
 mod gpu_error;
 mod image;
+#[cfg(target_os = "linux")]
+mod lost_display;
 mod open;
 mod painter;
 mod raster;
@@ -16,10 +19,11 @@ mod start;
 mod swapchain;
 
 use crate::app::Viewer;
-use crate::args::ViewerOptions;
+use crate::args::{FileOptions, ViewerOptions};
 use crate::panels::Panels;
 use crate::state::dropped_models::DroppedModels;
 use crate::state::settings::Settings;
+use crate::state::shortcuts::Shortcuts;
 use crate::state::view::Resolution;
 use choreo::App;
 use choreo_plugin::{Frame, Registry};
@@ -46,17 +50,21 @@ enum News {
     Repaint(Duration),
 }
 
-/// The script itself; dropped files count from 1.
-const OWN: u64 = 0;
+/// The first file; dropped files and further ones count from 1.
+const FIRST: u64 = 0;
 
 /// Opens the window and stays until it is closed. The text says what is missing.
 pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
+    let source = asked.first.map(|input| asked.files.source(input)).transpose();
+    let source = source.map_err(ViewerError::Project)?;
     let event_log = EventLog::new(asked.event_log);
     let events = start::event_loop()?;
+    #[cfg(target_os = "linux")]
+    lost_display::watch(&events);
     event_log.done("event loop");
     let proxy = events.create_proxy();
     let registry = program.registry.clone();
-    let shaders = asked.source.shaders.clone();
+    let shaders = asked.files.like().shaders.clone();
     let frame_renderer = {
         let proxy = proxy.clone();
         // A window that has gone needs no image; here and below.
@@ -64,32 +72,35 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         FrameRenderer::start(start::renderer(registry.effects().to_vec(), shaders, event_log), report)
     };
     let frame_renderer = frame_renderer.map_err(ViewerError::Thread)?;
-    let path = asked.source.is_script().then(|| asked.source.input.clone());
-    let name = asked.source.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let live = watched(asked.source.clone(), &registry, &proxy, OWN)?;
-    let mut viewer = Viewer::new(name);
-    viewer.path = path;
+    let live = source.clone().map(|source| watched(source, &registry, &proxy, FIRST)).transpose()?;
+    let settings_file = Settings::file();
+    let settings = settings_file.as_deref().map(Settings::read).unwrap_or_default();
+    let mut viewer = documents::first_viewer(source.as_ref(), &registry, &asked.files, &settings);
+    let shortcuts_file = settings_file.as_ref().map(|file| file.with_file_name(Shortcuts::FILE));
+    viewer.message = documents::read_shortcuts(&mut viewer, shortcuts_file.as_deref());
     viewer.commands = asked.commands;
+    viewer.views.iter_mut().for_each(|view| view.overlays = settings.overlays);
     if asked.full_size {
         viewer.views.iter_mut().for_each(|view| view.resolution = Resolution::Full);
     }
-    let settings_file = Settings::file();
-    let settings = settings_file.as_deref().map(Settings::read).unwrap_or_default();
-    viewer.views.iter_mut().for_each(|view| view.overlays = settings.overlays);
+    let written_shortcuts = viewer.shortcuts.clone();
     let mut app = ViewerWindow {
         program: program.name,
         viewer,
         panels: Panels::new(&settings),
         settings,
         settings_file,
+        written_shortcuts,
         begin: Some((asked.at, asked.play)),
         frame_renderer,
-        source: asked.source,
+        source: source.unwrap_or_else(|| asked.files.like().clone()),
+        options: asked.files,
         registry,
-        _live: live,
+        live,
+        own_number: FIRST,
         guest: None,
         placing: None,
-        guests: OWN,
+        guests: FIRST,
         own: None,
         proxy,
         open: None,
@@ -110,8 +121,13 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     app.remember();
     if let Err(error) = ran {
         // After an error the objects of the window system can no longer be freed.
-        std::mem::forget(app);
-        return Err(error);
+        #[cfg(target_os = "linux")]
+        lost_display::leave(&error);
+        #[cfg(not(target_os = "linux"))]
+        {
+            std::mem::forget(app);
+            return Err(error);
+        }
     }
     app.failed.take().map_or(Ok(()), Err)
 }
@@ -134,12 +150,18 @@ struct ViewerWindow {
     panels: Panels,
     settings: Settings,
     settings_file: Option<PathBuf>,
+    /// The keys as they are in their file.
+    written_shortcuts: Shortcuts,
     /// Time and play state to begin with, until the first version is there.
     begin: Option<(f64, bool)>,
     frame_renderer: FrameRenderer,
     source: SceneSource,
+    options: FileOptions,
     registry: Registry,
-    _live: SessionThread,
+    /// The session of the file that is shown; `None` on the start page.
+    live: Option<SessionThread>,
+    /// Its number.
+    own_number: u64,
     /// The session that shows dropped files.
     guest: Option<SessionThread>,
     /// The session that reads models which were dropped on a viewport, and its number.
@@ -189,7 +211,14 @@ impl ViewerWindow {
 
     /// Remembers the layout of the panels for the next window.
     fn remember(&mut self) {
-        let now = self.panels.settings();
+        if let Some(file) = &self.settings_file
+            && self.viewer.shortcuts != self.written_shortcuts
+        {
+            self.viewer.shortcuts.write(&file.with_file_name(Shortcuts::FILE));
+            self.written_shortcuts = self.viewer.shortcuts.clone();
+        }
+        let recent = self.viewer.documents.recent.clone();
+        let now = Settings { recent, ..self.panels.settings() };
         if now != self.settings
             && let Some(file) = &self.settings_file
         {
@@ -283,6 +312,7 @@ impl ViewerWindow {
             self.wake_in(delay);
         }
         self.guests();
+        self.open_document();
         self.advance();
         if self.viewer.quit {
             events.exit();
@@ -331,7 +361,7 @@ impl ViewerWindow {
         if let Some((_, _, models)) = self.placing.take_if(|(number, ..)| *number == whose) {
             return self.viewer.edit(|v| v.add_models(&models, &version));
         }
-        if whose == OWN {
+        if whose == self.own_number {
             // A faulty one leaves the last good one to come back to.
             if version.scene.is_some() || self.own.is_none() {
                 self.own = Some(version.clone());

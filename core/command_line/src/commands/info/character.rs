@@ -1,5 +1,6 @@
 //! The parts that make a model a character, for `choreo info`: bones of a human body, expressions, springs, eyes.
 
+use super::hands;
 use crate::scene::model::list;
 use crate::terminal::page::Page;
 use choreo_asset::{Asset, EyesMovedBy};
@@ -19,6 +20,9 @@ pub fn text(t: &mut Page, asset: &Asset, joints: bool) {
                 t.line(format_args!("  {:<24} {}", bone.name(), name(joint)));
             }
         }
+    }
+    if let Some(hands) = hands::line(asset) {
+        t.line(format_args!("hands      {hands}"));
     }
     if !asset.expressions.is_empty() {
         let names = list(asset.expressions.iter().map(|e| e.name.as_str()), 24);
@@ -86,6 +90,7 @@ pub fn json(asset: &Asset) -> Value {
     json!({
         "about": about,
         "humanoid": bones,
+        "hands": hands::json(asset),
         "expressions": asset.expressions.iter().map(|e| json!({
             "name": e.name, "binary": e.binary, "morphs": e.morphs.len(),
         })).collect::<Vec<_>>(),

@@ -1,6 +1,7 @@
 //! `choreo info`: what is in a model file, or how an image or video was made.
 
 mod character;
+mod hands;
 
 use crate::args::{InfoArgs, values};
 use crate::commands::compressed::Savings;

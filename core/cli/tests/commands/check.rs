@@ -1,0 +1,85 @@
+//! `choreo check` on scripts that are hardly meant, each with the exact text of what is found: `checked/NAME.rhai` and
+//! `checked/NAME.txt`. `CHOREO_ACCEPT=1 cargo test -p choreo --test commands check` writes the texts anew; read them before you commit.
+
+use crate::common::*;
+use std::path::{Path, PathBuf};
+
+fn scripts(folder: &Path) -> Vec<PathBuf> {
+    let mut found: Vec<PathBuf> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .filter(|p| p.extension().is_some_and(|e| e == "rhai"))
+        .collect();
+    found.sort();
+    found
+}
+
+#[test]
+fn every_script_is_answered_with_its_findings() {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/checked");
+    let accept = std::env::var_os("CHOREO_ACCEPT").is_some();
+    let scripts = scripts(&corpus);
+    assert!(scripts.len() >= 25, "the corpus has gone: {}", scripts.len());
+    let mut failures = Vec::new();
+    for path in scripts {
+        let name = path.file_name().unwrap().to_str().unwrap();
+        let run = choreo(&corpus, &["check", "--notes", name]);
+        let got = format!("{}{}exit code {}\n", run.err, run.out, run.code);
+        let expected_at = path.with_extension("txt");
+        if accept {
+            std::fs::write(&expected_at, &got).unwrap();
+            continue;
+        }
+        let expected = std::fs::read_to_string(&expected_at).unwrap_or_default();
+        if got != expected {
+            failures.push(format!("{name}\nexpected:\n{expected}\ngot:\n{got}"));
+        }
+    }
+    assert!(failures.is_empty(), "{} scripts:\n{}", failures.len(), failures.join("\n"));
+}
+
+/// Nothing is found where nothing is: every example script, as it is in the repository.
+#[test]
+fn the_example_scripts_have_no_warnings() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let scripts = scripts(&root.join("scripts"));
+    assert!(scripts.len() >= 7);
+    for path in scripts {
+        // A limit of the clock, which a script on a busy machine reaches earlier.
+        let unhurried =
+            ["--limit", "seconds=900", "--limit", "frame_seconds=900", "--limit", "check_seconds=900"];
+        let args = [&["check", "--strict", path.to_str().unwrap()][..], &unhurried].concat();
+        let run = choreo(&root, &args);
+        assert_eq!((run.code, run.err.as_str()), (0, ""), "{}: {}", path.display(), run.out);
+    }
+}
+
+#[test]
+fn the_benchmark_scripts_have_no_warnings() {
+    let Some(assets) = assets() else { return };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    for path in scripts(&root.join("tests/bench")) {
+        let search = assets.join("gltf");
+        let args = ["check", "--strict", path.to_str().unwrap(), "--search", search.to_str().unwrap()];
+        let run = choreo(&root, &args);
+        assert_eq!((run.code, run.err.as_str()), (0, ""), "{}: {}", path.display(), run.out);
+    }
+}
+
+#[test]
+fn strict_fails_on_warnings_and_machines_read_rules() {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/checked");
+    let run = choreo(&corpus, &["check", "--strict", "frozen_at_end.rhai"]);
+    assert_eq!(run.code, 1);
+    assert!(run.err.ends_with("frozen_at_end.rhai: 1 warning, and --strict lets none pass\n"), "{}", run.err);
+    let run = choreo(&corpus, &["check", "--strict", "cut_off.rhai"]);
+    assert_eq!(
+        (run.code, run.out.as_str()),
+        (0, "cut_off.rhai: good, 120 frames, no warnings, 1 note (--notes shows it)\n")
+    );
+    let run = choreo(&corpus, &["check", "--json", "frozen_at_end.rhai"]);
+    let value: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+    let found = &value["findings"][0];
+    assert_eq!((found["rule"].as_str(), found["line"].as_u64()), (Some("frozen_at_end"), Some(5)), "{value}");
+    assert_eq!(found["severity"].as_str(), Some("warning"));
+}

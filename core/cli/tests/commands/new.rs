@@ -1,0 +1,204 @@
+//! `choreo new`: what it writes works, and it overwrites nothing.
+
+use crate::common::*;
+use choreo_importer_kit_testing::outside;
+use std::path::Path;
+
+#[test]
+fn single_files_work_as_they_are() {
+    let dir = folder();
+    let run = choreo(dir.path(), &["new", "importer", "my_format", "--single"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert_eq!(names(dir.path()), ["my_format.importer.rhai", "sample.my_format", "tri.gltf"]);
+    let run = choreo(dir.path(), &["info", "sample.my_format", "--import", "scale=2"]);
+    assert!(run.code == 0 && run.out.contains("4.000 × 3.000 × 0.000 m"), "{}{}", run.out, run.err);
+    let run = choreo(dir.path(), &["new", "effect", "old_photo", "--single"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    std::fs::write(dir.path().join("s.rhai"), "effect(\"old_photo\", #{ amount: 0.5 });\n").unwrap();
+    let run = choreo(dir.path(), &["check", "s.rhai"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    for hook in HOOKS.into_iter().chain(["pixel"]) {
+        let run = choreo(dir.path(), &["new", "effect", &format!("of_{hook}"), "--single", "--hook", hook]);
+        assert_eq!(run.code, 0, "{}", run.err);
+        let script = format!(
+            "cast(\"a\", shape(\"box\"));\nsun();\nambient(\"grey\");\ncamera(\"c\").frame();\neffect(\"of_{hook}\");\n"
+        );
+        std::fs::write(dir.path().join("s.rhai"), script).unwrap();
+        let run = choreo(dir.path(), &["render", "s.rhai", "--size", "32x18", "--at", "0", "-o", "a.png"]);
+        assert_eq!(run.code, 0, "{hook}: {}", run.err);
+        std::fs::remove_file(dir.path().join("a.png")).unwrap();
+    }
+    let run = choreo(dir.path(), &["new", "exporter", "my_lines", "--single"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let script = "stage(#{ fps: 4, length: 0.75 });\ncast(\"a\", shape(\"box\")).at(1.0, 0.0, 2.5);\n";
+    std::fs::write(dir.path().join("s.rhai"), script).unwrap();
+    let run = choreo(dir.path(), &["export", "s.rhai", "-o", "s.my_lines", "--export", "step=2"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let lines = String::from_utf8(read(dir.path(), "s.my_lines")).unwrap();
+    let lines: Vec<&str> = lines.lines().collect();
+    let of = |secs: &str| lines.iter().filter(|l| l.starts_with(secs) && l.ends_with(",1.0,0.0,2.5")).count();
+    assert_eq!((lines[0], of("0.0,a,"), of("0.5,a,")), ("seconds,actor,joint,x,y,z", 1, 1), "{lines:?}");
+    assert_eq!(lines.len(), 3);
+    let run = choreo(dir.path(), &["new", "importer", "c", "--single", "--hook", "vertex"]);
+    assert!(run.code != 0 && run.err.contains("--hook is of effects"), "{}", run.err);
+    // A folder that is not there yet is made.
+    let run = choreo(dir.path(), &["new", "effect", "b", "--single", "--into", "looks/mine"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert!(dir.path().join("looks/mine/b.wgsl").is_file());
+}
+
+const OUTPUTS: &str = env!("CARGO_TARGET_TMPDIR");
+
+/// What cargo prints about the crates in a folder.
+fn cargo(folder: &Path, arguments: &[&str]) -> String {
+    let output = outside::cargo(OUTPUTS, folder).args(arguments).arg("--offline").output().unwrap();
+    let text = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes)).concat();
+    assert!(output.status.success(), "{text}");
+    text
+}
+
+const HOOKS: [&str; 7] = ["image", "surface", "vertex", "lighting", "shell", "overlay", "shutter"];
+
+/// A crate of each kind and an effect of each hook, members of one workspace, with their own tests.
+#[test]
+fn crates_build_and_pass_their_tests() {
+    let (dir, sources) = (outside::folder(OUTPUTS, "new"), outside::sources());
+    std::fs::write(dir.join("Cargo.toml"), "[workspace]\nresolver = \"3\"\nmembers = [\"mine/*\"]\n")
+        .unwrap();
+    std::fs::create_dir(dir.join("mine")).unwrap();
+    let new = |kind: &str, name: &str, hook: &[&str]| {
+        let arguments = ["new", kind, name, "--into", "mine", "--sources", sources.to_str().unwrap()];
+        let run = choreo(&dir, &[&arguments, hook].concat());
+        assert!(
+            run.code == 0 && run.out.contains("it belongs to the workspace of"),
+            "{}{}",
+            run.out,
+            run.err
+        );
+    };
+    for (kind, made, copied) in [
+        ("importer", "import-my-format", "example"),
+        ("effect", "effect-my-format", "example"),
+        ("exporter", "export-my-format", "csv"),
+    ] {
+        new(kind, "my_format", &[]);
+        // None of the words of the crate that was copied is left.
+        let made = dir.join("mine").join(made);
+        let text = |name: &str| std::fs::read_to_string(made.join(name)).unwrap();
+        let (source, readme) = (text("src/lib.rs"), text("README.md"));
+        assert!(!source.to_lowercase().contains(copied), "{source}");
+        assert!(!format!("{source}{readme}").contains(" to copy"), "{readme}");
+    }
+    HOOKS.iter().for_each(|hook| new("effect", &format!("of_{hook}"), &["--hook", hook]));
+    let text = cargo(&dir, &["test", "--workspace", "--no-fail-fast"]);
+    let passed = |tests: usize| text.matches(&format!("test result: ok. {tests} passed")).count();
+    // The importer has three tests; the exporter and the eight effects have two each.
+    assert_eq!((passed(3), passed(2)), (1, 9), "{text}");
+    for test in
+        ["a_crest_is_as_high_as_the_parameter", "a_pulse_makes_it_twice_as_wide", "half_a_turn_is_half"]
+    {
+        assert!(text.contains(test), "{text}");
+    }
+}
+
+/// Outside a workspace a crate is one.
+#[test]
+fn a_crate_on_its_own_builds() {
+    let (dir, sources) = (folder(), outside::sources());
+    let run = choreo(dir.path(), &["new", "exporter", "alone", "--sources", sources.to_str().unwrap()]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let text = cargo(&dir.path().join("export-alone"), &["check", "--tests"]);
+    assert!(text.contains("Checking export-alone"), "{text}");
+}
+
+#[test]
+fn nothing_is_overwritten_and_names_are_checked() {
+    let dir = folder();
+    std::fs::write(dir.path().join("a.wgsl"), "mine").unwrap();
+    let run = choreo(dir.path(), &["new", "effect", "a", "--single"]);
+    assert_eq!((run.code, run.err.trim()), (3, "a.wgsl: it exists already; nothing was written"));
+    assert_eq!(read(dir.path(), "a.wgsl"), b"mine");
+    for name in ["A", "1a", "a b", "../a", "a_", ""] {
+        let run = choreo(dir.path(), &["new", "importer", name, "--single"]);
+        assert_eq!(run.code, 2, "{name}: {}", run.err);
+    }
+    let run = choreo(dir.path(), &["new", "importer", "a"]);
+    assert!(run.code == 2 && run.err.contains("--sources DIR"), "{}", run.err);
+    let run = choreo(dir.path(), &["new", "importer", "a", "--sources", "."]);
+    assert!(run.code == 2 && run.err.contains("choreo's sources are not there"), "{}", run.err);
+}
+
+/// A project is checked, tested and drawn as it is written, and its test fails where the scene breaks what it says.
+#[test]
+fn a_project_works_as_it_is() {
+    let dir = folder();
+    let run = choreo(dir.path(), &["new", "project", "my-film"]);
+    assert!(run.code == 0 && run.out.contains("choreo view my-film.rhai"), "{}{}", run.out, run.err);
+    let project = dir.path().join("my-film");
+    for file in [
+        ".gitignore",
+        ".nvim.lua",
+        ".vscode/settings.json",
+        ".vscode/tasks.json",
+        "README.md",
+        "assets/README.md",
+        "choreo.toml",
+    ] {
+        assert!(!read(&project, file).is_empty(), "{file}");
+    }
+    let run = choreo(&project, &["check", "my-film.rhai"]);
+    assert!(run.code == 0 && !run.err.contains("warning"), "{}{}", run.out, run.err);
+    let run = choreo(&project, &["test"]);
+    // The sections and the script itself.
+    assert!(run.code == 0 && run.out.contains("3 passed, 0 failed, 0 skipped"), "{}{}", run.out, run.err);
+    let frame = ["render", "my-film.rhai", "--at", "1.5", "--size", "320x180", "-o", "frame.png"];
+    let run = choreo(&project, &[&frame[..], &["--device", "cpu"]].concat());
+    assert_eq!(run.code, 0, "{}", run.err);
+    let image = image::load_from_memory(&read(&project, "frame.png")).unwrap().to_rgb8();
+    // Brighter in one channel than in another by so much.
+    let more = |a: usize, b: usize, by: u8| image.pixels().filter(|p| p[a] > p[b].saturating_add(by)).count();
+    let (coral, teal) = (more(0, 2, 40), more(1, 0, 30));
+    assert!(coral > 300 && teal > 300, "{coral} and {teal} pixels");
+
+    let script = project.join("my-film.rhai");
+    let text = std::fs::read_to_string(&script).unwrap();
+    std::fs::write(&script, text.replace("clip(\"Bow\")", "clip(\"Idle\")")).unwrap();
+    let run = choreo(&project, &["test"]);
+    assert!(run.code == 1 && run.out.contains("bob bows"), "{}{}", run.out, run.err);
+}
+
+/// The files for other programs can be read, and say what this repository says elsewhere.
+#[test]
+fn settings_of_a_project_are_well_formed() {
+    let dir = folder();
+    assert_eq!(choreo(dir.path(), &["new", "project", "film"]).code, 0);
+    let project = dir.path().join("film");
+    let text = |file: &str| std::fs::read_to_string(project.join(file)).unwrap();
+    for file in [".vscode/settings.json", ".vscode/tasks.json"] {
+        serde_json::from_str::<serde_json::Value>(&text(file)).unwrap_or_else(|e| panic!("{file}: {e}"));
+    }
+    let workflow = text(".github/workflows/test.yml");
+    assert!(workflow.contains(concat!("--tag v", env!("CARGO_PKG_VERSION"), " choreo")), "{workflow}");
+    assert!(workflow.contains("choreo test"), "{workflow}");
+    let page = std::fs::read_to_string(outside::sources().join("core/language_server/README.md")).unwrap();
+    let (_, settings) =
+        text(".nvim.lua").split_once('\n').map(|(a, b)| (a.to_string(), b.to_string())).unwrap();
+    assert!(page.contains(&settings), "{settings}");
+}
+
+#[test]
+fn a_project_takes_the_place_of_nothing() {
+    let dir = folder();
+    std::fs::create_dir(dir.path().join("there")).unwrap();
+    let run = choreo(dir.path(), &["new", "project", "there"]);
+    assert_eq!((run.code, run.err.trim()), (3, "there: it exists already; nothing was written"));
+    assert!(names(&dir.path().join("there")).is_empty());
+    for name in ["", "1a", "a b", "../a", "a/b", "a.b", "-a", "Nul", "é"] {
+        let run = choreo(dir.path(), &["new", "project", "--", name]);
+        assert!(run.code == 2 && run.err.contains("as my-film"), "{name}: {}", run.err);
+    }
+    let run = choreo(dir.path(), &["new", "project", "a", "--single"]);
+    assert!(run.code == 2 && run.err.contains("are of plugins"), "{}", run.err);
+    let run = choreo(dir.path(), &["new", "project", "My_Film", "--into", "films/mine"]);
+    assert!(run.code == 0 && dir.path().join("films/mine/My_Film/My_Film.rhai").is_file(), "{}", run.err);
+}

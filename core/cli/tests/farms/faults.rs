@@ -1,0 +1,320 @@
+//! Faults of a farm: full disks, files that are seen late, clocks that differ, several workers of one chunk, workers that are
+//! stopped or killed. Nothing is lost, and the film has the bytes of one machine.
+#![cfg(unix)]
+
+use crate::common::*;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant, SystemTime};
+
+/// 60 frames of which no two are equal.
+const SCRIPT: &str = r##"stage(#{ size: [320, 180], fps: 30, length: 2.0 });
+cast("b", shape("box", #{ size: [1.0, 1.0, 1.0], color: "#c04020" }))
+    .key("position", [[0.0, [-1.5, 0, 0]], [2.0, [1.5, 0, 0]]]);
+camera("c").at(0.0, 1.0, 6.0).look_at([0.0, 0.0, 0.0]);
+"##;
+
+const RENDER: [&str; 9] =
+    ["render", "s.rhai", "-o", "film.mp4", "--device", "cpu", "--export", "keyframes=0.8", "--quiet"];
+
+fn scene() -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::write(dir.path().join("s.rhai"), SCRIPT).unwrap();
+    dir
+}
+
+/// The film of one machine.
+fn whole(folder: &Path) -> Vec<u8> {
+    assert_eq!(choreo(folder, &RENDER).code, 0);
+    let bytes = read(folder, "film.mp4");
+    std::fs::remove_file(folder.join("film.mp4")).unwrap();
+    bytes
+}
+
+fn worker_args<'a>(frames: &'a str, into: &'a str) -> Vec<&'a str> {
+    [&RENDER[..], &["--frames", frames, "--segment", into, "--resume", "--json"]].concat()
+}
+
+/// Frames that a worker has drawn.
+fn drawn(worker: Process) -> u64 {
+    let run = worker.ended();
+    assert_eq!(run.code, 0, "{}", run.err);
+    drawn_of(&run.out)
+}
+
+fn worker(folder: &Path, frames: &str) -> Process {
+    Process::spawn(&mut command(folder, &worker_args(frames, "segments")))
+}
+
+fn drawn_of(summary: &str) -> u64 {
+    serde_json::from_str::<serde_json::Value>(summary).unwrap()["drawn"].as_u64().unwrap()
+}
+
+fn joined(folder: &Path, more: &[&str]) -> Vec<u8> {
+    let run = choreo(folder, &[&["join", "segments", "-o", "film.mp4", "--quiet"][..], more].concat());
+    assert_eq!(run.code, 0, "{}", run.err);
+    read(folder, "film.mp4")
+}
+
+fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !done() {
+        assert!(start.elapsed().as_secs() < 300, "no {what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// Waits for finished frames of a segment that is being made: its journal has more than the head.
+fn wait_for_frames(folder: &Path, segment: &str) {
+    wait_for_other_frames(folder, segment, &[]);
+}
+
+/// Waits for finished frames in a part folder that is none of these; gives its name.
+fn wait_for_other_frames(folder: &Path, segment: &str, known: &[&str]) -> String {
+    let segments = folder.join("segments");
+    let start = format!("{segment}.segment.");
+    let part = || {
+        let names = if segments.is_dir() { parts(&segments) } else { Vec::new() };
+        names.into_iter().find(|name| name.starts_with(&start) && !known.contains(&name.as_str()))
+    };
+    let length = || {
+        let journal = part().map(|part| segments.join(part).join("journal"));
+        journal.and_then(|journal| journal.metadata().ok()).map_or(0, |metadata| metadata.len())
+    };
+    wait_for("journal", || length() > 0);
+    let head = length();
+    wait_for("frames", || length() > head + 200);
+    part().unwrap()
+}
+
+fn state_of(folder: &Path, segment: &str) -> serde_json::Value {
+    let report = read(&folder.join("segments"), &format!("{segment}.report"));
+    let line = report.split(|byte| *byte == b'\n').next().unwrap();
+    serde_json::from_slice(&line[65..]).unwrap()
+}
+
+/// SIGTERM, as engines send it before they take the machine away: the frame ends, what is finished stays, and a successor makes the rest.
+#[test]
+fn a_worker_that_gets_notice_keeps_its_frames() {
+    let dir = scene();
+    let d = dir.path();
+    let film = whole(d);
+    let first = worker(d, "0-59");
+    wait_for_frames(d, "0000000-0000059");
+    first.signal("-TERM");
+    let run = first.ended();
+    assert_eq!(run.code, 130, "{}", run.err);
+    assert!(!d.join("segments/0000000-0000059.segment").exists());
+    let state = state_of(d, "0000000-0000059");
+    let done = state["done"].as_u64().unwrap();
+    assert!(state["state"] == "stopped" && done > 0 && done < 60, "{state}");
+    let rest = drawn(worker(d, "0-59"));
+    assert_eq!(done + rest, 60);
+    assert!(joined(d, &[]) == film);
+    assert_eq!(names(&d.join("segments")), ["0000000-0000059.report", "0000000-0000059.segment"]);
+}
+
+/// Killed without a word, and the clocks of the machines differ by decades: file times say nothing.
+#[test]
+fn a_killed_worker_has_a_successor_whatever_the_clocks_say() {
+    let dir = scene();
+    let d = dir.path();
+    let film = whole(d);
+    let year = Duration::from_secs(365 * 86_400);
+    let times = [SystemTime::UNIX_EPOCH + year, SystemTime::now() + 70 * year];
+    assert_eq!(drawn(worker(d, "0-23")), 24);
+    let first = worker(d, "24-59");
+    wait_for_frames(d, "0000024-0000059");
+    drop(first);
+    let mut next = times.into_iter().cycle();
+    for path in files_below(&d.join("segments")) {
+        std::fs::File::options().write(true).open(path).unwrap().set_modified(next.next().unwrap()).unwrap();
+    }
+    let status = || choreo(d, &["join", "segments", "-o", "film.mp4"]);
+    assert!(status().err.contains("of 60 frames these are missing: 24..=59"));
+    let rest = drawn(worker(d, "24-59"));
+    assert!(rest > 0 && rest < 36, "{rest}");
+    assert_eq!(drawn(worker(d, "0-23")), 0);
+    for path in files_below(&d.join("segments")) {
+        std::fs::File::options().write(true).open(path).unwrap().set_modified(next.next().unwrap()).unwrap();
+    }
+    assert!(joined(d, &[]) == film);
+}
+
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries.flat_map(|path| if path.is_dir() { files_below(&path) } else { vec![path] }).collect()
+}
+
+/// Three workers of one chunk, of which the one that draws is killed: one of the others goes on with its frames, and the last one finds
+/// the segment whole.
+#[test]
+fn several_workers_of_one_chunk_make_it_once() {
+    let dir = scene();
+    let d = dir.path();
+    let film = whole(d);
+    let first = worker(d, "0-59");
+    wait_for_frames(d, "0000000-0000059");
+    // The stopped worker holds the segment, and draws no more.
+    first.signal("-STOP");
+    let others = [worker(d, "0-59"), worker(d, "0-59")];
+    // The other workers are there, and wait.
+    std::thread::sleep(Duration::from_millis(300));
+    drop(first);
+    let mut counts = others.map(drawn);
+    counts.sort_unstable();
+    assert!(counts[0] == 0 && counts[1] > 0 && counts[1] < 60, "{counts:?}");
+    assert!(joined(d, &[]) == film);
+}
+
+/// A library for `LD_PRELOAD` that answers `flock` as file systems do without locks: those that refuse them, and those whose locks do not reach from one
+/// machine to another. `None` where it cannot be built.
+fn without_locks(folder: &Path) -> Option<PathBuf> {
+    let source = r#"#include <errno.h>
+#include <stdlib.h>
+int flock(int file, int operation) {
+    int errors[] = {0, ENOLCK, ENOSYS, EOPNOTSUPP};
+    errno = errors[atoi(getenv("FLOCK_ERROR"))];
+    return errno ? -1 : 0;
+}
+"#;
+    std::fs::write(folder.join("flock.c"), source).unwrap();
+    let library = folder.join("flock.so");
+    let mut compiler = Command::new("cc");
+    let built = compiler.args(["-shared", "-fPIC", "-o"]).arg(&library).arg(folder.join("flock.c")).status();
+    let is_used = cfg!(all(target_os = "linux", target_env = "gnu"));
+    (is_used && built.is_ok_and(|status| status.success())).then_some(library)
+}
+
+/// File systems without locks: where they are refused, and where two machines hold the same one. Workers of one chunk draw side by side then, each in
+/// a folder of its own, and whoever is late finds the segment whole; the frames of a killed worker are copied by the next one.
+#[test]
+fn file_systems_without_locks_lose_nothing() {
+    let dir = scene();
+    let d = dir.path();
+    let film = whole(d);
+    let Some(library) = without_locks(d) else {
+        println!("SKIP 1: no library can be built that refuses locks");
+        return;
+    };
+    const NAMED: &[&str] = &["--uts", "--map-root-user", "sh", "-c", "hostname \"$0\" && exec \"$@\""];
+    let may_be_named = Command::new("unshare").args(NAMED).args(["ann", "true"]).status();
+    let may_be_named = may_be_named.is_ok_and(|status| status.success());
+    // NFS without a lock manager, Lustre without flock, a FUSE file system without locks.
+    for error in ["1", "2", "3"] {
+        lose_nothing_without_locks(d, &film, |_| {
+            let mut worker = command(d, &worker_args("0-59", "segments"));
+            worker.env("LD_PRELOAD", &library).env("FLOCK_ERROR", error);
+            worker
+        });
+    }
+    if !may_be_named {
+        println!("SKIP 1: machines cannot have other names here");
+        return;
+    }
+    // NFS with local locks, most FUSE file systems: each machine has the lock.
+    lose_nothing_without_locks(d, &film, |machine| {
+        let choreo = command(d, &worker_args("0-59", "segments"));
+        let mut worker = Command::new("unshare");
+        worker.args(NAMED).arg(machine).arg(choreo.get_program()).args(choreo.get_args());
+        worker.current_dir(d).env("CHOREO_PLUGINS", "").stdin(Stdio::null());
+        worker.env("LD_PRELOAD", &library).env("FLOCK_ERROR", "0");
+        worker
+    });
+}
+
+/// `worker`: that of the whole film on a machine of this name.
+fn lose_nothing_without_locks(d: &Path, film: &[u8], worker: impl Fn(&str) -> Command) {
+    const SEGMENT: &str = "0000000-0000059";
+    let segments = d.join("segments");
+    // Killed: the next one goes on with its frames.
+    let first = Process::spawn(&mut worker("ann"));
+    let part = wait_for_other_frames(d, SEGMENT, &[]);
+    drop(first);
+    let kept = std::fs::read(segments.join(&part).join("journal")).unwrap();
+    // Two at once: one stands still in the middle of its work until the other has finished.
+    let slow = Process::spawn(&mut worker("ben"));
+    let own = wait_for_other_frames(d, SEGMENT, &[&part]);
+    slow.signal("-STOP");
+    let journal = std::fs::read(segments.join(&own).join("journal")).unwrap();
+    assert!(journal.starts_with(&kept) && journal.len() > kept.len());
+    let fast = drawn(Process::spawn(&mut worker("cleo")));
+    assert!(fast > 0 && fast < 60, "{fast}");
+    assert_eq!(names(&segments), [format!("{SEGMENT}.report"), format!("{SEGMENT}.segment")]);
+    slow.signal("-CONT");
+    let run = slow.ended();
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert_eq!(drawn_of(&run.out), 0, "{}", run.out);
+    assert!(joined(d, &[]) == film);
+    assert_eq!(drawn(Process::spawn(&mut worker("dora"))), 0);
+    assert_eq!(names(&segments), [format!("{SEGMENT}.report"), format!("{SEGMENT}.segment")]);
+    std::fs::remove_dir_all(&segments).unwrap();
+}
+
+/// A file system on which segments are seen late and in pieces: the join waits as long as `--wait` says, and names what is missing then.
+#[test]
+fn a_join_waits_for_segments_that_are_seen_late() {
+    let dir = scene();
+    let d = dir.path();
+    let film = whole(d);
+    for frames in ["0-23", "24-47", "48-59"] {
+        drawn(worker(d, frames));
+    }
+    let late: Vec<(PathBuf, Vec<u8>)> = ["0000024-0000047.segment", "0000048-0000059.segment"]
+        .map(|name| d.join("segments").join(name))
+        .map(|path| (path.clone(), std::fs::read(path).unwrap()))
+        .into();
+    late.iter().for_each(|(path, _)| std::fs::remove_file(path).unwrap());
+    let run = choreo(d, &["join", "segments", "-o", "film.mp4", "--wait", "1"]);
+    assert!(run.code == 1 && run.err.contains("these are missing: 24..=59"), "{}", run.err);
+    assert!(!d.join("film.mp4").exists());
+    let join = ["join", "segments", "-o", "film.mp4", "--wait", "300"];
+    let join = Process::spawn(&mut command(d, &join));
+    let pause = || std::thread::sleep(Duration::from_millis(700));
+    pause();
+    std::fs::write(&late[0].0, &late[0].1[..late[0].1.len() / 2]).unwrap();
+    pause();
+    std::fs::write(&late[1].0, &late[1].1).unwrap();
+    pause();
+    std::fs::write(&late[0].0, &late[0].1).unwrap();
+    let run = join.ended();
+    assert!(run.code == 0 && !run.err.contains("warning"), "{}", run.err);
+    assert!(read(d, "film.mp4") == film);
+}
+
+/// A disk that fills up: exit code 3, no segment, and after there is room the render goes on with the frames that fitted.
+#[test]
+fn a_full_disk_costs_no_finished_frame() {
+    let dir = scene();
+    let d = dir.path();
+    let unshare = |script: &str, args: &[&str]| {
+        let mut command = Command::new("unshare");
+        command
+            .args(["--mount", "--map-root-user", "sh", "-c", script, env!("CARGO_BIN_EXE_choreo")])
+            .args(args);
+        command.current_dir(d).env("CHOREO_PLUGINS", "").stdin(Stdio::null()).output()
+    };
+    if !unshare("mount -t tmpfs -o size=100k none /mnt", &[]).is_ok_and(|run| run.status.success()) {
+        println!("SKIP 1: no file system of its own may be mounted here");
+        return;
+    }
+    let film = whole(d);
+    std::fs::create_dir_all(d.join("segments")).unwrap();
+    std::fs::create_dir_all(d.join("small")).unwrap();
+    let script = r#"mount -t tmpfs -o size=150k none small || exit 99
+"$0" "$@"; echo "code $?" >&2
+ls small >&2
+mount -o remount,size=100m small || exit 99
+"$0" "$@" || exit 98
+cp small/*.segment segments/
+"#;
+    let run = finished(unshare(script, &worker_args("0-59", "small")).unwrap());
+    assert_eq!(run.code, 0, "{}{}", run.out, run.err);
+    assert!(run.err.contains("cannot write: the disk is full"), "{}", run.err);
+    assert!(run.err.contains("\ncode 3\n"), "{}", run.err);
+    assert!(!run.err.contains("\n0000000-0000059.segment\n"), "{}", run.err);
+    let last = run.out.rfind("\n{").map_or(0, |at| at + 1);
+    let rest = drawn_of(&run.out[last..]);
+    assert!(rest > 0 && rest < 60, "{rest} {}", run.err);
+    assert!(joined(d, &[]) == film);
+}

@@ -1,0 +1,341 @@
+//! Jobs for render farms: the job runs with the engine's own runner, and its film has the bytes of one machine.
+#![cfg(unix)]
+
+use crate::common::*;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// 60 frames.
+const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 30, length: 2.0 });
+let color = param("color", "#c04020");
+cast("t", load("tri.gltf"));
+cast("b", shape("box", #{ size: [1.0, 1.0, 1.0], color: color }))
+    .key("position", [[0.0, [0, 0, 0]], [0.5, [0, 0, 0]], [1.2, [1.5, 0, 0]], [2.0, [1.5, 0, 0]]]);
+camera("c").at(0.0, 1.0, 6.0).look_at([0.0, 0.0, 0.0]);
+"##;
+
+/// An MP4 has pieces of 24 frames with these.
+const OPTIONS: &[&str] = &["--samples", "1", "--export", "keyframes=0.8", "--set", "color=#20c040"];
+
+fn scene() -> tempfile::TempDir {
+    let dir = folder();
+    std::fs::create_dir(dir.path().join("scene")).unwrap();
+    std::fs::rename(dir.path().join("tri.gltf"), dir.path().join("scene/tri.gltf")).unwrap();
+    std::fs::write(dir.path().join("scene/it's.rhai"), SCRIPT).unwrap();
+    dir
+}
+
+/// The job in the folder `job`, and its summary.
+fn job(folder: &Path, engine: &str, film: &str, more: &[&str]) -> serde_json::Value {
+    let mut args = vec!["farm", "scene/it's.rhai", "-o", film, "--for", engine, "--to", "job", "--json"];
+    let of_mp4 = |option: &&&str| film.ends_with(".mp4") || !["--export", "keyframes=0.8"].contains(*option);
+    args.extend(OPTIONS.iter().filter(of_mp4));
+    args.extend(more);
+    let run = choreo(folder, &args);
+    assert_eq!(run.code, 0, "{}", run.err);
+    serde_json::from_str(&run.out).unwrap()
+}
+
+/// The film of one machine, from the script and its files, which are gone then.
+fn one_machine(folder: &Path) -> Vec<u8> {
+    let mut args = vec!["render", "scene/it's.rhai", "-o", "one.mp4", "--device", "cpu"];
+    args.extend(OPTIONS);
+    let run = choreo(folder, &args);
+    assert_eq!(run.code, 0, "{}", run.err);
+    std::fs::remove_dir_all(folder.join("scene")).unwrap();
+    read(folder, "one.mp4")
+}
+
+/// `openjd` with its arguments, in an environment of its own.
+fn openjd(args: &[&str]) -> Option<Run> {
+    let python = python_with("openjd.cli", "openjd-cli==0.8.0")?;
+    let program = python.with_file_name("openjd");
+    let run = Command::new(program).args(args).output().unwrap();
+    Some(finished(run))
+}
+
+#[test]
+fn openjd_runs_the_whole_job() {
+    let dir = scene();
+    let d = dir.path();
+    let film = "it's a {film}.mp4";
+    let summary = job(d, "openjd", film, &["--chunk", "25"]);
+    assert_eq!(summary["chunks"], serde_json::json!([[0, 24], [25, 49], [50, 59]]));
+    assert_eq!(names(&d.join("job")), ["film.choreo", "job.json", "output", "segments", "template.json"]);
+    let whole = one_machine(d);
+    let template = d.join("job/template.json").display().to_string();
+    let Some(check) = openjd(&["check", &template, "--extensions", "TASK_CHUNKING"]) else { return };
+    assert_eq!(check.code, 0, "{}{}", check.out, check.err);
+    let choreo = format!("Choreo={}", env!("CARGO_BIN_EXE_choreo"));
+    let run = ["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo];
+    let run = openjd(&[&run[..], &["--extensions", "TASK_CHUNKING"]].concat()).unwrap();
+    assert_eq!(run.code, 0, "{}{}", run.out, run.err);
+    assert!(names(&d.join("job/segments")).len() >= 3, "{:?}", names(&d.join("job/segments")));
+    assert_eq!(names(&d.join("job/output")).len(), 1);
+    assert!(read(d, &format!("job/output/{film}")) == whole);
+}
+
+/// A stand-in for sbatch, which runs the tasks of an array one after the other, the last first, and a dependent job only behind its
+/// array. The real one runs in `cargo xtask farm`.
+const SBATCH: &str = r#"#!/bin/sh
+script= first= last= after=
+for argument; do
+    case "$argument" in
+        --array=*) range=${argument#--array=}; first=${range%-*}; last=${range#*-} ;;
+        --dependency=after*) after=${argument##*:} ;;
+        -*) echo "$argument" >> options.txt ;;
+        *) script=$argument ;;
+    esac
+done
+[ -z "$after" ] || [ -f "done-$after" ] || exit 1
+if [ -n "$first" ]; then
+    for task in $(seq "$last" -1 "$first"); do
+        SLURM_ARRAY_TASK_ID=$task sh "$script" >&2 || exit 1
+    done
+    touch done-41
+    echo "41;cluster"
+else
+    sh "$script" >&2 || exit 1
+    echo 42
+fi
+"#;
+
+fn slurm(folder: &Path, sbatch: &str) -> std::process::Output {
+    let bin: PathBuf = folder.join("bin");
+    std::fs::create_dir_all(&bin).unwrap();
+    std::fs::write(bin.join("sbatch"), sbatch).unwrap();
+    std::fs::set_permissions(bin.join("sbatch"), std::fs::Permissions::from_mode(0o755)).unwrap();
+    let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap_or_default());
+    Command::new("sh")
+        .args(["job/submit.sh", "--partition=long"])
+        .current_dir(folder)
+        .env("PATH", path)
+        .env("CHOREO", env!("CARGO_BIN_EXE_choreo"))
+        .env("CHOREO_PLUGINS", "")
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn slurm_scripts_make_the_film() {
+    let dir = scene();
+    let d = dir.path();
+    let film = "it's a film.mp4";
+    let summary = job(d, "slurm", film, &["--chunk", "14"]);
+    assert_eq!(summary["chunks"].as_array().unwrap().len(), 5);
+    assert_eq!(
+        names(&d.join("job")),
+        ["chunks.txt", "film.choreo", "job.json", "join.sh", "output", "render.sh", "segments", "submit.sh"]
+    );
+    assert_eq!(read(d, "job/chunks.txt"), b"0-13\n14-27\n28-41\n42-55\n56-59\n");
+    let whole = one_machine(d);
+    let run = finished(slurm(d, SBATCH));
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert_eq!(run.out, "render: job 41, 5 tasks; join: job 42\n");
+    assert!(read(d, &format!("job/output/{film}")) == whole);
+    let options = String::from_utf8(read(d, "job/options.txt")).unwrap();
+    assert!(options.contains("--partition=long") && options.contains("--parsable"), "{options}");
+    // A task that runs again makes nothing anew, and a job in a folder with segments is not written over.
+    let run = finished(slurm(d, SBATCH));
+    assert_eq!(run.code, 0, "{}", run.err);
+    std::fs::create_dir(d.join("scene")).unwrap();
+    std::fs::write(d.join("scene/s.rhai"), "stage(#{ length: 0.1 });").unwrap();
+    let again = choreo(d, &["farm", "scene/s.rhai", "-o", "a.mp4", "--for", "slurm", "--to", "job"]);
+    assert_eq!(again.code, 3);
+    assert!(
+        again.err.starts_with("--to job: a job has run there: job/segments is not empty"),
+        "{}",
+        again.err
+    );
+}
+
+/// Chunks that are measured cover the film, and state what was measured.
+#[test]
+fn measured_chunks_cover_the_film() {
+    let dir = scene();
+    let d = dir.path();
+    for engine in ["openjd", "slurm"] {
+        let summary = job(d, engine, "film.mp4", &["--size", "160x90"]);
+        let chunks: Vec<[u64; 2]> = serde_json::from_value(summary["chunks"].clone()).unwrap();
+        let mut next = 0;
+        for [first, last] in &chunks {
+            assert!(*first == next && last >= first, "{chunks:?}");
+            next = last + 1;
+        }
+        assert_eq!(next, 60, "{chunks:?}");
+        assert!(summary["start_seconds"].as_f64().unwrap() > 0.0);
+        assert!(summary["frame_seconds"].as_f64().unwrap() > 0.0);
+        std::fs::remove_dir_all(d.join("job")).unwrap();
+    }
+    // 360 frames: no chunk is longer than AWS Deadline Cloud takes.
+    let summary = job(d, "openjd", "film.mp4", &["--fps", "240", "--chunk", "400"]);
+    assert_eq!(summary["chunks"].as_array().unwrap().len(), 4);
+}
+
+#[test]
+fn jobs_that_cannot_run_are_refused() {
+    let dir = scene();
+    let d = dir.path();
+    for (film, what) in [
+        ("../film.mp4", "the film is written to the folder output of the job"),
+        ("/film.mp4", "the film is written to the folder output of the job"),
+        ("-", "the film is written to the folder output of the job"),
+        ("{{Param.Choreo}}.mp4", "two braces are an expression of the job's template"),
+        ("film.xyz", "the name's extension says the format"),
+        ("film.png", "holds one image and the scene has 60 frames"),
+    ] {
+        let run = choreo(d, &["farm", "scene/it's.rhai", "-o", film, "--for", "openjd", "--to", "job"]);
+        assert!(run.code == 2 && run.err.contains(what), "{film}: {}", run.err);
+    }
+    let run = choreo(d, &["farm", "none.rhai", "-o", "a.mp4", "--for", "slurm", "--to", "job"]);
+    assert_eq!((run.code, run.err.as_str()), (1, "none.rhai: no such file\n"));
+}
+
+/// The preview is every eighth frame at half the size: the frames of the film, drawn at that size.
+#[test]
+fn a_preview_has_every_eighth_frame_at_half_the_size() {
+    let dir = scene();
+    let d = dir.path();
+    let render = |size: &str, more: &[&str]| {
+        let args = ["render", "scene/it's.rhai", "--device", "cpu", "--samples", "1", "--size", size];
+        let run = choreo(d, &[&args[..], &["--set", "color=#20c040"], more].concat());
+        assert_eq!(run.code, 0, "{}", run.err);
+    };
+    render("32x18", &["--frames", "0..60:8", "-o", "every/%04d.png"]);
+    render("64x36", &["--frames", "0..60:8", "-o", "large/%04d.png"]);
+    let summary = job(d, "slurm", "film/%02d.png", &["--chunk", "14", "--preview", "1/8"]);
+    assert_eq!(summary["films"][0]["output"], "preview/film/%02d.png");
+    let run = finished(slurm(d, SBATCH));
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert!(
+        run.out.starts_with("preview render: job 41, 1 tasks; preview join: job 42\nrender: "),
+        "{}",
+        run.out
+    );
+    let pixels = |name: String| image::open(d.join(name)).unwrap().to_rgba8();
+    let preview = names(&d.join("job/output/preview/film"));
+    assert_eq!(preview.len(), 8);
+    for (k, name) in preview.iter().enumerate() {
+        let small = pixels(format!("job/output/preview/film/{name}"));
+        assert!(small == pixels(format!("every/{:04}.png", 8 * k)), "{name}");
+        assert!(
+            pixels(format!("job/output/film/{:02}.png", 8 * k)) == pixels(format!("large/{:04}.png", 8 * k))
+        );
+    }
+    // The frames differ, so that a wrong one would be found.
+    assert!(pixels("every/0000.png".into()) != pixels("every/0032.png".into()));
+    std::fs::remove_dir_all(d.join("job")).unwrap();
+    job(d, "openjd", "film.mp4", &["--chunk", "24", "--preview", "1/8"]);
+    let whole = one_machine(d);
+    let template = d.join("job/template.json").display().to_string();
+    let choreo = format!("Choreo={}", env!("CARGO_BIN_EXE_choreo"));
+    let run = ["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo];
+    let Some(run) = openjd(&[&run[..], &["--extensions", "TASK_CHUNKING"]].concat()) else { return };
+    assert_eq!(run.code, 0, "{}{}", run.out, run.err);
+    assert!(read(d, "job/output/film.mp4") == whole);
+    assert!(d.join("job/output/preview/film.mp4").is_file());
+}
+
+/// A film a row, with a row that fails: the others have the bytes of one machine, on both engines.
+#[test]
+fn a_batch_is_one_job() {
+    let dir = scene();
+    let d = dir.path();
+    let table = "_name,color\nred one,#c04020\nbad,\"no such color\"\nblue,#2040c0\n";
+    std::fs::write(d.join("rows.csv"), table).unwrap();
+    for (name, color) in [("red one", "#c04020"), ("blue", "#2040c0")] {
+        let (output, color) = (format!("{name}.mp4"), format!("color={color}"));
+        let mut args = vec!["render", "scene/it's.rhai", "-o", &output, "--device", "cpu", "--set", &color];
+        args.extend(&OPTIONS[..4]);
+        assert_eq!(choreo(d, &args).code, 0);
+    }
+    for engine in ["slurm", "openjd"] {
+        let _ = std::fs::remove_dir_all(d.join("job"));
+        let mut args = vec![
+            "farm",
+            "scene/it's.rhai",
+            "-o",
+            "{_dir}/{_name}.mp4",
+            "--for",
+            engine,
+            "--to",
+            "job",
+            "--chunk",
+            "25",
+        ];
+        args.extend(&OPTIONS[..4]);
+        args.extend(["--set-from", "rows.csv", "--json"]);
+        let run = choreo(d, &args);
+        assert!(run.code == 1 && run.err.contains("row 1 has no value for {_dir}"), "{}", run.err);
+        args[3] = "films/{row} {_name}.mp4";
+        let run = choreo(d, &args);
+        assert_eq!((run.code, run.err.lines().last()), (1, Some("1 of 3 rows failed: 2")), "{}", run.err);
+        let summary: serde_json::Value = serde_json::from_str(&run.out).unwrap();
+        assert_eq!(summary["films"].as_array().unwrap().len(), 2);
+        assert_eq!(summary["films"][1]["output"], "films/3 blue.mp4");
+        assert_eq!(summary["failed_rows"][0]["row"], 2);
+        let run = match engine {
+            "slurm" => finished(slurm(d, SBATCH)),
+            _ => {
+                let template = d.join("job/template.json").display().to_string();
+                let choreo = format!("Choreo={}", env!("CARGO_BIN_EXE_choreo"));
+                match openjd(&["run", &template, "--step", "Join", "--run-dependencies", "-p", &choreo]) {
+                    Some(run) => run,
+                    None => return,
+                }
+            }
+        };
+        assert_eq!(run.code, 0, "{engine}: {}{}", run.out, run.err);
+        assert_eq!(names(&d.join("job/output/films")), ["1 red one.mp4", "3 blue.mp4"]);
+        assert!(read(d, "job/output/films/1 red one.mp4") == read(d, "red one.mp4"), "{engine}");
+        assert!(read(d, "job/output/films/3 blue.mp4") == read(d, "blue.mp4"), "{engine}");
+    }
+}
+
+/// The guide's lines for machines without a scheduler, as they stand there: with an ssh that runs each command on this machine, and a
+/// machine that fails at first.
+#[test]
+fn the_guide_lines_for_machines_without_a_scheduler_make_the_film() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/guide/src/recipes/render_farm.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    let section = page.split("## Machines without a scheduler").nth(1).unwrap();
+    let lines = section.split("```sh\n").nth(1).unwrap().split("```").next().unwrap();
+    let dir = folder();
+    let d = dir.path();
+    std::fs::write(d.join("film.rhai"), SCRIPT).unwrap();
+    std::fs::write(d.join("hosts.txt"), "ann\nben\ncleo\n").unwrap();
+    std::fs::write(d.join("choreo.toml"), "[render]\nsamples = 1\n").unwrap();
+    let bin = d.join("bin");
+    std::fs::create_dir(&bin).unwrap();
+    std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_choreo"), bin.join("choreo")).unwrap();
+    let ssh = "#!/bin/sh\n[ \"$1\" = -n ] || exit 9\necho \"$2\" >> \"$HOSTS\"\n[ \"$2\" = \"$DEAD\" ] && exit 255\ncd / && exec sh -c \"$3\"\n";
+    std::fs::write(bin.join("ssh"), ssh).unwrap();
+    std::fs::set_permissions(bin.join("ssh"), std::fs::Permissions::from_mode(0o755)).unwrap();
+    // Chunks of a known length in place of measured ones.
+    let lines = lines.replace("--to job", "--to job --chunk 7 --samples 1");
+    // The missing segments do not come.
+    let lines = lines.replace("sh job/join.sh", "sed -i 's/--wait 60//' job/join.sh && sh job/join.sh");
+    let run = |lines: &str, dead: &str| {
+        let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap_or_default());
+        let mut shell = Command::new("sh");
+        shell.args(["-c", lines]).current_dir(d).env("PATH", path).env("CHOREO_PLUGINS", "");
+        shell.env_remove("SLURM_JOB_ID");
+        finished(shell.env("HOSTS", d.join("used.txt")).env("DEAD", dead).output().unwrap())
+    };
+    let first = run(&lines, "ben");
+    assert!(
+        first.code == 1 && first.err.contains("these are missing: 7..=13, 28..=34, 49..=55"),
+        "{}",
+        first.err
+    );
+    let again = run(lines.split_once('\n').unwrap().1, "nobody");
+    assert_eq!(again.code, 0, "{}", again.err);
+    let mut used: Vec<String> =
+        String::from_utf8(read(d, "used.txt")).unwrap().lines().map(str::to_string).collect();
+    used.sort();
+    assert_eq!(used, ["ann", "ann", "ben", "ben", "cleo", "cleo"]);
+    let one = ["render", "film.rhai", "-o", "one.mp4", "--device", "cpu", "--samples", "1"];
+    assert_eq!(choreo(d, &one).code, 0);
+    assert!(read(d, "one.mp4") == read(d, "job/output/film.mp4"));
+}

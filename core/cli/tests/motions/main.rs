@@ -1,0 +1,7 @@
+//! Motion of real characters.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod in_step;
+mod retargeting;

@@ -1,0 +1,9 @@
+//! Plugins as files and packages, and those that fail.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod effects_shown;
+mod faulty_plugins;
+mod packages;
+mod plugin_files;

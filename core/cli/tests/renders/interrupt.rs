@@ -1,0 +1,152 @@
+//! Renders that are stopped: finished frames stay, nothing half-written does, and what was there before stays.
+#![cfg(unix)]
+
+use crate::common::*;
+use std::io::Read;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// A folder with a model whose clip takes an hour.
+fn long_folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("long.gltf"), triangle(3600.0)).unwrap();
+    folder
+}
+
+fn start(folder: &Path, output: &str, more: &[&str]) -> Child {
+    let args = ["render", "long.gltf", "-o", output, "--device", "cpu", "--size", "160x90", "--samples", "1"];
+    command(folder, &[&args, more].concat()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+fn wait_for(what: &str, mut there: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !there() {
+        assert!(start.elapsed() < Duration::from_secs(600), "no {what} after ten minutes");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn signal(child: &Child, name: &str) {
+    assert!(Command::new("kill").args([name, &child.id().to_string()]).status().unwrap().success());
+}
+
+/// Whether the journal of a video tells of finished frames: it begins with what is rendered.
+fn has_frames(folder: &Path, output: &str) -> bool {
+    std::fs::metadata(folder.join(format!("{output}.part/journal"))).is_ok_and(|m| m.len() > 1200)
+}
+
+#[test]
+fn signals_leave_finished_frames_and_the_old_file() {
+    for (name, more) in [("-INT", &[][..]), ("-TERM", &[]), ("-HUP", &["--watch"]), ("-INT", &["--discard"])]
+    {
+        let dir = long_folder();
+        let d = dir.path();
+        std::fs::write(d.join("o.mp4"), "old").unwrap();
+        let child = start(d, "o.mp4", more);
+        wait_for("finished frame", || has_frames(d, "o.mp4"));
+        signal(&child, name);
+        let run = finished(child.wait_with_output().unwrap());
+        assert_eq!(run.code, 130, "{}", run.err);
+        assert_eq!(run.err.lines().last(), Some("interrupted"));
+        assert_eq!(read(d, "o.mp4"), b"old");
+        let discarded = more.contains(&"--discard");
+        assert_eq!(parts(d).is_empty(), discarded, "{name} {more:?}");
+        let kept = "frames are kept in o.mp4.part; to go on with them: ";
+        let command = run.err.lines().find_map(|line| line.split_once(kept).map(|(_, command)| command));
+        assert_eq!(command.is_none(), discarded, "{}", run.err);
+        assert!(
+            command
+                .is_none_or(|c| c.contains(" render --resume long.gltf -o o.mp4") && !c.contains("--watch"))
+        );
+    }
+}
+
+#[test]
+fn pictures_made_before_a_signal_are_whole() {
+    let dir = long_folder();
+    let d = dir.path();
+    let child = start(d, "f/%05d.png", &[]);
+    wait_for("fifth image", || d.join("f/00005.png").exists());
+    signal(&child, "-INT");
+    let run = finished(child.wait_with_output().unwrap());
+    assert_eq!(run.code, 130, "{}", run.err);
+    let made = names(&d.join("f"));
+    assert!(made.len() > 5 && made.iter().all(|n| n.ends_with(".png")), "{made:?}");
+    for name in made {
+        // The last chunk of a PNG: no length, "IEND", its checksum.
+        assert!(read(&d.join("f"), &name).ends_with(b"\0\0\0\0IEND\xaeB`\x82"), "{name} is cut");
+    }
+}
+
+#[test]
+fn a_reader_that_goes_away_ends_it_quietly() {
+    let dir = long_folder();
+    let mut child = start(dir.path(), "-", &[]);
+    let mut pipe = child.stdout.take().unwrap();
+    pipe.read_exact(&mut [0; 1000]).unwrap();
+    drop(pipe);
+    let run = finished(child.wait_with_output().unwrap());
+    assert_eq!(run.code, 141, "{}", run.err);
+    assert!(!run.err.contains("rror") && !run.err.contains("write"), "{}", run.err);
+}
+
+/// Nothing can be tidied up after SIGKILL, but nothing half-written has the final name, and the next render is not in the way of it.
+#[test]
+fn a_killed_render_leaves_the_old_file() {
+    let dir = long_folder();
+    let d = dir.path();
+    std::fs::write(d.join("o.y4m"), "old").unwrap();
+    let child = start(d, "o.y4m", &[]);
+    wait_for("part file", || !parts(d).is_empty());
+    std::thread::sleep(Duration::from_millis(100));
+    signal(&child, "-KILL");
+    let run = finished(child.wait_with_output().unwrap());
+    assert_eq!(run.code, -1, "{}", run.err);
+    assert_eq!(read(d, "o.y4m"), b"old");
+    let args =
+        ["render", "long.gltf", "-o", "o.y4m", "--frames", "0..3", "--size", "32x32", "--device", "cpu"];
+    assert_eq!(choreo(d, &args).code, 0);
+    assert!(read(d, "o.y4m").starts_with(b"YUV4MPEG2"));
+}
+
+#[test]
+fn a_folder_that_vanishes_is_named() {
+    let dir = long_folder();
+    let d = dir.path();
+    std::fs::create_dir(d.join("f")).unwrap();
+    let child = start(d, "f/%05d.png", &[]);
+    wait_for("picture", || d.join("f/00001.png").exists());
+    // The folder goes at once: file by file, new ones would be added meanwhile.
+    std::fs::rename(d.join("f"), d.join("gone")).unwrap();
+    let run = finished(child.wait_with_output().unwrap());
+    assert_eq!(run.code, 3, "{}", run.err);
+    let line = run.err.lines().last().unwrap_or_default();
+    assert!(line.starts_with("f/") && line.ends_with(".png: cannot write: no such file or folder"), "{line}");
+}
+
+/// The viewer is another program: nobody else would end it.
+#[test]
+fn a_signal_ends_the_viewer_too() {
+    let dir = long_folder();
+    let d = dir.path();
+    // One that only says which process it is, beside a copy of the program.
+    std::fs::copy(env!("CARGO_BIN_EXE_choreo"), d.join("choreo")).unwrap();
+    std::fs::write(
+        d.join("choreo-view"),
+        "#!/bin/sh\necho $$ > new\nmv new pid\nexec sleep 1000 >/dev/null 2>&1\n",
+    )
+    .unwrap();
+    std::fs::set_permissions(d.join("choreo-view"), PermissionsExt::from_mode(0o755)).unwrap();
+    let mut command = Command::new(d.join("choreo"));
+    command.args(["view", "long.gltf"]).current_dir(d).env_remove("CARGO");
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    wait_for("viewer", || d.join("pid").exists());
+    signal(&child, "-TERM");
+    let run = finished(child.wait_with_output().unwrap());
+    assert_eq!((run.code, run.err.lines().last()), (130, Some("interrupted")), "{}", run.err);
+    let viewer = std::fs::read_to_string(d.join("pid")).unwrap();
+    let there = Command::new("kill").args(["-0", viewer.trim()]).stderr(Stdio::null()).status().unwrap();
+    assert!(!there.success(), "the viewer is still there");
+}

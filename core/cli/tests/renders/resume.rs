@@ -1,0 +1,400 @@
+//! Renders that were killed and go on: the bytes of an undisturbed render, and no finished frame drawn again.
+#![cfg(unix)]
+
+use crate::common::*;
+use serde_json::Value;
+use std::io::Read;
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+/// 40 frames in two segments of an MP4, drawn on the CPU, slow enough to be killed among them.
+const SMALL: &[&str] = &["--device", "cpu", "--size", "64x36", "--samples", "1", "--export", "keyframes=0.8"];
+const FRAMES: usize = 40;
+
+fn args<'a>(output: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let mut args = vec!["render", "s.rhai", "-o", output, "--jobs", "1", "--json"];
+    args.extend(&SMALL[..if output.ends_with(".mp4") { SMALL.len() } else { 6 }]);
+    args.extend(more);
+    args
+}
+
+/// A scene in motion with a callback, which takes a while.
+fn scene() -> tempfile::TempDir {
+    let dir = folder();
+    let script = "stage(#{ fps: 30, length: 4.0 / 3.0 });\n\
+                  let m = load(\"choreo:mannequin\");\n\
+                  let a = cast(\"a\", m);\n\
+                  a.play(m.clip(\"Dance_Groove\"));\n\
+                  cast(\"b\", load(\"tri.gltf\")).at(1, 0, 0);\n\
+                  camera(\"c\").at(0.0, 1.2, 4.0).look_at([0.0, 1.0, 0.0]);\n\
+                  on_frame(|t| { a.at(t * 0.1, 0, 0); });";
+    std::fs::write(dir.path().join("s.rhai"), script).unwrap();
+    dir
+}
+
+/// The same numbers in every run (Marsaglia's xorshift).
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 % n as u64) as usize
+    }
+}
+
+fn start(folder: &Path, output: &str, more: &[&str]) -> Child {
+    command(folder, &args(output, more)).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+}
+
+/// Kills a render once `enough` finished frames are seen, a moment later or not. It may be done by then.
+fn kill_after(folder: &Path, output: &str, more: &[&str], enough: usize, random: &mut Random) {
+    let mut child = start(folder, output, more);
+    let begun = Instant::now();
+    while finished_frames(folder, output) < enough && child.try_wait().unwrap().is_none() {
+        assert!(begun.elapsed() < Duration::from_secs(600), "{output}: no {enough} frames after ten minutes");
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    std::thread::sleep(Duration::from_micros(random.below(8000) as u64));
+    // SIGKILL: nothing of the program runs any more.
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
+/// Frames that a render has finished, read without the program's help: whole images, or records of the journal.
+fn finished_frames(folder: &Path, output: &str) -> usize {
+    if let Some((folder_name, _)) = output.split_once('/') {
+        let Ok(entries) = std::fs::read_dir(folder.join(folder_name)) else { return 0 };
+        return entries.flatten().filter(|e| e.path().extension().is_some_and(|x| x == "png")).count();
+    }
+    let bytes = std::fs::read(folder.join(format!("{output}.part/journal"))).unwrap_or_default();
+    let mut rest = bytes.strip_prefix(b"choreo journal 1\n").unwrap_or_default();
+    let mut records = 0;
+    while let Some((length, more)) = rest.split_first_chunk::<4>() {
+        let Some(more) = more.get(4 + u32::from_le_bytes(*length) as usize..) else { break };
+        rest = more;
+        records += 1;
+    }
+    // The first says what is rendered.
+    usize::saturating_sub(records, 1)
+}
+
+/// Ends a killed render; gives (drawn, reused).
+fn resume(folder: &Path, output: &str) -> (usize, usize) {
+    let run = choreo(folder, &args(output, &["--resume"]));
+    assert_eq!(run.code, 0, "{}{}", run.out, run.err);
+    let value: Value = serde_json::from_str(&run.out).unwrap();
+    assert_eq!(value["frames"], FRAMES);
+    let number = |name: &str| value[name].as_u64().unwrap() as usize;
+    (number("drawn"), number("reused"))
+}
+
+/// Everything in the output folder, by name.
+fn all_bytes(folder: &Path, output: &str) -> Vec<(String, Vec<u8>)> {
+    match output.split_once('/') {
+        None => vec![(output.to_string(), read(folder, output))],
+        Some((inner, _)) => {
+            let inner = folder.join(inner);
+            names(&inner).into_iter().map(|name| (name.clone(), read(&inner, &name))).collect()
+        }
+    }
+}
+
+fn clear(folder: &Path, output: &str) {
+    let _ = std::fs::remove_dir_all(folder.join(output.split('/').next().unwrap()));
+    let _ = std::fs::remove_file(folder.join(output));
+}
+
+/// Renders that are killed again and again, `kills` times each, and gone on with each time: what is finished is never drawn
+/// again, and the end is that of an undisturbed render. (A render killed once is the first kill of each.) On a busy machine a render
+/// may be done before it is killed: more renders are made then, until most of `renders * kills` kills fell among the frames.
+fn killed(output: &str, renders: usize, kills: usize, seed: u64) {
+    let dir = scene();
+    let d = dir.path();
+    let mut random = Random(seed);
+    let run = choreo(d, &args(output, &[]));
+    assert_eq!(run.code, 0, "{}", run.err);
+    let whole = all_bytes(d, output);
+    let mut middle = 0;
+    for render in 0.. {
+        if render >= renders && middle * 2 > renders * kills {
+            break;
+        }
+        assert!(render < renders * 20, "only {middle} kills of {render} renders fell among the frames");
+        clear(d, output);
+        let mut moments: Vec<usize> = (0..kills).map(|_| random.below(FRAMES - 2)).collect();
+        moments.sort_unstable();
+        let mut seen = 0;
+        for (kill, enough) in moments.iter().enumerate() {
+            let more: &[&str] = if kill == 0 { &[] } else { &["--resume"] };
+            kill_after(d, output, more, *enough, &mut random);
+            if !output.contains('/') && d.join(output).exists() {
+                // It was faster.
+                break;
+            }
+            let finished = finished_frames(d, output);
+            assert!(finished >= seen, "{output}: {finished} frames after {seen}, render {render}");
+            middle += usize::from(finished < FRAMES);
+            seen = finished;
+        }
+        let ended = !output.contains('/') && d.join(output).exists();
+        if !ended || d.join(format!("{output}.part")).exists() {
+            let finished = if ended { FRAMES } else { seen };
+            let (drawn, reused) = resume(d, output);
+            assert_eq!((drawn, reused), (FRAMES - finished, finished), "{output}: render {render}");
+        }
+        let now = all_bytes(d, output);
+        assert_eq!(
+            now.iter().map(|(n, _)| n).collect::<Vec<_>>(),
+            whole.iter().map(|(n, _)| n).collect::<Vec<_>>()
+        );
+        assert!(now == whole, "{output}: other bytes, render {render}, killed at {moments:?}");
+        assert_eq!(parts(d), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn killed_at_twenty_moments_pictures_go_on() {
+    killed("f/%04d.png", 5, 4, 11);
+}
+
+#[test]
+fn killed_at_twenty_moments_an_mp4_goes_on() {
+    killed("o.mp4", 5, 4, 12);
+}
+
+#[test]
+fn killed_gifs_and_streams_go_on() {
+    killed("o.gif", 2, 3, 13);
+    killed("o.y4m", 2, 3, 14);
+}
+
+/// The part folder of a render killed among its frames.
+fn stopped(d: &Path, output: &str) -> usize {
+    for _ in 0..200 {
+        clear(d, output);
+        let mut child = start(d, output, &[]);
+        while finished_frames(d, output) < 30 && child.try_wait().unwrap().is_none() {
+            std::thread::sleep(Duration::from_micros(200));
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        if !d.join(output).exists() {
+            return finished_frames(d, output);
+        }
+    }
+    panic!("{output}: always done before it could be killed");
+}
+
+fn copy_folder(from: &Path, to: &Path) {
+    let _ = std::fs::remove_dir_all(to);
+    std::fs::create_dir(to).unwrap();
+    for name in names(from) {
+        std::fs::copy(from.join(&name), to.join(&name)).unwrap();
+    }
+}
+
+/// Cut or bent anywhere: what is whole is used, the rest is drawn again, the bytes are the same.
+#[test]
+fn damaged_parts_give_what_is_whole_of_them() {
+    let dir = scene();
+    let d = dir.path();
+    let mut random = Random(16);
+    for output in ["o.mp4", "o.gif"] {
+        assert_eq!(choreo(d, &args(output, &[])).code, 0);
+        let whole = read(d, output);
+        let finished = stopped(d, output);
+        let (part, saved) = (d.join(format!("{output}.part")), d.join("saved"));
+        copy_folder(&part, &saved);
+        let mut less = 0;
+        for name in names(&saved) {
+            for bend in [false, true, true] {
+                copy_folder(&saved, &part);
+                let mut bytes = read(&saved, &name);
+                let at = random.below(bytes.len());
+                if bend {
+                    bytes[at] ^= 1 << random.below(8);
+                } else {
+                    bytes.truncate(at);
+                }
+                std::fs::write(part.join(&name), bytes).unwrap();
+                let (drawn, reused) = resume(d, output);
+                assert!(drawn + reused == FRAMES && reused <= finished, "{name} {drawn} {reused}");
+                less += usize::from(reused < finished);
+                assert!(read(d, output) == whole, "{output}: {name} damaged at {at}");
+            }
+        }
+        assert!(less > 0, "{output}: no damage cost a frame");
+    }
+}
+
+/// The message names the difference, and nothing is touched.
+#[test]
+fn a_render_made_otherwise_is_refused() {
+    let dir = scene();
+    let d = dir.path();
+    stopped(d, "o.mp4");
+    let before = read(&d.join("o.mp4.part"), "journal");
+    let script = std::fs::read_to_string(d.join("s.rhai")).unwrap();
+    let refused = |more: &[&str], expected: &[&str]| {
+        let run = choreo(d, &args("o.mp4", &[&["--resume"], more].concat()));
+        assert_eq!(run.code, 3, "{}", run.err);
+        let head = "o.mp4: --resume cannot go on with ";
+        assert!(
+            run.err.contains(head) && run.err.contains("o.mp4.part: it was made otherwise"),
+            "{}",
+            run.err
+        );
+        for words in expected {
+            assert!(run.err.contains(words), "no \"{words}\" in {}", run.err);
+        }
+        assert!(run.err.contains("leave --resume out to make everything anew"), "{}", run.err);
+        assert!(read(&d.join("o.mp4.part"), "journal") == before);
+    };
+    refused(&["--frames", "1..30"], &["frames: 0..=39, now 1..=29"]);
+    refused(&["--export", "quality=9"], &["arguments: --size 64x36", "quality=9"]);
+    std::fs::write(d.join("s.rhai"), script.replace("1.2", "1.3")).unwrap();
+    refused(&[], &["script: ", "stage: "]);
+    std::fs::write(d.join("s.rhai"), format!("{script} // said otherwise")).unwrap();
+    refused(&[], &["script: "]);
+    std::fs::write(d.join("s.rhai"), &script).unwrap();
+    // Pictures: one of another scene is not taken for one of this.
+    assert_eq!(choreo(d, &args("f/%d.png", &["--frames", "0..4"])).code, 0);
+    std::fs::copy(d.join("f/1.png"), d.join("f/2.png")).unwrap();
+    let run = choreo(d, &args("f/%d.png", &["--frames", "0..4", "--resume"]));
+    assert_eq!(run.code, 3);
+    assert!(run.err.contains("f/2.png: it was made otherwise\n    time: 0.0333"), "{}", run.err);
+    // One that was cut is drawn again, one that was lost too.
+    std::fs::write(d.join("f/2.png"), &read(d, "f/1.png")[..200]).unwrap();
+    std::fs::remove_file(d.join("f/3.png")).unwrap();
+    let run = choreo(d, &args("f/%d.png", &["--frames", "0..4", "--resume"]));
+    let value: Value = serde_json::from_str(&run.out).unwrap();
+    assert_eq!((&value["drawn"], &value["reused"]), (&2.into(), &2.into()));
+}
+
+/// Ends a render by a signal once five frames are finished; what it said. `None` where it was faster than the signal.
+fn signalled(d: &Path, name: &str, more: &[&str]) -> Option<Run> {
+    let loud: Vec<&str> = args("o.mp4", more).into_iter().filter(|a| *a != "--json").collect();
+    let mut child = command(d, &loud).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    while finished_frames(d, "o.mp4") < 5 && child.try_wait().unwrap().is_none() {
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    let sent = std::process::Command::new("kill").args([name, &child.id().to_string()]).status();
+    assert!(sent.unwrap().success());
+    let run = finished(child.wait_with_output().unwrap());
+    if run.code == 0 {
+        std::fs::remove_file(d.join("o.mp4")).unwrap();
+        return None;
+    }
+    assert_eq!((run.code, run.err.lines().last()), (130, Some("interrupted")), "{}", run.err);
+    assert!(!d.join("o.mp4").exists());
+    Some(run)
+}
+
+/// The command line that a message ends with, typed into a shell.
+fn type_in(d: &Path, command: &str) -> Run {
+    let mut shell = std::process::Command::new("sh");
+    finished(shell.args(["-c", command]).current_dir(d).stdin(Stdio::null()).output().unwrap())
+}
+
+#[test]
+fn what_a_signal_ends_is_kept_and_the_command_that_is_printed_goes_on_with_it() {
+    let dir = scene();
+    let d = dir.path();
+    assert_eq!(resume(d, "o.mp4"), (FRAMES, 0), "with nothing there it renders");
+    let whole = read(d, "o.mp4");
+    std::fs::remove_file(d.join("o.mp4")).unwrap();
+    let mut ended = 0;
+    for (name, more) in [("-INT", &[][..]), ("-TERM", &["--quiet"]), ("-HUP", &[]), ("-INT", &["--resume"])] {
+        let Some(run) = signalled(d, name, more) else { continue };
+        ended += 1;
+        let finished = finished_frames(d, "o.mp4");
+        let said = format!("{finished} frames are kept in o.mp4.part; to go on with them: ");
+        let line = run.err.lines().find_map(|line| line.strip_prefix(&said));
+        let command = line.unwrap_or_else(|| panic!("{name}: no \"{said}\" in {}", run.err));
+        assert!(command.contains("choreo render --resume s.rhai -o o.mp4 --jobs 1"), "{command}");
+        assert_eq!(command.matches("--resume").count(), 1, "{command}");
+        let run = type_in(d, command);
+        assert_eq!(run.code, 0, "{command}: {}", run.err);
+        assert!(
+            more.contains(&"--quiet") || run.err.contains(&format!("{finished} of them there before")),
+            "{}",
+            run.err
+        );
+        assert!(read(d, "o.mp4") == whole && parts(d).is_empty());
+        std::fs::remove_file(d.join("o.mp4")).unwrap();
+    }
+    assert!(ended > 0, "always faster than the signal");
+    // Who says so keeps nothing.
+    if let Some(run) = signalled(d, "-INT", &["--discard"]) {
+        assert!(!run.err.contains("kept") && parts(d).is_empty(), "{}", run.err);
+    }
+    let run = choreo(d, &["render", "s.rhai", "-o", "-", "--resume"]);
+    assert!(run.code == 2 && run.err.contains("standard output keeps nothing"), "{}", run.err);
+}
+
+/// Frames of this very render are thrown away only where the user says so; those of another are in nobody's way.
+#[test]
+fn a_render_that_could_be_gone_on_with_is_not_thrown_away_unasked() {
+    let dir = scene();
+    let d = dir.path();
+    let plain: Vec<&str> = args("o.mp4", &[]).into_iter().filter(|a| *a != "--json").collect();
+    let finished = stopped(d, "o.mp4");
+    let journal = read(&d.join("o.mp4.part"), "journal");
+    let run = choreo(d, &plain);
+    let expected = format!(
+        "o.mp4: {finished} frames of this very render are finished in o.mp4.part\n    hint: --resume goes on with them, \
+         --discard deletes them and makes everything anew\n"
+    );
+    assert_eq!((run.code, run.err.as_str()), (3, expected.as_str()));
+    assert!(read(&d.join("o.mp4.part"), "journal") == journal && !d.join("o.mp4").exists());
+    // The script was edited since.
+    let script = std::fs::read_to_string(d.join("s.rhai")).unwrap();
+    std::fs::write(d.join("s.rhai"), format!("{script}\n// edited")).unwrap();
+    let run = choreo(d, &plain);
+    let expected = format!(
+        "o.mp4: starts anew; {finished} frames of a render that was stopped are thrown away, because these differ: script"
+    );
+    assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
+    assert!(d.join("o.mp4").exists() && parts(d).is_empty());
+    // Said so.
+    let finished = stopped(d, "o.mp4");
+    let run = choreo(d, &[&plain[..], &["--discard"]].concat());
+    let expected =
+        format!("o.mp4: starts anew; {finished} frames of a render that was stopped are thrown away\n");
+    assert!(run.code == 0 && run.err.contains(&expected), "{}", run.err);
+    assert!(d.join("o.mp4").exists() && parts(d).is_empty());
+    let run = choreo(d, &[&plain[..], &["--discard", "--resume"]].concat());
+    assert_eq!(run.code, 2, "{}", run.err);
+}
+
+/// Killed between the renaming of the result and the removal of its folder.
+#[test]
+fn a_result_in_its_place_is_found_there() {
+    let dir = scene();
+    let d = dir.path();
+    stopped(d, "o.y4m");
+    // Open, the journal outlives its folder.
+    let part = d.join("o.y4m.part");
+    let mut journal = std::fs::File::open(part.join("journal")).unwrap();
+    resume(d, "o.y4m");
+    let mut records = Vec::new();
+    journal.read_to_end(&mut records).unwrap();
+    std::fs::write(d.join("journal"), records).unwrap();
+    let whole = read(d, "o.y4m");
+    let folder_again = || {
+        std::fs::create_dir(&part).unwrap();
+        std::fs::copy(d.join("journal"), part.join("journal")).unwrap();
+    };
+    folder_again();
+    assert_eq!(finished_frames(d, "o.y4m"), FRAMES);
+    assert_eq!(resume(d, "o.y4m"), (0, FRAMES));
+    assert!(read(d, "o.y4m") == whole && !part.exists());
+    // Another file there is not taken for it.
+    folder_again();
+    std::fs::write(d.join("o.y4m"), &whole[..whole.len() - 1]).unwrap();
+    assert_eq!(resume(d, "o.y4m"), (FRAMES, 0));
+    assert!(read(d, "o.y4m") == whole && !part.exists());
+}

@@ -1,0 +1,69 @@
+//! Axes of hands, for `choreo info`: where fingers, palm and thumb point in the joint's own space, in which props are placed.
+
+use choreo_asset::Asset;
+use choreo_motion::HumanoidJoints;
+use glam::Vec3;
+use serde_json::{Value, json};
+
+/// A hand at rest. Directions are unit vectors in the space of its joint, at right angles to each other.
+struct Hand {
+    joint: u32,
+    /// Direction from the wrist to the knuckles.
+    fingers: Vec3,
+    /// Direction out of the palm.
+    palm: Vec3,
+    /// Direction to the side of the thumb.
+    thumb: Vec3,
+}
+
+/// The hands that have an index finger and another one beside it, left first.
+fn hands(asset: &Asset) -> Vec<Hand> {
+    let human = HumanoidJoints::of(&asset.skeleton);
+    let rest = asset.rest_model_from_joint();
+    let hand = |side: &str| {
+        let joint = |name: &str| human.joint(&format!("{side} {name}"));
+        let place = |joint: u32| Some(Vec3::from(rest.get(joint as usize)?.translation));
+        let hand = joint("hand")?;
+        let index = place(joint("handindex1")?)?;
+        let outer = place(["handpinky1", "handring1", "handmiddle1"].into_iter().find_map(joint)?)?;
+        let fingers = (0.5 * (index + outer) - place(hand)?).try_normalize()?;
+        let thumb = (index - outer).reject_from_normalized(fingers).try_normalize()?;
+        // With the thumb up, the palm of a left hand is to the right of its fingers.
+        let palm = if side == "left" { fingers.cross(thumb) } else { thumb.cross(fingers) };
+        let joint_from_model = rest.get(hand as usize)?.inverse();
+        let local = |direction| joint_from_model.transform_vector3(direction).try_normalize();
+        Some(Hand { joint: hand, fingers: local(fingers)?, palm: local(palm)?, thumb: local(thumb)? })
+    };
+    ["left", "right"].into_iter().filter_map(hand).collect()
+}
+
+/// `mixamorig:LeftHand fingers +y, palm +z, thumb -x` for each hand.
+pub fn line(asset: &Asset) -> Option<String> {
+    let one = |hand: &Hand| {
+        let name = asset.skeleton.names().get(hand.joint as usize)?;
+        let [fingers, palm, thumb] = [hand.fingers, hand.palm, hand.thumb].map(axis);
+        Some(format!("{name} fingers {fingers}, palm {palm}, thumb {thumb}"))
+    };
+    let lines: Vec<String> = hands(asset).iter().filter_map(one).collect();
+    (!lines.is_empty()).then(|| lines.join("; "))
+}
+
+pub fn json(asset: &Asset) -> Vec<Value> {
+    let one = |hand: Hand| {
+        json!({
+            "joint": hand.joint, "fingers": hand.fingers.to_array(), "palm": hand.palm.to_array(),
+            "thumb": hand.thumb.to_array(),
+        })
+    };
+    hands(asset).into_iter().map(one).collect()
+}
+
+/// `-y` where the direction is an axis within 20°, else its parts.
+fn axis(direction: Vec3) -> String {
+    let parts = direction.to_array();
+    let largest = (0..3).max_by(|a, b| parts[*a].abs().total_cmp(&parts[*b].abs())).unwrap_or(0);
+    match parts[largest] {
+        part if part.abs() < 0.94 => format!("({:.2}, {:.2}, {:.2})", parts[0], parts[1], parts[2]),
+        part => format!("{}{}", if part < 0.0 { '-' } else { '+' }, ["x", "y", "z"][largest]),
+    }
+}

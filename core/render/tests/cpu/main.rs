@@ -1,0 +1,10 @@
+//! Drawing by the CPU renderer.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod films;
+mod layers;
+mod raster;
+mod shading;
+mod stages;

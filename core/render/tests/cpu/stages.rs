@@ -1,0 +1,62 @@
+//! Images of the CPU renderer's stages belong together: what the raster covers is what is shaded, and has a depth.
+
+use crate::common::*;
+use choreo_plugin::Frame;
+use choreo_render::cpu::STAGES;
+use choreo_render::{CpuRenderer, PlanOptions, Renderer};
+use glam::{DVec3, Vec4};
+
+const SIZE: [u32; 2] = [450, 150];
+
+fn scene(x: f64) -> Scene {
+    let mut scene = Scene::perspective(0.9, 6.0);
+    let red = asset(vec![quad(1.0, 0.8)], vec![unlit(Vec4::new(1.0, 0.0, 0.0, 1.0))], vec![]);
+    scene.at(&red, x, 0.2, 0.0);
+    scene.at(&red, x + 0.7, -0.3, -4.0);
+    scene
+}
+
+fn stages(scene: &Scene) -> Vec<Frame> {
+    let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
+    let mut renderer = CpuRenderer::new(&[]);
+    renderer.load(resources).unwrap();
+    renderer.stages(&plan).unwrap()
+}
+
+/// Pixels that are not as the first one, a corner.
+fn drawn(frame: &Frame) -> Vec<bool> {
+    let pixels = frame.rgba.as_chunks::<4>().0;
+    pixels.iter().map(|p| p[..3] != pixels[0][..3]).collect()
+}
+
+#[test]
+fn covered_deep_and_shaded_are_the_same_pixels() {
+    let pictures = stages(&scene(-1.3));
+    assert_eq!(pictures.len(), STAGES.len());
+    for (picture, name) in pictures.iter().zip(STAGES) {
+        assert_eq!([picture.width, picture.height], SIZE, "{name}");
+        assert!(drawn(picture).iter().any(|d| *d), "{name} shows nothing");
+    }
+    let [raster, depth, shade] = [3, 4, 5].map(|i| drawn(&pictures[i]));
+    assert!(shade.iter().filter(|d| **d).count() > 500);
+    assert_eq!(raster, shade);
+    assert_eq!(depth, shade);
+    // Four triangles, each in its own color, and the nearer quad brighter than the other.
+    let colors: std::collections::BTreeSet<&[u8]> =
+        pictures[3].rgba.chunks_exact(4).zip(&raster).filter(|(_, d)| **d).map(|(p, _)| p).collect();
+    assert_eq!(colors.len(), 4);
+    let greys: std::collections::BTreeSet<u8> =
+        pictures[4].rgba.chunks_exact(4).zip(&depth).filter(|(_, d)| **d).map(|(p, _)| p[0]).collect();
+    assert_eq!(greys.into_iter().collect::<Vec<_>>(), [40, 255], "two planes that face the camera");
+    // A fault: of another scene.
+    assert_ne!(drawn(&stages(&scene(-1.2))[3]), shade);
+}
+
+#[test]
+fn nothing_in_view_is_no_mistake() {
+    let mut scene = Scene::perspective(0.9, 6.0);
+    assert_eq!(stages(&scene).len(), STAGES.len());
+    scene.at(&asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 1e30);
+    scene.snapshot.camera.world_from_view.translation = DVec3::splat(1e7);
+    assert_eq!(stages(&scene).len(), STAGES.len());
+}

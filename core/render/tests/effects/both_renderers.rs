@@ -1,0 +1,232 @@
+//! Effects on surfaces, over images and as geometry: both renderers draw the same, each is seen, and who has none pays for none.
+
+use crate::common;
+use crate::common::layered::{bulge, layered_scene};
+use crate::common::*;
+use choreo_asset::*;
+use choreo_image_diff::compare;
+use choreo_plugin::{Effect, Frame, Hook};
+use choreo_render::plan::{Features, TopologyKey};
+use choreo_render::*;
+use choreo_stage::*;
+use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
+
+fn all() -> Vec<Effect> {
+    effects::named(&[
+        "fog",
+        "toon",
+        "views",
+        "xray",
+        "wireframe",
+        "fxaa",
+        "bloom",
+        "vignette",
+        "skeleton",
+        "grid",
+        "shadow_catcher",
+    ])
+}
+
+fn with(scene: &mut Scene, plugin: &str, parameters: &[(&str, f64)], actors: &[usize]) {
+    common::use_effect(scene, plugin, parameters, actors);
+}
+
+/// Lit, unlit, textured, skinned, masked, blended, glass.
+fn scene() -> Scene {
+    let mut scene = busy_scene(DVec3::ZERO);
+    scene.snapshot.background =
+        Background::Gradient { top: Vec3::new(0.1, 0.3, 0.6), bottom: Vec3::new(0.6, 0.5, 0.4) };
+    let glass = MaterialLayers { transmission: 0.7, ..MaterialLayers::default() };
+    let glass = common::layered::layered(glass, matte(Vec4::new(0.6, 0.9, 0.8, 1.0)));
+    scene.at(&asset(vec![bulge(0.6)], vec![glass], vec![]), 0.3, -0.2, 2.2);
+    let bright = Material { emissive: Vec3::new(3.0, 2.0, 0.5), ..matte(Vec4::ONE) };
+    scene.at(&asset(vec![bulge(0.4)], vec![bright], vec![]), -1.6, 1.2, 1.0);
+    scene
+}
+
+/// (What it is, the effects in order, which actors).
+type Case = (&'static str, Vec<(&'static str, Vec<(&'static str, f64)>, Vec<usize>)>);
+
+fn cases() -> Vec<Case> {
+    vec![
+        ("fog", vec![("fog", vec![("density", 0.2), ("falloff", 0.5)], vec![])]),
+        ("colored fog", vec![("fog", vec![("density", 0.3), ("start", 3.0), ("sky", 0.0)], vec![])]),
+        (
+            "fog over the horizon",
+            vec![("fog", vec![("density", 0.05), ("falloff", 0.2), ("sky", 0.0)], vec![])],
+        ),
+        ("toon", vec![("toon", vec![("steps", 4.0)], vec![])]),
+        ("normals", vec![("views", vec![("show", 0.0)], vec![])]),
+        ("uvs of some", vec![("views", vec![("show", 1.0)], vec![0, 2, 4])]),
+        ("joints", vec![("views", vec![("show", 2.0)], vec![])]),
+        ("x-ray", vec![("xray", vec![], vec![1, 3, 12])]),
+        ("wireframe", vec![("wireframe", vec![("color_g", 1.0)], vec![])]),
+        ("bloom", vec![("bloom", vec![("strength", 0.6)], vec![])]),
+        ("fxaa", vec![("fxaa", vec![], vec![])]),
+        ("skeletons", vec![("skeleton", vec![("width", 3.0), ("over", 0.0)], vec![])]),
+        ("skeletons over all", vec![("skeleton", vec![("opacity", 0.7)], vec![])]),
+        ("grid", vec![("grid", vec![("cell", 0.2), ("height", -1.0), ("color_r", 1.0)], vec![])]),
+        (
+            "several of every kind",
+            vec![
+                ("toon", vec![], vec![0, 1, 2, 3]),
+                ("fog", vec![("density", 0.1)], vec![]),
+                ("bloom", vec![], vec![]),
+                ("vignette", vec![], vec![]),
+                ("fxaa", vec![], vec![]),
+                ("wireframe", vec![], vec![3]),
+            ],
+        ),
+    ]
+}
+
+fn draw_case(case: &Case, drawn: &mut dyn FnMut(&Scene, &PlanOptions) -> Frame, samples: u32) -> Frame {
+    let mut scene = scene();
+    for (plugin, parameters, actors) in &case.1 {
+        with(&mut scene, plugin, parameters, actors);
+    }
+    let effects = all();
+    drawn(&scene, &PlanOptions { effects: &effects, ..PlanOptions::new([200, 150], samples) })
+}
+
+#[test]
+fn vulkan_and_the_cpu_reference_draw_the_same_effects() {
+    let Some(mut renderer) = vulkan(GpuOptions { effects: all(), ..GpuOptions::default() }) else { return };
+    let mut vulkan = |scene: &Scene, options: &PlanOptions| draw_with(&mut renderer, scene, options);
+    let mut cpu = |scene: &Scene, options: &PlanOptions| draw(scene, options);
+    let plain = [1, 4].map(|samples| draw_case(&("none", Vec::new()), &mut cpu, samples));
+    let mut pictures: Vec<Frame> = Vec::new();
+    for (i, case) in cases().iter().enumerate() {
+        let samples = if i % 3 == 2 { 4 } else { 1 };
+        let (a, b) = (draw_case(case, &mut vulkan, samples), draw_case(case, &mut cpu, samples));
+        let c = compare(&a, &b, 3).unwrap();
+        println!("{}: {c}", case.0);
+        assert!(c.mean < 0.35 && c.share_beyond < 0.02, "{}: {c}", case.0);
+        // Planted faults: each effect is seen, and none draws what another does.
+        let seen = compare(&plain[usize::from(samples == 4)], &b, 3).unwrap();
+        assert!(seen.share_beyond > 0.004, "{} changes the picture: {seen}", case.0);
+        for other in &pictures {
+            assert!(compare(other, &b, 3).unwrap().share_beyond > 0.004, "{}", case.0);
+        }
+        pictures.push(b);
+    }
+}
+
+#[test]
+fn who_has_no_effect_pays_for_none() {
+    let keys = |effects_on: &[(&str, &[usize])]| {
+        let mut scene = Scene::perspective(0.7, 6.0);
+        let a = asset(vec![bulge(0.5)], vec![unlit(Vec4::ONE)], vec![]);
+        scene.at(&a, -1.0, 0.0, 0.0);
+        scene.add(&a, DAffine3::from_rotation_translation(DQuat::from_rotation_y(0.3), DVec3::X));
+        effects_on.iter().for_each(|(name, actors)| with(&mut scene, name, &[], actors));
+        let effects = all();
+        let (_, plan) = scene.plan(&PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], 1) });
+        let out = |what: &str| plan.left_out.iter().any(|l| l.what == what);
+        let draws: Vec<(Features, u8, u32, TopologyKey)> = plan
+            .draws
+            .iter()
+            .map(|d| {
+                let key = d.pipeline;
+                (key.features, key.surface, d.instance_count, key.topology)
+            })
+            .collect();
+        (draws, out("effects on surfaces"), out("edges"), plan.post.len())
+    };
+    let (none, triangles) = (Features::default(), TopologyKey::Triangles);
+    assert_eq!(keys(&[]), (vec![(none, 0, 2, triangles)], true, true, 0));
+    // Fog requests nothing of the mesh; a view of normals for normals; each only of its actors.
+    assert_eq!(keys(&[("fog", &[])]), (vec![(none, 1, 2, triangles)], false, true, 0));
+    let views = keys(&[("views", &[1])]).0;
+    assert_eq!(views, [(none, 0, 1, triangles), (Features::EFFECT_NORMALS, 1, 1, triangles)]);
+    let lines = keys(&[("wireframe", &[0])]);
+    assert!(lines.0.contains(&(Features::WIREFRAME, 0, 1, TopologyKey::Lines)) && !lines.2, "{lines:?}");
+    assert_eq!(keys(&[("bloom", &[]), ("fxaa", &[])]).3, 5, "bloom runs four times");
+}
+
+#[test]
+fn fog_by_its_formula_and_only_on_surfaces() {
+    // Ten metres before a camera at z = 10, half a metre up: exp(−0.1 · 10) of white is left, the rest is the sky.
+    let mut scene = Scene::ortho(2.0);
+    scene.snapshot.background = Background::Color(Vec4::new(0.2, 0.4, 0.6, 1.0));
+    scene.at(&asset(vec![quad(0.5, 0.5)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
+    with(&mut scene, "fog", &[("density", 0.1)], &[]);
+    let effects = all();
+    let frame = draw(&scene, &PlanOptions { effects: &effects, ..PlanOptions::new([21, 21], 1) });
+    let left = (-1.0f64).exp();
+    let expected = [0.2, 0.4, 0.6].map(|sky: f64| sky + (1.0 - sky) * left);
+    assert_color(pixel(&frame, 10, 10), expected, "a wall in fog");
+    assert_color(pixel(&frame, 1, 1), [0.2, 0.4, 0.6], "the sky is its color");
+    // If the fog has a color, it replaces the infinitely far background; fog on an actor only leaves the background as it is.
+    for (on, expected) in [(&[][..], [1.0, 0.0, 0.0]), (&[0][..], [0.2, 0.4, 0.6])] {
+        let mut scene = Scene::ortho(2.0);
+        scene.snapshot.background = Background::Color(Vec4::new(0.2, 0.4, 0.6, 1.0));
+        scene.at(&asset(vec![quad(0.5, 0.5)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
+        let red = [("color_r", 1.0), ("color_g", 0.0), ("color_b", 0.0), ("density", 0.1), ("sky", 0.0)];
+        with(&mut scene, "fog", &red, on);
+        let frame = draw(&scene, &PlanOptions { effects: &effects, ..PlanOptions::new([21, 21], 1) });
+        assert_color(pixel(&frame, 1, 1), expected, "the background");
+        assert_color(pixel(&frame, 10, 10), [1.0, left, left], "the wall");
+    }
+}
+
+#[test]
+fn edges_are_drawn_once_and_hidden_by_what_is_before_them() {
+    assert_eq!(scene_resources::vertex_layout::edges(&[0, 1, 2, 2, 1, 3]), [0, 1, 1, 2, 0, 2, 1, 3, 2, 3]);
+    // A wall stands before a quad with lines: none is seen; beside it they are.
+    let mut scene = Scene::ortho(2.0);
+    scene.at(&asset(vec![quad(0.9, 0.9)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
+    with(&mut scene, "wireframe", &[("color_r", 1.0), ("color_g", 0.0), ("color_b", 0.0)], &[0]);
+    let effects = all();
+    let options = PlanOptions { effects: &effects, ..PlanOptions::new([41, 41], 1) };
+    let red = |frame: &Frame| frame.rgba.chunks_exact(4).filter(|p| p[0] == 255 && p[1] < 8).count();
+    // Four sides and a diagonal of 37 pixels each.
+    let seen = red(&draw(&scene, &options));
+    assert!((170..=190).contains(&seen), "{seen}");
+    scene.at(&asset(vec![quad(1.0, 1.0)], vec![unlit(Vec4::new(0.0, 0.0, 1.0, 1.0))], vec![]), 0.0, 0.0, 0.5);
+    assert_eq!(red(&draw(&scene, &options)), 0);
+}
+
+#[test]
+fn an_effect_that_asks_for_joints_gets_them_and_others_none() {
+    assert_eq!(all()[0].hook(), Hook::Surface);
+    let mut scene = layered_scene();
+    with(&mut scene, "views", &[("show", 2.0)], &[]);
+    let effects = all();
+    let (_, plan) = scene.plan(&PlanOptions { effects: &effects, ..PlanOptions::new([64, 64], 1) });
+    // Nothing there is skinned.
+    assert!(plan.draws.iter().all(|d| !d.pipeline.features.has(Features::EFFECT_JOINTS)));
+    assert!(plan.draws.iter().all(|d| d.pipeline.surface == 1));
+}
+
+/// An effect whose head says with which value it is off is left out with it, and the pixels are those without the effect.
+#[test]
+fn effects_without_strength_change_nothing() {
+    let effects = effects::named(&["bloom", "vignette", "fog", "outline", "grid"]);
+    let options = PlanOptions { effects: &effects, ..PlanOptions::new([96, 64], 4) };
+    let mut renderer = CpuRenderer::new(&effects);
+    let plain = scene();
+    let expected = draw_with(&mut renderer, &plain, &options);
+    let off = [
+        ("bloom", "strength"),
+        ("vignette", "strength"),
+        ("fog", "density"),
+        ("outline", "width"),
+        ("grid", "opacity"),
+    ];
+    for (effect, parameter) in off {
+        let mut scene = scene();
+        with(&mut scene, effect, &[(parameter, 0.0)], &[]);
+        let (_, plan) = scene.plan(&options);
+        let told = plan.left_out.iter().find(|l| l.what == format!("effect \"{effect}\""));
+        assert_eq!(told.map(|l| l.why.clone()), Some(format!("{parameter} is 0")));
+        assert!(plan.post.is_empty() && plan.scene_effects.is_empty() && plan.overlay.parts.is_empty());
+        assert!(draw_with(&mut renderer, &scene, &options) == expected, "{effect}");
+        // It does something otherwise.
+        let mut seen = self::scene();
+        let floor = (effect == "grid").then_some(("height", -1.0));
+        let on: Vec<_> = [(parameter, 1.0)].into_iter().chain(floor).collect();
+        with(&mut seen, effect, &on, &[]);
+        assert!(draw_with(&mut renderer, &seen, &options) != expected, "{effect} does nothing");
+    }
+}

@@ -1,0 +1,392 @@
+//! Inputs of effects on images against closed forms in f64, on both renderers: depth, normals, motion vectors, actors, camera, time
+//! and sun; with one sample and four, in tiles, with an open shutter; and what of it a frame leaves out.
+
+use crate::common::*;
+use choreo_asset::*;
+use choreo_motion::Time;
+use choreo_plugin::{Effect, Frame};
+use choreo_render::plan::motion_blur::plan_with;
+use choreo_render::*;
+use choreo_stage::*;
+use choreo_wgsl_effect::WgslEffect;
+use glam::{DAffine3, DQuat, DVec2, DVec3, Vec3, Vec4};
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [120, 90];
+const YFOV: f64 = 0.9;
+const DISTANCE: f64 = 5.0;
+
+/// An effect that writes a number from 0 to 1 as the 24 bits of a pixel.
+fn probe(name: &str, number: &str) -> Effect {
+    let text = format!(
+        "// effect: {name}\n// hook: image\n// off: amount = 0\n// param amount = 1 in 0..1: on or off\n\
+         fn byte(b: f32) -> f32 {{ let c = b / 255.0; return select(pow((c + 0.055) / 1.055, 2.4), c / 12.92, c <= 0.04045); }}\n\
+         fn effect(at: vec2<i32>, pass_number: u32, p: array<f32, 8>) -> vec4<f32> {{\n\
+         let x = floor(clamp({number}, 0.0, 0.9999999) * 16777216.0);\n\
+         let r = floor(x / 65536.0);\nlet g = floor((x - r * 65536.0) / 256.0);\n\
+         return vec4(byte(r), byte(g), byte(x - r * 65536.0 - g * 256.0), 1.0);\n}}\n"
+    );
+    WgslEffect::from_text("probe.wgsl", &text).unwrap_or_else(|e| panic!("{e}\n{text}")).into()
+}
+
+fn number(frame: &Frame, x: u32, y: u32) -> f64 {
+    let [r, g, b, _] = pixel(frame, x, y).map(f64::from);
+    (r * 65536.0 + g * 256.0 + b + 0.5) / 16_777_216.0
+}
+
+fn probes() -> Vec<Effect> {
+    let mut all = vec![
+        probe("depth", "depth_at(at) / 16.0"),
+        probe("normal_x", "normal_at(at).x * 0.5 + 0.5"),
+        probe("normal_y", "normal_at(at).y * 0.5 + 0.5"),
+        probe("normal_z", "normal_at(at).z * 0.5 + 0.5"),
+        probe("view_x", "view_at(at).x / 16.0 + 0.5"),
+        probe("view_y", "view_at(at).y / 16.0 + 0.5"),
+        probe("moved_x", "motion_at(at).x / 64.0 + 0.5"),
+        probe("moved_y", "motion_at(at).y / 64.0 + 0.5"),
+        probe("actor", "f32(actor_at(at)) / 16.0"),
+        probe("beyond", "depth_at(at + vec2<i32>(100000, 0)) / 16.0"),
+        probe("round", "distance(pixel_of(view_at(at)), vec2<f32>(at) + 0.5) * 4.0"),
+        probe("world_z", "(world_from_view() * vec4<f32>(view_at(at), 1.0)).z / 16.0 + 0.5"),
+        probe(
+            "inverse",
+            "length(view_from_clip() * clip_from_view() * vec4<f32>(0.1, 0.2, -0.3, 1.0) - vec4<f32>(0.1, 0.2, -0.3, 1.0))",
+        ),
+        probe("clock", "time() / 8.0"),
+        probe("number", "(f32(frame()) + delta()) / 256.0"),
+        probe("sun", "sun_at().x / 256.0 * sun_at().z"),
+    ];
+    all.extend(effects::named(&["motion_blur"]));
+    all
+}
+
+/// A probe on both renderers, each after the other.
+fn drawn(
+    scene: &Scene,
+    name: &str,
+    options: &PlanOptions,
+    before: Option<&Snapshot>,
+) -> Vec<(&'static str, Frame)> {
+    let effects = probes();
+    let mut scene = Scene { stage: scene.stage.clone(), snapshot: scene.snapshot.clone() };
+    use_effect(&mut scene, name, &[("amount", 1.0)], &[]);
+    let options = PlanOptions { effects: &effects, moved_from: before, ..options.clone() };
+    let mut out = vec![("CPU", draw_with(&mut CpuRenderer::new(&effects), &scene, &options))];
+    if let Some(mut renderer) = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() }) {
+        out.push(("Vulkan", draw_with(&mut renderer, &scene, &options)));
+    }
+    out
+}
+
+/// The ray of a pixel in view space, one metre deep.
+fn ray(x: u32, y: u32) -> DVec3 {
+    let t = (YFOV * 0.5).tan();
+    let [w, h] = SIZE.map(f64::from);
+    let ndc = DVec2::new((f64::from(x) + 0.5) / w * 2.0 - 1.0, 1.0 - (f64::from(y) + 0.5) / h * 2.0);
+    DVec3::new(ndc.x * t * w / h, ndc.y * t, -1.0)
+}
+
+/// The place where a pixel's ray meets a plane, in the world. The camera stands at (0, 0, `DISTANCE`).
+fn hit(x: u32, y: u32, point: DVec3, normal: DVec3) -> DVec3 {
+    let eye = DVec3::new(0.0, 0.0, DISTANCE);
+    let way = ray(x, y);
+    eye + way * ((point - eye).dot(normal) / way.dot(normal))
+}
+
+fn pixel_of(world: DVec3, eye: DVec3) -> DVec2 {
+    let v = world - eye;
+    let t = (YFOV * 0.5).tan();
+    let [w, h] = SIZE.map(f64::from);
+    let ndc = DVec2::new(v.x / (-v.z * t * w / h), -v.y / (-v.z * t));
+    (ndc * 0.5 + 0.5) * DVec2::new(w, h)
+}
+
+fn tilted() -> (Scene, DVec3, DVec3) {
+    let mut scene = Scene::perspective(YFOV as f32, DISTANCE);
+    let asset = asset(vec![quad(1.2, 0.9)], vec![matte(Vec4::ONE)], vec![]);
+    let turn = DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(0.3);
+    let at = DVec3::new(0.2, -0.1, 0.5);
+    scene.at(&self::asset_of_triangle(), -50.0, 0.0, 0.0);
+    scene.add(&asset, DAffine3::from_rotation_translation(turn, at));
+    (scene, at, turn * DVec3::Z)
+}
+
+/// Out of view, so that the actor in view is the second.
+fn asset_of_triangle() -> Arc<Asset> {
+    asset(vec![triangle(Vec3::ZERO, Vec3::X, Vec3::Y)], vec![matte(Vec4::ONE)], vec![])
+}
+
+/// Where the plane surely is.
+const INSIDE: [[u32; 2]; 5] = [[60, 45], [52, 38], [70, 50], [55, 55], [66, 35]];
+
+#[track_caller]
+fn assert_near(frames: &[(&str, Frame)], what: &str, bound: f64, expected: impl Fn(u32, u32) -> f64) {
+    for (renderer, frame) in frames {
+        for [x, y] in INSIDE {
+            let (is, should) = (number(frame, x, y), expected(x, y));
+            assert!((is - should).abs() < bound, "{what} on {renderer} at {x}, {y}: {is}, not {should}");
+        }
+    }
+}
+
+#[test]
+fn depth_and_normals_are_those_of_a_plane() {
+    let (scene, at, n) = tilted();
+    let n = if n.z < 0.0 { -n } else { n };
+    for samples in [1, 4] {
+        let options = PlanOptions::new(SIZE, samples);
+        let probe = |name: &str| drawn(&scene, name, &options, None);
+        let depth = probe("depth");
+        assert_near(&depth, "depth", 1e-6, |x, y| (DISTANCE - hit(x, y, at, n).z) / 16.0);
+        assert_near(&probe("view_x"), "view x", 1e-6, |x, y| hit(x, y, at, n).x / 16.0 + 0.5);
+        assert_near(&probe("view_y"), "view y", 1e-6, |x, y| hit(x, y, at, n).y / 16.0 + 0.5);
+        assert_near(&probe("world_z"), "world z", 1e-6, |x, y| hit(x, y, at, n).z / 16.0 + 0.5);
+        // Stored normals have 16 bits.
+        assert_near(&probe("normal_x"), "normal x", 1e-4, |_, _| n.x * 0.5 + 0.5);
+        assert_near(&probe("normal_y"), "normal y", 1e-4, |_, _| n.y * 0.5 + 0.5);
+        assert_near(&probe("normal_z"), "normal z", 1e-4, |_, _| n.z * 0.5 + 0.5);
+        assert_near(&probe("actor"), "actor", 1e-6, |_, _| 2.0 / 16.0);
+        assert_near(&probe("round"), "a pixel's place", 4e-3, |_, _| 0.0);
+        assert_near(&probe("inverse"), "inverse projection", 1e-5, |_, _| 0.0);
+        for (renderer, frame) in &depth {
+            assert!(number(frame, 1, 1) > 0.99, "{renderer}: nothing is there");
+        }
+        // Beyond the border the nearest pixel counts: here nothing.
+        assert_near(&probe("beyond"), "beyond the border", 1e-6, |_, _| 1.0);
+    }
+    // A plane that stands elsewhere is seen to.
+    let (scene, ..) = tilted();
+    let frames = drawn(&scene, "depth", &PlanOptions::new(SIZE, 1), None);
+    let off = |x, y| (DISTANCE - hit(x, y, at + DVec3::Z * 0.001, n).z) / 16.0;
+    let (_, frame) = &frames[0];
+    assert!(INSIDE.iter().all(|[x, y]| (number(frame, *x, *y) - off(*x, *y)).abs() > 1e-6));
+}
+
+#[test]
+fn a_mesh_without_normals_has_those_of_its_triangles() {
+    let mut scene = Scene::perspective(YFOV as f32, DISTANCE);
+    let bare = Primitive { normals: Vec::new(), ..quad(1.2, 0.9) };
+    let material = Material { double_sided: true, ..unlit(Vec4::ONE) };
+    let turn = DQuat::from_rotation_y(0.6 + std::f64::consts::PI);
+    scene.add(&asset(vec![bare], vec![material], vec![]), DAffine3::from_quat(turn));
+    // Towards the viewer, on whichever side.
+    let n = -(turn * DVec3::Z);
+    let options = PlanOptions::new(SIZE, 1);
+    assert_near(&drawn(&scene, "normal_x", &options, None), "normal x", 1e-4, |_, _| n.x * 0.5 + 0.5);
+    assert_near(&drawn(&scene, "normal_z", &options, None), "normal z", 1e-4, |_, _| n.z * 0.5 + 0.5);
+}
+
+#[test]
+fn motion_vectors_are_those_of_a_moving_plane_and_camera() {
+    let (mut scene, at, n) = tilted();
+    let before = scene.snapshot.clone();
+    // The plane goes right and away, the camera up.
+    let (moved, eye) = (DVec3::new(0.11, 0.0, -0.2), DVec3::new(0.0, -0.05, DISTANCE));
+    let mut then = before;
+    then.actors[1].world_from_model.translation -= moved;
+    then.camera.world_from_view.translation = eye;
+    for samples in [1, 4] {
+        let options = PlanOptions::new(SIZE, samples);
+        let vector = |x: u32, y: u32| {
+            let now = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+            now - pixel_of(hit(x, y, at, n) - moved, eye)
+        };
+        let [right, down] = ["moved_x", "moved_y"].map(|name| drawn(&scene, name, &options, Some(&then)));
+        assert_near(&right, "x", 3e-6, |x, y| vector(x, y).x / 64.0 + 0.5);
+        assert_near(&down, "y", 3e-6, |x, y| vector(x, y).y / 64.0 + 0.5);
+        // A vector that forgets the camera is seen to be wrong.
+        let (_, frame) = &down[0];
+        let faulty = |x, y| f64::from(y) + 0.5 - pixel_of(hit(x, y, at, n) - moved, DVec3::Z * DISTANCE).y;
+        assert!(
+            INSIDE.iter().all(|[x, y]| (number(frame, *x, *y) - faulty(*x, *y) / 64.0 - 0.5).abs() > 1e-4)
+        );
+    }
+    // Without a frame before nothing has moved, and where nothing is neither.
+    scene.snapshot.time = Time::ZERO;
+    assert_near(&drawn(&scene, "moved_x", &PlanOptions::new(SIZE, 1), None), "rest", 1e-6, |_, _| 0.5);
+}
+
+#[test]
+fn motion_vectors_follow_joints_and_morph_targets() {
+    let options = PlanOptions::new(SIZE, 1);
+    let eye = DVec3::Z * DISTANCE;
+    let offset = DVec3::new(0.4, 0.25, 0.0);
+    // A morph target that moves all vertices: half of it now, a quarter before.
+    let mut shape = quad(1.2, 0.9);
+    shape.morphs = vec![MorphTarget { positions: vec![offset.as_vec3(); 4], ..MorphTarget::default() }];
+    let mut scene = Scene::perspective(YFOV as f32, DISTANCE);
+    scene.at(&asset(vec![shape], vec![matte(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
+    scene.snapshot.actors[0].morph_weights = vec![vec![0.5]];
+    let mut then = scene.snapshot.clone();
+    then.actors[0].morph_weights = vec![vec![0.25]];
+    let expected = |moved: DVec3| {
+        move |x: u32, y: u32| {
+            let place = hit(x, y, DVec3::ZERO, DVec3::Z);
+            (f64::from(x) + 0.5 - pixel_of(place - moved, eye).x) / 64.0 + 0.5
+        }
+    };
+    assert_near(&drawn(&scene, "moved_x", &options, Some(&then)), "morph", 3e-6, expected(offset * 0.25));
+    // A joint that turns nothing and moves the upper half, for which all vertices are above the root.
+    let raised = Primitive {
+        positions: quad(1.2, 0.9).positions.iter().map(|p| *p + Vec3::Y).collect(),
+        ..quad(1.2, 0.9)
+    };
+    let mut scene = Scene::perspective(YFOV as f32, DISTANCE);
+    scene.at(&skinned_asset(vec![raised], vec![matte(Vec4::ONE)]), 0.0, -1.0, 0.0);
+    let mut then = scene.snapshot.clone();
+    then.actors[0].model_from_joint[1].translation.x -= 0.3;
+    assert_near(&drawn(&scene, "moved_x", &options, Some(&then)), "joint", 3e-6, expected(DVec3::X * 0.3));
+}
+
+#[test]
+fn holes_of_cut_outs_show_what_is_behind_and_glass_is_not_there() {
+    let mut scene = Scene::perspective(YFOV as f32, DISTANCE);
+    // The right half is cut out.
+    let picture = image(2, 1, |x, _| [255, 255, 255, if x == 0 { 255 } else { 0 }]);
+    let nearest = Sampler { mag_linear: false, min_linear: false, ..Sampler::default() };
+    let cut = Material {
+        base_color_texture: Some(TextureRef { sampler: nearest, ..texture(0) }),
+        alpha_mode: AlphaMode::Mask(0.5),
+        ..matte(Vec4::ONE)
+    };
+    scene.at(&asset(vec![quad(1.0, 1.0)], vec![cut], vec![picture]), 0.0, 0.0, 1.0);
+    scene.at(&asset(vec![quad(3.0, 3.0)], vec![matte(Vec4::ONE)], vec![]), 0.0, 0.0, -1.0);
+    let glass = Material { alpha_mode: AlphaMode::Blend, ..matte(Vec4::new(1.0, 1.0, 1.0, 0.5)) };
+    scene.at(&asset(vec![quad(3.0, 3.0)], vec![glass], vec![]), 0.0, 0.0, 2.0);
+    for (renderer, frame) in drawn(&scene, "depth", &PlanOptions::new(SIZE, 4), None) {
+        let depth = |x: u32| number(&frame, x, 45) * 16.0;
+        assert!((depth(52) - 4.0).abs() < 1e-4, "{renderer}: kept, {}", depth(52));
+        assert!((depth(68) - 6.0).abs() < 1e-4, "{renderer}: cut out, {}", depth(68));
+    }
+}
+
+#[test]
+fn time_frame_and_sun_are_those_of_the_stage() {
+    let (mut scene, ..) = tilted();
+    scene.stage.settings.fps = choreo_motion::FrameRate { num: 24, den: 1 };
+    scene.snapshot.time = scene.stage.settings.fps.time_of(77);
+    let options = PlanOptions::new(SIZE, 1);
+    assert_near(&drawn(&scene, "clock", &options, None), "time", 1e-6, |_, _| 77.0 / 24.0 / 8.0);
+    assert_near(&drawn(&scene, "number", &options, None), "frame", 1e-6, |_, _| (77.0 + 1.0 / 24.0) / 256.0);
+    assert_near(&drawn(&scene, "sun", &options, None), "no sun", 1e-6, |_, _| 0.0);
+    // The brighter of two.
+    let way = DVec3::new(0.2, 0.1, -1.0).normalize();
+    scene.sun(Vec3::NEG_Y, Vec3::ONE, 0.5);
+    scene.sun(-way.as_vec3(), Vec3::ONE, 2.0);
+    let x = pixel_of(DVec3::Z * DISTANCE + way * 1e6, DVec3::Z * DISTANCE).x;
+    assert_near(&drawn(&scene, "sun", &options, None), "sun", 1e-5, |_, _| x / 256.0);
+}
+
+#[test]
+fn both_renderers_agree_on_skins_cut_outs_and_displaced_surfaces() {
+    let mut effects = probes();
+    let waves = "// effect: waves\n// hook: vertex\n// reach: 0.2\n\
+        fn effect(place: Place, p: array<f32, 8>) -> vec3<f32> { return place.normal * 0.1 * sin(9.0 * place.world.x); }";
+    effects.push(WgslEffect::from_text("waves.wgsl", waves).unwrap().into());
+    let given = GpuOptions { effects: effects.clone(), ..GpuOptions::default() };
+    let Some(mut renderer) = vulkan(given) else { return };
+    for (name, once) in [
+        ("depth", SkinOnce::Never),
+        ("depth", SkinOnce::Always),
+        ("normal_x", SkinOnce::Always),
+        ("moved_x", SkinOnce::Never),
+        ("moved_y", SkinOnce::Always),
+        ("actor", SkinOnce::Always),
+    ] {
+        let mut scene = busy_scene(DVec3::ZERO);
+        scene.stage.settings.skin_once = once;
+        let mut then = scene.snapshot.clone();
+        for (i, actor) in then.actors.iter_mut().enumerate() {
+            actor.world_from_model.translation += DVec3::new(0.02, -0.01, 0.03) * i as f64;
+            if let Some(top) = actor.model_from_joint.get_mut(1) {
+                top.translation.x += 0.1;
+            }
+        }
+        use_effect(&mut scene, "waves", &[], &[0, 2]);
+        use_effect(&mut scene, name, &[("amount", 1.0)], &[]);
+        let options = PlanOptions { effects: &effects, moved_from: Some(&then), ..PlanOptions::new(SIZE, 1) };
+        let cpu = draw_with(&mut CpuRenderer::new(&effects), &scene, &options);
+        let gpu = draw_with(&mut renderer, &scene, &options);
+        let differ = |a: &Frame, b: &Frame| {
+            let pixels = (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y)));
+            pixels.filter(|(x, y)| (number(a, *x, *y) - number(b, *x, *y)).abs() > 2e-5).count()
+        };
+        // Pixels whose middles lie on an edge.
+        let off = differ(&cpu, &gpu);
+        println!("{name}, {once:?}: {off} of {} pixels differ", SIZE[0] * SIZE[1]);
+        assert!(off < 12, "{name}, {once:?}: {off}");
+        // What stands a millimetre farther is seen to.
+        scene.snapshot.actors.iter_mut().for_each(|a| a.world_from_model.translation.z -= 0.001);
+        if name == "depth" {
+            let other = draw_with(&mut CpuRenderer::new(&effects), &scene, &options);
+            assert!(differ(&other, &gpu) > 1000);
+        }
+    }
+}
+
+#[test]
+fn tiles_and_an_open_shutter_have_the_inputs_of_the_frame() {
+    let effects = probes();
+    let (scene, at, n) = tilted();
+    let mut then = scene.snapshot.clone();
+    then.actors[1].world_from_model.translation.x -= 0.1;
+    for name in ["depth", "moved_x", "actor"] {
+        let mut scene = Scene { stage: scene.stage.clone(), snapshot: scene.snapshot.clone() };
+        use_effect(&mut scene, name, &[("amount", 1.0)], &[]);
+        let options = PlanOptions { effects: &effects, moved_from: Some(&then), ..PlanOptions::new(SIZE, 1) };
+        let whole = draw_with(&mut CpuRenderer::new(&effects), &scene, &options);
+        let given = GpuOptions { effects: effects.clone(), longest_side: Some(50), ..GpuOptions::default() };
+        let Some(mut tiled) = vulkan(given) else { return };
+        let frame = draw_with(&mut tiled, &scene, &options);
+        for [x, y] in INSIDE {
+            let (is, should) = (number(&frame, x, y), number(&whole, x, y));
+            assert!((is - should).abs() < 3e-6, "{name} in tiles at {x}, {y}: {is}, not {should}");
+        }
+    }
+    // The shutter is open while nothing moves: the mean is the frame, and inputs are read on the host.
+    let mut scene = Scene { stage: scene.stage.clone(), snapshot: scene.snapshot.clone() };
+    use_effect(&mut scene, "motion_blur", &[("samples", 2.0)], &[]);
+    use_effect(&mut scene, "depth", &[("amount", 1.0)], &[]);
+    let options = PlanOptions { effects: &effects, all_sub_frames: true, ..PlanOptions::new(SIZE, 4) };
+    let resources = scene.resources();
+    let made =
+        plan_with(&resources, &scene.stage, Time::ZERO, &options, |_| Ok::<_, ()>(scene.snapshot.clone()));
+    let (_, plan) = made.unwrap();
+    assert_eq!(plan.subframes.len(), 2);
+    let mut frames = vec![];
+    let mut draw = |renderer: &mut dyn Renderer, name| {
+        renderer.load(resources.clone()).unwrap();
+        renderer.submit(plan.clone()).unwrap();
+        frames.push((name, renderer.collect(None).unwrap()));
+    };
+    draw(&mut CpuRenderer::new(&effects), "CPU");
+    if let Some(mut renderer) = vulkan(GpuOptions { effects: effects.clone(), ..GpuOptions::default() }) {
+        draw(&mut renderer, "Vulkan");
+    }
+    assert_near(&frames, "depth, open shutter", 1e-6, |x, y| (DISTANCE - hit(x, y, at, n).z) / 16.0);
+}
+
+#[test]
+fn inputs_are_drawn_only_for_effects_that_read_them() {
+    let effects = probes();
+    let (scene, ..) = tilted();
+    let commands = |name: Option<(&str, f64)>| {
+        let mut scene = Scene { stage: scene.stage.clone(), snapshot: scene.snapshot.clone() };
+        name.iter().for_each(|(name, amount)| use_effect(&mut scene, name, &[("amount", *amount)], &[]));
+        let options = PlanOptions { effects: &effects, ..PlanOptions::new(SIZE, 1) };
+        let (_, plan) = scene.plan(&options);
+        let recording = choreo_render::commands::record(&plan, Default::default(), |_| 2);
+        let text = recording.to_string();
+        let left_out = plan.left_out.iter().map(|l| l.what.clone()).collect::<Vec<_>>().join(", ");
+        (text.contains("begin inputs"), text.contains("inputs of effects, motion"), left_out)
+    };
+    let (drawn, motion, left_out) = commands(Some(("depth", 1.0)));
+    assert!(drawn && !motion && left_out.contains("motion vectors for effects"), "{left_out}");
+    assert!(!left_out.contains("depth and normals for effects"), "{left_out}");
+    let (drawn, motion, left_out) = commands(Some(("moved_x", 1.0)));
+    assert!(drawn && motion && !left_out.contains("motion vectors"), "{left_out}");
+    let (drawn, _, left_out) = commands(Some(("clock", 1.0)));
+    assert!(!drawn && left_out.contains("depth and normals for effects"), "{left_out}");
+    // Off: as without it.
+    assert!(!commands(Some(("depth", 0.0))).0 && !commands(None).0);
+}

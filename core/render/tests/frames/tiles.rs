@@ -1,0 +1,147 @@
+//! Images larger than a device draws at once are the same as drawn whole: by a limit that is set, tile by tile.
+
+use crate::common::layered::{bulge, layered};
+use crate::common::*;
+use choreo_asset::*;
+use choreo_image_diff::compare;
+use choreo_plugin::{Effect, Frame};
+use choreo_render::plan::tiles::{MOST, tiles};
+use choreo_render::*;
+use choreo_stage::*;
+use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [200, 150];
+
+fn effects() -> Vec<Effect> {
+    effects::named(&["fog", "fxaa", "bloom", "wireframe", "grid", "outline"])
+}
+
+/// A scene with something of everything, seen from the side, with a shadow and many lamps before a gradient.
+fn scene() -> Scene {
+    let mut scene = busy_scene(DVec3::ZERO);
+    scene.snapshot.camera.world_from_view =
+        DAffine3::from_rotation_translation(DQuat::from_rotation_y(0.3), DVec3::new(1.5, 0.6, 5.5));
+    scene.snapshot.background =
+        Background::Gradient { top: Vec3::new(0.1, 0.3, 0.9), bottom: Vec3::new(0.7, 0.4, 0.2) };
+    scene.snapshot.lights[0].shadow = Some(Shadow::default());
+    for i in 0..9 {
+        let (x, y) = (f64::from(i % 3) - 1.0, f64::from(i / 3) - 1.0);
+        let light = Light { kind: LightKind::Point, color: Vec3::Y, intensity: 0.2, range: Some(0.8) };
+        let position = DVec3::new(1.4 * x, y, 1.2);
+        scene.snapshot.lights.push(LightState {
+            light,
+            position,
+            direction: Vec3::NEG_Y,
+            shadow: None,
+            attenuation: None,
+        });
+    }
+    scene
+}
+
+fn with(uses: &[(&str, &[(&str, f64)])]) -> Scene {
+    let mut scene = scene();
+    uses.iter().for_each(|(plugin, parameters)| use_effect(&mut scene, plugin, parameters, &[]));
+    scene
+}
+
+fn differ(a: &Frame, b: &Frame) -> choreo_image_diff::Comparison {
+    assert_eq!((a.width, a.height), (b.width, b.height));
+    compare(a, b, 2).unwrap()
+}
+
+#[test]
+fn tiles_give_the_image_that_is_drawn_whole() {
+    let effects = effects();
+    let given = || GpuOptions { effects: effects.clone(), ..GpuOptions::default() };
+    let Some(mut whole) = vulkan(given()) else { return };
+    let mut tiled = vulkan(GpuOptions { longest_side: Some(100), ..given() }).unwrap();
+    let mut under_a_sky = scene();
+    let rgb = (0..32 * 16 * 3).map(|i| ((i * 37) % 101) as f32 / 100.0).collect();
+    let panorama = Arc::new(Panorama::new("noise", 32, 16, rgb).unwrap());
+    let sky = Sky { background: true, ..Sky::new(panorama) };
+    let Sky { panorama, turn, strength, background, .. } = sky.clone();
+    under_a_sky.snapshot.sky = Some(SkyState { panorama, turn, strength, background });
+    under_a_sky.stage.sky = Some(sky);
+    let mut parallel = scene();
+    parallel.snapshot.camera.projection = Projection::Orthographic { height: 4.0, near: 0.1, far: 100.0 };
+    use_effect(&mut parallel, "fog", &[("density", 0.05), ("falloff", 0.2), ("sky", 0.0)], &[]);
+    let scenes = [
+        ("gradient, shadow, lamps", scene()),
+        ("sky", under_a_sky),
+        ("parallel rays, fog", parallel),
+        ("fog over the horizon", with(&[("fog", &[("density", 0.05), ("falloff", 0.2), ("sky", 0.0)])])),
+        ("bloom and fxaa", with(&[("bloom", &[("strength", 0.6)]), ("fxaa", &[])])),
+        ("lines and lattices", with(&[("wireframe", &[]), ("grid", &[("cell", 0.3), ("height", -1.0)])])),
+        ("outlines on the screen", with(&[("outline", &[])])),
+    ];
+    for (i, (what, scene)) in scenes.iter().enumerate() {
+        let samples = if i % 2 == 0 { 4 } else { 1 };
+        let options = PlanOptions { effects: &effects, ..PlanOptions::new(SIZE, samples) };
+        let c = differ(&draw_with(&mut tiled, scene, &options), &draw_with(&mut whole, scene, &options));
+        println!("{what}, {samples} samples: {c}");
+        // Where a corner is rounded otherwise, an edge may have another pixel; passes on the host have no 16-bit floats between.
+        assert!(c.mean < 0.1 && c.share_beyond < 2e-3, "{what}, {samples} samples: {c}");
+    }
+    // Frames larger and smaller than the limit in turns; several in flight.
+    let (resources, large) = scenes[0].1.plan(&PlanOptions::new(SIZE, 1));
+    let (_, small) = scenes[0].1.plan(&PlanOptions::new([60, 45], 1));
+    tiled.load(resources).unwrap();
+    tiled.submit(large).unwrap();
+    tiled.submit(small).unwrap();
+    let sizes = [0, 1].map(|_| tiled.collect(None).map(|f| [f.width, f.height]).unwrap());
+    assert_eq!(sizes, [SIZE, [60, 45]]);
+}
+
+#[test]
+fn a_misplaced_tile_shows() {
+    let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
+    let options = PlanOptions::new(SIZE, 1);
+    let (resources, plan) = scene().plan(&options);
+    whole.load(resources.clone()).unwrap();
+    let mut draw = |plan: Plan| {
+        whole.submit(plan).unwrap();
+        whole.collect(None).unwrap()
+    };
+    let all = draw(plan.clone());
+    let tile = tiles(SIZE, 100)[1];
+    let part = |x: u32, y: u32| pixel(&all, tile.at[0] + x, tile.at[1] + y);
+    let mut off = |tile| {
+        let drawn = draw(plan.tile(tile, &resources).unwrap());
+        let pixels = (0..drawn.height).flat_map(|y| (0..drawn.width).map(move |x| (x, y)));
+        pixels
+            .filter(|(x, y)| {
+                pixel(&drawn, *x, *y)[..3].iter().zip(part(*x, *y)).any(|(a, b)| a.abs_diff(b) > 2)
+            })
+            .count()
+    };
+    let right = off(tile);
+    let mut wrong = tile;
+    wrong.at[0] -= 1;
+    let moved = off(wrong);
+    assert!(right < 20 && moved > 200, "{right} and {moved} pixels");
+}
+
+#[test]
+fn what_tiles_cannot_show_is_reported() {
+    let Some(mut tiled) = vulkan(GpuOptions { longest_side: Some(64), ..GpuOptions::default() }) else {
+        return;
+    };
+    let mut scene = scene();
+    let glass = MaterialLayers { transmission: 0.9, thickness: 0.2, ..MaterialLayers::default() };
+    let glass = layered(glass, matte(Vec4::ONE));
+    scene.at(&asset(vec![bulge(0.6)], vec![glass], vec![]), 0.3, -0.2, 2.2);
+    let (resources, plan) = scene.plan(&PlanOptions::new(SIZE, 1));
+    assert!(plan.scene_color_copy.is_some());
+    tiled.load(resources).unwrap();
+    tiled.submit(plan).unwrap();
+    let said = tiled.collect(None).unwrap_err().to_string();
+    assert!(
+        said.starts_with("an image of 200×150 is drawn in tiles") && said.contains("refraction"),
+        "{said}"
+    );
+    let (_, plan) = scene.plan(&PlanOptions::new([MOST + 1, 8], 1));
+    let said = tiled.submit(plan).unwrap_err().to_string();
+    assert_eq!(said, format!("image width is {}, the limit of this device is {MOST}", MOST + 1));
+}

@@ -1,0 +1,12 @@
+//! What moves vertices, and which of them are drawn.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod dual_quaternion;
+mod lod;
+mod morphs;
+mod placed_models;
+mod preskin;
+mod watertight;
+mod watertight_poses;

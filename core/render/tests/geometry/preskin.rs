@@ -1,0 +1,301 @@
+//! Pre-skinning: the compute pass gives the image of the vertex shader for everything that deforms vertices; when it is used, and
+//! when it is not.
+
+use crate::common::*;
+use choreo_asset::*;
+use choreo_image_diff::compare;
+use choreo_motion::Skinning;
+use choreo_plugin::{Effect, Frame};
+use choreo_render::commands::{Command, RecordOptions, Recording, record};
+use choreo_render::plan::Features;
+use choreo_render::*;
+use choreo_stage::*;
+use glam::{Affine3A, DAffine3, DVec3, EulerRot, Quat, Vec2, Vec3, Vec4};
+use std::f32::consts::PI;
+use std::sync::Arc;
+
+/// How vertices are posed.
+#[derive(Clone, Copy, Debug)]
+struct Way {
+    influences: usize,
+    skinning: Skinning,
+    morphs: bool,
+}
+
+const WAYS: [Way; 6] = [
+    Way { influences: 4, skinning: Skinning::Linear, morphs: false },
+    Way { influences: 8, skinning: Skinning::Linear, morphs: true },
+    Way { influences: 4, skinning: Skinning::DualQuaternion, morphs: true },
+    Way { influences: 8, skinning: Skinning::DualQuaternion, morphs: false },
+    Way { influences: 0, skinning: Skinning::Linear, morphs: true },
+    Way { influences: 4, skinning: Skinning::Linear, morphs: true },
+];
+
+/// A closed tube about y from −1 to 1, whose weights go from the lower joint to the upper one, with all that a normal map needs.
+fn tube(way: Way) -> Primitive {
+    let mut p = Primitive { influences: way.influences, material: Some(0), ..Primitive::default() };
+    let (rings, around) = (21, 24);
+    let mut target = MorphTarget::default();
+    for ring in 0..rings {
+        let s = ring as f32 / (rings - 1) as f32;
+        for i in 0..around {
+            let angle = i as f32 / around as f32 * 2.0 * PI;
+            let normal = Vec3::new(angle.sin(), 0.0, angle.cos());
+            let radius = if ring == 0 || ring + 1 == rings { 0.0 } else { 0.5 };
+            p.positions.push(normal * radius + Vec3::Y * (2.0 * s - 1.0));
+            p.normals.push(normal);
+            p.tangents.push(Vec3::new(angle.cos(), 0.0, -angle.sin()).extend(1.0));
+            p.uvs[0].push(Vec2::new(i as f32 / 6.0, s * 3.0));
+            target.positions.push(if s > 0.5 { normal * (0.3 * s) } else { Vec3::ZERO });
+            target.normals.push(Vec3::Y * (0.4 * s));
+            target.tangents.push(Vec3::Y * 0.1);
+            if way.influences > 0 {
+                let (mut joints, mut weights) = (vec![0; way.influences], vec![0.0; way.influences]);
+                (joints[0], weights[0]) = (0, 1.0 - s);
+                (joints[way.influences - 1], weights[way.influences - 1]) = (1, s);
+                p.joint_indices.extend(joints);
+                p.joint_weights.extend(weights);
+            }
+            if ring + 1 < rings {
+                let next = (i + 1) % around;
+                let at = |r: usize, i: usize| (r * around + i) as u32;
+                let quad = [at(ring, i), at(ring, next), at(ring + 1, next), at(ring + 1, i)];
+                p.indices.extend([0, 1, 2, 0, 2, 3].map(|c: usize| quad[c]));
+            }
+        }
+    }
+    if way.morphs {
+        p.morphs = vec![MorphTarget::default(), target];
+    }
+    p
+}
+
+/// Three tubes in different poses over a floor, in a sun and a lamp that cast shadows.
+fn scene(way: Way) -> Scene {
+    let mut scene = Scene::perspective(0.9, 6.0);
+    let rough = image(8, 8, |x, y| [128 + (x * 9 % 40) as u8, 128 + (y * 7 % 30) as u8, 240, 255]);
+    let skin = Material {
+        normal_texture: Some(texture(0)),
+        double_sided: true,
+        ..matte(Vec4::new(0.8, 0.5, 0.3, 1.0))
+    };
+    let mut tubes = (*skinned_asset(vec![quad(1.0, 1.0)], vec![skin])).clone();
+    Arc::make_mut(&mut tubes.meshes[0]).primitives = vec![tube(way)];
+    tubes.images = vec![rough];
+    tubes.skins[0].inverse_bind[1] = glam::Mat4::IDENTITY;
+    if way.influences == 0 {
+        tubes.instances[0].skin = None;
+    }
+    tubes.instances[0].weights = if way.morphs { vec![0.0, 0.7] } else { Vec::new() };
+    let tubes = Arc::new(tubes);
+    for i in 0..3 {
+        let turn = DAffine3::from_rotation_z(0.3 * i as f64 - 0.3);
+        let world = DAffine3::from_translation(DVec3::new(1.6 * i as f64 - 1.6, 0.0, -0.5 * i as f64)) * turn;
+        let actor = scene.add(&tubes, world);
+        let state = &mut scene.snapshot.actors[actor];
+        let bend = Quat::from_euler(EulerRot::YXZ, 0.9 * i as f32, 0.5, 0.2);
+        let upper = Affine3A::from_scale_rotation_translation(
+            Vec3::new(1.2, 0.9, 1.0),
+            bend,
+            Vec3::new(0.1, 0.1, 0.0),
+        );
+        state.model_from_joint = vec![Affine3A::IDENTITY, upper];
+        state.skinning = way.skinning;
+    }
+    let floor = asset(vec![quad(6.0, 6.0)], vec![matte(Vec4::ONE)], vec![]);
+    let down = DAffine3::from_translation(DVec3::NEG_Y * 1.5) * DAffine3::from_rotation_x(-1.5);
+    scene.add(&floor, down);
+    for (kind, position) in
+        [(LightKind::Directional, DVec3::ZERO), (LightKind::Point, DVec3::new(1.0, 4.0, 3.0))]
+    {
+        let intensity = if kind == LightKind::Point { 12.0 } else { 0.7 };
+        scene.snapshot.lights.push(LightState {
+            light: Light { kind, color: Vec3::ONE, intensity, range: None },
+            position,
+            direction: Vec3::new(-0.4, -1.0, -0.5).normalize(),
+            shadow: Some(Shadow::default()),
+            attenuation: None,
+        });
+    }
+    scene
+}
+
+fn effects() -> Vec<Effect> {
+    effects::named(&["outline"])
+}
+
+fn with(mut scene: Scene, skin_once: SkinOnce) -> Scene {
+    scene.stage.settings.skin_once = skin_once;
+    scene
+}
+
+fn record_of(
+    scene: &Scene,
+    options: &PlanOptions,
+    device: RecordOptions,
+) -> (Arc<SceneResources>, Plan, Recording) {
+    let (resources, plan) = scene.plan(options);
+    let triangles = |p: u32| resources.primitives[p as usize].primitive().indices.len() / 3;
+    let recording = record(&plan, device, triangles);
+    (resources, plan, recording)
+}
+
+/// Both draw the same f32 formulas from the same 16-bit normals and weights; fetched by the device in one, unpacked in the
+/// other, they may differ in their last bit, and a pixel on an edge with them.
+fn assert_same(a: &Frame, b: &Frame, what: &str) {
+    let c = compare(a, b, 2).unwrap();
+    assert!(c.mean < 0.01 && c.share_beyond < 5e-4, "{what}: {c}");
+}
+
+#[test]
+fn pre_skinning_and_skinning_by_every_pass_give_one_image() {
+    let Some(mut device) = vulkan(GpuOptions { effects: effects(), ..GpuOptions::default() }) else { return };
+    let effects = effects();
+    for way in WAYS {
+        for (samples, outlined) in [(1, false), (4, true)] {
+            let options = PlanOptions { effects: &effects, ..PlanOptions::new([200, 150], samples) };
+            let scene = |once| {
+                let mut scene = with(scene(way), once);
+                if outlined {
+                    use_effect(&mut scene, "outline", &[], &[0]);
+                }
+                scene
+            };
+            let what = format!("{way:?} {samples}");
+            let by_each = draw_with(&mut device, &scene(SkinOnce::Never), &options);
+            assert_eq!(device.last_recording().unwrap().counts().preskinned, 0, "{what}");
+            let once = draw_with(&mut device, &scene(SkinOnce::Always), &options);
+            // Hulls have normals of their own.
+            let bodies = if outlined { 4 } else { 3 };
+            assert_eq!(device.last_recording().unwrap().counts().preskinned, bodies, "{what}");
+            assert_same(&by_each, &once, &what);
+            // A pose a little beside it is told.
+            let mut moved = scene(SkinOnce::Always);
+            let state = &mut moved.snapshot.actors[1];
+            state.world_from_model.translation.x += 0.02;
+            let moved = draw_with(&mut device, &moved, &options);
+            let c = compare(&by_each, &moved, 2).unwrap();
+            assert!(c.mean > 0.05, "{what}: a moved body is not told: {c}");
+            // The CPU's twin, once and by every pass: the same bits.
+            let cpu = draw(&scene(SkinOnce::Auto), &options);
+            assert!(cpu == draw(&scene(SkinOnce::Never), &options), "{what}");
+            let c = compare(&cpu, &once, 3).unwrap();
+            assert!(c.mean < 0.2 && c.share_beyond < 0.02, "{what}: {c}");
+        }
+    }
+}
+
+/// Frames in flight have vertices of their own, and buffers grow and are used again.
+#[test]
+fn poses_of_frames_in_flight_do_not_meet() {
+    let Some(mut device) = vulkan(GpuOptions::default()) else { return };
+    let options = PlanOptions::new([120, 90], 1);
+    let at = |i: usize| {
+        let mut scene = with(scene(WAYS[0]), SkinOnce::Always);
+        let keep = if i.is_multiple_of(3) { 3 } else { 1 };
+        for (a, state) in scene.snapshot.actors.iter_mut().take(3).enumerate() {
+            state.visible = a < keep;
+            state.model_from_joint[1] = Affine3A::from_rotation_y(0.4 * i as f32);
+        }
+        scene
+    };
+    let alone: Vec<Frame> = (0..6).map(|i| draw_with(&mut device, &at(i), &options)).collect();
+    device.load(at(0).resources()).unwrap();
+    let mut frames = Vec::new();
+    for i in 0..6 {
+        if i >= device.frames_in_flight() {
+            frames.push(device.collect(None).unwrap());
+        }
+        device.submit(at(i).plan(&options).1).unwrap();
+    }
+    while frames.len() < 6 {
+        frames.push(device.collect(None).unwrap());
+    }
+    assert!(frames == alone);
+    assert!(frames[1] != frames[2]);
+}
+
+#[test]
+fn only_what_is_drawn_more_than_once_is_posed_once() {
+    let options = PlanOptions::new([200, 150], 1);
+    let of = |once, lights: usize, device| {
+        let mut scene = with(scene(WAYS[0]), once);
+        scene.snapshot.lights.truncate(1);
+        let sun = scene.snapshot.lights[0];
+        scene.snapshot.lights.resize(lights, sun);
+        record_of(&scene, &options, device)
+    };
+    let gpu = RecordOptions::default();
+    // No shadows: one pass.
+    let (_, plan, recording) = of(SkinOnce::Auto, 0, gpu);
+    assert_eq!((recording.counts().preskinned, recording.preskinned.len()), (0, 0));
+    assert!(recording.left_out(&plan).unwrap().why.starts_with("no mesh is drawn often enough"));
+    // A sun: two or more, and not enough.
+    let (_, plan, recording) = of(SkinOnce::Auto, 1, gpu);
+    assert_eq!(recording.counts().preskinned, 0);
+    assert!(recording.left_out(&plan).is_some());
+    // Maps of six suns.
+    assert_eq!(of(SkinOnce::Auto, 6, gpu).2.counts().preskinned, 3);
+    let (resources, plan, recording) = of(SkinOnce::Always, 1, gpu);
+    assert_eq!(recording.counts().preskinned, 3);
+    assert_eq!(recording.left_out(&plan), None);
+    let vertices = resources.primitives[0].primitive().positions.len() as u64;
+    assert_eq!(recording.preskinned_vertices(&resources), (3, 3 * vertices));
+    // Position, normal, tangent.
+    assert_eq!(recording.preskinned_bytes(&resources), 3 * vertices * 4 * (3 + 3 + 4));
+    for command in &recording.commands {
+        let Command::BindPipeline(variant) = command else { continue };
+        assert!(!variant.key.features.has(Features::SKIN));
+    }
+    // Neither a device nor a stage that excludes pre-skinning gets it.
+    for (once, device) in
+        [(SkinOnce::Never, gpu), (SkinOnce::Always, RecordOptions { no_compute: true, ..gpu })]
+    {
+        let (_, plan, recording) = of(once, 1, device);
+        assert_eq!(recording.counts().preskinned, 0);
+        assert!(recording.left_out(&plan).is_some());
+        assert!(recording.reads().joints);
+    }
+}
+
+/// A device without it draws the same.
+#[test]
+fn a_device_that_cannot_compute_poses_by_every_pass() {
+    let without = vec![vulkan::Ability::Compute];
+    let Some(mut device) = vulkan(GpuOptions { without, ..GpuOptions::default() }) else { return };
+    let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
+    let (scene, options) = (with(scene(WAYS[2]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
+    let by_each = draw_with(&mut device, &scene, &options);
+    assert_eq!(device.last_recording().unwrap().counts().preskinned, 0);
+    let once = draw_with(&mut whole, &scene, &options);
+    assert_eq!(whole.last_recording().unwrap().counts().preskinned, 3);
+    assert_same(&by_each, &once, "without compute");
+}
+
+/// Vertices, or the mesh that they are made from, are more than the device binds at once.
+#[test]
+fn what_cannot_be_bound_is_posed_by_every_pass() {
+    let Some(mut whole) = vulkan(GpuOptions::default()) else { return };
+    let (scene, options) = (with(scene(WAYS[0]), SkinOnce::Always), PlanOptions::new([120, 90], 1));
+    let once = draw_with(&mut whole, &scene, &options);
+    let (resources, plan) = scene.plan(&options);
+    let bytes = whole.last_recording().unwrap().preskinned_bytes(&resources) as u32;
+    let mesh = bytes / 3;
+    let draw = |most: u32| {
+        let masked = GpuOptions { storage_range: Some(most), ..GpuOptions::default() };
+        let mut device = vulkan(masked).unwrap();
+        device.load(resources.clone()).unwrap();
+        device.submit(plan.clone()).and_then(|()| device.collect(None)).map(|frame| {
+            assert_same(&frame, &once, &format!("{most} bytes"));
+            device.last_recording().unwrap().counts().preskinned
+        })
+    };
+    assert_eq!(draw(bytes).unwrap(), 3);
+    assert_eq!(draw(bytes - 1).unwrap(), 0);
+    assert_eq!(draw(mesh / 2).unwrap(), 0);
+    let said = draw(64).unwrap_err().to_string();
+    assert!(
+        said.starts_with("size in bytes of all instances is ") && said.ends_with("device is 64"),
+        "{said}"
+    );
+}

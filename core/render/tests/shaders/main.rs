@@ -1,0 +1,5 @@
+//! Shaders without a GPU.
+
+mod keys;
+mod layouts;
+mod mistakes;

@@ -1,0 +1,104 @@
+//! Missing abilities of a device, one at a time: the frame is drawn with a stated fallback; and the abilities that it has, by their
+//! purpose.
+
+use crate::common::*;
+use choreo_asset::*;
+use choreo_plugin::Frame;
+use choreo_render::vulkan::{Ability, DeviceTime};
+use choreo_render::*;
+use choreo_stage::*;
+use glam::{DAffine3, DQuat, DVec3, Vec2, Vec4};
+use std::sync::Arc;
+
+const SIZE: [u32; 2] = [160, 96];
+/// Each pixel of a reference is the mean of so many, squared.
+const FINE: u32 = 8;
+
+/// A floor of stripes that runs to the horizon, seen from near it.
+fn floor() -> Scene {
+    let mut scene = Scene::perspective(0.7, 3.0);
+    scene.snapshot.camera.world_from_view.translation.y = 0.6;
+    let stripes =
+        image(64, 64, |x, y| if (x / 8 + y / 8) % 2 == 0 { [230, 230, 230, 255] } else { [20, 20, 20, 255] });
+    let mut plane = quad(30.0, 30.0);
+    plane.uvs[0].iter_mut().for_each(|uv| *uv *= Vec2::splat(30.0));
+    let sampler = Sampler { mip_linear: Some(true), ..Sampler::default() };
+    let texture = TextureRef { sampler, ..texture(0) };
+    let material = Material { base_color_texture: Some(texture), ..unlit(Vec4::ONE) };
+    let flat = DAffine3::from_rotation_translation(
+        DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2),
+        DVec3::new(0.0, 0.0, -20.0),
+    );
+    scene.add(&asset(vec![plane], vec![material], vec![stripes]), flat);
+    scene
+}
+
+/// Linear light of the means of squares of pixels.
+fn reduced(frame: &Frame) -> Vec<f64> {
+    let mut out = Vec::new();
+    for (y, x) in (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (y, x))) {
+        let inside = (0..FINE * FINE).map(|i| (x * FINE + i % FINE, y * FINE + i / FINE));
+        let sum: f64 = inside.map(|(x, y)| decode(pixel(frame, x, y)[0])).sum();
+        out.push(sum / f64::from(FINE * FINE));
+    }
+    out
+}
+
+fn error(frame: &Frame, truth: &[f64]) -> f64 {
+    let of = |i: usize| (decode(frame.rgba[4 * i]) - truth[i]).powi(2);
+    ((0..truth.len()).map(of).sum::<f64>() / truth.len() as f64).sqrt()
+}
+
+#[test]
+fn anisotropic_filtering_is_nearer_to_many_samples() {
+    let scene = floor();
+    let draw = |options: GpuOptions, size: [u32; 2]| {
+        vulkan(options).map(|mut gpu| draw_with(&mut gpu, &scene, &PlanOptions::new(size, 1)))
+    };
+    let with = |anisotropy| GpuOptions { anisotropy, ..GpuOptions::default() };
+    let Some(fine) = draw(with(Some(1.0)), SIZE.map(|s| s * FINE)) else { return };
+    let truth = reduced(&fine);
+    let [plain, most] = [Some(1.0), Some(16.0)].map(|a| draw(with(a), SIZE).unwrap());
+    println!(
+        "root mean square off 64 samples: {:.4} without, {:.4} with 16",
+        error(&plain, &truth),
+        error(&most, &truth)
+    );
+    assert!(error(&most, &truth) < 0.8 * error(&plain, &truth));
+    // Not by itself on a device that draws on the CPU, and not on one that lacks it.
+    let kind = vulkan(GpuOptions::default()).map(|gpu| gpu.device().kind);
+    if kind == Some(DeviceKind::VulkanCpu) {
+        assert_eq!(draw(with(None), SIZE).unwrap().rgba, plain.rgba);
+    }
+    let lacking = GpuOptions { without: vec![Ability::SamplerAnisotropy], ..with(Some(16.0)) };
+    assert_eq!(draw(lacking, SIZE).unwrap().rgba, plain.rgba);
+}
+
+/// Everything at once on a device without any of the optional features: drawn, without a word of the validation layer.
+#[test]
+fn a_device_without_any_optional_feature_draws() {
+    let mut scene = busy_scene(DVec3::ZERO);
+    scene.stage.settings.transparency = Transparency::Independent;
+    for samples in [1, 4] {
+        for without in [Ability::ALL.to_vec(), vec![]] {
+            let Some(mut gpu) = vulkan(GpuOptions { without, ..GpuOptions::default() }) else { return };
+            let frame = draw_with(&mut gpu, &scene, &PlanOptions::new(SIZE, samples));
+            assert!(frame.rgba.chunks_exact(4).filter(|p| p[0] != 0).count() > 1000);
+        }
+    }
+}
+
+#[test]
+fn the_device_tells_how_long_it_was_busy() {
+    let time = Arc::new(DeviceTime::default());
+    let options = GpuOptions { device_time: Some(time.clone()), ..GpuOptions::default() };
+    let Some(mut gpu) = vulkan(options) else { return };
+    let scene = floor();
+    for _ in 0..5 {
+        draw_with(&mut gpu, &scene, &PlanOptions::new([640, 360], 4));
+    }
+    let (frames, secs) = time.total();
+    println!("{frames} frames, {:.3} ms each", secs * 1e3 / frames as f64);
+    assert_eq!(frames, 5);
+    assert!(secs > 0.0 && secs < 60.0, "{secs} s");
+}

@@ -1,0 +1,216 @@
+//! Values that the script states of an object or a cue: read as they are written, stated anew, and taken away, so that the default counts.
+
+use super::object::{ScriptObject, quoted};
+use super::scan::Call;
+use super::values::{option_value, set_option};
+use super::{Edit, EditRefused};
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// How a value is written where the script does not state it yet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Anew {
+    /// `.fov(40.0)`
+    Method,
+    /// `#{ fade: 0.5 }`
+    Option,
+}
+
+impl<'a> ScriptObject<'a> {
+    /// The arguments of the last method of a name, else the value of the option of the call that made it, as they are written.
+    pub fn written(&self, name: &str) -> Option<&str> {
+        let range = match self.last(&[name]) {
+            Some(call) => call.inside.clone(),
+            None => option_value(&self.text, &self.made, name)?,
+        };
+        Some(self.text[range].trim())
+    }
+
+    /// Everything that is written of it: options of the call that made it, and methods, the last of a name.
+    pub fn all_written(&self) -> BTreeMap<String, String> {
+        let mut all = BTreeMap::new();
+        for (entry, _) in self.options(&[]) {
+            if let Some((name, value)) = self.text[entry].split_once(':') {
+                all.insert(name.trim().to_string(), value.trim().to_string());
+            }
+        }
+        for call in &self.calls {
+            let value = self.text[call.inside.clone()].trim().to_string();
+            all.insert(self.text[call.name.clone()].to_string(), value);
+        }
+        all
+    }
+
+    /// States a value where it is stated already, else anew. `value`: the text to write. What the script computes stays.
+    ///
+    /// # Errors
+    /// The script computes it.
+    pub fn state(&self, name: &str, value: &str, anew: Anew) -> Result<Edit, EditRefused> {
+        if let Some(call) = self.last(&[name]) {
+            return self.overwrite(call, call.inside.clone(), value);
+        }
+        if anew == Anew::Option || option_value(&self.text, &self.made, name).is_some() {
+            return set_option(&self.text, &self.made, self.line, name, value);
+        }
+        Ok(self.behind(self.made.end, &format!("{name}({value})")))
+    }
+
+    /// Like [`ScriptObject::state`], in place of whatever is written there, computed or not.
+    ///
+    /// # Errors
+    /// The options of the call are computed.
+    pub fn state_over(&self, name: &str, value: &str, anew: Anew) -> Result<Edit, EditRefused> {
+        let over = match self.last(&[name]) {
+            Some(call) => Some(call.inside.clone()),
+            None => option_value(&self.text, &self.made, name),
+        };
+        match over {
+            Some(range) => Ok(Edit { range: self.text.trimmed(&range), text: value.to_string() }),
+            None => self.state(name, value, anew),
+        }
+    }
+
+    /// Takes the methods and options of these names away. The text stays where none is there.
+    pub fn unstate(&self, names: &[&str]) -> Edit {
+        let mut ranges: Vec<Range<usize>> = self
+            .calls
+            .iter()
+            .filter(|call| names.contains(&&self.text[call.name.clone()]))
+            .map(|call| self.method_range(call))
+            .collect();
+        ranges.extend(self.options_range(names));
+        ranges.sort_by_key(|range| range.start);
+        let mut after = self.text.to_string();
+        for range in ranges.into_iter().rev() {
+            after.replace_range(range, "");
+        }
+        Edit::between(&self.text, &after)
+    }
+
+    /// `.name(…)` with the blanks before it; a statement of its own with its line.
+    fn method_range(&self, call: &Call) -> Range<usize> {
+        let text: &str = &self.text;
+        let dot = text[..call.name.start].rfind('.').unwrap_or(call.name.start);
+        let line = text[..dot].rfind('\n').map_or(0, |end| end + 1);
+        let is_alone = self.variable.as_deref() == Some(text[line..dot].trim());
+        if is_alone && let Some(rest) = text[call.end..].strip_prefix(';') {
+            let end = rest.find('\n').map_or(rest.len(), |end| end + 1);
+            if rest[..end].trim().is_empty() {
+                return line..call.end + 1 + end;
+            }
+        }
+        let rest = text[call.end..].trim_start_matches([' ', '\t']);
+        let ends_line = rest.is_empty() || rest.starts_with(['\n', '\r']) || rest.starts_with("//");
+        // What follows on its line must not come behind a comment.
+        if ends_line { text[..dot].trim_end().len()..call.end } else { dot..call.end }
+    }
+
+    /// The options of the call that made it, up to their commas, and whether they have one of these names.
+    fn options(&self, names: &[&str]) -> Vec<(Range<usize>, bool)> {
+        let Some(map) = self.text.map_in(&self.made.inside) else { return Vec::new() };
+        let mut all: Vec<(Range<usize>, bool)> = Vec::new();
+        let mut at = map.start;
+        while at < map.end {
+            let end = self.text.value_end(at, map.end);
+            let entry = self.text.trimmed(&(at..end));
+            let name = self.text[entry.clone()].split(':').next().unwrap_or_default().trim();
+            if !entry.is_empty() {
+                all.push((entry.start..end, names.contains(&name)));
+            }
+            at = end + 1;
+        }
+        all
+    }
+
+    /// The ranges that go with the options of these names, each with a comma; the whole map where nothing else is in it.
+    fn options_range(&self, names: &[&str]) -> Vec<Range<usize>> {
+        let inside = &self.made.inside;
+        let Some(map) = self.text.map_in(inside) else { return Vec::new() };
+        let all = self.options(names);
+        if !all.is_empty() && all.iter().all(|(_, goes)| *goes) {
+            // The argument before it loses its comma.
+            let brace = self.text[..map.start].rfind("#{").unwrap_or(map.start);
+            let before = self.text[..brace].trim_end();
+            let start = before.strip_suffix(',').map_or(before.len(), str::len);
+            let argument = start.max(inside.start)..inside.end;
+            return vec![argument];
+        }
+        let kept_after = |number: usize| all[number + 1..].iter().any(|(_, goes)| !goes);
+        let ranges = all.iter().enumerate().filter(|(_, (_, goes))| *goes).map(|(number, (entry, _))| {
+            match kept_after(number) {
+                // Up to the next one.
+                true => entry.start..all[number + 1].0.start,
+                // From the end of the one before.
+                false => {
+                    number.checked_sub(1).map_or(map.start, |before| all[before].0.end)
+                        ..self.text.trimmed(entry).end
+                }
+            }
+        });
+        ranges.collect()
+    }
+
+    /// Writes another name into the clip that a cue plays, `moves.clip("Walk")`.
+    ///
+    /// # Errors
+    /// The clip is written in another way.
+    pub fn state_clip(&self, name: &str) -> Result<Edit, EditRefused> {
+        let inside = &self.made.inside;
+        let first = inside.start..self.text.value_end(inside.start, inside.end);
+        let calls = self.text.calls_within(&first);
+        let plain = |call: &&Call| {
+            let argument = self.text[call.inside.clone()].trim();
+            self.text[call.name.clone()] == *"clip" && argument.starts_with('"') && argument.ends_with('"')
+        };
+        match calls.iter().find(plain) {
+            Some(call) => Ok(Edit { range: self.text.trimmed(&call.inside), text: quoted(name) }),
+            None => {
+                let why = format!("{} is no clip by its name; change it there", self.text[first].trim());
+                Err(EditRefused::at(self.line, &why))
+            }
+        }
+    }
+
+    /// Writes another first argument that is a text: the words of a title.
+    ///
+    /// # Errors
+    /// The script computes it.
+    pub fn state_words(&self, words: &str) -> Result<Edit, EditRefused> {
+        if let Some(call) = self.last(&["words"]) {
+            return self.overwrite(call, call.inside.clone(), &quoted(words));
+        }
+        let inside = &self.made.inside;
+        let first = inside.start..self.text.value_end(inside.start, inside.end);
+        self.overwrite(&self.made, first, &quoted(words))
+    }
+
+    /// The object that makes the asset of which an actor is cast: `shape(…)` in the call, or behind `let NAME =`.
+    ///
+    /// # Errors
+    /// The script makes it in another way.
+    pub fn asset_object(&self) -> Result<ScriptObject<'a>, EditRefused> {
+        let inside = &self.made.inside;
+        let second = self.text.value_end(inside.start, inside.end) + 1;
+        let refuse = || EditRefused::at(self.line, "its asset is made elsewhere; change it there");
+        let start = self.text.skip(second);
+        if self.text.call_from(start).is_some_and(|call| call.name.start == start && call.end <= inside.end) {
+            let (line, column) = self.text.place_of(start);
+            return ScriptObject::at(self.text.whole(), line, column);
+        }
+        let end = self.text.value_end(second, inside.end).max(second);
+        let name = self.text.get(second..end).map(str::trim).unwrap_or_default();
+        let made = self.text.made_as(name, self.made.name.start).ok_or_else(refuse)?;
+        let (line, column) = self.text.place_of(made);
+        ScriptObject::at(self.text.whole(), line, column)
+    }
+
+    /// The line and column of the call that made it, from 1.
+    pub fn place(&self) -> (usize, usize) {
+        self.text.place_of(self.made.name.start)
+    }
+
+    /// The name of the function or method that made it.
+    pub fn made_by(&self) -> &str {
+        &self.text[self.made.name.clone()]
+    }
+}

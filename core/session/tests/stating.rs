@@ -1,0 +1,162 @@
+//! Values that are stated, read and taken away, and loops that are written out: the whole text after each edit is compared.
+
+use choreo_session::edit::{Anew, ScriptObject, unroll};
+
+/// The object is made where `|` stands.
+fn object<R>(text: &str, then: impl FnOnce(&ScriptObject) -> R) -> R {
+    let at = text.find('|').unwrap();
+    let (before, plain) = (&text[..at], text.replacen('|', "", 1));
+    let line = before.matches('\n').count() + 1;
+    let column = before.rsplit('\n').next().unwrap().chars().count() + 1;
+    then(&ScriptObject::at(&plain, line, column).unwrap())
+}
+
+fn unstated(text: &str, names: &[&str]) -> String {
+    let edit = object(text, |object| object.unstate(names));
+    edit.apply(&text.replacen('|', "", 1))
+}
+
+#[test]
+fn what_is_taken_away_leaves_the_others_as_they_were() {
+    assert_eq!(
+        unstated("|sun(#{ intensity: 3.0, color: \"red\" });", &["intensity"]),
+        "sun(#{ color: \"red\" });"
+    );
+    assert_eq!(
+        unstated("|sun(#{ color: \"red\", intensity: 3.0 });", &["intensity"]),
+        "sun(#{ color: \"red\" });"
+    );
+    assert_eq!(unstated("|sun(#{ a: [1, 2], b: f(3), c: 1 });", &["b"]), "sun(#{ a: [1, 2], c: 1 });");
+    assert_eq!(unstated("|sun(#{ a: 1, b: 2, c: 1 });", &["b", "c"]), "sun(#{ a: 1 });");
+    assert_eq!(unstated("|sun(#{ intensity: 3.0 });", &["intensity"]), "sun();");
+    assert_eq!(
+        unstated("a.|play(c, #{ fade: 0.5 }).until(2.0).then(d);", &["fade"]),
+        "a.play(c).until(2.0).then(d);"
+    );
+    assert_eq!(
+        unstated("a.|play(c)\n    .fade(0.5) // why\n    .until(2.0).then(d).fade(1.0);", &["fade"]),
+        "a.play(c) // why\n    .until(2.0).then(d).fade(1.0);"
+    );
+    assert_eq!(
+        unstated("a.|play(c) // in\n    .fade(0.5).until(2.0);", &["fade"]),
+        "a.play(c) // in\n    .until(2.0);"
+    );
+    let lamp = "let l = |sun(#{ color: \"red\" });\nl.intensity(3.0);\nl.color(\"blue\").key(\"x\", []);\n";
+    assert_eq!(unstated(lamp, &["color", "intensity", "kelvin"]), "let l = sun();\nl.key(\"x\", []);\n");
+    assert_eq!(unstated("|sun();", &["intensity"]), "sun();");
+}
+
+#[test]
+fn a_value_is_stated_where_it_stands_else_anew() {
+    let stated = |text: &str, name: &str, value: &str, anew| {
+        let edit = object(text, |object| object.state(name, value, anew));
+        edit.map(|edit| edit.apply(&text.replacen('|', "", 1))).map_err(|refused| refused.why)
+    };
+    let camera = "let c = |camera(\"c\");";
+    assert_eq!(stated(camera, "near", "0.2", Anew::Method).unwrap(), "let c = camera(\"c\").near(0.2);");
+    let play = "a.|play(c).until(2.0).then(d).ease(\"smooth\");";
+    assert_eq!(
+        stated(play, "ease", "\"linear\"", Anew::Option).unwrap(),
+        "a.play(c, #{ ease: \"linear\" }).until(2.0).then(d).ease(\"smooth\");"
+    );
+    assert_eq!(
+        stated("a.|play(c, #{ ease: \"smooth\" });", "ease", "\"linear\"", Anew::Method).unwrap(),
+        "a.play(c, #{ ease: \"linear\" });"
+    );
+    let computed = "a.|play(c).on(names(x));";
+    assert!(stated(computed, "on", "\"Head\"", Anew::Method).unwrap_err().contains("computed"));
+    let over = object(computed, |object| {
+        assert_eq!(object.written("on"), Some("names(x)"));
+        object.state_over("on", "\"Head\"", Anew::Method).unwrap()
+    });
+    assert_eq!(over.apply(&computed.replacen('|', "", 1)), "a.play(c).on(\"Head\");");
+}
+
+#[test]
+fn clips_words_and_assets_are_found() {
+    let clip = |text: &str| {
+        let edit = object(text, |object| object.state_clip("Run"));
+        edit.map(|edit| edit.apply(&text.replacen('|', "", 1))).map_err(|refused| refused.why)
+    };
+    assert_eq!(
+        clip("a.|play(moves.clip(\"Walk\"), #{ fade: 1 });").unwrap(),
+        "a.play(moves.clip(\"Run\"), #{ fade: 1 });"
+    );
+    assert_eq!(
+        clip("a.|play(load(\"x.glb\").clip(\"W, (\"));").unwrap(),
+        "a.play(load(\"x.glb\").clip(\"Run\"));"
+    );
+    assert!(clip("a.|play(best);").unwrap_err().contains("best is no clip by its name"));
+    let title = "let t = |text(\"Hello, (you)\", #{ size: 0.1 });";
+    let words = object(title, |object| object.state_words("Bye \"now\"").unwrap());
+    assert_eq!(
+        words.apply(&title.replacen('|', "", 1)),
+        "let t = text(\"Bye \\\"now\\\"\", #{ size: 0.1 });"
+    );
+    for text in [
+        "let a = |cast(\"a\", shape(\"box\", #{ size: 1.0 })).at(0, 1, 0);",
+        "let m = shape(\"box\", #{ size: 1.0 });\nlet a = |cast(\"a\", m);",
+    ] {
+        let edit = object(text, |object| {
+            let asset = object.asset_object().unwrap();
+            assert_eq!(asset.made_by(), "shape");
+            asset.state("roughness", "0.5", Anew::Option).unwrap()
+        });
+        let after = edit.apply(&text.replacen('|', "", 1));
+        assert!(after.contains("shape(\"box\", #{ size: 1.0, roughness: 0.5 })"), "{after}");
+    }
+    assert!(object("let a = |cast(\"a\", pick(3)[0]);", |o| o.asset_object().map(|_| ()).is_ok()));
+    assert!(object("let a = |cast(\"a\", other);", |o| o.asset_object().is_err()));
+}
+
+fn unrolled(text: &str) -> Result<String, String> {
+    let at = text.find('|').unwrap();
+    let (before, plain) = (&text[..at], text.replacen('|', "", 1));
+    let line = before.matches('\n').count() + 1;
+    let column = before.rsplit('\n').next().unwrap().chars().count() + 1;
+    unroll(&plain, line, column).map(|edit| edit.apply(&plain)).map_err(|refused| refused.why)
+}
+
+#[test]
+fn each_round_is_written_with_its_value() {
+    assert_eq!(
+        unrolled("let x = 1;\nfor at in [1.0, 2.5] { a.|play(c).from(at); }\nlet y = at;").unwrap(),
+        "let x = 1;\na.play(c).from(1.0);\na.play(c).from(2.5);\nlet y = at;"
+    );
+    assert_eq!(
+        unrolled("  for i in 0..2 {\n    let d = |cast(`d ${i + 1}`, m).at(i * 2.0, 0, 0); // one\n    d.play(c, #{ i: i });\n  }\n").unwrap(),
+        "  let d_1 = cast(`d ${0 + 1}`, m).at(0 * 2.0, 0, 0); // one\n  d_1.play(c, #{ i: 0 });\n  let d_2 = cast(`d ${1 + 1}`, m).at(1 * 2.0, 0, 0); // one\n  d_2.play(c, #{ i: 1 });\n"
+    );
+    assert_eq!(
+        unrolled("for p in [[1, 2], [3, 4]] { for q in 1..=2 { |sun(#{ p: p[q] }); } }").unwrap(),
+        "for p in [[1, 2], [3, 4]] { sun(#{ p: p[1] });\nsun(#{ p: p[2] }); }"
+    );
+}
+
+#[test]
+fn what_cannot_be_written_out_is_refused() {
+    for (text, why) in [
+        ("|sun();", "no loop is around it"),
+        ("for a in all { |sun(); }", "are computed"),
+        ("for a in 0..n { |sun(); }", "are computed"),
+        ("for a in 0..1000 { |sun(); }", "too many rounds"),
+        ("for a in [1, 2] { if x { break; } |sun(); }", "left in its middle"),
+        ("for a in [1, 2] { let a = 3; |sun(); }", "of the loop's name"),
+    ] {
+        let refused = unrolled(text).unwrap_err();
+        assert!(refused.contains(why), "{text}: {refused}");
+    }
+}
+
+#[test]
+fn no_loop_makes_it_panic() {
+    let text = "for ä in [\"ü\", `é ${ä}`] { let x = ä; a.play(ä); } for i in 0..";
+    let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();
+    for from in &ends {
+        for to in ends.iter().filter(|to| *to >= from) {
+            for column in [1, 9, 30] {
+                let _ = unroll(&text[*from..*to], 1, column);
+            }
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! Fades in which one gait becomes another in step: how high the feet stand meanwhile.
+//!
+//! On four legs strides are matched as a whole, so that the mean of both gaits may have a foot in the air while it should stand, and near the
+//! ground while it should not. Each foot stands as high as in the gaits alone, and in the air it is higher than that.
+
+use crate::constraints::foot_lock::smooth;
+use crate::constraints::foot_samples::FootSamples;
+use crate::stage::constraint::FootLock;
+use choreo_motion::Time;
+
+/// Time before and after a fade in which contacts count, too, and in which feet in the air get higher and lower: a foot is almost on the
+/// ground before its clip has it there.
+pub(super) const BESIDE: Time = Time(Time::TICKS_PER_SECOND / 10);
+
+/// Whether a span that counts is a fade between gaits: in it the character neither begins nor ceases to stand.
+pub(super) fn is_gait_fade(foot_lock: &FootLock, (from, to): (Time, Time)) -> bool {
+    !foot_lock.standing_fades.iter().any(|fade| fade.from <= to && fade.to >= from)
+}
+
+/// A fade between two gaits.
+#[derive(Debug)]
+pub(super) struct GaitFade {
+    span: (Time, Time),
+    /// World heights at which each foot stands before and after it, if the gaits have it stand.
+    heights: Vec<Option<[f64; 2]>>,
+}
+
+impl GaitFade {
+    /// The fades of a constraint. `contacts`: of the clips, by leg.
+    pub fn all(foot_lock: &FootLock, samples: &FootSamples, contacts: &[Vec<(Time, Time)>]) -> Vec<GaitFade> {
+        let of_leg = |span: (Time, Time), leg: usize| {
+            let height = |(from, to): &(Time, Time)| {
+                let (first, last) = samples.between((*from, *to));
+                let places = &samples.feet[leg][first..=last];
+                places.iter().map(|place| place.y).sum::<f64>() / places.len() as f64
+            };
+            let before = contacts[leg].iter().rfind(|contact| contact.1 < span.0 - BESIDE).map(height);
+            let after = contacts[leg].iter().find(|contact| contact.0 > span.1 + BESIDE).map(height);
+            Some([before.or(after)?, after.or(before)?])
+        };
+        let fade = |span: &(Time, Time)| {
+            let heights = (0..contacts.len()).map(|leg| of_leg(*span, leg)).collect();
+            GaitFade { span: *span, heights }
+        };
+        foot_lock.only.iter().filter(|span| is_gait_fade(foot_lock, **span)).map(fade).collect()
+    }
+
+    /// World height at which a foot stands at a time of a fade, or soon before or after it.
+    fn height(&self, leg: usize, time: Time) -> Option<f64> {
+        let [before, after] = self.heights.get(leg).copied().flatten()?;
+        let (from, to) = self.span;
+        Some(before + (after - before) * smooth((time - from).as_secs() / (to - from).as_secs()))
+    }
+
+    /// Largest world height at which a foot stands in a contact.
+    pub fn highest(fades: &[GaitFade], leg: usize, (from, to): (Time, Time)) -> f64 {
+        let fade = fades.iter().find(|fade| from <= fade.span.1 + BESIDE && to >= fade.span.0 - BESIDE);
+        fade.and_then(|fade| fade.height(leg, from.middle(to))).unwrap_or(f64::INFINITY)
+    }
+
+    /// World height of the ground under a foot, and how far it is to be above it, 0..=1.
+    pub fn ground(fades: &[GaitFade], leg: usize, time: Time) -> Option<(f64, f64)> {
+        let (from, to) = (time - BESIDE, time + BESIDE);
+        let fade = fades.iter().find(|fade| from < fade.span.1 && fade.span.0 < to)?;
+        let inside = (to - fade.span.0).min(fade.span.1 - from);
+        Some((fade.height(leg, time)?, smooth(inside.as_secs() / BESIDE.as_secs())))
+    }
+}

@@ -1,0 +1,81 @@
+//! Contacts that last longer than a leg reaches: the foot takes steps in between.
+//!
+//! While a walk and a run fade in step a foot may come down in one clip when it leaves the ground in the other, most of all on four legs, whose
+//! gaits are matched by strides. Its contact then covers most of a stride, and a leg that cannot reach so far would drag the foot.
+
+use crate::constraints::foot_lock::{Contact, drop_needed, within_reach};
+use crate::constraints::foot_samples::{FootSamples, Limb};
+use crate::constraints::footsteps::{Footstep, PlannedStep, hurried_secs, step_lift, step_secs};
+use choreo_motion::Time;
+use glam::DVec3;
+
+/// Most steps in one contact.
+const MOST_STEPS: i64 = 3;
+/// Shortest time between two steps.
+const SHORTEST: Time = Time(Time::TICKS_PER_SECOND / 20);
+
+/// A foot during the contacts of its clips.
+pub(super) struct LongContacts<'a> {
+    pub samples: &'a FootSamples,
+    /// Number of the leg.
+    pub leg: usize,
+    /// Metres.
+    pub leg_length: f64,
+    /// How far the hips may come down for it, in lengths of the leg.
+    pub lowest: f64,
+    /// World height at which the foot stands at most.
+    pub highest: f64,
+}
+
+impl LongContacts<'_> {
+    /// The times in which the foot stands during a contact: all of it if the leg reaches so far, else with the fewest steps between that
+    /// let it, or bring it nearest.
+    pub fn split(&self, span: (Time, Time)) -> Vec<(Time, Time)> {
+        let mut best = (self.beyond(span), vec![span]);
+        for parts in (1..=MOST_STEPS).filter_map(|count| self.parts(span, count)) {
+            if best.0 <= 0.0 {
+                break;
+            }
+            let beyond = parts.iter().map(|part| self.beyond(*part)).fold(0.0, f64::max);
+            if beyond < best.0 {
+                best = (beyond, parts);
+            }
+        }
+        best.1
+    }
+
+    /// Equal parts of a contact with a number of steps between, which take their time where there is enough of it.
+    fn parts(&self, (from, to): (Time, Time), count: i64) -> Option<Vec<(Time, Time)>> {
+        let stand = |step: Time| Time(((to - from).0 - count * step.0) / (count + 1));
+        let secs = [step_secs(self.leg_length), hurried_secs(self.leg_length)];
+        let step = secs.map(Time::from_secs).into_iter().find(|step| stand(*step) >= SHORTEST)?;
+        let part = |i: i64| {
+            let begin = from + Time(i * (stand(step) + step).0);
+            (begin, if i == count { to } else { begin + stand(step) })
+        };
+        Some((0..=count).map(part).collect())
+    }
+
+    /// The steps between the parts of a contact.
+    pub fn steps(&self, parts: &[Contact]) -> Vec<Footstep> {
+        let step = |pair: &[Contact]| {
+            let [start, end] = [pair[0].at?, pair[1].at?];
+            let (to, lift) = ((pair[1].from - pair[0].to).as_secs(), step_lift(start, end, self.leg_length));
+            let planned = PlannedStep { from: 0.0, to, start, velocity: DVec3::ZERO, end, lift };
+            Some(Footstep::new(planned, pair[0].to, false))
+        };
+        parts.windows(2).filter_map(step).collect()
+    }
+
+    /// How far the foot would get from its place at most if it stood all the time, metres.
+    fn beyond(&self, span: (Time, Time)) -> f64 {
+        let (first, last) = self.samples.between(span);
+        let limbs = &self.samples.limbs[self.leg][first..=last];
+        let at = within_reach(self.samples, self.leg, (first, last), self.highest);
+        let one = |limb: &Limb| {
+            let hip = limb.hip - DVec3::Y * drop_needed(limb, at).clamp(0.0, self.lowest * limb.reach);
+            (hip - at).length() - limb.reach - limb.sole
+        };
+        limbs.iter().map(one).fold(0.0, f64::max)
+    }
+}

@@ -1,0 +1,263 @@
+//! Rigs, cuts and framing, where a script cannot say it; the rest is in `tests/suite/cameras`.
+
+use crate::support::*;
+use choreo_asset::*;
+use choreo_motion::{Interpolation, Time};
+use choreo_stage::*;
+use glam::{DQuat, DVec3, Vec3};
+use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
+
+fn eye(snapshot: &Snapshot) -> DVec3 {
+    snapshot.camera.world_from_view.translation
+}
+fn looks(snapshot: &Snapshot) -> DVec3 {
+    -snapshot.camera.world_from_view.matrix3.z_axis
+}
+fn up(snapshot: &Snapshot) -> DVec3 {
+    snapshot.camera.world_from_view.matrix3.y_axis
+}
+
+fn shot(rig: Rig) -> Stage {
+    let mut stage = Stage::default();
+    stage.cast("anna", figure());
+    stage.shoot(Camera::new("c", rig));
+    assert_eq!(stage.check().len(), 0, "{:?}", stage.check());
+    stage
+}
+
+#[track_caller]
+fn rotation_is_sound(snapshot: &Snapshot) {
+    let m = snapshot.camera.world_from_view.matrix3;
+    assert!(
+        (m.determinant() - 1.0).abs() < 1e-9 && (m * m.transpose()).abs_diff_eq(glam::DMat3::IDENTITY, 1e-9)
+    );
+}
+
+#[test]
+fn straight_down_straight_up_and_at_itself_are_finite() {
+    for (below, picture_up) in [(v(0.0, -3.0, 0.0), v(0.0, 0.0, -1.0)), (v(0.0, 3.0, 0.0), v(0.0, 0.0, 1.0))]
+    {
+        let position = v(5.0, 0.0, 5.0);
+        let look_at = Some(Target::Point(position + below));
+        let stage = shot(Rig::Fixed { position, rotation: DQuat::IDENTITY, look_at });
+        let snapshot = stage.at(Time::ZERO).unwrap();
+        close(looks(&snapshot), below / 3.0, 1e-12);
+        close(up(&snapshot), picture_up, 1e-12);
+        rotation_is_sound(&snapshot);
+    }
+    let rotation = DQuat::from_rotation_y(1.0);
+    let look_at = Some(Target::Point(v(1.0, 2.0, 3.0)));
+    let stage = shot(Rig::Fixed { position: v(1.0, 2.0, 3.0), rotation, look_at });
+    close(looks(&stage.at(Time::ZERO).unwrap()), rotation * DVec3::NEG_Z, 1e-9);
+    let stage = shot(Rig::Follow { target: Target::Actor(0), offset: DVec3::ZERO });
+    rotation_is_sound(&stage.at(Time::ZERO).unwrap());
+}
+
+#[test]
+fn the_camera_of_a_file_follows_its_node() {
+    let f = figure();
+    let mut stage = shot(Rig::File { actor: 0, camera: 0 });
+    stage.actors[0].transform =
+        Placement { scale: DVec3::splat(2.0), ..Placement::at(0.0, 0.0, 7.0).turned(FRAC_PI_2) };
+    stage.play(0, Cue { repeat: Repeat::Once, ..Cue::new(f.clips[NOD].clone()) });
+    let snapshot = stage.at(secs(1.0)).unwrap();
+    close(eye(&snapshot), v(0.0, 3.2, 7.0), 1e-6);
+    let yaw = FRAC_PI_2 + 40f64.to_radians();
+    close(looks(&snapshot), -v(yaw.sin(), 0.0, yaw.cos()), 1e-6);
+    rotation_is_sound(&snapshot);
+    // Distances of the file are in its own units.
+    let Projection::Perspective { yfov, near, far } = snapshot.camera.projection else { panic!() };
+    assert!(yfov == 0.9 && (near - 0.2).abs() < 1e-6 && (far.unwrap() - 100.0).abs() < 1e-4);
+}
+
+#[test]
+fn a_near_plane_that_is_set_is_kept_by_every_rig() {
+    let target = Target::Point(v(0.0, 0.0, 0.0));
+    let rigs = [
+        Rig::Fixed { position: v(0.0, 0.0, 3.0), rotation: DQuat::IDENTITY, look_at: Some(target) },
+        Rig::Follow { target, offset: v(0.0, 0.0, 3.0) },
+        Rig::Orbit { target, distance: 3.0, elevation: 0.0, azimuth: 0.0, speed: 0.0 },
+    ];
+    for rig in rigs {
+        let mut stage = shot(rig);
+        let near = |stage: &Stage| match stage.at(Time::ZERO).unwrap().camera.projection {
+            Projection::Perspective { near, .. } => near,
+            Projection::Orthographic { .. } => panic!(),
+        };
+        // Not set: a hundredth of the distance, where that is nearer.
+        assert!((near(&stage) - 0.03).abs() < 1e-6, "{}", near(&stage));
+        let field = Camera::field("near").unwrap();
+        (field.set)(&mut stage.cameras[0], FieldValue::Number(2.0));
+        assert_eq!(near(&stage), 2.0);
+    }
+}
+
+#[test]
+fn cuts_keys_and_hooks() {
+    let mut stage = shot(Rig::Fixed { position: DVec3::ZERO, rotation: DQuat::IDENTITY, look_at: None });
+    let target = Target::Point(DVec3::ZERO);
+    stage.shoot(Camera::new(
+        "orbit",
+        Rig::Orbit { target, distance: 1.0, elevation: 0.0, azimuth: 0.0, speed: 0.0 },
+    ));
+    stage.cuts = vec![Cut::new(secs(1.0), 1), Cut::new(secs(2.0), 0)];
+    let on = |stage: &Stage, t: f64| stage.at(secs(t)).unwrap().camera.camera;
+    for (t, camera) in [(-1.0, 0), (0.999, 0), (1.0, 1), (1.999, 1), (2.0, 0), (99.0, 0)] {
+        assert_eq!(on(&stage, t), Some(camera), "at {t}");
+    }
+    let linear = |property, values: &[f64]| Channel {
+        property,
+        interpolation: Interpolation::Linear,
+        times: vec![secs(0.0), secs(1.0)],
+        values: values.to_vec(),
+    };
+    stage.cameras[0].channels = vec![
+        linear(Property::Translation, &[0.0, 0.0, 0.0, 2.0, 0.0, 0.0]),
+        linear(Property::FieldOfView, &[0.5, 1.5]),
+    ];
+    assert_eq!(stage.check().len(), 0);
+    let snapshot = stage.at(secs(0.5)).unwrap();
+    close(eye(&snapshot), v(1.0, 0.0, 0.0), 1e-12);
+    assert!(matches!(
+        snapshot.camera.projection,
+        Projection::Perspective { yfov: 1.0, near: 0.05, far: None }
+    ));
+    #[derive(Debug)]
+    struct Hook;
+    impl FrameHook for Hook {
+        fn run(&self, _: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
+            edits.cameras.push(CameraEdit::MoveTo { camera: 0, position: v(0.0, 0.0, 9.0) });
+            edits.cameras.push(CameraEdit::MoveTo { camera: 7, position: v(0.0, 0.0, 9.0) });
+            Ok(())
+        }
+    }
+    stage.hooks.push(std::sync::Arc::new(Hook));
+    close(eye(&stage.at(secs(0.5)).unwrap()), v(0.0, 0.0, 9.0), 1e-12);
+}
+
+/// Vertices of everything visible in clip space: x and y in -1..1 are in the image. Also the least distance before the eye.
+fn projected(stage: &Stage, t: f64) -> (DVec3, f64) {
+    let snapshot = stage.at(secs(t)).unwrap();
+    let view = snapshot.camera.world_from_view.inverse();
+    let aspect = f64::from(stage.settings.size[0]) / f64::from(stage.settings.size[1]);
+    let (mut reach, mut nearest) = (DVec3::ZERO, f64::INFINITY);
+    for (actor, state) in stage.actors.iter().zip(&snapshot.actors) {
+        for instance in posed_meshes(&actor.asset, state) {
+            for p in instance.primitives.iter().flat_map(|p| &p.positions) {
+                let p = view.transform_point3(*p);
+                let at = match snapshot.camera.projection {
+                    Projection::Perspective { yfov, near, .. } => {
+                        assert!(-p.z > f64::from(near), "clipped: {} m before the eye, near {near}", -p.z);
+                        let t = (f64::from(yfov) / 2.0).tan();
+                        v(p.x / -p.z / t / aspect, p.y / -p.z / t, 0.0)
+                    }
+                    Projection::Orthographic { height, near, far } => {
+                        assert!((f64::from(near)..f64::from(far)).contains(&-p.z));
+                        v(p.x, p.y * aspect, 0.0) / (f64::from(height) / 2.0 * aspect)
+                    }
+                };
+                reach = reach.max(at.abs());
+                nearest = nearest.min(-p.z);
+            }
+        }
+    }
+    (reach, nearest)
+}
+
+#[test]
+fn a_walker_stays_in_the_picture_and_the_camera_still() {
+    let f = figure();
+    let mut stage = Stage::default();
+    stage.cast("anna", f.clone());
+    stage.settings.length = secs(4.0);
+    stage.play(0, Cue { repeat: Repeat::Once, ..Cue::new(f.clips[ALONG_X].clone()) });
+    let first = stage.at(secs(0.0)).unwrap().camera;
+    let mut widest: f64 = 0.0;
+    for i in 0..=40 {
+        let t = i as f64 / 10.0;
+        assert_eq!(stage.at(secs(t)).unwrap().camera, first);
+        let (reach, _) = projected(&stage, t);
+        assert!(reach.max_element() < 0.98, "at {t} s {reach}");
+        widest = widest.max(reach.max_element());
+    }
+    assert!(widest > 0.8, "{widest}");
+    // Framed at the first frame only, she would have left: the same camera for a stage of no length.
+    stage.settings.length = Time::ZERO;
+    assert!(projected(&stage, 3.9).0.max_element() > 1.0);
+}
+
+#[test]
+fn the_ground_need_not_be_seen_to_its_edges() {
+    let mut stage = Stage::default();
+    stage.cast("anna", figure());
+    let without = stage.at(Time::ZERO).unwrap().camera;
+    let mut asset = (*stick()).clone();
+    let plane = box_primitive(Vec3::new(-50.0, 0.0, -50.0), Vec3::new(50.0, 0.0, 50.0));
+    asset.meshes[0] = Arc::new(Mesh { primitives: vec![plane], ..Mesh::default() });
+    stage.cast("floor", Arc::new(asset));
+    assert_eq!(stage.at(Time::ZERO).unwrap().camera, without);
+    // Alone it is what there is to see.
+    stage.actors[0].visible = false;
+    assert!(eye(&stage.at(Time::ZERO).unwrap()).length() > 50.0);
+}
+
+#[test]
+fn nothing_to_see_is_framed_too() {
+    let mut stage = Stage::default();
+    let snapshot = stage.at(Time::ZERO).unwrap();
+    assert!(snapshot.camera.world_from_view.is_finite() && snapshot.camera.camera.is_none());
+    // The room of a person at the origin.
+    assert!(eye(&snapshot).length() < 20.0 && looks(&snapshot).dot(eye(&snapshot)) < 0.0);
+    stage.cast("empty", std::sync::Arc::new(Asset::default()));
+    stage.cast("hidden", figure());
+    stage.actors[1].visible = false;
+    close(eye(&stage.at(Time::ZERO).unwrap()), eye(&snapshot), 0.0);
+}
+
+#[test]
+fn a_camera_close_to_something_small_does_not_clip_it() {
+    let mut stage = shot(Rig::Follow { target: Target::Actor(0), offset: v(0.0, 0.0, 0.005) });
+    stage.actors[0].transform.scale = DVec3::splat(0.001);
+    let (reach, nearest) = projected(&stage, 0.0);
+    assert!(reach.max_element() < 1.0 && nearest < 0.006);
+}
+
+#[test]
+fn a_parameter_follows_a_target_in_front_of_each_camera() {
+    let mut stage = Stage::default();
+    let anna = stage.cast("anna", figure());
+    stage.actors[anna].transform.translation = v(1.0, 0.0, -4.0);
+    stage.actors[anna].visible = false;
+    let looking =
+        |position, way| Rig::Fixed { position, rotation: DQuat::from_rotation_y(way), look_at: None };
+    stage.shoot(Camera::new("along z", looking(v(9.0, 5.0, 6.0), 0.0)));
+    stage.shoot(Camera::new("along x", looking(v(-2.0, 0.0, 0.0), -FRAC_PI_2)));
+    stage.cuts = vec![Cut { dissolve: secs(1.0), ..Cut::new(secs(1.0), 1) }];
+    let distance = |parameter: &str, target, least| EffectDistance {
+        parameter: parameter.into(),
+        target,
+        least,
+        most: 100.0,
+    };
+    let joint = Target::Joint { actor: anna, joint: 2 };
+    stage.effects.push(EffectUse {
+        parameters: vec![("a".into(), 7.0), ("b".into(), 7.0)],
+        distances: vec![distance("a", joint, 0.05), distance("c", joint, 50.0)],
+        ..EffectUse::default()
+    });
+    let value =
+        |effects: &[EffectState], name: &str| effects[0].parameters.iter().find(|p| p.0 == name).unwrap().1;
+    // The truth: the joint in the world, and the coordinate along the viewing direction.
+    let at = |t: f64| {
+        let posed = Evaluator::new(Arc::new(stage.clone())).posing_hidden().at(secs(t)).unwrap();
+        joint_world(&posed, anna, 2)
+    };
+    let first = stage.at(secs(0.5)).unwrap();
+    assert!((value(&first.effects, "a") - (6.0 - at(0.5).z)).abs() < 1e-9);
+    assert_eq!((value(&first.effects, "b"), value(&first.effects, "c")), (7.0, 50.0));
+    let mixed = stage.at(secs(1.5)).unwrap();
+    assert!((value(&mixed.effects, "a") - (at(1.5).x + 2.0)).abs() < 1e-9);
+    let before = mixed.dissolve.unwrap().effects;
+    assert!((value(&before, "a") - (6.0 - at(1.5).z)).abs() < 1e-9);
+}

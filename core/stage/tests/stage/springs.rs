@@ -1,0 +1,359 @@
+//! Springs on the stage: any frame first, any rate, any thread.
+
+use crate::support::*;
+use choreo_asset::*;
+use choreo_motion::spring::{RigBone, SpringBone, SpringRig};
+use choreo_motion::{Path, Time};
+use choreo_stage::*;
+use glam::{DVec3, Vec3};
+use std::sync::Arc;
+
+/// A body that runs to and fro, with a tail of four joints.
+fn dog() -> Arc<Asset> {
+    let skeleton = skeleton(&[
+        ("Hips", None, at(0.0, 1.0, 0.0)),
+        ("Tail1", Some(0), at(0.0, 0.0, -0.2)),
+        ("Tail2", Some(1), at(0.0, 0.0, -0.1)),
+        ("Tail3", Some(2), at(0.0, 0.0, -0.1)),
+        ("Tip", Some(3), at(0.0, 0.0, -0.1)),
+    ]);
+    let run = |z: f32| [0.0, 1.0, z];
+    let keys: [(f64, &[f32]); 3] = [(0.0, &run(0.0)), (0.5, &run(1.0)), (1.0, &run(0.0))];
+    let clips = vec![clip("run", 5, vec![curve(0, Path::Translation, &keys)])];
+    Arc::new(Asset { name: "dog".into(), skeleton, clips, ..Asset::default() })
+}
+
+fn springs() -> ActorSprings {
+    let mut rig = SpringRig::default();
+    for joint in 1..4 {
+        rig.add(RigBone {
+            joint,
+            tail: Vec3::NEG_Z * 0.1,
+            spring: SpringBone::new(2.5, 0.15),
+            gravity: DVec3::NEG_Y * 9.81,
+            pull: DVec3::ZERO,
+            hit_radius: 0.01,
+            center: None,
+            colliders: vec![],
+        });
+    }
+    ActorSprings { rig, ..ActorSprings::default() }
+}
+
+fn stage() -> Stage {
+    let mut stage = Stage::default();
+    let dog = dog();
+    let rex = stage.cast("rex", dog.clone());
+    stage.play(rex, Cue::new(dog.clips[0].clone()));
+    stage.actors[rex].springs = Some(Arc::new(springs()));
+    stage.actors[rex].transform = Placement::at(1.0, 0.0, 2.0).turned(0.4);
+    stage
+}
+
+#[test]
+fn frame_4000_alone_is_frame_4000_after_playing() {
+    let stage = Arc::new(stage());
+    let time = |frame: i64| choreo_motion::FrameRate { num: 30, den: 1 }.time_of(frame);
+    let mut player = Evaluator::new(stage.clone());
+    let mut played = Snapshot::default();
+    for frame in 0..=4000 {
+        player.at_into(time(frame), &mut played).unwrap();
+    }
+    let alone = stage.at(time(4000)).unwrap();
+    assert_eq!(played.content_hash(), alone.content_hash());
+    // And it is not where the clip has it, so that there was something to get wrong.
+    let mut still = (*stage).clone();
+    still.actors[0].springs = None;
+    let off = joint_world(&alone, 0, 4) - joint_world(&still.at(time(4000)).unwrap(), 0, 4);
+    assert!(off.length() > 0.02, "{off}");
+}
+
+#[test]
+fn any_rate_any_order_and_any_thread_give_the_same_bits() {
+    let stage = Arc::new(stage());
+    let times: Vec<Time> = [0.0, 0.1, 1.0 / 3.0, 0.5, 1.25, 2.0, 7.3, 7.31].map(secs).to_vec();
+    let alone: Vec<_> = times.iter().map(|t| stage.at(*t).unwrap().content_hash()).collect();
+    for fps in [12, 24, 30, 60, 144] {
+        let mut player = Evaluator::new(stage.clone());
+        let rate = choreo_motion::FrameRate { num: fps, den: 1 };
+        let mut next = 0;
+        for (time, expected) in times.iter().zip(&alone) {
+            while rate.time_of(next) < *time {
+                player.at(rate.time_of(next)).unwrap();
+                next += 1;
+            }
+            assert_eq!(player.at(*time).unwrap().content_hash(), *expected, "{fps} fps, {time:?}");
+        }
+    }
+    let shared = Evaluator::new(stage.clone());
+    std::thread::scope(|scope| {
+        for thread in 0..4 {
+            let (mut eyes, times, alone) = (shared.clone(), &times, &alone);
+            scope.spawn(move || {
+                for i in 0..3 * times.len() {
+                    let i = (i * 5 + thread * 3) % times.len();
+                    assert_eq!(eyes.at(times[i]).unwrap().content_hash(), alone[i], "thread {thread}");
+                }
+            });
+        }
+    });
+    // Before the beginning it hangs still.
+    let early = |t: f64| joint_world(&stage.at(secs(t)).unwrap(), 0, 4);
+    close(early(-5.0), early(-0.01), 1e-9);
+}
+
+#[test]
+fn the_start_is_settled_and_a_pre_roll_begins_earlier() {
+    let mut stage = stage();
+    stage.actors[0].layers.clear();
+    let tip = |stage: &Stage, t: f64| joint_world(&stage.at(secs(t)).unwrap(), 0, 4);
+    for t in [0.1, 1.0, 3.0] {
+        close(tip(&stage, t), tip(&stage, 0.0), 1e-6);
+    }
+    // A clip that runs before time 0 swings the tail at time 0, but only with a pre-roll.
+    let dog = dog();
+    stage.play(0, Cue { start: secs(-3.0), ..Cue::new(dog.clips[0].clone()) });
+    let settled = tip(&stage, 0.0);
+    stage.actors[0].springs = Some(Arc::new(ActorSprings { pre_roll: secs(2.0), ..springs() }));
+    assert!((tip(&stage, 0.0) - settled).length() > 0.01);
+}
+
+#[test]
+fn springs_follow_springs_that_carry_them_and_goals_come_first() {
+    let mut stage = stage();
+    let bell = stage.cast("bell", dog());
+    stage.actors[bell].parents = vec![Parenting::always(Attachment { actor: 0, joint: Some(4) })];
+    stage.actors[bell].springs = Some(Arc::new(springs()));
+    let snapshot = stage.at(secs(2.2)).unwrap();
+    // It hangs on the swung tip.
+    close(snapshot.actors[bell].world_from_model.translation, joint_world(&snapshot, 0, 4), 1e-9);
+    let mut eyes = Evaluator::new(Arc::new(stage.clone()));
+    for i in 0..=66 {
+        eyes.at(secs(f64::from(i) / 30.0)).unwrap();
+    }
+    assert_eq!(eyes.at(secs(2.2)).unwrap().content_hash(), snapshot.content_hash());
+}
+
+#[test]
+fn wind_blows_and_callbacks_can_change_it() {
+    #[derive(Debug)]
+    struct Gust;
+    impl FrameHook for Gust {
+        fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
+            let wind = if time < secs(1.0) { DVec3::ZERO } else { DVec3::X * 10.0 };
+            edits.actors.push(ActorEdit::Wind { actor: 0, wind });
+            Ok(())
+        }
+    }
+    let mut stage = stage();
+    stage.actors[0].layers.clear();
+    stage.actors[0].transform = Placement::default();
+    let x = |stage: &Stage, t: f64| joint_world(&stage.at(secs(t)).unwrap(), 0, 4).x;
+    assert!(x(&stage, 1.0).abs() < 1e-6);
+    stage.hooks.push(Arc::new(Gust));
+    assert!(x(&stage, 0.9).abs() < 1e-6 && x(&stage, 3.0) > 0.05);
+    stage.hooks.clear();
+    stage.actors[0].springs = Some(Arc::new(ActorSprings { wind: DVec3::X * 10.0, ..springs() }));
+    assert!((x(&stage, 0.0) - x(&stage, 3.0)).abs() < 1e-6 && x(&stage, 0.0) > 0.05);
+}
+
+#[test]
+fn a_hundred_hours_cost_no_more_than_eleven_minutes_and_stretches_join() {
+    let stage = Arc::new(stage());
+    let tip = |eyes: &mut Evaluator, t: f64| joint_world(&eyes.at(secs(t)).unwrap(), 0, 4);
+    let mut eyes = Evaluator::new(stage.clone());
+    let late = tip(&mut eyes, 360_000.25);
+    assert!(late.is_finite());
+    // The clip lasts a second: the same motion as after ten minutes, which is another stretch.
+    close(late, tip(&mut eyes, 700.25), 1e-6);
+    // Where two stretches meet nothing is seen.
+    let (before, at) = (tip(&mut eyes, 600.0 - 1e-9), tip(&mut eyes, 600.0));
+    close(before, at, 1e-6);
+}
+
+#[test]
+fn an_undamped_spring_swings_on_after_ten_minutes() {
+    let mut stage = stage();
+    let mut undamped = springs();
+    undamped.rig.retain(|joint| joint == 1);
+    // A step is exact without a load; a load's pull is approximated by a spring at each step.
+    let swings = |b: &mut RigBone| (b.spring, b.gravity) = (SpringBone::new(2.5, 0.0), DVec3::ZERO);
+    undamped.rig.bones_mut().for_each(swings);
+    stage.actors[0].springs = Some(Arc::new(undamped));
+    // Shoved once to the side; nothing else drives the tail.
+    let keys: [(f64, &[f32]); 2] = [(0.0, &[0.0, 1.0, 0.0]), (0.2, &[0.3, 1.0, 0.0])];
+    let shove = clip("shove", 5, vec![curve(0, Path::Translation, &keys)]);
+    stage.actors[0].layers[0].cues[0] = Cue { repeat: Repeat::Once, ..Cue::new(shove) };
+    let mut eyes = Evaluator::new(Arc::new(stage));
+    // How far the tip moves within a second.
+    let mut swing = |from: f64| {
+        let places: Vec<DVec3> =
+            (0..60).map(|i| joint_world(&eyes.at(secs(from + f64::from(i) / 60.0)).unwrap(), 0, 4)).collect();
+        places.iter().map(|p| p.distance(places[0])).fold(0.0, f64::max)
+    };
+    let (before, after) = (swing(598.0), swing(601.0));
+    assert!(before > 0.01 && (after - before).abs() < 0.2 * before, "{before} m, then {after} m");
+}
+
+#[test]
+fn without_springs_nothing_is_paid() {
+    let mut stage = stage();
+    stage.actors[0].springs = None;
+    let mut eyes = Evaluator::new(Arc::new(stage.clone()));
+    eyes.at(secs(100.0)).unwrap();
+    assert_eq!(eyes.total_poses(), 1);
+    stage.actors[0].springs = Some(Arc::new(springs()));
+    let mut eyes = Evaluator::new(Arc::new(stage));
+    eyes.at(secs(100.0)).unwrap();
+    assert_eq!(eyes.total_poses(), 6002);
+    // A seek back goes on from what was kept, at most 15 steps before.
+    eyes.at(secs(50.0)).unwrap();
+    assert!(eyes.total_poses() <= 6002 + 17, "{}", eyes.total_poses());
+}
+
+/// A stage in which a camera looks at rex until 2 s and again from 4 s on, and between at its back, where `away` is.
+fn seen_and_unseen() -> (Stage, usize) {
+    let mut stage = stage();
+    let dog = dog();
+    let away = stage.cast("away", dog.clone());
+    stage.play(away, Cue::new(dog.clips[0].clone()));
+    stage.actors[away].springs = Some(Arc::new(springs()));
+    stage.actors[away].transform = Placement::at(0.0, 0.0, 40.0);
+    let behind = glam::DQuat::from_rotation_y(std::f64::consts::PI);
+    for (rotation, at) in [(glam::DQuat::IDENTITY, 0.0), (behind, 2.0), (glam::DQuat::IDENTITY, 4.0)] {
+        let rig = Rig::Fixed { position: DVec3::new(1.0, 1.0, 10.0), rotation, look_at: None };
+        let camera = stage.shoot(Camera::new("camera", rig));
+        stage.cuts.push(Cut::new(secs(at), camera));
+    }
+    (stage, away)
+}
+
+/// Only those in the image are simulated; one that comes into it later swings as if it had been simulated all the time.
+#[test]
+fn springs_out_of_view_are_not_simulated_and_catch_up() {
+    let (stage, away) = seen_and_unseen();
+    let stage = Arc::new(stage);
+    let mut all = Evaluator::new(stage.clone());
+    let mut seen = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);
+    let mut poses = 0;
+    for frame in 0..180 {
+        let time = choreo_motion::FrameRate { num: 30, den: 1 }.time_of(frame);
+        let (whole, image) = (all.at(time).unwrap(), seen.at(time).unwrap());
+        let in_view = if (60..120).contains(&frame) { away } else { 0 };
+        for actor in [0, away] {
+            assert_eq!(image.actors[actor].culled, actor != in_view, "frame {frame}");
+        }
+        assert_eq!(seen.costs(&image).spring_bones, 3, "frame {frame}");
+        assert_eq!(all.costs(&whole).spring_bones, 6, "frame {frame}");
+        let joints = |snapshot: &Snapshot| snapshot.actors[in_view].model_from_joint.clone();
+        assert_eq!(joints(&image), joints(&whole), "frame {frame}");
+        if frame == 59 {
+            poses = seen.total_poses();
+        }
+    }
+    // A pose of one dog for each step of 1/60 s until the cut, and one for each frame: 119 + 60.
+    assert_eq!(poses, 119 + 60);
+    // The one that was away makes the steps before the cut when it is first seen, the other one those of two seconds when it comes back.
+    assert!(all.total_poses() - seen.total_poses() > 180, "{} {}", all.total_poses(), seen.total_poses());
+    // A frame alone, and one after a jump back.
+    for at in [3.3, 5.0, 1.2] {
+        let in_view = if at == 3.3 { away } else { 0 };
+        let joints = |snapshot: Snapshot| snapshot.actors[in_view].model_from_joint.clone();
+        let alone = Evaluator::new(stage.clone()).for_images(16.0 / 9.0).at(secs(at)).unwrap();
+        let exact = joints(stage.at(secs(at)).unwrap());
+        assert_eq!(joints(alone), exact, "{at} s alone");
+        assert_eq!(joints(seen.at(secs(at)).unwrap()), exact, "{at} s after others");
+    }
+}
+
+/// A visible actor on the swinging joint of one that is not seen needs that one's springs, at all times before, too.
+#[test]
+fn springs_that_carry_what_is_seen_are_simulated() {
+    let (mut stage, away) = seen_and_unseen();
+    let bell = stage.cast("bell", dog());
+    stage.actors[bell].springs = Some(Arc::new(springs()));
+    let on_tail = Attachment { actor: away, joint: Some(4) };
+    // Far from the tail, where the camera looks; on it since 1 s, and from 3 s on somewhere else.
+    let mut parent = Parenting::from(Some(on_tail), secs(1.0));
+    parent.keep = false;
+    stage.actors[bell].parents = vec![parent, Parenting::from(None, secs(3.0))];
+    stage.actors[bell].transform = Placement::at(0.0, 0.0, -38.0);
+    let stage = Arc::new(stage);
+    let whole = stage.at(secs(1.5)).unwrap();
+    let mut seen = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);
+    let image = seen.at(secs(1.5)).unwrap();
+    assert!(!image.actors[bell].culled);
+    assert_eq!(image.actors[bell].world_from_model, whole.actors[bell].world_from_model);
+    assert_eq!(image.actors[bell].model_from_joint, whole.actors[bell].model_from_joint);
+    // rex, the one on whose tail the bell hangs, and the bell.
+    assert_eq!(seen.costs(&image).spring_bones, 9);
+    // Long after the bell has left the tail, whose owner is out of view again, it still swings as that one has swung it.
+    let mut stage = (*stage).clone();
+    stage.actors[bell].parents[1] = Parenting { keep: false, ..Parenting::from(None, secs(4.0)) };
+    let stage = Arc::new(stage);
+    let whole = stage.at(secs(4.1)).unwrap();
+    let mut seen = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);
+    let image = seen.at(secs(4.1)).unwrap();
+    assert!(image.actors[away].culled && !image.actors[bell].culled);
+    assert_eq!(image.actors[bell].model_from_joint, whole.actors[bell].model_from_joint);
+    assert_eq!(seen.costs(&image).spring_bones, 9);
+}
+
+/// A callback may attach what swings to what swings elsewhere; then all move together.
+#[test]
+fn springs_that_callbacks_attach_are_simulated_together() {
+    #[derive(Debug)]
+    struct Hang(usize);
+    impl FrameHook for Hang {
+        fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
+            if (secs(0.5)..secs(1.5)).contains(&time) {
+                let parent = Parenting::always(Attachment { actor: self.0, joint: Some(4) });
+                edits.actors.push(ActorEdit::Attach { actor: 0, parent });
+            }
+            Ok(())
+        }
+    }
+    let (mut stage, away) = seen_and_unseen();
+    stage.hooks.push(Arc::new(Hang(away)));
+    let stage = Arc::new(stage);
+    let mut player = Evaluator::new(stage.clone());
+    let mut seen = Evaluator::new(stage.clone()).for_images(16.0 / 9.0);
+    for frame in 0..60 {
+        let time = secs(f64::from(frame) / 30.0);
+        let (played, image) = (player.at(time).unwrap(), seen.at(time).unwrap());
+        assert_eq!(played.content_hash(), stage.at(time).unwrap().content_hash(), "frame {frame}");
+        let joints = |snapshot: &Snapshot| snapshot.actors[0].model_from_joint.clone();
+        assert_eq!(joints(&image), joints(&played), "frame {frame}");
+    }
+}
+
+#[test]
+fn check_names_bad_springs() {
+    let mut stage = stage();
+    let mut bad = springs();
+    bad.wind = DVec3::NAN;
+    bad.rig.bones_mut().for_each(|b| b.spring.damping = -1.0);
+    stage.actors[0].springs = Some(Arc::new(bad));
+    let contacts: Vec<String> = stage.check().iter().map(ToString::to_string).collect();
+    assert_eq!(
+        contacts,
+        [
+            "actor \"rex\", springs: bone of joint 1: damping is -1, must be 0..=1e18",
+            "actor \"rex\", springs: the wind is [NaN, NaN, NaN], must be finite"
+        ]
+    );
+}
+
+#[test]
+fn a_joint_that_swings_lets_go_without_a_jump() {
+    let mut stage = stage();
+    let bell = stage.cast("bell", stick());
+    let on_tail = Attachment { actor: 0, joint: Some(4) };
+    stage.actors[bell].parents = vec![Parenting::always(on_tail), Parenting::from(None, secs(0.7))];
+    let place = |stage: &Stage, time: Time| stage.at(time).unwrap().actors[bell].world_from_model.translation;
+    let mut stiff = stage.clone();
+    stiff.actors[0].springs = None;
+    let swung = place(&stage, secs(0.7)).distance(place(&stiff, secs(0.7)));
+    let jump = place(&stage, secs(0.7)).distance(place(&stage, secs(0.7) + Time(1)));
+    assert!(swung > 0.01 && jump < 1e-7, "swung by {swung} m, jumps by {jump} m");
+}

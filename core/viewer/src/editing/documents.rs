@@ -1,0 +1,53 @@
+//! Scripts that are made and saved under other names.
+
+use super::{EditError, adding, read};
+use crate::app::Viewer;
+use crate::library::file_dialog::Purpose;
+use choreo_files::write_whole;
+use std::path::Path;
+
+impl Viewer {
+    /// Does what a file was chosen for; the window then shows it.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn take_file(&mut self, purpose: Purpose, file: &Path) -> Result<(), EditError> {
+        match purpose {
+            Purpose::Open => {}
+            Purpose::New(template) => create(file, template.text)?,
+            Purpose::SaveAs => self.save_as(file)?,
+        }
+        self.documents.open = Some(file.to_path_buf());
+        self.documents.missing = None;
+        Ok(())
+    }
+
+    /// Writes the script under another name, in another folder with the files of its own folder that it reads.
+    fn save_as(&self, to: &Path) -> Result<(), EditError> {
+        let path = self.path.as_ref().ok_or(EditError::NoScript)?;
+        let text = read(path)?;
+        let canonical = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
+        let folder = |path: &Path| path.parent().map(canonical).unwrap_or_default();
+        let (own, from, into) = (canonical(path), folder(path.as_path()), folder(to));
+        if from != into {
+            for file in self.documents.read.iter().filter(|file| **file != own) {
+                if let Ok(inside) = file.strip_prefix(&from) {
+                    adding::copy(file, &into.join(inside))?;
+                }
+            }
+        }
+        let failed = |source| EditError::Write { path: to.to_path_buf(), source };
+        write_whole(to, text.as_bytes()).map_err(failed)
+    }
+}
+
+/// Writes a new script; one that is there already stays.
+fn create(file: &Path, text: &str) -> Result<(), EditError> {
+    let failed =
+        |source: std::io::Error| EditError::Write { path: file.to_path_buf(), source: source.into() };
+    if let Some(folder) = file.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+        std::fs::create_dir_all(folder).map_err(failed)?;
+    }
+    let mut new = std::fs::File::create_new(file).map_err(failed)?;
+    std::io::Write::write_all(&mut new, text.as_bytes()).map_err(failed)
+}

@@ -1,0 +1,144 @@
+//! Changes of the inspector: values of cues, lights, cameras, titles and actors, each stated as the script does already, and taken away
+//! again, so that the default counts.
+
+use super::EditError;
+use crate::app::Viewer;
+use crate::state::selection::Selected;
+use choreo_session::edit::{
+    Anew, CueTime, Edit, EditRefused, KeyValue, ScriptObject, format_number, set_trim,
+};
+use choreo_stage::{Camera, Property};
+use std::collections::BTreeMap;
+
+/// A change of one value by its name in scripts.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FieldChange {
+    /// A time of a cue, effect or title, seconds.
+    Time(CueTime, f64),
+    /// A value as it is written, where the script does not compute it.
+    Value(&'static str, String, Anew),
+    /// A text of the script, in place of whatever is there.
+    Text(&'static str, String, Anew),
+    /// Takes these away.
+    Reset(Vec<&'static str>),
+    /// The part of a clip that is played, seconds.
+    Trim([f64; 2]),
+    /// `once`, `loop` or `ping_pong`.
+    Repeat(&'static str),
+    Clip(String),
+    /// Words of a title.
+    Words(String),
+    /// Millimetres.
+    FocalLength(f64),
+    /// An option of the shape that an actor is cast from.
+    Material(&'static str, Option<String>),
+}
+
+/// Methods that say how a clip goes on.
+const REPEATS: [&str; 5] = ["repeat", "once", "loop", "ping_pong", "hold"];
+
+impl Viewer {
+    /// Changes a value of what is selected.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn change_field(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
+        match change {
+            FieldChange::Time(part, secs) => self.set_cue(what, *part, *secs),
+            FieldChange::FocalLength(length) => self.set_focal_length(what, *length),
+            FieldChange::Trim(trim) => {
+                let trim = *trim;
+                let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+                self.change(&place, siblings, |text| set_trim(text, place.line, place.column, trim))
+            }
+            change => {
+                let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+                self.change(&place, siblings, |text| {
+                    changed(&ScriptObject::at(text, place.line, place.column)?, text, change)
+                })
+            }
+        }
+    }
+
+    /// The arguments or the option of that name, as the script states them of something that it makes alone.
+    pub fn written(&self, what: &Selected, name: &str) -> Option<String> {
+        let (place, siblings) = self.place_of(what)?;
+        self.check_place(&place, siblings).ok()?;
+        let known = self.known()?;
+        let object = ScriptObject::at(&known, place.line, place.column).ok()?;
+        object.written(name).map(str::to_string)
+    }
+
+    /// Everything that the script states of something that it makes alone: options and arguments of methods, by name.
+    pub fn all_written(&self, what: &Selected) -> BTreeMap<String, String> {
+        let all = || {
+            let (place, siblings) = self.place_of(what)?;
+            self.check_place(&place, siblings).ok()?;
+            let known = self.known()?;
+            Some(ScriptObject::at(&known, place.line, place.column).ok()?.all_written())
+        };
+        all().unwrap_or_default()
+    }
+
+    /// The options of the shape that an actor is cast from, as they are written; `None` where it is no shape.
+    pub fn written_material(&self, what: &Selected, names: &[&'static str]) -> Option<Vec<Option<String>>> {
+        let (place, siblings) = self.place_of(what)?;
+        self.check_place(&place, siblings).ok()?;
+        let known = self.known()?;
+        let object = ScriptObject::at(&known, place.line, place.column).ok()?;
+        let asset = object.asset_object().ok().filter(|asset| asset.made_by() == "shape")?;
+        Some(names.iter().map(|name| asset.written(name).map(str::to_string)).collect())
+    }
+
+    /// Sets the lens of a camera, in millimetres where the script states them or nothing, else as the same field of view.
+    fn set_focal_length(&mut self, what: &Selected, length: f64) -> Result<(), EditError> {
+        let Selected::Camera(name) = what else { return Err(EditError::refused("only cameras have a lens")) };
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let camera = scene.stage.cameras.iter().find(|c| c.name == *name).ok_or(EditError::Gone)?;
+        let keyed = |property| camera.channels.iter().any(|c| c.property == property);
+        let in_degrees = keyed(Property::FieldOfView)
+            || self.written(what, "fov").is_some() && self.written(what, "focal_length").is_none();
+        if in_degrees {
+            return self.set_field_of_view(name, Camera::yfov(length).to_degrees());
+        }
+        let when = self.edit_time(self.playhead.time().as_secs());
+        let is_keyed = keyed(Property::FocalLength);
+        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+        self.change(&place, siblings, |text| {
+            let object = ScriptObject::at(text, place.line, place.column)?;
+            let length = format_number(length);
+            match is_keyed {
+                true => object.set_key("focal_length", when, KeyValue::Text(&length)),
+                false => object.state("focal_length", &length, Anew::Method),
+            }
+        })
+    }
+}
+
+fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Edit, EditRefused> {
+    match change {
+        FieldChange::Value(name, value, anew) => object.state(name, value, *anew),
+        FieldChange::Text(name, value, anew) => object.state_over(name, value, *anew),
+        FieldChange::Reset(names) => Ok(object.unstate(names)),
+        FieldChange::Clip(name) => object.state_clip(name),
+        FieldChange::Words(words) => object.state_words(words),
+        FieldChange::Repeat(how) => {
+            let plain = object.unstate(&REPEATS).apply(text);
+            // Nothing before the call has changed.
+            let place = object.place();
+            let value = format!("\"{how}\"");
+            let after = ScriptObject::at(&plain, place.0, place.1)?.state("repeat", &value, Anew::Option)?;
+            Ok(Edit::between(text, &after.apply(&plain)))
+        }
+        FieldChange::Material(name, value) => {
+            let asset = object.asset_object()?;
+            match value {
+                Some(value) => asset.state(name, value, Anew::Option),
+                None => Ok(asset.unstate(&[name])),
+            }
+        }
+        FieldChange::Time(..) | FieldChange::Trim(_) | FieldChange::FocalLength(_) => {
+            Err(EditRefused::from("it is changed in another way".to_string()))
+        }
+    }
+}

@@ -1,0 +1,55 @@
+//! Lines that make several things: what would change all of them, or write the loop out, is offered.
+
+use super::{EditError, difference, read};
+use crate::app::Viewer;
+use crate::state::history::{Alternative, Offer};
+use choreo_script::Place;
+use choreo_session::edit::{Edit, EditRefused, unroll};
+
+impl Viewer {
+    /// Offers the change of the shared line for all that it makes, and the loop written out; gives the error on. `made`: the change in the
+    /// text that is shown.
+    pub(super) fn offer_of_shared(
+        &mut self,
+        error: EditError,
+        place: &Place,
+        made: Option<Result<Edit, EditRefused>>,
+    ) -> EditError {
+        let EditError::SharedLine { objects, .. } = &error else { return error };
+        let objects = *objects;
+        let (Some(known), Some(path)) = (self.known(), self.path.clone()) else { return error };
+        // The places are those of the text that is shown.
+        let Some(text) = read(&path).ok().filter(|text| **text == *known && !self.faulty) else {
+            return error;
+        };
+        let all = made.and_then(Result::ok).filter(|edit| edit.apply(&text) != *text);
+        let unrolled = unroll(&text, place.line, place.column).ok();
+        let lines = |edit: &Edit| difference::lines(&text, &edit.apply(&text));
+        let line = place.line;
+        let offer = |why: String, agree: String, edit: Edit, other| Offer {
+            why,
+            agree,
+            difference: lines(&edit),
+            copies: Vec::new(),
+            edit,
+            other,
+            text: text.clone(),
+        };
+        let loop_label = || "Write the loop out".to_string();
+        self.offer = match (all, unrolled) {
+            (Some(all), unrolled) => {
+                let other =
+                    unrolled.map(|edit| Alternative { agree: loop_label(), difference: lines(&edit), edit });
+                let why = format!("line {line} makes {objects} of them. This would change all of them:");
+                Some(offer(why, format!("Change all {objects}"), all, other))
+            }
+            (None, Some(unrolled)) => {
+                let why =
+                    format!("line {line} makes {objects} of them. Written out, each can be changed alone:");
+                Some(offer(why, loop_label(), unrolled, None))
+            }
+            (None, None) => None,
+        };
+        error
+    }
+}

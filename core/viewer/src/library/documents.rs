@@ -1,0 +1,63 @@
+//! The files that the window shows and could show next.
+
+use super::file_dialog::{FileDialog, Purpose};
+use super::folder::model_endings;
+use super::lessons::Lesson;
+use super::thumbnails::Thumbnails;
+use choreo_plugin::Registry;
+use std::path::{Path, PathBuf};
+
+/// Recent files that are kept.
+const MOST_RECENT: usize = 12;
+
+#[derive(Default)]
+pub struct Documents {
+    /// The start page is shown in place of the panels.
+    pub start: bool,
+    /// Files that were shown last, the newest first.
+    pub recent: Vec<PathBuf>,
+    pub lessons: Vec<Lesson>,
+    /// The file that the window is to show next.
+    pub open: Option<PathBuf>,
+    /// The list of files that is open.
+    pub dialog: Option<FileDialog>,
+    /// The script that was to be shown and is not there.
+    pub missing: Option<PathBuf>,
+    pub thumbnails: Thumbnails,
+    /// Endings of files that importers read.
+    pub models: Vec<String>,
+    /// Files that were read for the version that is shown, canonical.
+    pub read: Vec<PathBuf>,
+}
+
+impl Documents {
+    pub fn new(registry: &Registry) -> Documents {
+        Documents { models: model_endings(registry), ..Documents::default() }
+    }
+
+    /// A file that is shown becomes the newest of the recent ones.
+    pub fn shows(&mut self, file: &Path) {
+        let file = file.canonicalize().unwrap_or_else(|_| file.to_path_buf());
+        self.recent.retain(|other| *other != file);
+        self.recent.insert(0, file);
+        self.recent.truncate(MOST_RECENT);
+    }
+
+    /// Opens the list of files: in the folder of a file, else of the newest recent one, else the working folder.
+    pub fn ask(&mut self, purpose: Purpose, shown: Option<&Path>) {
+        let beside = shown.or(self.recent.first().map(PathBuf::as_path));
+        let folder = beside.and_then(Path::parent).unwrap_or(Path::new("")).to_path_buf();
+        let name = match (purpose, shown.and_then(Path::file_name)) {
+            (Purpose::SaveAs, Some(name)) => name.to_string_lossy().into_owned(),
+            (Purpose::New(_), _) => free_name(&folder),
+            _ => String::new(),
+        };
+        self.dialog = Some(FileDialog::new(purpose, &folder, &name, &self.models));
+    }
+}
+
+/// A name of a script that a folder does not have.
+fn free_name(folder: &Path) -> String {
+    let names = (1..).map(|n| if n == 1 { "scene.rhai".to_string() } else { format!("scene_{n}.rhai") });
+    names.into_iter().find(|name| !folder.join(name).exists()).unwrap_or_default()
+}

@@ -1,0 +1,63 @@
+//! The content of a folder, as file lists and the asset browser show it.
+
+use choreo_plugin::Registry;
+use choreo_session::package;
+use std::path::{Path, PathBuf};
+
+/// Entries of a folder that are listed.
+const MOST_ENTRIES: usize = 2000;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum FileKind {
+    Folder,
+    Script,
+    /// A file that an importer reads: a model, or clips.
+    Model,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry {
+    pub path: PathBuf,
+    pub name: String,
+    pub kind: FileKind,
+}
+
+/// The endings of files that importers read, in small letters.
+pub fn model_endings(registry: &Registry) -> Vec<String> {
+    let endings = registry.importers().iter().flat_map(|importer| importer.manifest().extensions.clone());
+    let mut endings: Vec<String> = endings.map(|ending| ending.to_lowercase()).collect();
+    endings.sort();
+    endings.dedup();
+    endings
+}
+
+/// The folders, scripts and models of a folder, in this order and by name; hidden files and plugin files are left out.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn list(folder: &Path, models: &[String]) -> std::io::Result<Vec<Entry>> {
+    let mut entries = Vec::new();
+    for entry in std::fs::read_dir(folder)?.flatten().take(MOST_ENTRIES) {
+        let (path, name) = (entry.path(), entry.file_name().to_string_lossy().into_owned());
+        let is_plugin = package::ENDINGS.iter().any(|ending| name.ends_with(ending));
+        if name.starts_with('.') || is_plugin {
+            continue;
+        }
+        if let Some(kind) = kind(&path, models) {
+            entries.push(Entry { path, name, kind });
+        }
+    }
+    entries.sort_by_cached_key(|entry| (entry.kind, entry.name.to_lowercase()));
+    Ok(entries)
+}
+
+fn kind(path: &Path, models: &[String]) -> Option<FileKind> {
+    if path.is_dir() {
+        return Some(FileKind::Folder);
+    }
+    let ending = path.extension()?.to_string_lossy().to_lowercase();
+    match ending.as_str() {
+        "rhai" => Some(FileKind::Script),
+        ending => models.iter().any(|model| model == ending).then_some(FileKind::Model),
+    }
+}

@@ -1,0 +1,42 @@
+//! The lessons, where they are installed beside the program or lie in its sources.
+
+use std::path::{Path, PathBuf};
+
+/// A script that teaches.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Lesson {
+    pub file: PathBuf,
+    /// Its name without the ending: `7 keys and frames`.
+    pub title: String,
+}
+
+/// The lessons in the first folder that has some: those of the archive or package of the program, else those of its sources.
+pub fn find() -> Vec<Lesson> {
+    let program = std::env::current_exe().ok();
+    let beside = program.iter().flat_map(|program| program.ancestors().skip(2).take(1));
+    let installed = beside.map(|prefix| prefix.join("share/choreo/examples"));
+    let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts");
+    let folders = installed.chain([sources]).filter_map(|folder| folder.canonicalize().ok());
+    let found = folders.map(|folder| within(&folder));
+    found.into_iter().find(|lessons| !lessons.is_empty()).unwrap_or_default()
+}
+
+/// The lessons of a folder, by number: `NN_name.rhai`, or `NN_name/lesson.rhai`.
+pub fn within(folder: &Path) -> Vec<Lesson> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let lesson = |entry: std::fs::DirEntry| {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let (number, rest) = name.split_once('_')?;
+        let number: u32 = number.parse().ok()?;
+        let path = entry.path();
+        let (file, rest) = match path.is_dir() {
+            true => (path.join("lesson.rhai"), rest),
+            false => (path.clone(), rest.strip_suffix(".rhai")?),
+        };
+        file.is_file()
+            .then(|| (number, Lesson { file, title: format!("{number} {}", rest.replace('_', " ")) }))
+    };
+    let mut lessons: Vec<(u32, Lesson)> = entries.filter_map(lesson).collect();
+    lessons.sort_by_key(|(number, _)| *number);
+    lessons.into_iter().map(|(_, lesson)| lesson).collect()
+}

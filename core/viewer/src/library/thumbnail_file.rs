@@ -1,0 +1,94 @@
+//! Thumbnails as files of the cache folder: PNG, with the clips of a model as a text in it.
+
+use super::thumbnails::{ClipEntry, Thumbnail};
+use choreo_files::write_whole_beneath;
+use choreo_plugin::Frame;
+use serde_json::{Value, json};
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+/// Keyword of the text with the clips.
+const CLIPS: &str = "choreo clips";
+/// A thumbnail is no larger.
+const MOST_BYTES: u64 = 1 << 22;
+
+/// The file of a thumbnail in a cache folder: by the content of what it shows, so that a changed file gets another.
+pub fn path(cache: &Path, shows: &Path, clip: Option<&str>) -> Option<PathBuf> {
+    let content = choreo_script::content_of(shows)?;
+    let name: String = content[..16].iter().map(|byte| format!("{byte:02x}")).collect();
+    // A clip's name may hold what no file's name may.
+    let clip: String = clip.unwrap_or("").bytes().map(|byte| format!("{byte:02x}")).collect();
+    let version = env!("CARGO_PKG_VERSION");
+    Some(cache.join("thumbnails").join(format!("{version}-{name}-{clip:.60}.png")))
+}
+
+pub fn read(file: &Path) -> Option<Thumbnail> {
+    let bytes = choreo_files::read(file, MOST_BYTES).ok()?;
+    let mut reader = png::Decoder::new(Cursor::new(bytes)).read_info().ok()?;
+    let mut rgba = vec![0; reader.output_buffer_size().filter(|size| *size as u64 <= MOST_BYTES)?];
+    let info = reader.next_frame(&mut rgba).ok()?;
+    if (info.color_type, info.bit_depth) != (png::ColorType::Rgba, png::BitDepth::Eight) {
+        return None;
+    }
+    let (width, height) = (info.width, info.height);
+    let text = reader.info().utf8_text.iter().find(|text| text.keyword == CLIPS)?.get_text().ok()?;
+    let clips: Vec<Value> = serde_json::from_str(&text).ok()?;
+    let clips = clips.iter().filter_map(|clip| {
+        Some(ClipEntry { name: clip["name"].as_str()?.to_string(), secs: clip["secs"].as_f64()? })
+    });
+    Some(Thumbnail {
+        frames: vec![Frame { width, height, rgba }],
+        secs: 0.0,
+        clips: clips.collect(),
+        note: None,
+    })
+}
+
+/// A failure is no reason to stop: the image is made again the next time.
+pub fn write(file: &Path, thumbnail: &Thumbnail) {
+    let (Some(bytes), Some(folder), Some(name)) = (encoded(thumbnail), file.parent(), file.file_name())
+    else {
+        return;
+    };
+    let _ = write_whole_beneath(folder, name.as_ref(), &bytes);
+}
+
+fn encoded(thumbnail: &Thumbnail) -> Option<Vec<u8>> {
+    let frame = thumbnail.frames.first()?;
+    let clips: Vec<Value> =
+        thumbnail.clips.iter().map(|clip| json!({ "name": clip.name, "secs": clip.secs })).collect();
+    let mut bytes = Vec::new();
+    let mut encoder = png::Encoder::new(&mut bytes, frame.width, frame.height);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.add_itxt_chunk(CLIPS.to_string(), Value::from(clips).to_string()).ok()?;
+    let mut writer = encoder.write_header().ok()?;
+    writer.write_image_data(&frame.rgba).ok()?;
+    writer.finish().ok()?;
+    Some(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read_again_and_garbage_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let shows = folder.path().join("a.glb");
+        std::fs::write(&shows, "one").unwrap();
+        let file = path(folder.path(), &shows, Some("Walk: ü/é")).unwrap();
+        let frame = Frame { width: 2, height: 1, rgba: vec![1, 2, 3, 255, 4, 5, 6, 255] };
+        let clips = vec![ClipEntry { name: "Läuft".into(), secs: 1.25 }];
+        let thumbnail = Thumbnail { frames: vec![frame], secs: 0.0, clips, note: None };
+        write(&file, &thumbnail);
+        assert_eq!(read(&file), Some(thumbnail));
+        std::fs::write(&shows, "two").unwrap();
+        assert_ne!(path(folder.path(), &shows, Some("Walk: ü/é")), Some(file.clone()), "another content");
+        for length in 0..30 {
+            let bytes = std::fs::read(&file).unwrap();
+            std::fs::write(folder.path().join("cut"), &bytes[..length * bytes.len() / 40]).unwrap();
+            assert_eq!(read(&folder.path().join("cut")), None, "{length}");
+        }
+    }
+}

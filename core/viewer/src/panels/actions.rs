@@ -1,0 +1,307 @@
+//! Everything that a key or the command palette does, with its usual keys.
+
+use super::key_menu::{KeyAct, KeyCommand};
+use super::{Panels, Tab, bar_menu, key_menu, keys, viewport};
+use crate::app::Viewer;
+use crate::geometry::gizmo::Tool;
+use crate::library::file_dialog::Purpose;
+use crate::library::templates::TEMPLATES;
+use crate::state::selection::Selected;
+use crate::state::settings::SCALES;
+use crate::state::shortcuts::Chord;
+use choreo_session::edit::CueTime;
+use egui::{Key, Modifiers, Ui};
+
+/// The window and the state that an action acts on.
+pub struct Context<'c> {
+    pub panels: &'c mut Panels,
+    pub ui: &'c Ui,
+    pub viewer: &'c mut Viewer,
+    /// The clock, seconds.
+    pub now: f64,
+}
+
+/// The places in which the keys of an action count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scope {
+    Always,
+    /// Not in a text field.
+    Outside,
+    /// Not in a text field, nor where a button or bar has the focus.
+    Free,
+}
+
+pub struct Action {
+    /// Its name in the file of shortcuts.
+    pub id: &'static str,
+    pub title: &'static str,
+    /// The usual keys.
+    pub keys: &'static str,
+    pub scope: Scope,
+    pub run: fn(&mut Context),
+}
+
+const fn always(id: &'static str, title: &'static str, keys: &'static str, run: fn(&mut Context)) -> Action {
+    Action { id, title, keys, scope: Scope::Always, run }
+}
+
+const fn outside(id: &'static str, title: &'static str, keys: &'static str, run: fn(&mut Context)) -> Action {
+    Action { id, title, keys, scope: Scope::Outside, run }
+}
+
+const fn free(id: &'static str, title: &'static str, keys: &'static str, run: fn(&mut Context)) -> Action {
+    Action { id, title, keys, scope: Scope::Free, run }
+}
+
+pub const ACTIONS: &[Action] = &[
+    free("play", "play, pause", "Space", |c| c.viewer.playhead.toggle(c.now)),
+    free("previous_frame", "one frame back", "Left", |c| c.viewer.playhead.step(-1)),
+    free("next_frame", "one frame on", "Right", |c| c.viewer.playhead.step(1)),
+    free("first_frame", "first frame; over curves: show all of their keys", "Home", |c| {
+        match c.viewer.curves.hovered {
+            true => c.viewer.curves.fit = true,
+            false => c.viewer.playhead.step(i64::MIN / 2),
+        }
+    }),
+    free("last_frame", "last frame", "End", |c| c.viewer.playhead.step(i64::MAX / 2)),
+    free("previous_event", "to the last thing that begins, ends or happens", "Up", |c| {
+        c.viewer.seek_to_next(true)
+    }),
+    free("next_event", "to the next thing that begins, ends or happens", "Down", |c| {
+        c.viewer.seek_to_next(false)
+    }),
+    free("range_from", "play from here; again: all of it", "I", |c| keys::range(c.viewer, false)),
+    free("range_to", "play up to here; again: all of it", "O", |c| keys::range(c.viewer, true)),
+    free("loop", "again and again, or once", "L", |c| c.viewer.playhead.looping ^= true),
+    free("seconds", "times as seconds or frames", "T", |c| c.viewer.in_seconds ^= true),
+    free("snap", "dragged times snap to frames", "N", |c| c.viewer.snap ^= true),
+    outside("start_earlier", "the selected bar begins a frame earlier", "Alt+Left", |c| {
+        keys::nudge(c.viewer, CueTime::Start, -1);
+    }),
+    outside("start_later", "the selected bar begins a frame later", "Alt+Right", |c| {
+        keys::nudge(c.viewer, CueTime::Start, 1);
+    }),
+    outside("end_earlier", "the selected bar ends a frame earlier", "Alt+Shift+Left", |c| {
+        keys::nudge(c.viewer, CueTime::End, -1);
+    }),
+    outside("end_later", "the selected bar ends a frame later", "Alt+Shift+Right", |c| {
+        keys::nudge(c.viewer, CueTime::End, 1);
+    }),
+    outside("delete", "delete the selected clips and keys from the script", "Delete", delete),
+    outside(
+        "set_keys",
+        "set keys of the selection at the playhead: of what has keys, else of its position",
+        "K",
+        |c| {
+            c.viewer.edit(Viewer::set_keys_of_selection);
+        },
+    ),
+    outside("split", "split the selected clips at the playhead", "Y", |c| bars(c, bar_menu::Command::Split)),
+    outside("disable", "disable or enable the selected clips", "M", |c| bars(c, bar_menu::Command::Disable)),
+    outside(
+        "duplicate",
+        "play the selected clip once more after it; of keys: a copy at the playhead",
+        "Ctrl+D",
+        duplicate,
+    ),
+    outside("select_all", "select all clips", "Ctrl+A", |c| {
+        let all: Vec<Selected> =
+            c.viewer.bars().filter(|b| b.strip.is_some()).map(|b| b.what.clone()).collect();
+        c.viewer.select_all(all);
+    }),
+    free("select_previous", "select the last", "PageUp", |c| keys::next_selection(c.viewer, true)),
+    free("select_next", "select the next", "PageDown", |c| keys::next_selection(c.viewer, false)),
+    free("move", "move what is selected", "G", |c| c.viewer.tool = Tool::Move),
+    free("turn", "turn what is selected", "R", |c| c.viewer.tool = Tool::Turn),
+    free("scale", "make bigger what is selected", "B", |c| c.viewer.tool = Tool::Scale),
+    free("hide", "hide or show what is selected", "H", |c| keys::hide(c.viewer)),
+    free("camera", "the script's camera or a free one", "C", |c| viewport::toggle_camera(c.viewer)),
+    free("focus", "look at what is selected", "F", |c| viewport::focus(c.viewer)),
+    free("screenshot", "save the image", "P", |c| viewport::screenshot(c.viewer)),
+    outside("undo", "take a change of the script back", "Ctrl+Z", |c| c.viewer.edit(|v| v.undo())),
+    outside("redo", "make it again", "Ctrl+Shift+Z, Ctrl+Y", |c| c.viewer.edit(|v| v.redo())),
+    always("larger", "larger", "Ctrl+Plus, Ctrl+Equals", |c| scale(c.panels, 0.1)),
+    always("smaller", "smaller", "Ctrl+Minus", |c| scale(c.panels, -0.1)),
+    always("usual_size", "as large as at first", "Ctrl+0", |c| c.panels.scale = 1.0),
+    always("palette", "search actions, actors, clips and lines", "Ctrl+P", |c| c.panels.palette.toggle()),
+    always("new", "new script", "Ctrl+N", |c| ask(c, Purpose::New(TEMPLATES[0]))),
+    always("open", "open a script or a model", "Ctrl+O", |c| ask(c, Purpose::Open)),
+    always("save_as", "save the script under another name", "Ctrl+Shift+S", |c| {
+        if c.viewer.path.is_some() {
+            ask(c, Purpose::SaveAs);
+        }
+    }),
+    always("help", "this list", "F1", |c| c.panels.help ^= true),
+    always("close", "close", "Ctrl+Q", |c| c.viewer.quit = true),
+];
+
+/// The usual keys that open a panel and go there.
+const PANEL_KEYS: [&str; 9] =
+    ["Ctrl+1", "Ctrl+2", "Ctrl+3", "Ctrl+4", "Ctrl+5", "Ctrl+6", "Ctrl+7", "Ctrl+8", "Ctrl+9"];
+
+/// The action of that name.
+pub fn action(id: &str) -> Option<&'static Action> {
+    ACTIONS.iter().find(|action| action.id == id)
+}
+
+/// The keys of an action as they are shown in menus.
+pub fn keys_of(viewer: &Viewer, id: &str) -> String {
+    action(id).map_or_else(String::new, |action| viewer.shortcuts.text(action.id, action.keys))
+}
+
+/// Name of a panel in the file of shortcuts: `panel_curves`.
+pub fn panel_id(tab: Tab) -> String {
+    format!("panel_{}", tab.title().to_lowercase().replace(' ', "_"))
+}
+
+/// The keys that open a panel.
+pub fn panel_keys(viewer: &Viewer, tab: Tab) -> Vec<Chord> {
+    let number = Tab::ALL.iter().position(|other| *other == tab);
+    let usual = number.and_then(|number| PANEL_KEYS.get(number)).unwrap_or(&"");
+    viewer.shortcuts.of(&panel_id(tab), usual)
+}
+
+fn bars(c: &mut Context, command: bar_menu::Command) {
+    if c.viewer.selection.is_some() {
+        bar_menu::run(c.ui, c.viewer, command);
+    }
+}
+
+fn delete(c: &mut Context) {
+    match c.viewer.selected_keys().is_empty() {
+        true => bars(c, bar_menu::Command::Delete),
+        false => c.viewer.edit(Viewer::delete_selected),
+    }
+}
+
+fn duplicate(c: &mut Context) {
+    // Clips have their own command.
+    let are_keys = !c.viewer.selected_keys().is_empty() && c.viewer.selected_bars().is_empty();
+    match are_keys {
+        true => key_menu::run(c.ui, c.viewer, KeyAct::Run(KeyCommand::Duplicate)),
+        false => bars(c, bar_menu::Command::Duplicate),
+    }
+}
+
+fn scale(panels: &mut Panels, by: f32) {
+    panels.scale = ((panels.scale + by) * 10.0).round().clamp(SCALES.0 * 10.0, SCALES.1 * 10.0) / 10.0;
+}
+
+fn ask(c: &mut Context, purpose: Purpose) {
+    let shown = c.viewer.path.clone();
+    c.viewer.documents.ask(purpose, shown.as_deref());
+}
+
+/// The toolkit's key; `None` where it has none of that name.
+fn pressed(chord: &Chord) -> Option<(Modifiers, Key)> {
+    let held =
+        [(chord.ctrl, Modifiers::COMMAND), (chord.shift, Modifiers::SHIFT), (chord.alt, Modifiers::ALT)];
+    let held = held.into_iter().filter(|(is_held, _)| *is_held);
+    let modifiers = held.fold(Modifiers::NONE, |all, (_, one)| all | one);
+    Some((modifiers, Key::from_name(&chord.key)?))
+}
+
+enum Bound {
+    Action(&'static Action),
+    Panel(Tab),
+}
+
+/// Runs the actions whose keys were pressed.
+pub fn handle(c: &mut Context) {
+    let in_text = c.ui.ctx().text_edit_focused();
+    let in_widget = in_text || c.ui.ctx().egui_wants_keyboard_input();
+    let is_on = |scope: Scope| match scope {
+        Scope::Always => true,
+        Scope::Outside => !in_text,
+        Scope::Free => !in_widget,
+    };
+    if !c.ui.input(|i| i.events.iter().any(|event| matches!(event, egui::Event::Key { pressed: true, .. }))) {
+        return;
+    }
+    let shortcuts = &c.viewer.shortcuts;
+    let actions = ACTIONS.iter().filter(|action| is_on(action.scope));
+    let actions = actions.flat_map(|action| {
+        shortcuts.of(action.id, action.keys).into_iter().map(move |chord| (chord, Bound::Action(action)))
+    });
+    let panels = Tab::ALL
+        .into_iter()
+        .flat_map(|tab| panel_keys(c.viewer, tab).into_iter().map(move |chord| (chord, Bound::Panel(tab))));
+    let mut all: Vec<(Chord, Bound)> = actions.chain(panels).collect();
+    // A key counts with others held, too, so that those with most come first.
+    all.sort_by_key(|(chord, _)| std::cmp::Reverse(chord.held()));
+    for (chord, bound) in all {
+        let Some((modifiers, key)) = pressed(&chord) else { continue };
+        if !c.ui.input_mut(|i| i.consume_key(modifiers, key)) {
+            continue;
+        }
+        match bound {
+            Bound::Action(action) => (action.run)(c),
+            Bound::Panel(tab) => c.panels.bring(tab),
+        }
+    }
+}
+
+/// The first error in the user's keys: names of actions and keys that there are not.
+pub fn problem(viewer: &Viewer) -> Option<String> {
+    for (id, keys) in &viewer.shortcuts.own {
+        if action(id).is_none() && !Tab::ALL.into_iter().any(|tab| panel_id(tab) == *id) {
+            return Some(format!("shortcuts.json: there is no action \"{id}\""));
+        }
+        let read = viewer.shortcuts.of(id, "");
+        let written = keys.split(", ").filter(|key| !key.trim().is_empty()).count();
+        if read.len() != written || read.iter().any(|chord| pressed(chord).is_none()) {
+            return Some(format!("shortcuts.json: {id}: \"{keys}\" is no key; as \"Ctrl+Shift+D, F5\""));
+        }
+    }
+    None
+}
+
+/// Whether a letter that walks in a viewport is the key of an action: walking then needs the right mouse button, as in Unity.
+pub fn takes_walking_keys(viewer: &Viewer) -> bool {
+    let walks = |chord: &Chord| {
+        chord.held() == 0 && ["W", "A", "S", "D", "Q", "E"].contains(&chord.key.to_uppercase().as_str())
+    };
+    ACTIONS.iter().any(|action| viewer.shortcuts.of(action.id, action.keys).iter().any(walks))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::state::shortcuts::{PRESETS, Shortcuts};
+    use std::collections::BTreeMap;
+
+    /// Every key of every preset exists, and belongs to one action.
+    #[test]
+    fn keys_of_presets_are_keys_and_none_is_taken_twice() {
+        for (preset, _, changed) in PRESETS {
+            let mut viewer = Viewer::new("x");
+            viewer.shortcuts = Shortcuts { preset: preset.to_string(), ..Shortcuts::default() };
+            let mut taken: BTreeMap<Chord, String> = BTreeMap::new();
+            let actions = ACTIONS.iter().map(|a| (a.id.to_string(), viewer.shortcuts.of(a.id, a.keys)));
+            let panels = Tab::ALL.into_iter().map(|tab| (panel_id(tab), panel_keys(&viewer, tab)));
+            for (id, chords) in actions.chain(panels) {
+                for chord in chords {
+                    assert!(pressed(&chord).is_some(), "{preset}, {id}: {chord}");
+                    let other = taken.insert(chord.clone(), id.clone());
+                    assert_eq!(other, None, "{preset}, {id}: {chord}");
+                }
+            }
+            assert!(changed.iter().all(|(id, _)| action(id).is_some()), "{preset}");
+            assert_eq!(takes_walking_keys(&viewer), preset != "choreo");
+        }
+    }
+
+    #[test]
+    fn wrong_names_are_told() {
+        let mut viewer = Viewer::new("x");
+        let mut own = |id: &str, keys: &str| {
+            viewer.shortcuts.own = BTreeMap::from([(id.to_string(), keys.to_string())]);
+            problem(&viewer)
+        };
+        assert_eq!(own("split", "Ctrl+Alt+F5, Y"), None);
+        assert_eq!(own("panel_curves", ""), None);
+        assert_eq!(own("fly", "Y").unwrap(), "shortcuts.json: there is no action \"fly\"");
+        assert!(own("split", "Ctrl+Foo").unwrap().contains("\"Ctrl+Foo\" is no key"));
+        assert!(own("split", "Hyper+Y").is_some());
+    }
+}

@@ -1,0 +1,291 @@
+//! The asset browser: the models and clips of the script's folder as images. A model is dragged onto the image, a clip onto a row; a double
+//! click adds one to the scene. What is chosen is previewed on the selected character.
+
+use super::inspector::{ClipDrag, ClipOf};
+use super::pictures::{self, Pictures};
+use crate::app::Viewer;
+use crate::library::folder::{Entry, FileKind, list};
+use crate::library::thumbnails::{ClipEntry, Made, Subject};
+use crate::state::dropped_models::DroppedModels;
+use crate::state::selection::{Selected, actor};
+use choreo_asset::Asset;
+use egui::{Rect, RichText, ScrollArea, Sense, Ui, vec2};
+use glam::DVec3;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Width of an image, points.
+const TILE: f32 = 112.0;
+const MOST_CLIPS: usize = 200;
+
+/// A model that is dragged onto a viewport.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct ModelDrag(pub PathBuf);
+
+/// State of the browser.
+#[derive(Default)]
+pub struct Browser {
+    /// The folder that is shown, beneath that of the script.
+    folder: PathBuf,
+    /// The script's own folder, when `entries` were read.
+    root: PathBuf,
+    entries: Vec<Entry>,
+    problem: Option<String>,
+    search: String,
+    chosen: Option<PathBuf>,
+    clip: Option<String>,
+    /// Version of the scene when `entries` were read.
+    version: Option<u64>,
+}
+
+impl Browser {
+    /// Reads the folder where another is shown than was read, or the scene has changed.
+    fn refresh(&mut self, root: &Path, version: Option<u64>, models: &[String]) {
+        let is_same = self.root == root && self.version == version && !self.folder.as_os_str().is_empty();
+        if is_same {
+            return;
+        }
+        if self.root != root {
+            (self.folder, self.chosen, self.clip) = (root.to_path_buf(), None, None);
+        }
+        (self.root, self.version) = (root.to_path_buf(), version);
+        self.read(models);
+    }
+
+    fn read(&mut self, models: &[String]) {
+        match list(&self.folder, models) {
+            Ok(entries) => (self.entries, self.problem) = (entries, None),
+            Err(error) => (self.entries, self.problem) = (Vec::new(), Some(error.to_string())),
+        }
+    }
+
+    fn go(&mut self, folder: PathBuf, models: &[String]) {
+        self.folder = folder;
+        self.read(models);
+    }
+}
+
+pub fn show(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &mut Pictures) {
+    let root = viewer.path.as_ref().and_then(|path| path.canonicalize().ok());
+    let Some(root) = root.as_deref().and_then(Path::parent) else {
+        ui.label("there is no script, in whose folder models would lie");
+        return;
+    };
+    let models = viewer.documents.models.clone();
+    browser.refresh(root, viewer.scene.as_ref().map(|scene| scene.number), &models);
+    path_row(ui, viewer, browser, root, &models);
+    if let Some(problem) = &browser.problem {
+        ui.label(RichText::new(problem).color(ui.visuals().error_fg_color));
+    }
+    let below = if browser.chosen.is_some() { 190.0_f32.min(ui.available_height() / 2.0) } else { 0.0 };
+    let height = (ui.available_height() - below).max(60.0);
+    ScrollArea::vertical().id_salt("files").max_height(height).auto_shrink([false, false]).show(ui, |ui| {
+        tiles(ui, viewer, browser, pictures, &models);
+    });
+    if let Some(file) = browser.chosen.clone() {
+        ui.separator();
+        chosen(ui, viewer, browser, pictures, &file);
+    }
+}
+
+fn path_row(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, root: &Path, models: &[String]) {
+    ui.horizontal(|ui| {
+        let inside = browser.folder.strip_prefix(root).unwrap_or(Path::new("")).to_path_buf();
+        let is_below = !inside.as_os_str().is_empty();
+        if ui.add_enabled(is_below, egui::Button::new("Up").small()).clicked()
+            && let Some(above) = browser.folder.parent().map(Path::to_path_buf)
+        {
+            browser.go(above, models);
+        }
+        if ui.small_button("Refresh").on_hover_text("reads the folder and its images again").clicked() {
+            viewer.documents.thumbnails.forget();
+            browser.read(models);
+        }
+        let name = root.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let shown = if is_below { format!("{name}/{}", inside.display()) } else { name };
+        ui.add(egui::Label::new(RichText::new(shown).monospace().small()).truncate());
+    });
+    let search = egui::TextEdit::singleline(&mut browser.search).hint_text("search files");
+    ui.add(search.desired_width(f32::INFINITY));
+}
+
+fn tiles(
+    ui: &mut Ui,
+    viewer: &mut Viewer,
+    browser: &mut Browser,
+    pictures: &mut Pictures,
+    models: &[String],
+) {
+    let wanted = browser.search.to_lowercase();
+    let matches =
+        |entry: &&Entry| entry.kind != FileKind::Script && entry.name.to_lowercase().contains(&wanted);
+    let entries: Vec<Entry> = browser.entries.iter().filter(matches).cloned().collect();
+    if entries.is_empty() {
+        ui.weak("no models here; drop files on the image to copy them into assets/");
+    }
+    ui.horizontal_wrapped(|ui| {
+        for entry in entries {
+            let size = vec2(TILE, pictures::height(TILE) + 18.0);
+            let (place, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
+            let is_chosen = browser.chosen.as_ref() == Some(&entry.path);
+            let label = entry.name.clone();
+            response.widget_info(|| {
+                egui::WidgetInfo::selected(egui::WidgetType::Button, true, is_chosen, label.clone())
+            });
+            if ui.is_rect_visible(place) {
+                tile(ui, viewer, pictures, &entry, place, is_chosen || response.hovered());
+            }
+            if entry.kind == FileKind::Folder {
+                if response.clicked() {
+                    browser.go(entry.path, models);
+                }
+                continue;
+            }
+            response.dnd_set_drag_payload(ModelDrag(entry.path.clone()));
+            if response.double_clicked() {
+                add_model(viewer, &entry.path);
+            } else if response.clicked() {
+                (browser.chosen, browser.clip) = (Some(entry.path.clone()), None);
+            }
+            response.on_hover_text(format!(
+                "{}\ndrag it onto the image, or click twice, to put it on stage",
+                entry.name
+            ));
+        }
+    });
+}
+
+fn tile(ui: &Ui, viewer: &mut Viewer, pictures: &mut Pictures, entry: &Entry, place: Rect, strong: bool) {
+    let image = Rect::from_min_size(place.min, vec2(TILE, pictures::height(TILE)));
+    let color = if strong { ui.visuals().strong_text_color() } else { ui.visuals().text_color() };
+    match entry.kind {
+        FileKind::Folder => {
+            ui.painter().rect_filled(image, 3.0, ui.visuals().faint_bg_color);
+            // A folder: a tab above a sheet.
+            let sheet = Rect::from_center_size(image.center(), vec2(36.0, 24.0));
+            let tab = Rect::from_min_size(sheet.min - vec2(0.0, 4.0), vec2(14.0, 8.0));
+            ui.painter().rect_filled(tab, 2.0, ui.visuals().weak_text_color());
+            ui.painter().rect_filled(sheet, 2.0, ui.visuals().weak_text_color());
+        }
+        _ => drop(pictures.show(ui, viewer, &Subject::file(entry.path.clone()), None, image)),
+    }
+    if strong {
+        let stroke = egui::Stroke::new(1.5, ui.visuals().selection.bg_fill);
+        ui.painter().rect_stroke(image, 3.0, stroke, egui::StrokeKind::Outside);
+    }
+    let name = super::elided(ui.painter(), &entry.name, 11.5, color, TILE);
+    ui.painter().galley(egui::pos2(place.left(), image.bottom() + 2.0), name, color);
+}
+
+/// Puts a model on stage where the view looks.
+fn add_model(viewer: &mut Viewer, file: &Path) {
+    let at = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
+    let at = DVec3::new(at.x, 0.0, at.z);
+    viewer.dropped_models = Some(DroppedModels { files: vec![file.to_path_buf()], at });
+}
+
+/// The chosen file: its clips, and a preview of one of them.
+fn chosen(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &mut Pictures, file: &Path) {
+    let made = viewer.documents.thumbnails.get(&Subject::file(file.to_path_buf()), None, || {
+        let context = ui.ctx().clone();
+        Box::new(move || context.request_repaint())
+    });
+    let thumbnail = match made {
+        Made::Ready(thumbnail) => thumbnail,
+        Made::Waiting => return drop(ui.weak("reading…")),
+        Made::Failed(why) => return drop(ui.label(RichText::new(why).color(ui.visuals().error_fg_color))),
+    };
+    let on = character(viewer);
+    ui.horizontal_top(|ui| {
+        let width = (ui.available_width() * 0.5).clamp(100.0, 224.0);
+        ui.vertical(|ui| preview(ui, viewer, browser, pictures, file, width));
+        ScrollArea::vertical().id_salt("clips").auto_shrink([false, false]).show(ui, |ui| {
+            clips(ui, viewer, browser, file, &thumbnail.clips, on.as_ref().map(|(name, _)| name.as_str()));
+        });
+    });
+}
+
+fn preview(
+    ui: &mut Ui,
+    viewer: &mut Viewer,
+    browser: &Browser,
+    pictures: &mut Pictures,
+    file: &Path,
+    width: f32,
+) {
+    let (place, response) = ui.allocate_exact_size(vec2(width, pictures::height(width)), Sense::hover());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Image, true, "preview"));
+    let number = viewer.scene.as_ref().map_or(0, |scene| scene.number);
+    let (subject, asset, title) = match (&browser.clip, character(viewer)) {
+        (Some(clip), Some((name, asset))) => {
+            let title = format!("{clip} on {name}");
+            let (file, clip) = (file.to_path_buf(), Some(clip.clone()));
+            (Subject { file, clip, on: Some((name, number)) }, Some(asset), title)
+        }
+        (clip, _) => {
+            let subject = Subject { file: file.to_path_buf(), clip: clip.clone(), on: None };
+            (subject, None, clip.clone().unwrap_or_default())
+        }
+    };
+    let made = pictures.show(ui, viewer, &subject, asset.as_ref(), place);
+    ui.add(egui::Label::new(RichText::new(title).small()).truncate());
+    match made {
+        Made::Failed(why) => drop(ui.label(RichText::new(why).small().color(ui.visuals().error_fg_color))),
+        Made::Ready(thumbnail) => {
+            if let Some(note) = &thumbnail.note {
+                ui.label(RichText::new(note).small().weak());
+            }
+        }
+        Made::Waiting => {}
+    }
+}
+
+/// The clips of a file: a click previews one, a double click or `+` plays it at the playhead, a drag takes it to a row.
+fn clips(
+    ui: &mut Ui,
+    viewer: &mut Viewer,
+    browser: &mut Browser,
+    file: &Path,
+    all: &[ClipEntry],
+    on: Option<&str>,
+) {
+    if all.is_empty() {
+        ui.weak("no clips");
+    }
+    for clip in all.iter().take(MOST_CLIPS) {
+        ui.horizontal(|ui| {
+            let hint = match on {
+                Some(name) => format!("{name} plays it from the playhead on"),
+                None => "select a character first".to_string(),
+            };
+            let add = ui.add_enabled(on.is_some(), egui::Button::new("+").small()).on_hover_text(hint);
+            let label = format!("play {} of the file", clip.name);
+            add.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, label.clone()));
+            let is_chosen = browser.clip.as_ref() == Some(&clip.name);
+            let text = format!("{}  {:.2} s", clip.name, clip.secs);
+            let button = egui::Button::selectable(is_chosen, text).sense(Sense::click_and_drag()).truncate();
+            let response = ui.add(button);
+            response.dnd_set_drag_payload(ClipDrag {
+                of: ClipOf::File(file.to_path_buf()),
+                clip: clip.name.clone(),
+            });
+            if response.clicked() {
+                browser.clip = Some(clip.name.clone());
+            }
+            if let Some(name) = on.filter(|_| add.clicked() || response.double_clicked()) {
+                let secs = viewer.playhead.time().as_secs();
+                viewer.edit(|v| v.add_file_clip(name, file, &clip.name, secs));
+            }
+        });
+    }
+}
+
+/// The selected actor that has joints, else the first: its name and file.
+fn character(viewer: &Viewer) -> Option<(String, Arc<Asset>)> {
+    let stage = &viewer.scene.as_ref()?.stage;
+    let selected = viewer.selection.as_ref().and_then(Selected::actor);
+    let selected = selected.and_then(|name| stage.actors.get(actor(stage, name)?));
+    let moves = |actor: &&choreo_stage::Actor| actor.asset.skeleton.len() > 1;
+    let found = selected.or_else(|| stage.actors.iter().find(moves))?;
+    Some((found.name.clone(), found.asset.clone()))
+}

@@ -1,0 +1,398 @@
+//! Fields for everything that the script can state of the selection, made of the stage's descriptions of its types. The menu of the right
+//! mouse button takes a value away, so that its default counts.
+
+use super::values::{self, Number};
+use crate::app::Viewer;
+use crate::editing::{FieldChange, expression};
+use crate::state::selection::{Selected, actor};
+use choreo_motion::{Repeat, Time};
+use choreo_session::edit::{Anew, CueTime, format_number};
+use choreo_stage::{Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Stage};
+use egui::{Grid, Response, RichText, Ui};
+use std::collections::BTreeMap;
+
+/// Seconds of a clip at most.
+const LONGEST: f64 = 1e6;
+/// Options of shapes that make up their material, with the least and the greatest value.
+const MATERIAL: [(&str, f64, f64, f64); 4] = [
+    ("roughness", 0.0, 1.0, 0.9),
+    ("metallic", 0.0, 1.0, 0.0),
+    ("emissive_strength", 0.0, 1e6, 1.0),
+    ("alpha", 0.0, 1.0, 1.0),
+];
+
+/// Everything that the script states of the selection, by name.
+pub type Stated = BTreeMap<String, String>;
+
+/// The change that the user makes in the fields of the selection.
+pub fn show(
+    ui: &mut Ui,
+    viewer: &Viewer,
+    stage: &Stage,
+    what: &Selected,
+    stated: &Stated,
+) -> Option<FieldChange> {
+    match what {
+        Selected::Cue { actor: name, layer, cue } => {
+            let found = &stage.actors[actor(stage, name)?];
+            let played = found.layers.get(*layer)?.cues.get(*cue)?;
+            clip(ui, stated, stage, what, played, *layer)
+        }
+        Selected::Camera(name) => {
+            let camera = stage.cameras.iter().find(|camera| camera.name == *name)?;
+            lens(ui, stated, what, camera)
+        }
+        Selected::Title(index) => title(ui, stated, what, stage.layers_2d.get(*index)?),
+        Selected::Actor(name) => surface(ui, viewer, stage, what, name, stated),
+        Selected::Light(_) | Selected::Effect(_) => None,
+    }
+}
+
+/// A menu that takes values away: "Reset to default".
+pub fn reset(response: &Response, names: &[&'static str]) -> Option<FieldChange> {
+    let mut wanted = None;
+    response.context_menu(|ui| {
+        if ui.button("Reset to default").clicked() {
+            wanted = Some(FieldChange::Reset(names.to_vec()));
+            ui.close();
+        }
+    });
+    wanted
+}
+
+/// The name of a field, with the menu; strong where the script states it.
+fn label(ui: &mut Ui, stated: &Stated, name: &'static str, about: &str) -> Option<FieldChange> {
+    let is_stated = stated.contains_key(name);
+    let text = RichText::new(name.replace('_', " "));
+    let text = if is_stated { text.strong() } else { text };
+    let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
+    let hint = if is_stated { "stated by the script; right click: reset to default" } else { "by default" };
+    let hint = if about.is_empty() { hint.to_string() } else { format!("{about}\n{hint}") };
+    reset(&response.on_hover_text(hint), &[name])
+}
+
+/// How a field of a type is written where it is not stated yet.
+fn anew_of(name: &str) -> Anew {
+    match name {
+        "scale" | "near" | "far" | "from" | "until" => Anew::Method,
+        _ => Anew::Option,
+    }
+}
+
+/// A described field, in a row of a grid with two columns.
+fn described<T: Described>(
+    ui: &mut Ui,
+    stated: &Stated,
+    what: &Selected,
+    of: &T,
+    field: &'static Field<T>,
+) -> Option<FieldChange> {
+    let name = field.name;
+    let mut wanted = label(ui, stated, name, &field.about());
+    let time = |part: CueTime, secs: f64| FieldChange::Time(part, secs);
+    let set = match ((field.get)(of), field.of_type) {
+        (FieldValue::Number(n), FieldType::Number(low, high, unit)) => {
+            let set = number(ui, name, n, low..=high, unit);
+            set.map(|to| FieldChange::Value(name, format_number(to), anew_of(name)))
+        }
+        (value, FieldType::Time | FieldType::Duration) => {
+            let secs = if let FieldValue::Time(time) = value { time } else { Time::ZERO }.as_secs();
+            let set = number(ui, name, secs, 0.0..=LONGEST, "s");
+            set.map(|to| match (name, what) {
+                ("from", _) => time(CueTime::Start, to),
+                ("until", _) => time(CueTime::End, to),
+                ("fade", Selected::Cue { .. }) => time(CueTime::FadeIn, to),
+                ("fade", _) => FieldChange::Value(name, format_number(to), Anew::Method),
+                _ => FieldChange::Value(name, format_number(to), anew_of(name)),
+            })
+        }
+        (FieldValue::Flag(on), FieldType::Flag) => flag(ui, name, on),
+        (FieldValue::Pair(pair), FieldType::Pair) => {
+            let mut set = None;
+            ui.horizontal(|ui| {
+                for (axis, letter) in ["x", "y"].into_iter().enumerate() {
+                    let label = format!("{name} {letter}");
+                    if let Some(to) = values::number(ui, &label, pair[axis], 0.01, -1e5..=1e5) {
+                        let mut all = pair;
+                        all[axis] = to;
+                        set = Some(pair_text(stated, name, all.to_array().map(format_number)));
+                    }
+                }
+            });
+            set
+        }
+        _ => {
+            ui.monospace(field.shown_with_unit(of).unwrap_or_else(|| "—".to_string()));
+            None
+        }
+    };
+    ui.end_row();
+    wanted = set.or(wanted);
+    wanted
+}
+
+/// `.at(x, y)` and `at: [x, y]` are written in different ways.
+fn pair_text(stated: &Stated, name: &'static str, [x, y]: [String; 2]) -> FieldChange {
+    let written = stated.get(name);
+    let is_method = written.is_some_and(|written| !written.starts_with('['));
+    let value = if is_method { format!("{x}, {y}") } else { format!("[{x}, {y}]") };
+    FieldChange::Value(name, value, Anew::Option)
+}
+
+fn flag(ui: &mut Ui, name: &'static str, on: bool) -> Option<FieldChange> {
+    let mut now = on;
+    let response = ui.checkbox(&mut now, "");
+    response.widget_info(|| {
+        egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, now, format!("{name} field"))
+    });
+    response.changed().then(|| match now {
+        // A method without an argument says so.
+        true => FieldChange::Text(name, String::new(), Anew::Method),
+        false => FieldChange::Reset(vec![name]),
+    })
+}
+
+fn number(
+    ui: &mut Ui,
+    name: &str,
+    value: f64,
+    range: std::ops::RangeInclusive<f64>,
+    unit: &str,
+) -> Option<f64> {
+    let mut set = None;
+    // The label beside it has the name alone.
+    let name = format!("{name} field");
+    ui.horizontal(|ui| {
+        set = Number { name: &name, value, speed: 0.01, range, default: None }.show(ui);
+        ui.weak(unit);
+    });
+    set
+}
+
+/// A list of names, the present one first shown.
+fn choice<'n>(ui: &mut Ui, id: &str, now: &str, names: impl Iterator<Item = &'n str>) -> Option<String> {
+    let mut chosen = None;
+    let combo = egui::ComboBox::from_id_salt(id).selected_text(now).show_ui(ui, |ui| {
+        for name in names {
+            if ui.selectable_label(name == now, name).clicked() && name != now {
+                chosen = Some(name.to_string());
+            }
+        }
+    });
+    let label = format!("{id}: {now}");
+    combo.response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::ComboBox, true, label.clone()));
+    chosen
+}
+
+/// A text of the script, taken when the field is left.
+fn source(ui: &mut Ui, name: &'static str, now: &str, hint: &str) -> Option<String> {
+    let id = ui.id().with(("source", name));
+    let mut text: String = ui.data(|d| d.get_temp(id)).unwrap_or_else(|| now.to_string());
+    let field = egui::TextEdit::singleline(&mut text).hint_text(hint).desired_width(150.0);
+    let response = ui.add(field.font(egui::TextStyle::Monospace));
+    let shown = format!("{name} field");
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::TextEdit, true, shown.clone()));
+    if response.has_focus() {
+        ui.data_mut(|d| d.insert_temp(id, text));
+        return None;
+    }
+    ui.data_mut(|d| d.remove::<String>(id));
+    (response.lost_focus() && text.trim() != now).then(|| text.trim().to_string())
+}
+
+fn clip(
+    ui: &mut Ui,
+    stated: &Stated,
+    stage: &Stage,
+    what: &Selected,
+    played: &Cue,
+    layer: usize,
+) -> Option<FieldChange> {
+    let mut wanted = None;
+    Grid::new("clip").num_columns(2).show(ui, |ui| {
+        ui.label("clip");
+        let own = what.actor().and_then(|name| Some(&stage.actors[actor(stage, name)?].asset));
+        let names = own.iter().flat_map(|asset| asset.clips.iter().map(|clip| clip.name.as_str()));
+        wanted = choice(ui, "clip", &played.clip.name, names).map(FieldChange::Clip);
+        ui.end_row();
+        for field in Cue::FIELDS.iter().filter(|field| (field.lacks)(played).is_none()) {
+            wanted = described(ui, stated, what, played, field).or(wanted.take());
+        }
+        wanted = trim(ui, stated, played).or(wanted.take());
+        ui.label("repeat");
+        let how = match played.repeat {
+            Repeat::Once => "once",
+            Repeat::Loop => "loop",
+            Repeat::PingPong => "ping_pong",
+        };
+        let names = ["once", "loop", "ping_pong"];
+        let chosen = choice(ui, "repeat", how, names.into_iter());
+        let chosen = names.into_iter().find(|name| chosen.as_deref() == Some(*name));
+        wanted = chosen.map(FieldChange::Repeat).or(wanted.take());
+        ui.end_row();
+        wanted = ease(ui, stated).or(wanted.take());
+        if layer > 0 {
+            wanted = layer_fields(ui, stated).or(wanted.take());
+        }
+    });
+    wanted
+}
+
+fn trim(ui: &mut Ui, stated: &Stated, played: &Cue) -> Option<FieldChange> {
+    let mut wanted = label(ui, stated, "trim", "the part of the clip that is played");
+    let now = [played.trim.0.as_secs(), played.trim.1.as_secs()];
+    let whole = played.clip.duration.as_secs();
+    ui.horizontal(|ui| {
+        for (end, name) in ["trim start", "trim end"].into_iter().enumerate() {
+            let range = if end == 0 { 0.0..=now[1] } else { now[0]..=whole };
+            if let Some(to) = values::number(ui, name, now[end], 0.01, range) {
+                let mut all = now;
+                all[end] = to;
+                wanted = Some(FieldChange::Trim(all));
+            }
+        }
+        ui.weak(format!("of {whole:.2} s"));
+    });
+    ui.end_row();
+    wanted
+}
+
+fn ease(ui: &mut Ui, stated: &Stated) -> Option<FieldChange> {
+    let mut wanted = label(ui, stated, "ease", "course of the fades");
+    let written = stated.get("ease").cloned().unwrap_or_else(|| "\"linear\"".to_string());
+    let names = choreo_script::easing_names();
+    let chosen = choice(ui, "ease", written.trim_matches('"'), names.iter().map(String::as_str));
+    wanted = chosen.map(|name| FieldChange::Text("ease", format!("\"{name}\""), Anew::Option)).or(wanted);
+    ui.end_row();
+    wanted
+}
+
+/// Mask, priority and weight of the layer, on the clip that states them.
+fn layer_fields(ui: &mut Ui, stated: &Stated) -> Option<FieldChange> {
+    let mut wanted = None;
+    let hints = [
+        ("on", "joints of the layer: \"Spine..\", [\"Head\", \"*Arm*\"]"),
+        ("priority", "0 to 1000"),
+        ("layer_weight", "0 to 1"),
+    ];
+    for (name, hint) in hints {
+        // Those are said once a layer, by its first clip.
+        let Some(now) = stated.get(name) else { continue };
+        wanted = label(ui, stated, name, hint).or(wanted);
+        let set = source(ui, name, now, hint);
+        wanted = set.map(|text| FieldChange::Text(name, text, Anew::Method)).or(wanted);
+        ui.end_row();
+    }
+    wanted
+}
+
+fn lens(ui: &mut Ui, stated: &Stated, what: &Selected, camera: &Camera) -> Option<FieldChange> {
+    let mut wanted = None;
+    Grid::new("lens").num_columns(2).show(ui, |ui| {
+        if let Some(FieldValue::Number(fov)) = Camera::field("fov").map(|field| (field.get)(camera)) {
+            let now = Camera::focal_length(fov);
+            let label = ui.add(egui::Label::new("focal length").sense(egui::Sense::click()));
+            let label = label.on_hover_text("on full-frame film, 24 mm high; right click: reset to default");
+            wanted = reset(&label, &["fov", "focal_length"]);
+            let set = number(ui, "focal length", now, 0.2..=13_000.0, "mm");
+            wanted = set.map(FieldChange::FocalLength).or(wanted.take());
+            ui.end_row();
+        }
+        for name in ["near", "far"] {
+            let Some(field) = Camera::field(name) else { continue };
+            let mut row = described(ui, stated, what, camera, field);
+            if let (Some(FieldChange::Value(_, value, _)), FieldValue::Number(_)) =
+                (&row, (field.get)(camera))
+            {
+                row = Some(FieldChange::Value(field.name, value.clone(), Anew::Method));
+            }
+            wanted = row.or(wanted.take());
+        }
+    });
+    wanted
+}
+
+fn title(ui: &mut Ui, stated: &Stated, what: &Selected, layer: &Layer2d) -> Option<FieldChange> {
+    let mut wanted = None;
+    if let Layer2dContent::Text { words, .. } = &layer.content {
+        let id = ui.id().with("words");
+        let mut now: String = ui.data(|d| d.get_temp(id)).unwrap_or_else(|| words.clone());
+        let field = egui::TextEdit::multiline(&mut now).desired_rows(2).desired_width(f32::INFINITY);
+        let response = ui.add(field);
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::TextEdit, true, "words"));
+        if response.has_focus() {
+            ui.data_mut(|d| d.insert_temp(id, now));
+        } else {
+            ui.data_mut(|d| d.remove::<String>(id));
+            wanted = (response.lost_focus() && now != *words).then_some(FieldChange::Words(now));
+        }
+    }
+    Grid::new("title").num_columns(2).show(ui, |ui| {
+        for field in Layer2d::FIELDS.iter().filter(|field| (field.lacks)(layer).is_none()) {
+            wanted = described(ui, stated, what, layer, field).or(wanted.take());
+        }
+        if let Layer2dContent::Text { size, width, line_height, color, align, .. } = &layer.content {
+            let numbers = [("size", *size, 0.001, 10.0), ("line_height", *line_height, 0.1, 10.0)];
+            let width = width.map(|width| ("width", width, 0.01, 10.0));
+            for (name, value, low, high) in numbers.into_iter().chain(width) {
+                wanted = label(ui, stated, name, "").or(wanted.take());
+                let set = number(ui, name, value, low..=high, "");
+                let change = |to| FieldChange::Value(name, format_number(to), Anew::Option);
+                wanted = set.map(change).or(wanted.take());
+                ui.end_row();
+            }
+            wanted = label(ui, stated, "align", "").or(wanted.take());
+            let now = format!("{align:?}").to_lowercase();
+            let set = choice(ui, "align", &now, ["left", "center", "right"].into_iter());
+            let change = |name| FieldChange::Value("align", format!("\"{name}\""), Anew::Option);
+            wanted = set.map(change).or(wanted.take());
+            ui.end_row();
+            wanted = color_row(ui, stated, "color", color.truncate()).or(wanted.take());
+        }
+    });
+    wanted
+}
+
+fn color_row(ui: &mut Ui, stated: &Stated, name: &'static str, linear: glam::Vec3) -> Option<FieldChange> {
+    let mut wanted = label(ui, stated, name, "");
+    let shown = linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)));
+    if let Some([r, g, b]) = values::color(ui, name, shown) {
+        let anew = if name == "tint" { Anew::Method } else { Anew::Option };
+        wanted = Some(FieldChange::Value(name, format!("\"#{r:02x}{g:02x}{b:02x}\""), anew));
+    }
+    ui.end_row();
+    wanted
+}
+
+/// The tint of an actor, and the material of a shape.
+fn surface(
+    ui: &mut Ui,
+    viewer: &Viewer,
+    stage: &Stage,
+    what: &Selected,
+    name: &str,
+    stated: &Stated,
+) -> Option<FieldChange> {
+    let found = &stage.actors[actor(stage, name)?];
+    let mut wanted = None;
+    Grid::new("surface").num_columns(2).show(ui, |ui| {
+        wanted = color_row(ui, stated, "tint", found.tint.truncate());
+        let names = MATERIAL.map(|(name, ..)| name);
+        let Some(written) = viewer.written_material(what, &names) else { return };
+        let fps = viewer.playhead.fps().as_fps();
+        for ((name, low, high, usual), written) in MATERIAL.into_iter().zip(written) {
+            let text = RichText::new(name.replace('_', " "));
+            let text = if written.is_some() { text.strong() } else { text };
+            let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
+            if reset(&response, &[name]).is_some() {
+                wanted = Some(FieldChange::Material(name, None));
+            }
+            let value = written.as_deref().and_then(|text| expression::value(text, fps)).unwrap_or(usual);
+            if let Some(to) = number(ui, name, value, low..=high, "") {
+                wanted = Some(FieldChange::Material(name, Some(format_number(to))));
+            }
+            ui.end_row();
+        }
+    });
+    wanted
+}

@@ -1,0 +1,181 @@
+//! The menu of files, the list from which one is chosen, and the question about a script that is not there.
+
+use crate::app::Viewer;
+use crate::library::file_dialog::{FileDialog, Purpose};
+use crate::library::folder::{Entry, FileKind};
+use crate::library::templates::TEMPLATES;
+use egui::{Align2, Key, RichText, ScrollArea, TextEdit, Ui, Window};
+
+pub fn menu(ui: &mut Ui, viewer: &mut Viewer) {
+    ui.menu_button("File", |ui| {
+        let shown = viewer.path.clone();
+        ui.menu_button("New", |ui| {
+            for template in TEMPLATES {
+                if ui.button(template.name).on_hover_text(template.about).clicked() {
+                    viewer.documents.ask(Purpose::New(template), shown.as_deref());
+                }
+            }
+        });
+        if ui.button("Open…").clicked() {
+            viewer.documents.ask(Purpose::Open, shown.as_deref());
+        }
+        let recent = viewer.documents.recent.clone();
+        ui.add_enabled_ui(!recent.is_empty(), |ui| {
+            ui.menu_button("Recent", |ui| {
+                for file in recent {
+                    if ui.button(file.display().to_string()).clicked() {
+                        viewer.documents.open = Some(file);
+                    }
+                }
+            });
+        });
+        if ui.add_enabled(shown.is_some(), egui::Button::new("Save as…")).clicked() {
+            viewer.documents.ask(Purpose::SaveAs, shown.as_deref());
+        }
+        ui.separator();
+        let start = &mut viewer.documents.start;
+        let word = if *start { "Back to the file" } else { "Start page" };
+        if ui.add_enabled(!*start || viewer.scene.is_some(), egui::Button::new(word)).clicked() {
+            *start = !*start;
+        }
+        if ui.button("Close").clicked() {
+            viewer.quit = true;
+        }
+    });
+}
+
+/// The open list of files, and what is asked about a missing script.
+pub fn dialogs(ui: &mut Ui, viewer: &mut Viewer) {
+    missing(ui, viewer);
+    let Some(mut dialog) = viewer.documents.dialog.take() else { return };
+    match list(ui, &mut dialog) {
+        Answer::None => viewer.documents.dialog = Some(dialog),
+        Answer::Cancel => {}
+        Answer::Take => match dialog.accept() {
+            None => viewer.documents.dialog = Some(dialog),
+            Some(file) => {
+                if let Err(error) = viewer.take_file(dialog.purpose, &file) {
+                    dialog.problem = Some(error.to_string());
+                    viewer.documents.dialog = Some(dialog);
+                }
+            }
+        },
+    }
+}
+
+enum Answer {
+    None,
+    Cancel,
+    Take,
+}
+
+fn list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
+    let mut answer = Answer::None;
+    let (title, button) = match dialog.purpose {
+        Purpose::Open => ("Open".to_string(), "Open"),
+        Purpose::New(template) => (format!("New: {}", template.name), "Create"),
+        Purpose::SaveAs => ("Save as".to_string(), "Save"),
+    };
+    let window = Window::new(title).id(egui::Id::new("files")).resizable(false).collapsible(false);
+    window.anchor(Align2::CENTER_CENTER, [0.0, 0.0]).show(ui.ctx(), |ui| {
+        ui.set_width(560.0);
+        ui.horizontal(|ui| {
+            let above = dialog.folder.parent().map(std::path::Path::to_path_buf);
+            if ui
+                .add_enabled(above.is_some(), egui::Button::new("Up"))
+                .on_hover_text("the folder above")
+                .clicked()
+            {
+                above.iter().for_each(|above| dialog.go(above));
+            }
+            ui.add(
+                egui::Label::new(RichText::new(dialog.folder.display().to_string()).monospace()).truncate(),
+            );
+        });
+        ui.separator();
+        let mut chosen: Option<(Entry, bool)> = None;
+        ScrollArea::vertical().max_height(320.0).auto_shrink([false, false]).show(ui, |ui| {
+            for entry in &dialog.entries {
+                let name = match entry.kind {
+                    FileKind::Folder => format!("{}/", entry.name),
+                    _ => entry.name.clone(),
+                };
+                let response = ui.selectable_label(dialog.name == entry.name, name);
+                if response.double_clicked() {
+                    chosen = Some((entry.clone(), true));
+                } else if response.clicked() {
+                    chosen = Some((entry.clone(), false));
+                }
+            }
+            if dialog.entries.is_empty() {
+                ui.weak("no scripts or models here");
+            }
+        });
+        if let Some((entry, twice)) = chosen {
+            dialog.choose(&entry);
+            if twice && entry.kind != FileKind::Folder && dialog.purpose == Purpose::Open {
+                answer = Answer::Take;
+            }
+        }
+        ui.separator();
+        ui.horizontal(|ui| {
+            let label = ui.label("name");
+            let field =
+                ui.add(TextEdit::singleline(&mut dialog.name).desired_width(420.0)).labelled_by(label.id);
+            if std::mem::take(&mut dialog.fresh) {
+                field.request_focus();
+            }
+            if field.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter)) {
+                answer = Answer::Take;
+            }
+        });
+        if let Some(problem) = &dialog.problem {
+            ui.label(RichText::new(problem).color(ui.visuals().warn_fg_color));
+        }
+        ui.horizontal(|ui| {
+            if ui.button(button).clicked() {
+                answer = Answer::Take;
+            }
+            if ui.button("Cancel").clicked() || ui.input(|i| i.key_pressed(Key::Escape)) {
+                answer = Answer::Cancel;
+            }
+        });
+    });
+    answer
+}
+
+/// Offers to create the script that was to be shown.
+fn missing(ui: &Ui, viewer: &mut Viewer) {
+    let Some(path) = viewer.documents.missing.clone() else { return };
+    if path.exists() {
+        // An editor has made it.
+        viewer.documents.missing = None;
+        return;
+    }
+    let mut made = None;
+    let window = Window::new("There is no such file").resizable(false).collapsible(false);
+    window.anchor(Align2::CENTER_CENTER, [0.0, 0.0]).show(ui.ctx(), |ui| {
+        ui.label(RichText::new(path.display().to_string()).monospace());
+        ui.label("Create it from:");
+        ui.horizontal(|ui| {
+            for template in TEMPLATES {
+                if ui.button(template.name).on_hover_text(template.about).clicked() {
+                    made = Some(template);
+                }
+            }
+        });
+        ui.separator();
+        ui.horizontal(|ui| {
+            if ui.button("Open another…").clicked() {
+                viewer.documents.missing = None;
+                viewer.documents.ask(Purpose::Open, Some(&path));
+            }
+            if ui.button("Do not create it").clicked() {
+                viewer.documents.missing = None;
+            }
+        });
+    });
+    if let Some(template) = made {
+        viewer.edit(|v| v.take_file(Purpose::New(template), &path));
+    }
+}

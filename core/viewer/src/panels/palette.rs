@@ -1,0 +1,233 @@
+//! The command palette: a field that finds every action, panel, actor, clip and line of the script.
+
+use super::actions::{self, ACTIONS, Context};
+use super::{Panels, Tab};
+use crate::app::Viewer;
+use crate::library::file_dialog::Purpose;
+use crate::library::templates::TEMPLATES;
+use crate::state::selection::Selected;
+use choreo_motion::Time;
+use egui::{Align2, Key, Modifiers, RichText, ScrollArea, TextEdit, Ui, Window};
+use std::path::PathBuf;
+
+/// Entries that are shown.
+const MOST_SHOWN: usize = 60;
+
+/// The effect of an entry.
+#[derive(Clone, Debug)]
+enum Target {
+    Action(&'static str),
+    Panel(Tab),
+    New(usize),
+    Open(PathBuf),
+    Select(Selected, Option<Time>),
+    /// The selected actor plays a clip of its file.
+    Play(String, String),
+    Line(usize),
+}
+
+#[derive(Clone, Debug)]
+struct Entry {
+    text: String,
+    /// The kind of thing that it is, or its keys.
+    note: String,
+    target: Target,
+}
+
+#[derive(Default)]
+pub struct Palette {
+    open: bool,
+    /// The field gets the keyboard.
+    fresh: bool,
+    text: String,
+    /// The entry that Enter takes.
+    at: usize,
+    all: Vec<Entry>,
+}
+
+impl Palette {
+    pub fn is_open(&self) -> bool {
+        self.open
+    }
+
+    pub fn toggle(&mut self) {
+        *self = Palette { open: !self.open, fresh: true, ..Palette::default() };
+    }
+
+    /// The entries that a text finds, the best first.
+    fn found(&self) -> Vec<Entry> {
+        let text = self.text.to_lowercase();
+        let words: Vec<&str> = text.split_whitespace().collect();
+        let mut found: Vec<(usize, usize, &Entry)> = Vec::new();
+        for (number, entry) in self.all.iter().enumerate() {
+            let searched = format!("{} {}", entry.text, entry.note).to_lowercase();
+            if words.iter().all(|word| searched.contains(word)) {
+                let first = words.first().and_then(|word| searched.find(word)).unwrap_or(0);
+                found.push((usize::from(first > 0), number, entry));
+            }
+        }
+        // Where the first word begins an entry before others; else as they are listed.
+        found.sort_by_key(|(behind, number, _)| (*behind, *number));
+        found.into_iter().take(MOST_SHOWN).map(|(_, _, entry)| entry.clone()).collect()
+    }
+}
+
+pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
+    if !panels.palette.open {
+        return;
+    }
+    if panels.palette.fresh {
+        panels.palette.all = entries(viewer);
+    }
+    // Keys of the list, before the field takes them.
+    let pressed = |key| ui.input_mut(|i| i.consume_key(Modifiers::NONE, key));
+    let (down, up) = (pressed(Key::ArrowDown), pressed(Key::ArrowUp));
+    let (enter, escape) = (pressed(Key::Enter), pressed(Key::Escape));
+    let palette = &mut panels.palette;
+    let mut chosen = None;
+    let window = Window::new("Commands").title_bar(false).resizable(false).collapsible(false);
+    window.anchor(Align2::CENTER_TOP, [0.0, 60.0]).show(ui.ctx(), |ui| {
+        ui.set_width(560.0);
+        let field = TextEdit::singleline(&mut palette.text).hint_text("action, panel, actor, clip or line");
+        let field = ui.add(field.desired_width(f32::INFINITY));
+        if std::mem::take(&mut palette.fresh) {
+            field.request_focus();
+        }
+        if field.changed() {
+            palette.at = 0;
+        }
+        let found = palette.found();
+        let last = found.len().saturating_sub(1);
+        palette.at = match (down, up) {
+            (true, false) => (palette.at + 1).min(last),
+            (false, true) => palette.at.saturating_sub(1),
+            _ => palette.at.min(last),
+        };
+        ui.separator();
+        ScrollArea::vertical().max_height(420.0).auto_shrink([false, true]).show(ui, |ui| {
+            for (number, entry) in found.iter().enumerate() {
+                let is_at = number == palette.at;
+                let button = egui::Button::selectable(is_at, &entry.text).truncate();
+                let button = button.right_text(RichText::new(&entry.note).weak());
+                let response = ui.add_sized([ui.available_width(), 20.0], button);
+                if is_at && (down || up) {
+                    response.scroll_to_me(None);
+                }
+                if response.clicked() {
+                    chosen = Some(entry.target.clone());
+                }
+            }
+            if found.is_empty() {
+                ui.weak("nothing is called so");
+            }
+        });
+        if enter {
+            chosen = found.get(palette.at).map(|entry| entry.target.clone());
+        }
+    });
+    if escape || chosen.is_some() {
+        panels.palette = Palette::default();
+    }
+    if let Some(target) = chosen {
+        run(&mut Context { panels, ui, viewer, now }, target);
+    }
+}
+
+fn run(c: &mut Context, target: Target) {
+    match target {
+        Target::Action(id) => {
+            if let Some(action) = actions::action(id) {
+                (action.run)(c);
+            }
+        }
+        Target::Panel(tab) => c.panels.bring(tab),
+        Target::New(number) => {
+            let shown = c.viewer.path.clone();
+            c.viewer.documents.ask(Purpose::New(TEMPLATES[number]), shown.as_deref());
+        }
+        Target::Open(file) => c.viewer.documents.open = Some(file),
+        Target::Select(what, at) => {
+            if let Some(at) = at {
+                c.viewer.playhead.pause();
+                c.viewer.playhead.seek(at);
+            }
+            c.viewer.selection = Some(what);
+        }
+        Target::Play(actor, clip) => {
+            let secs = c.viewer.playhead.time().as_secs();
+            c.viewer.edit(|v| v.add_clip(&actor, &actor, &clip, secs));
+        }
+        Target::Line(line) => c.viewer.go_to = Some(line),
+    }
+}
+
+/// Everything that can be found.
+fn entries(viewer: &Viewer) -> Vec<Entry> {
+    let entry = |text: String, note: String, target: Target| Entry { text, note, target };
+    let mut all: Vec<Entry> = ACTIONS
+        .iter()
+        .filter(|action| action.id != "palette")
+        .map(|action| {
+            let keys = viewer.shortcuts.text(action.id, action.keys);
+            entry(action.title.to_string(), keys, Target::Action(action.id))
+        })
+        .collect();
+    for tab in Tab::ALL {
+        let keys: Vec<String> = actions::panel_keys(viewer, tab).iter().map(ToString::to_string).collect();
+        all.push(entry(format!("panel {}", tab.title()), keys.join(", "), Target::Panel(tab)));
+    }
+    for (number, template) in TEMPLATES.iter().enumerate() {
+        all.push(entry(format!("new: {}", template.name), "template".into(), Target::New(number)));
+    }
+    for file in &viewer.documents.recent {
+        all.push(entry(format!("open {}", file.display()), "recent".into(), Target::Open(file.clone())));
+    }
+    objects(viewer, &mut all);
+    let places = viewer.scene.as_ref().map(|scene| &scene.places);
+    let text = places.and_then(|places| places.sources.get(&places.main).cloned()).unwrap_or_default();
+    for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty()) {
+        all.push(entry(line.trim().to_string(), format!("line {}", number + 1), Target::Line(number + 1)));
+    }
+    all
+}
+
+/// Objects of the stage, clips on the timeline, and clips that the selected actor could play.
+fn objects(viewer: &Viewer, all: &mut Vec<Entry>) {
+    let Some(scene) = &viewer.scene else { return };
+    let stage = &scene.stage;
+    let mut select = |text: String, note: &str, what: Selected, at: Option<Time>| {
+        all.push(Entry { text, note: note.to_string(), target: Target::Select(what, at) });
+    };
+    for actor in &stage.actors {
+        select(actor.name.clone(), "actor", Selected::Actor(actor.name.clone()), None);
+    }
+    for camera in &stage.cameras {
+        select(camera.name.clone(), "camera", Selected::Camera(camera.name.clone()), None);
+    }
+    for (index, light) in stage.lights.iter().enumerate() {
+        select(format!("{} {}", light.light.kind.title(), index + 1), "light", Selected::Light(index), None);
+    }
+    for (index, effect) in stage.effects.iter().enumerate() {
+        select(effect.plugin.clone(), "effect", Selected::Effect(index), Some(effect.start));
+    }
+    for bar in viewer.bars() {
+        if let Selected::Cue { actor, .. } = &bar.what {
+            let text = format!("{} of {actor}", bar.label);
+            select(
+                text,
+                &format!("clip at {}", viewer.shown_time(bar.start)),
+                bar.what.clone(),
+                Some(bar.start),
+            );
+        }
+    }
+    let selected = viewer.selection.as_ref().and_then(Selected::actor);
+    let selected = selected.and_then(|name| stage.actors.iter().find(|actor| actor.name == name));
+    if let Some(actor) = selected {
+        for clip in &actor.asset.clips {
+            let (name, clip) = (actor.name.clone(), clip.name.clone());
+            let text = format!("play {clip} on {name}");
+            all.push(Entry { text, note: "at the playhead".into(), target: Target::Play(name, clip) });
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! The start page: recent files, new ones from templates, and the lessons as images.
+
+use super::Panels;
+use super::pictures::{self, Pictures};
+use crate::app::Viewer;
+use crate::library::file_dialog::Purpose;
+use crate::library::templates::TEMPLATES;
+use crate::library::thumbnails::{Made, Subject};
+use egui::{RichText, ScrollArea, Sense, Ui, vec2};
+use std::path::{Path, PathBuf};
+
+/// Width of an image, points.
+const TILE: f32 = 200.0;
+
+pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
+    // Files that are dropped here are opened.
+    if let Some(file) = viewer.dropped.drain(..).next() {
+        viewer.documents.open = Some(file);
+    }
+    let fill = egui::Frame::new().fill(ui.visuals().panel_fill).inner_margin(20.0);
+    egui::CentralPanel::default().frame(fill).show(ui, |ui| {
+        ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+            ui.label(RichText::new("choreo").heading().strong());
+            ui.add_space(8.0);
+            if ui.button("Open…").on_hover_text("a script or a model").clicked() {
+                viewer.documents.ask(Purpose::Open, None);
+            }
+            section(ui, "New");
+            ui.horizontal_wrapped(|ui| {
+                for template in TEMPLATES {
+                    let button = egui::Button::new(template.name).min_size(vec2(TILE, 44.0));
+                    if ui.add(button).on_hover_text(template.about).clicked() {
+                        viewer.documents.ask(Purpose::New(template), None);
+                    }
+                }
+            });
+            let recent: Vec<(PathBuf, String)> = viewer
+                .documents
+                .recent
+                .iter()
+                .filter(|file| file.is_file())
+                .map(|file| (file.clone(), file_name(file)))
+                .collect();
+            if !recent.is_empty() {
+                section(ui, "Recent");
+                tiles(ui, viewer, &mut panels.pictures, &recent);
+            }
+            let lessons: Vec<(PathBuf, String)> = viewer
+                .documents
+                .lessons
+                .iter()
+                .map(|lesson| (lesson.file.clone(), lesson.title.clone()))
+                .collect();
+            if !lessons.is_empty() {
+                section(ui, "Lessons");
+                tiles(ui, viewer, &mut panels.pictures, &lessons);
+            }
+        });
+    });
+}
+
+fn section(ui: &mut Ui, title: &str) {
+    ui.add_space(16.0);
+    ui.label(RichText::new(title).strong());
+    ui.add_space(4.0);
+}
+
+fn file_name(file: &Path) -> String {
+    file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// Files as images with names; a click opens one.
+fn tiles(ui: &mut Ui, viewer: &mut Viewer, pictures: &mut Pictures, files: &[(PathBuf, String)]) {
+    ui.horizontal_wrapped(|ui| {
+        ui.spacing_mut().item_spacing = vec2(12.0, 12.0);
+        for (file, title) in files {
+            let size = vec2(TILE, pictures::height(TILE) + 22.0);
+            let (place, response) = ui.allocate_exact_size(size, Sense::click());
+            response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, title.clone()));
+            // Images of tiles that are not seen are not made.
+            if !ui.is_rect_visible(place) {
+                continue;
+            }
+            let image = egui::Rect::from_min_size(place.min, vec2(TILE, pictures::height(TILE)));
+            let made = pictures.show(ui, viewer, &Subject::file(file.clone()), None, image);
+            let color = match response.hovered() || response.has_focus() {
+                true => ui.visuals().strong_text_color(),
+                false => ui.visuals().text_color(),
+            };
+            if response.hovered() || response.has_focus() {
+                let stroke = egui::Stroke::new(2.0, ui.visuals().selection.bg_fill);
+                ui.painter().rect_stroke(image, 3.0, stroke, egui::StrokeKind::Outside);
+            }
+            let name = super::elided(ui.painter(), title, 13.0, color, TILE);
+            ui.painter().galley(egui::pos2(place.left(), image.bottom() + 4.0), name, color);
+            let mut hint = file.display().to_string();
+            if let Made::Failed(why) = made {
+                hint = format!("{hint}\n{why}");
+            }
+            if response.on_hover_text(hint).clicked() {
+                viewer.documents.open = Some(file.clone());
+            }
+        }
+    });
+}

@@ -1,0 +1,199 @@
+//! Keys of actions: those of a preset, and the user's own, from a small JSON file beside the settings:
+//!
+//! ```json
+//! { "preset": "blender", "keys": { "split": "Shift+Y", "hide": "" } }
+//! ```
+//! A value is one key or several, separated by a comma and a blank; an empty one takes the key away. [`PRESETS`] lists the presets.
+
+use choreo_files::write_whole_beneath;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::Path;
+
+/// A key with the keys that are held with it.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Chord {
+    /// Ctrl, on a Mac Command.
+    pub ctrl: bool,
+    pub shift: bool,
+    pub alt: bool,
+    /// Name of the key, as the toolkit has it.
+    pub key: String,
+}
+
+impl Chord {
+    /// Reads `Ctrl+Shift+Z`.
+    pub fn read(text: &str) -> Option<Chord> {
+        let mut chord = Chord { ctrl: false, shift: false, alt: false, key: String::new() };
+        let (held, key) = text.trim().rsplit_once('+').unwrap_or(("", text.trim()));
+        for word in held.split('+').filter(|word| !word.is_empty()) {
+            match word.trim().to_lowercase().as_str() {
+                "ctrl" | "cmd" | "command" => chord.ctrl = true,
+                "shift" => chord.shift = true,
+                "alt" | "option" => chord.alt = true,
+                _ => return None,
+            }
+        }
+        chord.key = key.trim().to_string();
+        (!chord.key.is_empty()).then_some(chord)
+    }
+
+    /// How many keys are held with it.
+    pub fn held(&self) -> usize {
+        [self.ctrl, self.shift, self.alt].into_iter().filter(|held| *held).count()
+    }
+}
+
+impl fmt::Display for Chord {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (held, name) in [(self.ctrl, "Ctrl"), (self.alt, "Alt"), (self.shift, "Shift")] {
+            if held {
+                write!(f, "{name} ")?;
+            }
+        }
+        let shown = match self.key.as_str() {
+            "Left" => "←",
+            "Right" => "→",
+            "Up" => "↑",
+            "Down" => "↓",
+            "PageUp" => "PgUp",
+            "PageDown" => "PgDn",
+            "Escape" => "Esc",
+            "Comma" => ",",
+            "Period" => ".",
+            "Plus" => "+",
+            "Minus" => "−",
+            key => key,
+        };
+        f.write_str(shown)
+    }
+}
+
+fn chords(text: &str) -> Vec<Chord> {
+    text.split(", ").filter_map(Chord::read).collect()
+}
+
+/// Name in the file, title, and keys in place of the usual ones.
+pub type Preset = (&'static str, &'static str, &'static [(&'static str, &'static str)]);
+
+pub const PRESETS: [Preset; 3] = [
+    ("choreo", "choreo", &[]),
+    (
+        "blender",
+        "Blender",
+        &[
+            ("scale", "S"),
+            ("duplicate", "Shift+D"),
+            ("delete", "X, Delete"),
+            ("set_keys", "I"),
+            ("camera", "0"),
+            ("focus", "Period"),
+            ("first_frame", "Shift+Left, Home"),
+            ("last_frame", "Shift+Right, End"),
+            ("next_event", "Up"),
+            ("previous_event", "Down"),
+            ("range_from", "Ctrl+Home"),
+            ("range_to", "Ctrl+End"),
+            ("screenshot", "F12"),
+            ("palette", "F3, Ctrl+P"),
+            ("redo", "Ctrl+Shift+Z"),
+        ],
+    ),
+    (
+        "unity",
+        "Unity",
+        &[
+            ("move", "W"),
+            ("turn", "E"),
+            ("scale", "R"),
+            ("split", "S"),
+            ("previous_frame", "Comma, Left"),
+            ("next_frame", "Period, Right"),
+            ("first_frame", "Shift+Comma, Home"),
+            ("last_frame", "Shift+Period, End"),
+            ("previous_event", "Alt+Comma, Up"),
+            ("next_event", "Alt+Period, Down"),
+            ("palette", "Ctrl+K, Ctrl+P"),
+            ("redo", "Ctrl+Y, Ctrl+Shift+Z"),
+        ],
+    ),
+];
+
+/// The user's keys.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shortcuts {
+    /// Name of the preset.
+    pub preset: String,
+    /// The user's own keys, by action, as they are written.
+    pub own: BTreeMap<String, String>,
+}
+
+impl Default for Shortcuts {
+    fn default() -> Shortcuts {
+        Shortcuts { preset: PRESETS[0].0.to_string(), own: BTreeMap::new() }
+    }
+}
+
+impl Shortcuts {
+    /// Name of the file beside the settings.
+    pub const FILE: &'static str = "shortcuts.json";
+
+    /// The keys of an action whose usual ones are given.
+    pub fn of(&self, action: &str, usual: &str) -> Vec<Chord> {
+        let preset = PRESETS.iter().find(|(name, ..)| *name == self.preset);
+        let preset = preset.and_then(|(.., keys)| keys.iter().find(|(name, _)| *name == action));
+        let preset = preset.map_or(usual, |(_, keys)| keys);
+        chords(self.own.get(action).map_or(preset, String::as_str))
+    }
+
+    /// The keys of an action, to be read.
+    pub fn text(&self, action: &str, usual: &str) -> String {
+        self.of(action, usual).iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The keys in a file, and what is wrong with it. One that is not there gives the usual keys.
+    pub fn read(file: &Path) -> (Shortcuts, Option<String>) {
+        let bytes = match choreo_files::read(file, 1 << 20) {
+            Ok(bytes) => bytes,
+            Err(_) if !file.exists() => return Default::default(),
+            Err(error) => return (Shortcuts::default(), Some(format!("{}: {error}", file.display()))),
+        };
+        match serde_json::from_slice::<Value>(&bytes) {
+            Ok(value) => {
+                let (shortcuts, problem) = Shortcuts::from_json(&value);
+                (shortcuts, problem.map(|problem| format!("{}: {problem}", file.display())))
+            }
+            Err(error) => (Shortcuts::default(), Some(format!("{}: {error}", file.display()))),
+        }
+    }
+
+    fn from_json(value: &Value) -> (Shortcuts, Option<String>) {
+        let mut shortcuts = Shortcuts::default();
+        let mut problem = None;
+        if let Some(preset) = value["preset"].as_str() {
+            match PRESETS.iter().any(|(name, ..)| *name == preset) {
+                true => shortcuts.preset = preset.to_string(),
+                false => {
+                    let known = PRESETS.map(|(name, ..)| name).join(", ");
+                    problem = Some(format!("unknown preset \"{preset}\"; presets: {known}"));
+                }
+            }
+        }
+        for (action, keys) in value["keys"].as_object().into_iter().flatten() {
+            match keys.as_str() {
+                Some(keys) => drop(shortcuts.own.insert(action.clone(), keys.to_string())),
+                None => problem = Some(format!("{action}: keys are a text, as \"Ctrl+D\"")),
+            }
+        }
+        (shortcuts, problem)
+    }
+
+    /// Failure is no reason to stop: the next window has the keys of before.
+    pub fn write(&self, file: &Path) {
+        let value = json!({ "preset": self.preset, "keys": self.own });
+        if let (Some(folder), Some(name)) = (file.parent(), file.file_name()) {
+            let _ = write_whole_beneath(folder, name.as_ref(), format!("{value:#}\n").as_bytes());
+        }
+    }
+}

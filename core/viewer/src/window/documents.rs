@@ -1,0 +1,88 @@
+//! The window goes over to another file.
+
+use super::{News, ViewerWindow, watched};
+use crate::app::Viewer;
+use crate::args::FileOptions;
+use crate::library::documents::Documents;
+use crate::library::lessons;
+use crate::library::thumbnails::Thumbnails;
+use crate::state::settings::Settings;
+use crate::state::shortcuts::Shortcuts;
+use choreo_plugin::Registry;
+use choreo_session::SceneSource;
+use std::path::Path;
+
+/// The viewer of the first file, else of the start page, with what the window could show beside it.
+pub fn first_viewer(
+    source: Option<&SceneSource>,
+    registry: &Registry,
+    options: &FileOptions,
+    settings: &Settings,
+) -> Viewer {
+    let mut viewer = Viewer::new(source.map_or("start".to_string(), name_of));
+    let thumbnails = Thumbnails::new(registry, options.like(), choreo_command_line::cache_dir());
+    let (recent, lessons) = (settings.recent.clone(), lessons::find());
+    viewer.documents = Documents { recent, lessons, thumbnails, ..Documents::new(registry) };
+    match source {
+        Some(source) => {
+            viewer.path = source.is_script().then(|| source.input.clone());
+            viewer.documents.missing = viewer.path.clone().filter(|path| !path.exists());
+            viewer.documents.shows(&source.input);
+        }
+        None => viewer.documents.start = true,
+    }
+    viewer
+}
+
+/// The user's keys; says what is wrong with them.
+pub fn read_shortcuts(viewer: &mut Viewer, file: Option<&Path>) -> Option<String> {
+    let (shortcuts, problem) = file.map(Shortcuts::read).unwrap_or_default();
+    viewer.shortcuts = shortcuts;
+    problem.or_else(|| crate::panels::shortcut_problem(viewer))
+}
+
+/// The name of a file for titles.
+pub fn name_of(source: &SceneSource) -> String {
+    source.input.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+impl ViewerWindow {
+    /// Shows the file that was asked for in place of the present one, which stays where it cannot be watched.
+    pub(super) fn open_document(&mut self) {
+        let Some(file) = self.viewer.documents.open.take() else { return };
+        let opened = self.options.source(file.clone()).and_then(|mut source| {
+            // Those of the command line are for its own file.
+            if source.input != self.source.input {
+                (source.clip, source.set) = (None, Vec::new());
+            }
+            let live = watched(source.clone(), &self.registry, &self.proxy, self.guests + 1);
+            Ok((live.map_err(|error| error.to_string())?, source))
+        });
+        let (live, source) = match opened {
+            Ok(opened) => opened,
+            Err(why) => {
+                self.viewer.message = Some(why);
+                return self.redraw();
+            }
+        };
+        self.guests += 1;
+        (self.own_number, self.live, self.own) = (self.guests, Some(live), None);
+        (self.guest, self.placing) = (None, None);
+        self.frames.clear();
+        self.viewer = self.viewer.succeeded_by(name_of(&source));
+        self.viewer.path = source.is_script().then(|| source.input.clone());
+        self.viewer.commands.take_file(&source.input);
+        let documents = &mut self.viewer.documents;
+        documents.start = false;
+        documents.missing = (source.is_script() && !source.input.exists()).then(|| source.input.clone());
+        documents.shows(&source.input);
+        documents.thumbnails.forget();
+        self.source = source;
+        if let Some(open) = &self.open {
+            open.window.set_title(&format!("{} – {}", self.viewer.name, self.program));
+        }
+        self.remember();
+        // The window is drawn anew without what was shown.
+        let _ = self.proxy.send_event(News::Repaint(std::time::Duration::ZERO));
+    }
+}

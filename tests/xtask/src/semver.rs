@@ -1,0 +1,48 @@
+//! `cargo xtask semver [COMMIT]`: the API of plugins against the last tag, or a commit, by cargo-semver-checks, which is built at the first
+//! run. It knows changes that the list of texts in `core/plugin/API.txt` cannot (decision 57): lost traits of a type, generic bounds, macros.
+
+use crate::{cargo, root, run, target};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// The crate of plugins and those that it passes on.
+const CRATES: [&str; 3] = ["choreo-plugin", "choreo-asset", "choreo-motion"];
+/// The first version that reads the documentation which this Rust writes.
+const TOOL: &str = "cargo-semver-checks@0.51.0";
+
+pub fn semver(commit: Option<&str>) -> Result<(), String> {
+    let Some(baseline) = commit.map(String::from).or_else(last_tag) else {
+        println!(
+            "SKIP 1: nothing is released: there is no tag to compare with; cargo xtask semver COMMIT names another baseline"
+        );
+        return Ok(());
+    };
+    let tools = target().join("tools");
+    let program = tools.join("bin").join(format!("cargo-semver-checks{}", std::env::consts::EXE_SUFFIX));
+    if !works(&program) {
+        let mut install = cargo(&["install", "--locked", "--quiet", TOOL, "--root"]);
+        install.arg(&tools).env("CARGO_TARGET_DIR", target().join("semver-checks-build"));
+        // Its own profile links for minutes, on one core.
+        install.env("CARGO_PROFILE_RELEASE_LTO", "off").env("CARGO_PROFILE_RELEASE_CODEGEN_UNITS", "16");
+        run(install, "cargo install cargo-semver-checks")?;
+    }
+    println!("compared with {baseline}");
+    let mut checks = Command::new(program);
+    checks.args(["semver-checks", "--baseline-rev", &baseline]).current_dir(root());
+    checks.args(CRATES.iter().flat_map(|name| ["--package", name]));
+    run(checks, "cargo-semver-checks")
+}
+
+/// The nearest tag before the commit that is checked out.
+fn last_tag() -> Option<String> {
+    let mut git = Command::new("git");
+    git.args(["describe", "--tags", "--abbrev=0"]).current_dir(root()).stderr(Stdio::null());
+    let output = git.output().ok().filter(|output| output.status.success())?;
+    Some(String::from_utf8_lossy(&output.stdout).trim().to_string()).filter(|tag| !tag.is_empty())
+}
+
+fn works(program: &Path) -> bool {
+    let mut command = Command::new(program);
+    command.args(["semver-checks", "--version"]).stdout(Stdio::null()).stderr(Stdio::null());
+    command.status().is_ok_and(|status| status.success())
+}
