@@ -218,7 +218,7 @@ fn plan_with(
     Ok(FootLockTrack { legs, steps, span: (from, to), open, drops, leg, gait_fades, front })
 }
 
-/// What the planner finds, leg by leg.
+/// Findings of the planner, leg by leg.
 struct ContactPlan {
     legs: Vec<Vec<Contact>>,
     steps: Vec<Vec<Footstep>>,
