@@ -203,9 +203,9 @@ fn a_file_that_is_dropped_is_shown_and_added() {
     screen.save(&window, "dropped.png");
     assert_eq!(fs::read_to_string(folder.path().join("a.rhai")).unwrap(), SCRIPT);
 
-    // "Add to script" is the third button above.
+    // "Add to script" is the fourth button above.
     screen.rest(viewer.process.0.id());
-    let add = buttons(&screen.shot(&window))[2];
+    let add = buttons(&screen.shot(&window))[3];
     let [x, y] = [add, 12].map(|n| n.to_string());
     screen.xdotool(&["mousemove", "--window", &window, &x, &y]);
     screen.rest(viewer.process.0.id());
@@ -258,7 +258,7 @@ fn files_that_are_dropped_together_are_all_shown_and_added() {
     });
     assert!(bounds[0].1 < bounds[1].0 && bounds[1].1 < bounds[2].0, "{bounds:?}");
     screen.rest(viewer.process.0.id());
-    let add = buttons(&screen.shot(&window))[2];
+    let add = buttons(&screen.shot(&window))[3];
     let [x, y] = [add, 12].map(|n| n.to_string());
     screen.xdotool(&["mousemove", "--window", &window, &x, &y]);
     screen.rest(viewer.process.0.id());

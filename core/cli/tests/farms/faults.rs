@@ -69,7 +69,20 @@ fn wait_for_frames(folder: &Path, segment: &str) {
     wait_for_other_frames(folder, segment, &[]);
 }
 
-/// Waits for finished frames in a part folder that is none of these; gives its name.
+/// Whole records of a journal after its head: a line, then for each a length, a CRC-32 and its bytes.
+fn finished_frames(journal: &Path) -> usize {
+    let bytes = std::fs::read(journal).unwrap_or_default();
+    let line = bytes.iter().position(|byte| *byte == b'\n').map_or(bytes.len(), |end| end + 1);
+    let (mut rest, mut records) = (&bytes[line..], 0usize);
+    while let Some((length, after)) = rest.split_first_chunk::<4>()
+        && let Some(next) = after.get(4 + u32::from_le_bytes(*length) as usize..)
+    {
+        (rest, records) = (next, records + 1);
+    }
+    records.saturating_sub(1)
+}
+
+/// Waits for a few frames more than these part folders hold, in another; gives its name.
 fn wait_for_other_frames(folder: &Path, segment: &str, known: &[&str]) -> String {
     let segments = folder.join("segments");
     let start = format!("{segment}.segment.");
@@ -77,13 +90,9 @@ fn wait_for_other_frames(folder: &Path, segment: &str, known: &[&str]) -> String
         let names = if segments.is_dir() { parts(&segments) } else { Vec::new() };
         names.into_iter().find(|name| name.starts_with(&start) && !known.contains(&name.as_str()))
     };
-    let length = || {
-        let journal = part().map(|part| segments.join(part).join("journal"));
-        journal.and_then(|journal| journal.metadata().ok()).map_or(0, |metadata| metadata.len())
-    };
-    wait_for("journal", || length() > 0);
-    let head = length();
-    wait_for("frames", || length() > head + 200);
+    let frames = |part: &str| finished_frames(&segments.join(part).join("journal"));
+    let before = known.iter().map(|part| frames(part)).max().unwrap_or(0);
+    wait_for("frames", || part().is_some_and(|part| frames(&part) >= before + 3));
     part().unwrap()
 }
 

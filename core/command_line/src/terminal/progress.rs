@@ -1,7 +1,7 @@
 //! A bar with the time left, on a terminal; lines for a program that shows a bar of its own; nothing elsewhere.
 
-use crate::failure::print_message;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use std::io::Write;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 pub struct Progress(Option<ProgressBar>, Option<Lines>);
@@ -39,7 +39,8 @@ impl Progress {
         }
         if let Some(Lines { frames, done }) = &self.1 {
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            print_message(format_args!("{{\"done\":{done},\"frames\":{frames}}}"));
+            // A reader that has gone does not stop a render.
+            let _ = writeln!(std::io::stderr(), "{{\"done\":{done},\"frames\":{frames}}}");
         }
     }
 

@@ -59,7 +59,9 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_
             viewer.active = index;
             // The other end lies behind the one that points at the viewer.
             let same = orbit(viewer, index).as_ref().and_then(Side::of) == Some(side);
-            viewer.look_from(index, if same { side.opposite() } else { side });
+            if let Some(orbit) = viewer.free_camera(index) {
+                orbit.look_from(if same { side.opposite() } else { side });
+            }
         }
     }
     hot
@@ -78,12 +80,16 @@ pub fn menu(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     let flat = orbit.is_some_and(|o| matches!(o.projection, Projection::Orthographic { .. }));
     let name = side.map_or("View", Side::name);
     ui.menu_button(name, |ui| {
-        if ui.selectable_label(orbit.is_some() && !flat, "Perspective").clicked() {
-            viewer.look_in_perspective(index);
+        if ui.selectable_label(orbit.is_some() && !flat, "Perspective").clicked()
+            && let Some(orbit) = viewer.free_camera(index)
+        {
+            orbit.look_in_perspective();
         }
         for one in Side::ALL {
-            if ui.selectable_label(side == Some(one), one.name()).clicked() {
-                viewer.look_from(index, one);
+            if ui.selectable_label(side == Some(one), one.name()).clicked()
+                && let Some(orbit) = viewer.free_camera(index)
+            {
+                orbit.look_from(one);
             }
         }
     });

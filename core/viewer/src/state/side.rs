@@ -1,6 +1,5 @@
 //! Views along the axes: from above, from the front, from the side.
 
-use crate::app::Viewer;
 use crate::state::orbit::Orbit;
 use choreo_asset::Projection;
 use core::f64::consts::{FRAC_PI_2, PI};
@@ -75,21 +74,19 @@ impl Side {
     }
 }
 
-impl Viewer {
-    /// The free camera of a view looks from a side, without perspective, at what it turned around.
-    pub fn look_from(&mut self, view: usize, side: Side) {
-        let Some(orbit) = self.free_camera(view) else { return };
-        [orbit.azimuth, orbit.elevation] = side.angles();
-        let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = orbit.projection;
+impl Orbit {
+    /// Looks from a side, without perspective, at what it turned around.
+    pub fn look_from(&mut self, side: Side) {
+        [self.azimuth, self.elevation] = side.angles();
+        let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = self.projection;
         // The orbit gives the height; see `Orbit::camera`.
-        orbit.projection = Projection::Orthographic { height: 1.0, near, far: 10_000.0 };
+        self.projection = Projection::Orthographic { height: 1.0, near, far: 10_000.0 };
     }
 
-    /// The free camera of a view has perspective again.
-    pub fn look_in_perspective(&mut self, view: usize) {
-        let Some(orbit) = self.free_camera(view) else { return };
-        if matches!(orbit.projection, Projection::Orthographic { .. }) {
-            orbit.projection = Projection::default();
+    /// Has perspective again.
+    pub fn look_in_perspective(&mut self) {
+        if matches!(self.projection, Projection::Orthographic { .. }) {
+            self.projection = Projection::default();
         }
     }
 }
