@@ -390,3 +390,34 @@ fn inputs_are_drawn_only_for_effects_that_read_them() {
     // Off: as without it.
     assert!(!commands(Some(("depth", 0.0))).0 && !commands(None).0);
 }
+
+#[test]
+fn explain_names_the_inputs_and_the_effects_that_read_them() {
+    let effects = probes();
+    let (scene, ..) = tilted();
+    let rows = |name: &str| {
+        let mut scene = Scene { stage: scene.stage.clone(), snapshot: scene.snapshot.clone() };
+        use_effect(&mut scene, name, &[("amount", 1.0)], &[]);
+        let options = PlanOptions { effects: &effects, ..PlanOptions::new(SIZE, 1) };
+        let (_, plan) = scene.plan(&options);
+        let recording = choreo_render::commands::record(&plan, Default::default(), |_| 2);
+        let costs = explain::explain(&scene.resources(), &plan, &recording).into_iter();
+        let of_inputs = costs.filter(|cost| cost.what.contains(" for effects"));
+        of_inputs.map(|cost| (cost.what, format!("{:?}", cost.requested_by.effects))).collect::<Vec<_>>()
+    };
+    for (name, pass, target) in [
+        ("depth", "depth and normals for effects: 1 draw", "normals and depth for effects 120×90"),
+        (
+            "moved_x",
+            "depth, normals, motion vectors and actors for effects: 1 draw",
+            "normals, depth, motion and actors for effects 120×90",
+        ),
+    ] {
+        let rows = rows(name);
+        for start in [pass, target] {
+            let found = rows.iter().find(|(what, _)| what.starts_with(start));
+            assert!(found.is_some_and(|(_, by)| by.contains(&format!("{name:?}"))), "{start}: {rows:#?}");
+        }
+    }
+    assert_eq!(rows("clock"), []);
+}
