@@ -69,7 +69,7 @@ fn choose_format(harness: &mut Harness<'static, Place>, kind: Kind, extension: &
     harness.run_steps(2);
 }
 
-/// What the command line makes of the same.
+/// Files that the command line makes of the same scene.
 fn rendered(script: &Path, output: &Path, words: &[&str]) -> Vec<u8> {
     let args =
         ["choreo", words[0]].into_iter().map(Into::into).chain([script.into(), "-o".into(), output.into()]);

@@ -18,7 +18,7 @@ sun(#{ direction: [-0.6, -1.0, -0.9] });
 
 const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
 
-/// What is missing on a machine.
+/// Parts that a machine lacks.
 #[derive(Clone, Copy, Debug)]
 enum Missing {
     Driver,

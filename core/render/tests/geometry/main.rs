@@ -1,4 +1,4 @@
-//! What moves vertices, and which of them are drawn.
+//! Vertices that move, and those that are drawn.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -233,7 +233,7 @@ impl<'a> ScriptObject<'a> {
     /// The same for a clip of a file, as `load` takes it, by the script's own name of it if there is one.
     ///
     /// # Errors
-    /// It has no name in the script.
+    /// The object has no name in the script.
     pub fn play_file(
         &self,
         file: &str,

@@ -26,7 +26,7 @@ described! {
         /// Content of its file.
         asset: Arc<Asset>,
     ) {
-        /// Its place in its parent, else in the world, without keys.
+        /// Place in the parent, else in the world, without keys.
         transform: Placement = Placement::default();
         /// Parents over time, sorted by start; before the first one the actor stands in the world.
         parents: Vec<Parenting> = Vec::new(), hash |w: &mut StageWriter, parents: &[Parenting]| {

@@ -15,7 +15,7 @@ described! {
         /// Kind, color and intensity.
         light: Light,
     ) {
-        /// Its place in the world, metres.
+        /// Place in the world, metres.
         position: DVec3 = DVec3::ZERO;
         /// Unit vector along which the light shines (directional and spot).
         direction: Vec3 = Vec3::NEG_Y;

@@ -21,7 +21,7 @@ pub struct FileDialog {
     pub entries: Vec<Entry>,
     /// Name of the chosen or new file.
     pub name: String,
-    /// It has just been opened: the field of the name gets the keyboard.
+    /// Whether it has just been opened: the field of the name then gets the keyboard.
     pub fresh: bool,
     /// Why the choice cannot be taken.
     pub problem: Option<String>,

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Lesson {
     pub file: PathBuf,
-    /// Its name without the ending: `7 keys and frames`.
+    /// Name without the ending: `7 keys and frames`.
     pub title: String,
 }
 

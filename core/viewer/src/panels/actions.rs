@@ -32,7 +32,7 @@ pub enum Scope {
 }
 
 pub struct Action {
-    /// Its name in the file of shortcuts.
+    /// Name in the file of shortcuts.
     pub id: &'static str,
     pub title: &'static str,
     /// The usual keys.
@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_names_are_told() {
+    fn wrong_names_are_reported() {
         let mut viewer = Viewer::new("x");
         let mut own = |id: &str, keys: &str| {
             viewer.shortcuts.own = BTreeMap::from([(id.to_string(), keys.to_string())]);

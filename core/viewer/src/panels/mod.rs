@@ -151,7 +151,7 @@ pub struct Panels {
     pub light: bool,
     /// 1 to 2.
     pub scale: f32,
-    /// What is laid over the first viewport's image, which new ones take over.
+    /// Overlays of the first viewport's image, which new viewports take over.
     overlays: Overlays,
     /// The colors and scale that were last given to egui's context.
     applied: Option<(bool, f32)>,

@@ -111,8 +111,8 @@ impl Target<'_> {
                 let vertex = mesh.vertices.get(index as usize)?;
                 Some(Vertex { pos: vertex.pos * pixels_per_point, ..*vertex })
             };
-            for corners in mesh.indices.chunks_exact(3) {
-                if let [Some(a), Some(b), Some(c)] = [corners[0], corners[1], corners[2]].map(vertex) {
+            for indices in mesh.indices.chunks_exact(3) {
+                if let [Some(a), Some(b), Some(c)] = [indices[0], indices[1], indices[2]].map(vertex) {
                     self.triangle([a, b, c], clip, texture);
                 }
             }
@@ -126,11 +126,11 @@ impl Target<'_> {
         [within(rect.min.x, w), within(rect.min.y, h), within(rect.max.x, w), within(rect.max.y, h)]
     }
 
-    fn triangle(&mut self, mut corners: [Vertex; 3], clip: [usize; 4], texture: &Texture) {
-        corners.sort_by(|a, b| a.pos.y.total_cmp(&b.pos.y));
-        let [a, b, c] = corners.map(|corner| corner.pos);
+    fn triangle(&mut self, mut vertices: [Vertex; 3], clip: [usize; 4], texture: &Texture) {
+        vertices.sort_by(|a, b| a.pos.y.total_cmp(&b.pos.y));
+        let [a, b, c] = vertices.map(|vertex| vertex.pos);
         let rows = pixels(a.y, c.y, clip[1], clip[3]);
-        let Some(paint) = Paint::new(&corners, texture).filter(|_| !rows.is_empty()) else { return };
+        let Some(paint) = Paint::new(&vertices, texture).filter(|_| !rows.is_empty()) else { return };
         for y in rows {
             let center = y as f32 + 0.5;
             let long = crossing(a, c, center);
@@ -183,8 +183,8 @@ struct Paint<'a> {
 
 impl Paint<'_> {
     /// `None` for a triangle without an area.
-    fn new<'a>(corners: &[Vertex; 3], texture: &'a Texture) -> Option<Paint<'a>> {
-        let [a, b, c] = corners;
+    fn new<'a>(vertices: &[Vertex; 3], texture: &'a Texture) -> Option<Paint<'a>> {
+        let [a, b, c] = vertices;
         let (u, v) = (b.pos - a.pos, c.pos - a.pos);
         let area = u.x * v.y - u.y * v.x;
         if !(area.abs() > 1e-12 && area.is_finite()) {
@@ -206,8 +206,8 @@ impl Paint<'_> {
             let down = std::array::from_fn(|i| (to_c[i] * u.x - to_b[i] * v.x) / area);
             Some(Plane { at: a, right, down })
         }
-        let color = |corner: &Vertex| corner.color.to_array().map(f32::from);
-        let place = |corner: &Vertex| [corner.uv.x, corner.uv.y];
+        let color = |vertex: &Vertex| vertex.color.to_array().map(f32::from);
+        let place = |vertex: &Vertex| [vertex.uv.x, vertex.uv.y];
         Some(Paint {
             origin: a.pos,
             texture,
