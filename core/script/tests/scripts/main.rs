@@ -1,0 +1,12 @@
+//! Scripts: what they may do, what they make, and what is reported about them.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod binding;
+mod imports;
+mod sandbox;
+mod script_constraints;
+mod scripts;
+mod testing;
+mod wrong;
