@@ -409,6 +409,12 @@ impl Viewer {
         &mut self.views[active]
     }
 
+    /// The name of a light, by its kind and its number on the stage.
+    pub(crate) fn light_name(&self, index: usize) -> String {
+        let light = self.scene.as_ref().and_then(|scene| scene.stage.lights.get(index));
+        format!("{} {}", light.map_or("light", |light| light.light.kind.title()), index + 1)
+    }
+
     /// The mouse takes a view's camera over where it stands.
     pub fn free_camera(&mut self, view: usize) -> Option<&mut Orbit> {
         let near = self.point_of_interest().unwrap_or(DVec3::ZERO);

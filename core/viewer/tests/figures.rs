@@ -72,7 +72,7 @@ fn start_rest_and_memory() {
     let script = folder.path().join("a.rhai");
     fs::write(&script, SHORT).unwrap();
     let start = || {
-        let mut command = screen.command(&[script.to_str().unwrap()], folder.path());
+        let mut command = screen.command_on("auto", &[script.to_str().unwrap()], folder.path());
         command.env("XDG_CACHE_HOME", folder.path().join("cache"));
         let begin = Instant::now();
         let viewer = ViewerProcess::start(command);
@@ -94,7 +94,7 @@ fn start_rest_and_memory() {
     let mut parts: Vec<Vec<f64>> = vec![Vec::new(); PARTS.len() + 1];
     let mut frames = Vec::new();
     for _ in 0..15 {
-        let mut command = screen.command(&[script.to_str().unwrap()], folder.path());
+        let mut command = screen.command_on("auto", &[script.to_str().unwrap()], folder.path());
         command.env("XDG_CACHE_HOME", folder.path().join("cache"));
         let begin = Instant::now();
         let viewer = ViewerProcess::start(command);
@@ -212,7 +212,7 @@ fn from_save_to_pixel() {
     fs::write(at("hill.glb"), hill(0.5)).unwrap();
     let arguments = [at("a.rhai"), "--shaders".into(), shaders.clone()];
     let arguments: Vec<&str> = arguments.iter().map(|a| a.to_str().unwrap()).collect();
-    let viewer = ViewerProcess::start(screen.command(&arguments, folder.path()));
+    let viewer = ViewerProcess::start(screen.command_on("auto", &arguments, folder.path()));
     let (_, first) = viewer.shown(1);
     type Edit<'a> = &'a dyn Fn(usize) -> (PathBuf, Vec<u8>);
     let edits: [(&str, f64, Edit); 4] = [
@@ -281,7 +281,7 @@ fn five_thousand_bars_are_scrolled_and_zoomed() {
     let folder = tempfile::tempdir().unwrap();
     let script = folder.path().join("a.rhai");
     fs::write(&script, crowd()).unwrap();
-    let viewer = ViewerProcess::start(screen.command(&[script.to_str().unwrap()], folder.path()));
+    let viewer = ViewerProcess::start(screen.command_on("auto", &[script.to_str().unwrap()], folder.path()));
     let (_, shown) = viewer.shown(1);
     let window = screen.window();
     screen.rest(viewer.process.0.id());
@@ -326,6 +326,84 @@ fn five_thousand_bars_are_scrolled_and_zoomed() {
         viewer.status("VmRSS") as f64 / 1e3,
         viewer.status("RssFile") as f64 / 1e3,
         shown["device"],
+        load()
+    );
+}
+
+/// Twelve dancers in an image with eight samples a pixel.
+fn slow() -> String {
+    let mut script = String::from(
+        "stage(#{ size: [1280, 720], fps: 30, length: 8.0, samples: 8 });\nlet moves = load(\"choreo:mannequin\");\n",
+    );
+    for dancer in 0..12 {
+        let (x, z) = (dancer % 4, dancer / 4);
+        script += &format!(
+            "cast(\"d{dancer}\", moves).at({}.0, 0.0, -{z}.0).play(moves.clip(\"Dance_Groove\"));\n",
+            x as i32 * 2 - 3
+        );
+    }
+    script
+        + "camera(\"wide\").at(0.0, 1.5, 6.0).look_at([0.0, 0.9, 0.0]);\nsun(#{ direction: [-0.6, -1.0, -0.9] });\neffect(\"bloom\");\n"
+}
+
+/// From a move of the mouse until the image that belongs to it is on the screen, in times of that frame; and how often the panels are
+/// drawn while a slow frame is on its way.
+#[test]
+#[ignore = "takes a minute, and is a measurement"]
+fn drags_and_scrubs_beside_slow_frames() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let script = folder.path().join("a.rhai");
+    fs::write(&script, slow()).unwrap();
+    let viewer = ViewerProcess::start(screen.command_on("auto", &[script.to_str().unwrap()], folder.path()));
+    let (_, first) = viewer.shown(1);
+    let window = screen.window();
+    screen.rest(viewer.process.0.id());
+    let to = |x: usize, y: usize| {
+        screen.xdotool(&["mousemove", "--window", &window, &x.to_string(), &y.to_string()]);
+    };
+    println!(
+        "| the mouse | frame, median ms | to the screen, median in frame times | 95 % below |\n|---|---|---|---|"
+    );
+    for (name, y) in [("scrubs on the ruler", 640), ("turns the camera", 300)] {
+        to(300, y);
+        screen.rest(viewer.process.0.id());
+        screen.xdotool(&["mousedown", "1"]);
+        let (mut ratios, mut frames) = (Vec::new(), Vec::new());
+        for step in 1..=20 {
+            screen.rest(viewer.process.0.id());
+            viewer.meanwhile();
+            let begin = Instant::now();
+            to(300 + step * 20, y);
+            let (end, shown) = viewer.shown(1);
+            let frame = shown["frame_ms"].as_f64().unwrap();
+            frames.push(frame);
+            ratios.push((end - begin).as_secs_f64() * 1e3 / frame);
+        }
+        screen.xdotool(&["mouseup", "1"]);
+        ratios.sort_by(f64::total_cmp);
+        println!("| {name} | {:.0} | {:.2} | {:.2} |", median(frames), part(&ratios, 50), part(&ratios, 95));
+    }
+    screen.rest(viewer.process.0.id());
+    // A new frame is asked for, and the mouse moves over the bars at 120 Hz while it is drawn.
+    screen.key(&window, "End");
+    viewer.painted();
+    let begin = Instant::now();
+    let moves: Vec<String> = (0..240)
+        .flat_map(|n| {
+            let x = (300 + n).to_string();
+            ["mousemove", "--window", &window, &x, "760", "sleep", "0.008"].map(str::to_string)
+        })
+        .collect();
+    screen.xdotool(&moves.iter().map(String::as_str).collect::<Vec<_>>());
+    let paints = viewer.painted();
+    let secs = begin.elapsed().as_secs_f64();
+    let panels = paints.iter().map(|p| p["whole_ms"].as_f64().unwrap()).collect();
+    println!(
+        "\npanels {:.0} times a second beside it, {:.1} ms each; on {}, load {}",
+        paints.len() as f64 / secs,
+        median(panels),
+        first["device"],
         load()
     );
 }

@@ -41,7 +41,7 @@ pub fn cast_lines(text: &str, file: &str, at: DVec3, clip: Option<&str>) -> Stri
 }
 
 /// A name for a variable after the name of a file, which the text does not use.
-fn free_name(text: &str, stem: &str) -> String {
+pub(super) fn free_name(text: &str, stem: &str) -> String {
     let name = stem.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' });
     let mut name: String = name.collect();
     if !name.starts_with(|c: char| c.is_ascii_lowercase()) {

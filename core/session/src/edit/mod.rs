@@ -1,8 +1,10 @@
 //! Changes of a script's text at one place: a bar that was dragged rewrites the number that it came from. All else of the text
 //! stays, comments and spaces too. What a number was computed from is never guessed: then the change is refused, with the line.
 
+mod additions;
 mod casting;
 mod cues;
+mod deleting;
 mod key_easing;
 mod key_list;
 mod keys;
@@ -18,8 +20,10 @@ mod values;
 
 use std::ops::Range;
 
+pub use additions::{AddedAt, Addition, SHAPES, added_lines};
 pub use casting::cast_lines;
 pub use cues::{CueChange, delete_cue, has_end, set_times};
+pub use deleting::delete_object;
 pub use keys::{KeyValue, WrittenKey, WrittenKeys, copied_keys, euler_degrees_near};
 pub use object::{ScriptObject, ScriptText, euler_degrees, rotation_of, set_call, set_marker};
 pub use refused::EditRefused;

@@ -139,6 +139,37 @@ impl<'a> Source<'a> {
         self.start(index) + usize::from(self.token(index) == ";")
     }
 
+    /// The first byte of the statement around a byte, or of what stands in brackets around it.
+    pub(super) fn statement_start(&self, at: usize) -> usize {
+        let mut index = self.index(at);
+        let mut depth = 0usize;
+        while let Some(before) = index.checked_sub(1) {
+            match self.token(before) {
+                // Braces at the end of a block end the statement before this one.
+                ";" | "}" if depth == 0 => break,
+                token if is_close(token) => depth += 1,
+                token if is_open(token) && depth == 0 => break,
+                token if is_open(token) => depth -= 1,
+                _ => {}
+            }
+            index = before;
+        }
+        self.start(index)
+    }
+
+    /// The variable that a statement, given by its first byte, makes: `let NAME = …`.
+    pub(super) fn variable_of(&self, statement: usize) -> Option<&'a str> {
+        let index = self.index(statement);
+        (self.token(index) == "let" && self.token(index + 2) == "=").then(|| self.token(index + 1))
+    }
+
+    /// Where a variable's name stands, other than behind a dot.
+    pub(super) fn uses_of(&self, name: &str) -> impl Iterator<Item = usize> {
+        let is_it =
+            move |index: &usize| self.token(*index) == name && (*index == 0 || self.token(index - 1) != ".");
+        (0..self.tokens.len()).filter(is_it).map(|index| self.start(index))
+    }
+
     /// All calls of a function, in order.
     pub fn calls_of(&self, name: &str) -> impl Iterator<Item = Call> {
         let is_it =

@@ -260,7 +260,9 @@ pub fn duplicate_cue(
         format!(".trim({})", ends.join(", "))
     });
     let until = until.map(|until| format!(".until({})", until.text(false))).unwrap_or_default();
-    let second = format!("{}.then({clip}){calls}{}{until}", strip.new_line(), trim.unwrap_or_default());
+    let fade =
+        strip.value("fade").map(|fade| format!(".fade({})", strip.text[fade].trim())).unwrap_or_default();
+    let second = format!("{}.then({clip}){calls}{fade}{}{until}", strip.new_line(), trim.unwrap_or_default());
     let at = strip.end();
     let mut after = format!("{}{second}{}", &text[..at], &text[at..]);
     if let Some(end) = end {

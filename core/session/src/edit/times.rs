@@ -14,6 +14,11 @@ pub struct EditTime {
 }
 
 impl EditTime {
+    /// The time as a person would write it where no text is replaced.
+    pub fn written(self) -> String {
+        self.text(false)
+    }
+
     /// The time as a person would write it: seconds to the millisecond, always with a point, so that it stays a float. A frame's time
     /// that has more digits is `f(31)`, so that it is read back as the same frame. `in_frames`: it replaces such a text.
     pub(super) fn text(self, in_frames: bool) -> String {
@@ -113,7 +118,11 @@ pub fn set_time(
     if part == CueTime::Start && text[call.name.clone()] == *"then" {
         return refuse("it begins where the clip before it ends; change that one's end");
     }
-    Ok(Edit { range: call.end..call.end, text: format!(".{name}({})", time.text(false)) })
+    // An end stands behind the start.
+    let from = chain.iter().take_while(|call| text[call.name.clone()] != *"then");
+    let from = from.filter(|call| part == CueTime::End && text[call.name.clone()] == *"from").last();
+    let at = from.map_or(call.end, |from| from.end);
+    Ok(Edit { range: at..at, text: format!(".{name}({})", time.text(false)) })
 }
 
 /// Whether the call at a place is a `then` that begins where the clip before it ends.
@@ -144,6 +153,17 @@ mod tests {
             assert_eq!(edit.inverse(&text).apply(&after), text);
             after
         })
+    }
+
+    #[test]
+    fn an_end_stands_behind_the_start() {
+        let ended = |text| set(text, CueTime::End, 2.0).unwrap();
+        assert_eq!(ended("a.|play(c).from(1.0);"), "a.play(c).from(1.0).until(2.0);");
+        assert_eq!(ended("a.|play(c).then(d).from(3.0);"), "a.play(c).until(2.0).then(d).from(3.0);");
+        assert_eq!(
+            set("a.|play(c).until(2.0);", CueTime::Start, 1.0).unwrap(),
+            "a.play(c).from(1.0).until(2.0);"
+        );
     }
 
     #[test]

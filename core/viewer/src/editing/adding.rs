@@ -1,14 +1,17 @@
 //! Dropped files and clips become lines: clips of an actor's own file or of another's, models under the pointer, files that were shown.
 
+use super::placing::placement;
 use super::{EditError, difference, read};
 use crate::app::Viewer;
 use crate::state::dropped_models::DroppedModels;
 use crate::state::history::Offer;
-use crate::state::selection::actor;
+use crate::state::orbit::Orbit;
+use crate::state::selection::{Selected, actor};
+use crate::state::view::ViewCamera;
 use choreo_asset::Asset;
 use choreo_motion::retarget::bind_or_retarget;
 use choreo_session::SceneVersion;
-use choreo_session::edit::{Edit, ScriptObject, cast_lines};
+use choreo_session::edit::{AddedAt, Addition, Edit, ScriptObject, added_lines, cast_lines};
 use choreo_stage::Actor;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -73,6 +76,54 @@ impl Viewer {
         self.change(&place, siblings, |text| {
             ScriptObject::at(text, place.line, place.column)?.play_file(&inside, clip, time, options)
         })
+    }
+
+    /// Adds something new at the end of the script, where there is room on the ground, from the playhead on, and selects it.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn add(&mut self, what: &Addition) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let stage = &scene.stage;
+        let text = super::read(&self.path.clone().ok_or(EditError::NoScript)?)?;
+        let now = self.playhead.time();
+        let is_taken = |x: f64| {
+            stage.actors.iter().map(|actor| placement(actor, now).translation).any(|p| (p.x - x).abs() < 0.6)
+        };
+        // Beside the middle, on one side and the other in turn.
+        let beside = (0..).map(|n: i32| f64::from((n + 1) / 2 * if n % 2 == 0 { -1 } else { 1 }));
+        let x = beside.take(64).find(|x| !is_taken(*x)).unwrap_or(0.0);
+        let [from, end] = [now.as_secs(), self.playhead.length().as_secs()];
+        let at = AddedAt {
+            point: DVec3::new(x, 0.0, 0.0),
+            from: self.edit_time(from),
+            until: self.edit_time((from + 2.0).min(end)),
+        };
+        let (lines, name) = added_lines(&text, what, at);
+        self.add_line(&lines)?;
+        self.selection = match what {
+            Addition::Character | Addition::Shape(_) => name.map(Selected::Actor),
+            Addition::Sun | Addition::Point | Addition::Spot => Some(Selected::Light(stage.lights.len())),
+            Addition::Title => Some(Selected::Title(stage.layers_2d.len())),
+            Addition::Effect(_) => Some(Selected::Effect(stage.effects.len())),
+            Addition::Ambient | Addition::StudioSky | Addition::Marker => self.selection.take(),
+        };
+        Ok(())
+    }
+
+    /// A new camera where the active view looks from, which is on from the playhead on.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn add_camera_of_view(&mut self) -> Result<(), EditError> {
+        let near = self.point_of_interest().unwrap_or(DVec3::ZERO);
+        let view = self.views.get(self.active).ok_or(EditError::NothingShown)?;
+        let orbit = match (&view.camera, &view.shown) {
+            (ViewCamera::Free(orbit) | ViewCamera::Follow { orbit, .. }, _) => *orbit,
+            (_, Some(shown)) => Orbit::from_camera(&shown.snapshot.camera, near),
+            (_, None) => return Err(EditError::NothingShown),
+        };
+        self.add_camera(&orbit)
     }
 
     /// How many of the joints that a clip of one actor moves are followed by another actor, and how many it moves; `None` for its own.

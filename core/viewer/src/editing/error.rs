@@ -24,6 +24,8 @@ pub enum EditError {
     SharedLine { file: String, line: usize, objects: usize },
     #[error("the file has changed on disk; wait until it is shown, and try again")]
     ChangedOnDisk,
+    #[error("the script is faulty: undo the last change, or mend it in the editor")]
+    Faulty,
     /// The text around the edit was changed after it had been offered or made.
     #[error("{0}")]
     Overtaken(&'static str),

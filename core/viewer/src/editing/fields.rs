@@ -5,7 +5,7 @@ use super::EditError;
 use crate::app::Viewer;
 use crate::state::selection::Selected;
 use choreo_session::edit::{
-    Anew, CueTime, Edit, EditRefused, KeyValue, ScriptObject, format_number, set_trim,
+    Anew, CueTime, Edit, EditRefused, KeyValue, ScriptObject, delete_object, format_number, set_trim,
 };
 use choreo_stage::{Camera, Property};
 use std::collections::BTreeMap;
@@ -58,6 +58,48 @@ impl Viewer {
                 })
             }
         }
+    }
+
+    /// Changes a setting of the stage; a script that states none gets the call of `stage`, before all but its first comments.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn change_stage(&mut self, change: &FieldChange) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let place = &scene.places.settings;
+        if place.line > 0 {
+            return self.change(place, 1, |text| {
+                changed(&ScriptObject::at(text, place.line, place.column)?, text, change)
+            });
+        }
+        let FieldChange::Value(name, value, _) = change else { return Ok(()) };
+        let path = self.path.clone().ok_or(EditError::NoScript)?;
+        let text = super::read(&path)?;
+        let comments = text.split_inclusive('\n').take_while(|line| line.starts_with("//"));
+        let at = comments.map(str::len).sum();
+        let edit = Edit { range: at..at, text: format!("stage(#{{ {name}: {value} }});\n") };
+        self.write_edit(&path, &text, edit)
+    }
+
+    /// What the script states of its stage, by name.
+    pub fn stage_written(&self) -> BTreeMap<String, String> {
+        let all = || {
+            let place = &self.scene.as_ref()?.places.settings;
+            let known = self.known()?;
+            Some(ScriptObject::at(&known, place.line, place.column).ok()?.all_written())
+        };
+        all().unwrap_or_default()
+    }
+
+    /// Takes an actor, a camera, a light, an effect or a title off the stage: the statement that makes it, and those about it alone.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn delete_object(&mut self, what: &Selected) -> Result<(), EditError> {
+        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+        self.change(&place, siblings, |text| delete_object(text, place.line, place.column))?;
+        self.selection = None;
+        Ok(())
     }
 
     /// The arguments or the option of that name, as the script states them of something that it makes alone.

@@ -58,6 +58,13 @@ impl Viewer {
             return self.set_cue(&before, CueTime::End, secs);
         }
         let siblings = bars().filter(|b| b.place == place).count();
+        let of = bars().find(|bar| bar.what == *what).map(|bar| (bar.start.as_secs(), bar.until.as_secs()));
+        if let (CueTime::End, Some((start, _))) = (part, of)
+            && secs <= start
+        {
+            let why = format!("it would end at {secs:.3} s, where it begins at {start:.3} s");
+            return Err(EditError::refused_at(&place, &why));
+        }
         let time = self.edit_time(secs);
         self.change(&place, siblings, |text| match (what, part) {
             (Selected::Effect(_) | Selected::Title(_), part) => {
@@ -138,7 +145,7 @@ impl Viewer {
                 let (agree, copies) = ("Write both".into(), Vec::new());
                 self.offer = Some(Offer { why, agree, difference, copies, edit, other: None, text });
             }
-            return Err(EditError::ChangedOnDisk);
+            return Err(if self.faulty { EditError::Faulty } else { EditError::ChangedOnDisk });
         }
         match made {
             Ok(edit) => self.write_edit(&path, &text, edit),

@@ -175,9 +175,11 @@ impl Viewer {
         let name = (1..).map(|n| format!("view {n}")).find(|name| !taken(name)).unwrap_or_default();
         let point = |p: DVec3| p.to_array().map(format_number).join(", ");
         let (at, center) = (point(from.camera().world_from_view.translation), point(from.center));
-        let secs = format_number(self.playhead.time().as_secs());
-        let cut = if scene.stage.cameras.is_empty() { String::new() } else { format!(".cut({secs})") };
-        self.add_line(&format!("camera(\"{name}\").at({at}).look_at([{center}]){cut};\n"))
+        let time = self.edit_time(self.playhead.time().as_secs()).written();
+        let cut = if scene.stage.cameras.is_empty() { String::new() } else { format!(".cut({time})") };
+        self.add_line(&format!("camera(\"{name}\").at({at}).look_at([{center}]){cut};\n"))?;
+        self.selection = Some(Selected::Camera(name));
+        Ok(())
     }
 
     /// The vertical angle that a camera sees, degrees: `.fov`, or its key at the playhead.

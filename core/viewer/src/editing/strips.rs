@@ -259,6 +259,10 @@ fn rest(bar: &Bar, strip: &Strip, at: f64) -> Result<Rest, EditError> {
             if into < 5e-4 || length - into < 5e-4 {
                 return Ok(Rest::Same);
             }
+            // What is left is no longer than this round.
+            if (bar.until.as_secs() - at) * strip.speed <= length - into {
+                return Ok(Rest::Trim([from + into, to]));
+            }
             let end = bar.end.as_secs().max(at + 1.0);
             Ok(Rest::ClipTime([[at, from + into], [end, from + into + (end - at) * strip.speed]]))
         }

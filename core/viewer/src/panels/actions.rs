@@ -126,6 +126,10 @@ pub const ACTIONS: &[Action] = &[
     always("palette", "search actions, actors, clips and lines", "Ctrl+P", |c| c.panels.palette.toggle()),
     always("new", "new script", "Ctrl+N", |c| ask(c, Purpose::New(TEMPLATES[0]))),
     always("open", "open a script or a model", "Ctrl+O", |c| ask(c, Purpose::Open)),
+    always("save", "say where the script is saved, which each change does at once", "Ctrl+S", |c| {
+        let path = c.viewer.path.as_ref();
+        c.viewer.note = path.map(|path| format!("{}: each change is written at once", path.display()));
+    }),
     always("save_as", "save the script under another name", "Ctrl+Shift+S", |c| {
         if c.viewer.path.is_some() {
             ask(c, Purpose::SaveAs);

@@ -1,5 +1,6 @@
 //! The bar above the panels: menus, the first problem, the offer of the last change.
 
+use super::actions::{self, Context};
 use super::presets::Preset;
 use super::{Panels, Tab};
 use crate::app::Viewer;
@@ -9,11 +10,12 @@ use egui::{RichText, Ui};
 /// Problems in the tooltip at most; all of them are in Messages.
 const MOST_TOLD: usize = 5;
 
-pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
+pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     egui::Panel::top("bar").show(ui, |ui| {
         ui.horizontal(|ui| {
-            short(ui, RichText::new(&viewer.name).strong(), &viewer.name);
             super::files::menu(ui, viewer);
+            edit_menu(panels, ui, viewer, now);
+            super::add_menu::menu(ui, viewer);
             ui.menu_button("Panels", |ui| {
                 for tab in Tab::ALL {
                     let mut open = panels.is_open(tab);
@@ -38,9 +40,36 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
                 }
             });
             ui.toggle_value(&mut panels.help, "Keys");
+            // Behind the menus, which stay where they are whatever it is.
+            short(ui, RichText::new(&viewer.name).strong(), &viewer.name);
             guests(ui, viewer);
             status(panels, ui, viewer);
         });
+    });
+}
+
+/// What changes the script, for the mouse alone.
+fn edit_menu(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
+    const ENTRIES: [(&str, &str); 8] = [
+        ("undo", "Undo"),
+        ("redo", "Redo"),
+        ("split", "Split at the playhead"),
+        ("duplicate", "Duplicate"),
+        ("disable", "Disable, enable"),
+        ("delete", "Delete"),
+        ("set_keys", "Set keys at the playhead"),
+        ("select_all", "Select all clips"),
+    ];
+    ui.menu_button("Edit", |ui| {
+        for (id, name) in ENTRIES {
+            let Some(action) = actions::action(id) else { continue };
+            let keys = actions::keys_of(viewer, id);
+            let button = ui.add(egui::Button::new(name).shortcut_text(keys));
+            if button.on_hover_text(action.title).clicked() {
+                (action.run)(&mut Context { panels, ui, viewer, now });
+                ui.close();
+            }
+        }
     });
 }
 

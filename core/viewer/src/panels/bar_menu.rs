@@ -4,6 +4,7 @@ use super::bars::Act;
 use super::key_menu;
 use crate::app::Viewer;
 use crate::editing::EditError;
+use crate::state::selection::Selected;
 use crate::state::timeline::Bar;
 use egui::{Button, Event, Response, Ui};
 
@@ -40,7 +41,11 @@ pub fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
     }
     response.context_menu(|ui| {
         for (command, name, key) in COMMANDS {
-            if ui.add(Button::new(name).shortcut_text(super::shown_keys(viewer, key))).clicked() {
+            // Bars of cameras, effects and titles are no clips.
+            let can = bar.strip.is_some()
+                || matches!(command, Command::Paste | Command::Delete | Command::GoToLine);
+            let button = Button::new(name).shortcut_text(super::shown_keys(viewer, key));
+            if ui.add_enabled(can, button).clicked() {
                 act = Some(Act::Run(command));
                 ui.close();
             }
@@ -79,6 +84,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
         Command::Split => viewer.edit(|v| v.split_cues(&all, at)),
         Command::Duplicate => viewer.edit(|v| match all.as_slice() {
             [one] => v.duplicate_cue(one),
+            [] => Err(EditError::refused("select a clip or a key; Add puts another actor on stage")),
             _ => Err(EditError::refused("one clip is duplicated at a time; copy and paste several")),
         }),
         Command::Copy | Command::Cut => match viewer.copy_cues(&all) {
@@ -96,7 +102,14 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
             paste(viewer, &copied);
         }
         Command::Disable => viewer.edit(|v| v.toggle_cues(&all)),
-        Command::Delete => viewer.edit(|v| v.delete_cues(&all)),
+        Command::Delete => {
+            let is_cue = |what: &Selected| matches!(what, Selected::Cue { .. });
+            let one = all.first().or(viewer.selection.as_ref()).filter(|what| !is_cue(what)).cloned();
+            viewer.edit(|v| match one {
+                Some(what) => v.delete_object(&what),
+                None => v.delete_cues(&all),
+            });
+        }
         Command::GoToLine => {
             let line = viewer.selection.as_ref().and_then(|what| super::script::line_of(viewer, what));
             viewer.go_to = line.or(viewer.go_to);

@@ -329,7 +329,7 @@ fn hover(viewer: &Viewer, bar: &Bar) -> String {
     let mut text =
         format!("{}\n{} to {}", bar.label, viewer.shown_time(bar.start), viewer.shown_time(bar.end));
     if bar.fade_in > Time::ZERO {
-        text += &format!("\nfades in over {} s", bar.fade_in.as_secs());
+        text += &format!("\nfades in over {:.3} s", bar.fade_in.as_secs());
     }
     if let Some(strip) = bar.strip {
         text += &format!("\n{:.3} to {:.3} s of {:.3} s", strip.trim[0], strip.trim[1], strip.clip);

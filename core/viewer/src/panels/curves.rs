@@ -153,7 +153,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
     ui.horizontal_wrapped(|ui| {
         let name = match what {
             Selected::Actor(name) | Selected::Camera(name) => name.clone(),
-            Selected::Light(index) => format!("light {}", index + 1),
+            Selected::Light(index) => viewer.light_name(*index),
             Selected::Effect(index) => format!("effect {}", index + 1),
             Selected::Title(index) => format!("title {}", index + 1),
             Selected::Cue { actor, .. } => actor.clone(),

@@ -61,7 +61,7 @@ pub fn reset(response: &Response, names: &[&'static str]) -> Option<FieldChange>
 }
 
 /// The name of a field, with the menu; strong where the script states it.
-fn label(ui: &mut Ui, stated: &Stated, name: &'static str, about: &str) -> Option<FieldChange> {
+pub fn label(ui: &mut Ui, stated: &Stated, name: &'static str, about: &str) -> Option<FieldChange> {
     let is_stated = stated.contains_key(name);
     let text = RichText::new(name.replace('_', " "));
     let text = if is_stated { text.strong() } else { text };
@@ -192,6 +192,7 @@ fn source(ui: &mut Ui, name: &'static str, now: &str, hint: &str) -> Option<Stri
     let response = ui.add(field.font(egui::TextStyle::Monospace));
     let shown = format!("{name} field");
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::TextEdit, true, shown.clone()));
+    super::inspected::hold(ui, &response);
     if response.has_focus() {
         ui.data_mut(|d| d.insert_temp(id, text));
         return None;
@@ -231,9 +232,10 @@ fn clip(
         wanted = chosen.map(FieldChange::Repeat).or(wanted.take());
         ui.end_row();
         wanted = ease(ui, stated).or(wanted.take());
-        if layer > 0 {
-            wanted = layer_fields(ui, stated).or(wanted.take());
-        }
+        wanted = match layer {
+            0 => mask(ui).or(wanted.take()),
+            _ => layer_fields(ui, stated).or(wanted.take()),
+        };
     });
     wanted
 }
@@ -265,6 +267,17 @@ fn ease(ui: &mut Ui, stated: &Stated) -> Option<FieldChange> {
     wanted = chosen.map(|name| FieldChange::Text("ease", format!("\"{name}\""), Anew::Option)).or(wanted);
     ui.end_row();
     wanted
+}
+
+/// A mask makes a clip, and those that follow it, a layer of their own.
+fn mask(ui: &mut Ui) -> Option<FieldChange> {
+    ui.label("on").on_hover_text("joints on which it plays: it becomes a layer with those that follow it");
+    let set = source(ui, "on", "", "RightShoulder..");
+    ui.end_row();
+    let set = set.filter(|text| !text.is_empty())?;
+    let is_written = set.starts_with(['"', '[', '#', '`']);
+    let text = if is_written { set } else { format!("\"{set}\"") };
+    Some(FieldChange::Text("on", text, Anew::Method))
 }
 
 /// Mask, priority and weight of the layer, on the clip that states them.
@@ -320,6 +333,7 @@ fn title(ui: &mut Ui, stated: &Stated, what: &Selected, layer: &Layer2d) -> Opti
         let field = egui::TextEdit::multiline(&mut now).desired_rows(2).desired_width(f32::INFINITY);
         let response = ui.add(field);
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::TextEdit, true, "words"));
+        super::inspected::hold(ui, &response);
         if response.has_focus() {
             ui.data_mut(|d| d.insert_temp(id, now));
         } else {

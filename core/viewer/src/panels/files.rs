@@ -29,6 +29,9 @@ pub fn menu(ui: &mut Ui, viewer: &mut Viewer) {
                 }
             });
         });
+        // There is nothing to save.
+        ui.add_enabled(false, egui::Button::new("Saved"))
+            .on_disabled_hover_text("each change is written at once");
         if ui.add_enabled(shown.is_some(), egui::Button::new("Save as…")).clicked() {
             viewer.documents.ask(Purpose::SaveAs, shown.as_deref());
         }

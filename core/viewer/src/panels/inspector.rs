@@ -62,7 +62,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let title = match &selection {
         Selected::Actor(name) | Selected::Camera(name) => name.clone(),
         Selected::Cue { actor, .. } => format!("{actor}: {}", rows.first().map_or("", |r| r.1.as_str())),
-        Selected::Light(index) => format!("light {}", index + 1),
+        Selected::Light(index) => viewer.light_name(*index),
         Selected::Effect(index) => {
             scene.stage.effects.get(*index).map_or_else(String::new, |e| e.plugin.clone())
         }

@@ -21,9 +21,10 @@ pub fn handle(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     // An open menu is closed first.
     let is_free = !ui.ctx().egui_wants_keyboard_input() && !egui::Popup::is_any_open(ui.ctx());
     if is_free && ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Escape)) {
-        match viewer.offer.is_some() {
-            true => viewer.offer = None,
-            false => viewer.selection = None,
+        match (std::mem::take(&mut panels.help), viewer.offer.is_some()) {
+            (true, _) => {}
+            (false, true) => viewer.offer = None,
+            (false, false) => viewer.selection = None,
         }
         viewer.message = None;
         viewer.note = None;

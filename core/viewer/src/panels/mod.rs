@@ -1,6 +1,7 @@
 //! The panels, and how they lie beside each other.
 
 mod actions;
+mod add_menu;
 mod assets;
 mod axes;
 mod bar;
@@ -15,6 +16,7 @@ mod fields;
 mod files;
 mod handles;
 mod headers;
+mod inspected;
 mod inspector;
 mod key_menu;
 mod keys;
@@ -32,6 +34,7 @@ mod render;
 mod script;
 mod sequencer;
 mod signs;
+mod stage_fields;
 mod start;
 mod strip;
 mod tests;
@@ -207,7 +210,7 @@ impl Panels {
         values::set_rate(ui, viewer.playhead.fps().as_fps());
         drop::take(&mut self.waiting, ui, viewer);
         keys::handle(self, ui, viewer, now);
-        bar::show(self, ui, viewer);
+        bar::show(self, ui, viewer, now);
         bar::offer(ui, viewer);
         files::dialogs(ui, viewer);
         palette::show(self, ui, viewer, now);
@@ -360,7 +363,7 @@ impl TabViewer for Tabs<'_> {
             }
             Tab::Sequencer => sequencer::show(ui, self.viewer, self.now),
             Tab::Tree => tree::show(ui, self.viewer),
-            Tab::Inspector => inspector::show(ui, self.viewer),
+            Tab::Inspector => inspected::show(ui, self.viewer),
             Tab::Messages => messages::show(ui, self.viewer),
             Tab::Script => script::show(ui, self.viewer),
             Tab::Explain => explain::show(ui, self.viewer),

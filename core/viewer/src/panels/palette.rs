@@ -7,6 +7,7 @@ use crate::library::file_dialog::Purpose;
 use crate::library::templates::TEMPLATES;
 use crate::state::selection::Selected;
 use choreo_motion::Time;
+use choreo_session::edit::Addition;
 use egui::{Align2, Key, Modifiers, RichText, ScrollArea, TextEdit, Ui, Window};
 use std::path::PathBuf;
 
@@ -21,6 +22,8 @@ enum Target {
     New(usize),
     Open(PathBuf),
     Select(Selected, Option<Time>),
+    /// A new thing; a camera where `None`.
+    Add(Option<Addition>),
     /// The selected actor plays a clip of its file.
     Play(String, String),
     Line(usize),
@@ -108,7 +111,7 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
             for (number, entry) in found.iter().enumerate() {
                 let is_at = number == palette.at;
                 let button = egui::Button::selectable(is_at, &entry.text).truncate();
-                let button = button.right_text(RichText::new(&entry.note).weak());
+                let button = button.right_text(RichText::new(&entry.note).weak().monospace());
                 let response = ui.add_sized([ui.available_width(), 20.0], button);
                 if is_at && (down || up) {
                     response.scroll_to_me(None);
@@ -153,6 +156,7 @@ fn run(c: &mut Context, target: Target) {
             }
             c.viewer.selection = Some(what);
         }
+        Target::Add(what) => super::add_menu::add(c.viewer, what.as_ref()),
         Target::Play(actor, clip) => {
             let secs = c.viewer.playhead.time().as_secs();
             c.viewer.edit(|v| v.add_clip(&actor, &actor, &clip, secs));
@@ -175,6 +179,10 @@ fn entries(viewer: &Viewer) -> Vec<Entry> {
     for tab in Tab::ALL {
         let keys: Vec<String> = actions::panel_keys(viewer, tab).iter().map(ToString::to_string).collect();
         all.push(entry(format!("panel {}", tab.title()), keys.join(", "), Target::Panel(tab)));
+    }
+    if viewer.path.is_some() {
+        let additions = super::add_menu::commands(viewer).into_iter();
+        all.extend(additions.map(|(text, what)| entry(text, "new".into(), Target::Add(what))));
     }
     for (number, template) in TEMPLATES.iter().enumerate() {
         all.push(entry(format!("new: {}", template.name), "template".into(), Target::New(number)));
@@ -204,8 +212,8 @@ fn objects(viewer: &Viewer, all: &mut Vec<Entry>) {
     for camera in &stage.cameras {
         select(camera.name.clone(), "camera", Selected::Camera(camera.name.clone()), None);
     }
-    for (index, light) in stage.lights.iter().enumerate() {
-        select(format!("{} {}", light.light.kind.title(), index + 1), "light", Selected::Light(index), None);
+    for index in 0..stage.lights.len() {
+        select(viewer.light_name(index), "light", Selected::Light(index), None);
     }
     for (index, effect) in stage.effects.iter().enumerate() {
         select(effect.plugin.clone(), "effect", Selected::Effect(index), Some(effect.start));

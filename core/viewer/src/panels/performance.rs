@@ -17,11 +17,13 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         let caps = [None, Some(60), Some(30), Some(15), Some(5)];
         let name =
             |cap: Option<u32>| cap.map_or("as the scene has".to_string(), |c| format!("{c} frames a second"));
-        egui::ComboBox::from_id_salt("cap").selected_text(name(viewer.performance.cap)).show_ui(ui, |ui| {
+        let cap = egui::ComboBox::from_id_salt("cap").selected_text(name(viewer.performance.cap));
+        let cap = cap.show_ui(ui, |ui| {
             for cap in caps {
                 ui.selectable_value(&mut viewer.performance.cap, cap, name(cap));
             }
         });
+        cap.response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::ComboBox, true, "at most"));
         if let Some([median, high]) = viewer.performance.typical() {
             ui.separator();
             ui.monospace(format!("median {median:.1} ms, 95 % below {high:.1} ms"));

@@ -15,10 +15,13 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     };
     let id = ui.id().with("search");
     let mut search: String = ui.data_mut(|d| d.get_temp(id)).unwrap_or_default();
-    let field = egui::TextEdit::singleline(&mut search).hint_text("search").desired_width(f32::INFINITY);
-    if ui.add(field).changed() {
-        ui.data_mut(|d| d.insert_temp(id, search.clone()));
-    }
+    ui.horizontal(|ui| {
+        super::add_menu::menu(ui, viewer);
+        let field = egui::TextEdit::singleline(&mut search).hint_text("search").desired_width(f32::INFINITY);
+        if ui.add(field).changed() {
+            ui.data_mut(|d| d.insert_temp(id, search.clone()));
+        }
+    });
     let wanted = search.to_lowercase();
     let matches = |name: &str| wanted.is_empty() || name.to_lowercase().contains(&wanted);
     let stage = &scene.stage;
@@ -55,8 +58,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         select(ui, viewer, text, Selected::Camera(camera.name.clone()));
     }
     section(ui, "lights", stage.lights.len());
-    for (index, light) in stage.lights.iter().enumerate() {
-        let name = format!("{} {}", light.light.kind.title(), index + 1);
+    for index in 0..stage.lights.len() {
+        let name = viewer.light_name(index);
         if matches(&name) {
             select(ui, viewer, RichText::new(name), Selected::Light(index));
         }
@@ -100,6 +103,6 @@ fn select(ui: &mut Ui, viewer: &mut Viewer, text: RichText, what: Selected) {
     let is_cut = response.intrinsic_size().is_some_and(|whole| whole.x > response.rect.width() + 0.5);
     let response = if is_cut { response.on_hover_text(name) } else { response };
     if response.clicked() {
-        viewer.selection = (!selected).then_some(what);
+        viewer.selection = Some(what);
     }
 }

@@ -40,6 +40,7 @@ fn settled(
 ) -> Option<f64> {
     let mut now: f64 = ui.data(|d| d.get_temp(id)).unwrap_or(value);
     let response = add(ui, &mut now);
+    super::inspected::hold(ui, &response);
     let holds = response.dragged() || response.has_focus();
     let done = response.drag_stopped() || response.lost_focus() || (response.changed() && !holds);
     if holds && !done {

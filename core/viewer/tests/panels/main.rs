@@ -3,6 +3,7 @@
 #[path = "../place/mod.rs"]
 mod place;
 
+mod adding;
 mod finding;
 mod inspecting;
 mod panels;

@@ -168,7 +168,7 @@ fn the_performance_panel_counts_and_caps() {
     let shown = desk.state().viewer.shown().unwrap();
     let draws = format!("{}, {}", shown.draws, shown.triangles);
     assert!(shown.draws >= 3 && has(&desk, &draws));
-    desk.get_by_role(Role::ComboBox).click();
+    desk.get_by_role_and_label(Role::ComboBox, "at most").click();
     desk.run();
     click(&mut desk, "15 frames a second");
     assert_eq!(desk.state().viewer.performance.cap, Some(15));

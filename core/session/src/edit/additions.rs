@@ -1,0 +1,142 @@
+//! Lines that put something new on stage, as a person would write them.
+
+use super::casting::free_name;
+use super::times::EditTime;
+use super::values::format_number;
+use glam::DVec3;
+
+/// Something that the user adds to a script.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Addition {
+    /// The built-in character, in a color that the script does not have yet.
+    Character,
+    /// A shape by its kind, as `shape` takes it.
+    Shape(&'static str),
+    Sun,
+    Point,
+    Spot,
+    Ambient,
+    /// The built-in room with soft boxes, as light from all sides.
+    StudioSky,
+    Title,
+    /// An effect by its name.
+    Effect(String),
+    Marker,
+}
+
+/// Kinds of shapes.
+pub const SHAPES: [&str; 7] = ["plane", "box", "sphere", "cylinder", "cone", "capsule", "torus"];
+
+/// Names of characters and their colors, in this order.
+const CHARACTERS: [(&str, &str); 8] = [
+    ("ada", "coral"),
+    ("bob", "teal"),
+    ("cleo", "gold"),
+    ("dan", "orchid"),
+    ("eve", "steelblue"),
+    ("finn", "olivedrab"),
+    ("gina", "salmon"),
+    ("hugo", "slategray"),
+];
+
+/// When and where something is added.
+#[derive(Clone, Copy, Debug)]
+pub struct AddedAt {
+    /// World, metres, on the ground.
+    pub point: DVec3,
+    pub from: EditTime,
+    pub until: EditTime,
+}
+
+/// The lines that add it to a script of this text, and the name that it has there, if it has one:
+///
+/// ```text
+/// let teal = load("choreo:mannequin", #{ color: "teal" });
+/// let bob = cast("bob", teal).at(1.0, 0.0, 0.0);
+/// bob.play(teal.clip("Idle"));
+/// ```
+pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<String>) {
+    let point = |p: DVec3| p.to_array().map(format_number).join(", ");
+    let place = |p: DVec3| if p == DVec3::ZERO { String::new() } else { format!(".at({})", point(p)) };
+    let [from, until] = [at.from, at.until].map(EditTime::written);
+    let plain = |line: &str| (format!("{line}\n"), None);
+    match what {
+        Addition::Character => {
+            let is_free = |(name, color): &&(&str, &str)| {
+                !text.contains(&format!("\"{name}\"")) && !text.contains(&format!("\"{color}\""))
+            };
+            let (name, color) = CHARACTERS.iter().find(is_free).copied().unwrap_or(("actor", "silver"));
+            let (name, model) = (free_name(text, name), free_name(text, color));
+            let lines = format!(
+                "let {model} = load(\"choreo:mannequin\", #{{ color: \"{color}\" }});\n\
+                 let {name} = cast(\"{name}\", {model}){};\n{name}.play({model}.clip(\"Idle\"));\n",
+                place(at.point)
+            );
+            (lines, Some(name))
+        }
+        Addition::Shape(kind) => {
+            let (stem, options, down) = match *kind {
+                "plane" => ("floor", "size: 12.0, color: \"#5d6880\"", DVec3::new(0.0, -0.005, 0.0)),
+                kind => (kind, "size: 0.5, color: \"#c9a26b\"", at.point),
+            };
+            let name = free_name(text, stem);
+            let line = format!(
+                "let {name} = cast(\"{name}\", shape(\"{kind}\", #{{ {options} }})){};\n",
+                place(down)
+            );
+            (line, Some(name))
+        }
+        Addition::Sun => plain("sun(#{ direction: [-0.5, -1.0, -0.8], intensity: 2.8, shadow: true });"),
+        Addition::Point => {
+            let above = at.point + DVec3::new(0.0, 2.5, 1.0);
+            plain(&format!("point(#{{ position: [{}], intensity: 30.0 }});", point(above)))
+        }
+        Addition::Spot => {
+            let (above, middle) = (at.point + DVec3::new(2.0, 3.5, 3.0), at.point + DVec3::Y);
+            plain(&format!(
+                "spot(#{{ position: [{}], look_at: [{}], intensity: 60.0, outer: 35.0, shadow: true }});",
+                point(above),
+                point(middle)
+            ))
+        }
+        Addition::Ambient => plain("ambient(\"#8fa3c8\", 0.5);"),
+        Addition::StudioSky => plain("sky(\"studio\");"),
+        Addition::Title => {
+            plain(&format!("text(\"Title\", #{{ at: [0.5, 0.85] }}).from({from}).until({until}).fade(0.3);"))
+        }
+        Addition::Effect(name) => plain(&format!("effect({});", super::object::quoted(name))),
+        Addition::Marker => {
+            let taken = |name: &str| text.contains(&format!("\"{name}\""));
+            let name = (1..).map(|n| format!("marker {n}")).find(|name| !taken(name)).unwrap_or_default();
+            plain(&format!("marker(\"{name}\", {from});"))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lines(text: &str, what: &Addition) -> String {
+        let time = |secs| EditTime { secs, fps: 30.0 };
+        added_lines(text, what, AddedAt { point: DVec3::X, from: time(1.0), until: time(3.0) }).0
+    }
+
+    #[test]
+    fn names_and_colors_are_those_that_the_script_does_not_have() {
+        let first = lines("", &Addition::Character);
+        assert_eq!(
+            first,
+            "let coral = load(\"choreo:mannequin\", #{ color: \"coral\" });\nlet ada = cast(\"ada\", coral).at(1.0, 0.0, 0.0);\n\
+             ada.play(coral.clip(\"Idle\"));\n"
+        );
+        assert!(lines(&first, &Addition::Character).contains("let bob = cast(\"bob\", teal).at("));
+        let boxes = lines("let box = 1;", &Addition::Shape("box"));
+        assert!(boxes.starts_with("let box_2 = cast(\"box_2\", shape(\"box\", #{"), "{boxes}");
+        assert_eq!(lines("marker(\"marker 1\", 0.0);", &Addition::Marker), "marker(\"marker 2\", 1.0);\n");
+        assert_eq!(
+            lines("", &Addition::Title),
+            "text(\"Title\", #{ at: [0.5, 0.85] }).from(1.0).until(3.0).fade(0.3);\n"
+        );
+    }
+}

@@ -1,0 +1,108 @@
+//! Whole objects taken off the stage: the statement that makes one, and those that are about it alone.
+
+use super::scan::Source;
+use super::{Edit, EditRefused};
+use std::ops::Range;
+
+/// Deletes the statement around the call at a place, `let bob = cast("bob", model).at(…);`, with the later ones that begin with its
+/// variable, `bob.play(…);`.
+///
+/// # Errors
+/// Why it cannot be deleted, for the user: it stands in a block, or other statements use its variable.
+pub fn delete_object(text: &str, line: usize, column: usize) -> Result<Edit, EditRefused> {
+    let source = &Source::new(text);
+    let refuse = |line: usize, why: &str| Err(EditRefused::at(line, why));
+    let Some(at) = source.byte_at(line, column).filter(|at| source.call_from(*at).is_some()) else {
+        return refuse(line, "there is no call to be deleted");
+    };
+    let line_of = |byte: usize| text[..byte].matches('\n').count() + 1;
+    let in_block = |at: usize| source.depth_to(source.statement_start(at)) > 0;
+    if in_block(at) {
+        return refuse(line, "it stands in a function or a block; delete it there");
+    }
+    let own = source.statement_start(at)..source.statement_end(at);
+    let mut ranges = vec![own.clone()];
+    if let Some(name) = source.variable_of(own.start) {
+        for used in source.uses_of(name).filter(|used| !own.contains(used)) {
+            let statement = source.statement_start(used)..source.statement_end(used);
+            let is_about_it =
+                statement.start == used && text[source.skip(used + name.len())..].starts_with('.');
+            if in_block(used) || !is_about_it {
+                return refuse(line_of(used), &format!("this line uses {name}; change it first"));
+            }
+            ranges.push(statement);
+        }
+    }
+    ranges.sort_by_key(|range| range.start);
+    ranges.dedup();
+    let mut after = text.to_string();
+    for range in ranges.into_iter().rev() {
+        after.replace_range(with_its_line(text, range), "");
+    }
+    Ok(Edit::between(text, &after))
+}
+
+/// The range with the blanks before it, a comment behind it and the end of the line, where nothing else stands on its lines.
+fn with_its_line(text: &str, range: Range<usize>) -> Range<usize> {
+    let before = text[..range.start].trim_end_matches([' ', '\t']);
+    let end = text[range.end..].find('\n').map_or(text.len(), |at| range.end + at + 1);
+    let behind = text[range.end..end].trim();
+    match (before.is_empty() || before.ends_with('\n')) && (behind.is_empty() || behind.starts_with("//")) {
+        true => before.len()..end,
+        false => range,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The place is where `|` stands.
+    fn deleted(text: &str) -> Result<String, String> {
+        let at = text.find('|').unwrap();
+        let line = text[..at].matches('\n').count() + 1;
+        let column = text[..at].rsplit('\n').next().unwrap().chars().count() + 1;
+        let text = text.replacen('|', "", 1);
+        let edit = delete_object(&text, line, column).map_err(|refused| refused.why)?;
+        let after = edit.apply(&text);
+        assert_eq!(edit.inverse(&text).apply(&after), text);
+        Ok(after)
+    }
+
+    #[test]
+    fn an_object_goes_with_the_lines_about_it() {
+        let text = "let m = load(\"m\");\nlet bob = |cast(\"bob\", m)\n    .at(1, 0, 0); // left\nlet a = 1;\n  bob.play(m.clip(\"W\"))\n    .until(2.0);\nsun(#{});\n";
+        assert_eq!(deleted(text).unwrap(), "let m = load(\"m\");\nlet a = 1;\nsun(#{});\n");
+        assert_eq!(deleted("a();\n|sun(#{ intensity: 2.0 });\nb();").unwrap(), "a();\nb();");
+        assert_eq!(deleted("a(); |sun(); b();").unwrap(), "a();  b();");
+        assert_eq!(deleted("fn f() { }\nlet c = |camera(\"c\").at(1, 2, 3);\n").unwrap(), "fn f() { }\n");
+    }
+
+    #[test]
+    fn what_other_lines_use_stays_and_so_do_blocks() {
+        let why = deleted("let bob = |cast(\"bob\", m);\nada.face(bob);\n").unwrap_err();
+        assert_eq!(why, "line 2: this line uses bob; change it first");
+        let why = deleted("let bob = |cast(\"bob\", m);\nif x { bob.play(c); }\n").unwrap_err();
+        assert!(why.starts_with("line 2: this line uses bob"), "{why}");
+        let why = deleted("fn f(x) {\n    |cast(x, m);\n}\n").unwrap_err();
+        assert_eq!(why, "line 2: it stands in a function or a block; delete it there");
+        // A method of that name, and the name in a text, are no uses.
+        assert_eq!(
+            deleted("let at = |cast(\"at\", m);\nc.at(1);\nsay(\"at\");").unwrap(),
+            "c.at(1);\nsay(\"at\");"
+        );
+    }
+
+    #[test]
+    fn no_text_makes_it_panic() {
+        let text = "let ä = cast(\"ü(\") /* é */ .at([1]);\nä.play(x);\n}";
+        let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();
+        for from in &ends {
+            for to in ends.iter().filter(|to| *to >= from) {
+                for column in 1..12 {
+                    let _ = delete_object(&text[*from..*to], 1, column);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! The inspector shows the selection, else the stage; while a field of it is being edited it goes on showing what the text was typed for, until the field has
+//! taken it.
+
+use super::{inspector, stage_fields};
+use crate::app::Viewer;
+use crate::state::selection::Selected;
+use egui::{Response, Ui};
+
+/// Frames after the last one in which a field had the keyboard: a field takes its text in the frame after it has lost it.
+const FRAMES: u64 = 2;
+
+fn held_id() -> egui::Id {
+    egui::Id::new("a field of the inspector is edited")
+}
+
+/// Called by each field.
+pub fn hold(ui: &Ui, field: &Response) {
+    if field.has_focus() {
+        let now = ui.ctx().cumulative_pass_nr();
+        ui.data_mut(|d| d.insert_temp(held_id(), now));
+    }
+}
+
+pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+    let id = ui.id().with("inspected");
+    let held: Option<u64> = ui.data(|d| d.get_temp(held_id()));
+    let before: Option<Option<Selected>> = ui.data(|d| d.get_temp(id));
+    let is_held = held.is_some_and(|frame| ui.ctx().cumulative_pass_nr() <= frame + FRAMES);
+    let inspected = before.filter(|_| is_held).unwrap_or_else(|| viewer.selection.clone());
+    ui.data_mut(|d| d.insert_temp(id, inspected.clone()));
+    let selection = std::mem::replace(&mut viewer.selection, inspected.clone());
+    // Each thing has fields of its own.
+    ui.push_id(&inspected, |ui| match (&inspected, &viewer.scene) {
+        (None, Some(_)) => stage_fields::show(ui, viewer),
+        _ => inspector::show(ui, viewer),
+    });
+    if viewer.selection == inspected {
+        viewer.selection = selection;
+    }
+    if viewer.selection != inspected {
+        ui.ctx().request_repaint();
+    }
+}

@@ -1,0 +1,94 @@
+//! Settings of the stage as a whole, in the inspector while nothing is selected.
+
+use super::fields::{self, Stated};
+use super::values;
+use crate::app::Viewer;
+use crate::editing::FieldChange;
+use choreo_session::edit::{Anew, format_number};
+use choreo_stage::{Background, Settings, ViewTransform};
+use egui::{Grid, RichText, Ui};
+use glam::Vec3;
+
+/// View transforms and their names in scripts.
+const VIEWS: [(ViewTransform, &str); 3] =
+    [(ViewTransform::Neutral, "neutral"), (ViewTransform::Agx, "agx"), (ViewTransform::None, "none")];
+
+pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+    let Some(scene) = viewer.scene.clone() else { return };
+    if viewer.path.is_none() {
+        ui.label("select an actor, a bar, a camera or a light");
+        return;
+    }
+    ui.label(RichText::new("stage").heading());
+    let (stated, settings) = (viewer.stage_written(), &scene.stage.settings);
+    let mut wanted = None;
+    Grid::new("stage").num_columns(2).show(ui, |ui| wanted = rows(ui, &stated, settings));
+    ui.weak("select an actor, a bar, a camera or a light for more");
+    if let Some(change) = wanted {
+        viewer.edit(|v| v.change_stage(&change));
+    }
+}
+
+fn rows(ui: &mut Ui, stated: &Stated, settings: &Settings) -> Option<FieldChange> {
+    let mut wanted = None;
+    let mut row =
+        |ui: &mut Ui, name: &'static str, about: &str, field: &mut dyn FnMut(&mut Ui) -> Option<String>| {
+            wanted = fields::label(ui, stated, name, about).or(wanted.take());
+            let set = ui.horizontal(field).inner;
+            wanted = set.map(|value| FieldChange::Value(name, value, Anew::Option)).or(wanted.take());
+            ui.end_row();
+        };
+    row(ui, "length", "seconds", &mut |ui| {
+        let set = values::number(ui, "stage length", settings.length.as_secs(), 0.05, 0.001..=1e5);
+        set.map(format_number)
+    });
+    row(ui, "fps", "frames a second", &mut |ui| {
+        values::number(ui, "stage fps", settings.fps.as_fps(), 0.2, 0.001..=1000.0).map(format_number)
+    });
+    row(ui, "size", "width and height in pixels", &mut |ui| {
+        let mut size = settings.size;
+        let mut changed = false;
+        for (axis, name) in ["stage width", "stage height"].into_iter().enumerate() {
+            if let Some(to) = values::number(ui, name, f64::from(size[axis]), 1.0, 1.0..=16384.0) {
+                (size[axis], changed) = (to.round() as u32, true);
+            }
+        }
+        changed.then(|| format!("[{}, {}]", size[0], size[1]))
+    });
+    row(ui, "background", "above and below", &mut |ui| background(ui, &settings.background));
+    row(ui, "exposure", "stops: 1 doubles the light", &mut |ui| {
+        let set = values::number(ui, "stage exposure", f64::from(settings.exposure), 0.02, -20.0..=20.0);
+        set.map(format_number)
+    });
+    row(ui, "view", "the curve from light to the colors of a display", &mut |ui| {
+        let mut set = None;
+        let name =
+            VIEWS.iter().find(|(view, _)| *view == settings.view_transform).map_or("", |(_, name)| name);
+        egui::ComboBox::from_id_salt("view").selected_text(name).show_ui(ui, |ui| {
+            for (view, name) in VIEWS {
+                if ui.selectable_label(view == settings.view_transform, name).clicked() {
+                    set = Some(format!("\"{name}\""));
+                }
+            }
+        });
+        set
+    });
+    wanted
+}
+
+/// One color where both are the same.
+fn background(ui: &mut Ui, background: &Background) -> Option<String> {
+    let srgb =
+        |linear: Vec3| linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)));
+    let [top, bottom] = match background {
+        Background::Color(color) => [srgb(color.truncate()); 2],
+        Background::Gradient { top, bottom } => [srgb(*top), srgb(*bottom)],
+    };
+    let set = [values::color(ui, "background above", top), values::color(ui, "background below", bottom)];
+    if set.iter().all(Option::is_none) {
+        return None;
+    }
+    let hex = |[r, g, b]: [u8; 3]| format!("\"#{r:02x}{g:02x}{b:02x}\"");
+    let [top, bottom] = [set[0].unwrap_or(top), set[1].unwrap_or(bottom)].map(hex);
+    Some(if top == bottom { top } else { format!("#{{ top: {top}, bottom: {bottom} }}") })
+}

@@ -1,0 +1,165 @@
+//! What the menus Add and Edit do, the fields of the stage, and a field that is left by a click on something else.
+
+use crate::place::Place;
+use choreo_session::edit::{Addition, SHAPES};
+use choreo_viewer::state::selection::Selected;
+use egui::{Event, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+
+const SCRIPT: &str = r##"// A scene.
+stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let coral = load("choreo:mannequin", #{ color: "coral" });
+let ada = cast("ada", coral);
+ada.play(coral.clip("Walk")).until(2.0)
+    .then(coral.clip("Wave"), #{ fade: 0.4 });
+camera("wide").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
+sun(#{ direction: [-0.5, -1.0, -0.5] });
+effect("vignette");
+"##;
+
+fn desk(script: &str) -> Harness<'static, Place> {
+    let mut place = Place::new(script);
+    place.paint();
+    place.harness(vec2(1500.0, 1000.0))
+}
+
+fn click(desk: &mut Harness<'static, Place>, label: &str) {
+    // With its keys.
+    desk.get_by_label_contains(label).click();
+    desk.run();
+}
+
+/// Everything of the menu, on top of each other: the script stays without a fault, and even without a warning.
+#[test]
+fn everything_that_is_added_is_good() {
+    let mut place = Place::new(SCRIPT);
+    place.paint();
+    let effects: Vec<String> =
+        place.viewer.scene.as_ref().unwrap().registry.effect_names().map(str::to_string).collect();
+    assert!(effects.len() > 10, "{effects:?}");
+    let mut all = vec![
+        Addition::Character,
+        Addition::Character,
+        Addition::Sun,
+        Addition::Point,
+        Addition::Spot,
+        Addition::Ambient,
+        Addition::StudioSky,
+        Addition::Title,
+        Addition::Marker,
+        Addition::Marker,
+    ];
+    all.extend(SHAPES.map(Addition::Shape));
+    all.extend(effects.into_iter().map(Addition::Effect));
+    for what in all {
+        // Each on a stage of its own, so that none depends on another.
+        let mut place = Place::new(SCRIPT);
+        place.viewer.add(&what).unwrap();
+        let before = place.viewer.selection.clone();
+        place.reload();
+        assert!(place.viewer.problems.is_empty(), "{what:?}: {:?}", place.viewer.problems);
+        assert_eq!(place.viewer.selection, before, "{what:?} is selected, and there");
+    }
+    place.viewer.add_camera_of_view().unwrap();
+    place.reload();
+    assert!(place.viewer.problems.is_empty(), "{:?}", place.viewer.problems);
+    let text = place.text();
+    assert!(
+        text.ends_with(".cut(0.0);\n") && text.contains("camera(\"view 1\").at(0.0, 1.0, 5.0)"),
+        "{text}"
+    );
+}
+
+#[test]
+fn characters_come_from_the_menu_in_their_own_colors_beside_each_other() {
+    let mut desk = desk(SCRIPT);
+    for _ in 0..2 {
+        desk.get_all_by_label("Add").next().unwrap().click();
+        desk.run();
+        click(&mut desk, "Character");
+        desk.state_mut().reload();
+        desk.run();
+    }
+    let text = desk.state().text();
+    let added = "let teal = load(\"choreo:mannequin\", #{ color: \"teal\" });\nlet bob = cast(\"bob\", teal).at(1.0, 0.0, 0.0);\n\
+                 bob.play(teal.clip(\"Idle\"));\n\
+                 let gold = load(\"choreo:mannequin\", #{ color: \"gold\" });\nlet cleo = cast(\"cleo\", gold).at(-1.0, 0.0, 0.0);\n\
+                 cleo.play(gold.clip(\"Idle\"));\n";
+    assert_eq!(text, format!("{SCRIPT}{added}"));
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("cleo".into())));
+    // The menu Edit takes it back, and Delete takes off whatever is selected with all lines about it.
+    desk.get_by_label("Edit").click();
+    desk.run();
+    click(&mut desk, "Undo");
+    desk.state_mut().reload();
+    desk.state_mut().viewer.selection = Some(Selected::Actor("bob".into()));
+    desk.run();
+    desk.get_by_label("Edit").click();
+    desk.run();
+    click(&mut desk, "Delete");
+    let left = "let teal = load(\"choreo:mannequin\", #{ color: \"teal\" });\n";
+    assert_eq!(desk.state().text(), format!("{SCRIPT}{left}"));
+    for (what, line) in [
+        (Selected::Light(0), "sun(#{ direction: [-0.5, -1.0, -0.5] });\n"),
+        (Selected::Effect(0), "effect(\"vignette\");\n"),
+        (Selected::Camera("wide".into()), "camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);\n"),
+    ] {
+        desk.state_mut().write(SCRIPT);
+        desk.state_mut().reload();
+        desk.state_mut().viewer.delete_object(&what).unwrap();
+        assert_eq!(desk.state().text(), SCRIPT.replace(line, ""));
+    }
+}
+
+/// A number is typed, and the next click selects another clip: the number belongs to the first.
+#[test]
+fn a_field_that_is_left_by_a_click_changes_what_it_was_typed_for() {
+    let mut desk = desk(SCRIPT);
+    let cue = |cue| Selected::Cue { actor: "ada".into(), layer: 0, cue };
+    desk.state_mut().viewer.selection = Some(cue(0));
+    desk.run();
+    let field = desk.get_by_label("until field").rect().center();
+    desk.get_by_label("until field").click();
+    desk.run();
+    desk.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::A);
+    desk.event(Event::Text("1.5".into()));
+    desk.run();
+    assert_eq!(desk.get_by_label("until field").rect().center().y, field.y);
+    desk.get_all_by_label_contains("Wave").find(|node| node.rect().top() > 600.0).expect("its bar").click();
+    desk.run();
+    assert_eq!(desk.state().text(), SCRIPT.replace("until(2.0)", "until(1.5)"));
+    desk.state_mut().reload();
+    desk.run();
+    assert_eq!(desk.state().viewer.selection, Some(cue(1)));
+}
+
+/// No end before the start, whatever is typed.
+#[test]
+fn an_end_before_the_start_is_refused() {
+    let mut place = Place::new(SCRIPT);
+    let wave = Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 };
+    let error = place.viewer.set_cue(&wave, choreo_session::edit::CueTime::End, 1.0).unwrap_err().to_string();
+    assert!(error.contains("it would end at 1.000 s, where it begins at 2.000 s"), "{error}");
+    assert_eq!(place.text(), SCRIPT);
+}
+
+#[test]
+fn the_stage_is_changed_where_nothing_is_selected() {
+    let plain = "// Mine.\nlet a = cast(\"a\", load(\"choreo:mannequin\"));\n";
+    for (script, wanted) in [
+        (SCRIPT, SCRIPT.replace("length: 4.0", "length: 10.5")),
+        (plain, plain.replace("// Mine.\n", "// Mine.\nstage(#{ length: 10.5 });\n")),
+    ] {
+        let mut desk = desk(script);
+        desk.get_by_label("stage length").click();
+        desk.run();
+        desk.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::A);
+        desk.event(Event::Text("10.5".into()));
+        desk.key_press(egui::Key::Enter);
+        desk.run();
+        assert_eq!(desk.state().text(), wanted);
+        desk.state_mut().reload();
+        assert!(desk.state().viewer.problems.is_empty());
+    }
+}
