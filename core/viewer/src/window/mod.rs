@@ -39,6 +39,8 @@ use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalPosition};
 use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
+#[cfg(target_os = "linux")]
+use winit::platform::wayland::WindowAttributesExtWayland;
 use winit::window::{Window, WindowId};
 
 /// Messages of other threads to the window.
@@ -273,6 +275,7 @@ impl ViewerWindow {
             return;
         }
         self.pressed = false;
+        let begin = Instant::now();
         let input = open.taken();
         let textures = open.painter.pictures();
         let (panels, viewer) = (&mut self.panels, &mut self.viewer);
@@ -280,12 +283,14 @@ impl ViewerWindow {
         open.input.handle_platform_output(&open.window, output.platform_output);
         let pixels_per_point = output.pixels_per_point;
         let primitives = open.egui.tessellate(output.shapes, pixels_per_point);
+        let panels_took = begin.elapsed();
         let window = open.window.clone();
         let (size, frames) = ([size.width, size.height], &self.frames);
         let drawn =
             open.painter.draw(size, &primitives, pixels_per_point, output.textures_delta, frames, || {
                 window.pre_present_notify()
             });
+        self.event_log.painted(panels_took, begin.elapsed());
         self.drawn += 1;
         let lost =
             self.lose.contains(&self.drawn).then(|| "the device was lost, as the test has it".to_string());
@@ -449,6 +454,9 @@ impl ApplicationHandler<News> for ViewerWindow {
             .with_title(format!("{} – {}", self.viewer.name, self.program))
             .with_inner_size(LogicalSize::new(1280.0, 860.0))
             .with_min_inner_size(LogicalSize::new(320.0, 200.0));
+        // The name of the desktop entry, by which desktops find the window's icon.
+        #[cfg(target_os = "linux")]
+        let attributes = attributes.with_name(format!("{}-view", self.program), self.program);
         let window = events.create_window(attributes).map_err(|e| e.to_string());
         self.event_log.done("window");
         let opened = window.and_then(|w| Open::new(Arc::new(w), &self.proxy).map_err(|e| e.to_string()));

@@ -4,6 +4,7 @@
 pub mod chance;
 pub mod kept;
 pub mod viewer_process;
+pub mod wayland;
 
 use std::fs;
 use std::path::Path;
@@ -148,17 +149,22 @@ impl Screen {
         self.xdotool(&["key", key]);
     }
 
-    /// Waits until a viewer has dealt with all that hands have done: neither it nor the display has anything to compute. On a busy
-    /// machine that takes seconds, and what is done meanwhile would all be seen at once. A viewer that plays is never so: it is
-    /// waited for ten seconds.
+    /// [`rest`] of a viewer on this display.
     pub fn rest(&self, viewer: u32) {
-        let end = Instant::now() + Duration::from_secs(10);
-        let mut still = 0;
-        while still < 3 && Instant::now() < end {
-            std::thread::sleep(Duration::from_millis(10));
-            let works = [viewer, self.server.0.id()].into_iter().any(computes);
-            still = if works { 0 } else { still + 1 };
-        }
+        rest(&[viewer, self.server.0.id()]);
+    }
+}
+
+/// Waits until a viewer and its display have dealt with all that hands have done: neither has anything to compute. On a busy machine
+/// that takes seconds, and what is done meanwhile would all be seen at once. A viewer that plays is never so: it is waited for ten
+/// seconds.
+pub fn rest(processes: &[u32]) {
+    let end = Instant::now() + Duration::from_secs(10);
+    let mut still = 0;
+    while still < 3 && Instant::now() < end {
+        std::thread::sleep(Duration::from_millis(10));
+        let works = processes.iter().any(|process| computes(*process));
+        still = if works { 0 } else { still + 1 };
     }
 }
 
