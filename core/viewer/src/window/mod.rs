@@ -26,11 +26,14 @@ use crate::state::settings::Settings;
 use crate::state::shortcuts::Shortcuts;
 use crate::state::view::Resolution;
 use choreo::App;
+use choreo_command_line::Device;
 use choreo_plugin::{Frame, Registry};
 use choreo_session::{FrameRenderer, FrameReply, SceneSource, SceneVersion, SessionThread};
 use error::ViewerError;
 use event_log::EventLog;
+use gpu_error::GpuError;
 use open::Open;
+use painter::Painter;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -70,7 +73,8 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         let proxy = proxy.clone();
         // A window that has gone needs no image; here and below.
         let report = move |reply| drop(proxy.send_event(News::Frame(Box::new(reply))));
-        FrameRenderer::start(start::renderer(registry.effects().to_vec(), shaders, event_log), report)
+        let renderer = start::renderer(registry.effects().to_vec(), shaders, asked.device, event_log);
+        FrameRenderer::start(renderer, report)
     };
     let frame_renderer = frame_renderer.map_err(ViewerError::Thread)?;
     let live = source.clone().map(|source| watched(source, &registry, &proxy, FIRST)).transpose()?;
@@ -96,6 +100,7 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         frame_renderer,
         source: source.unwrap_or_else(|| asked.files.like().clone()),
         options: asked.files,
+        device: asked.device,
         registry,
         live,
         own_number: FIRST,
@@ -158,6 +163,7 @@ struct ViewerWindow {
     frame_renderer: FrameRenderer,
     source: SceneSource,
     options: FileOptions,
+    device: Device,
     registry: Registry,
     /// The session of the file that is shown; `None` on the start page.
     live: Option<SessionThread>,
@@ -408,7 +414,14 @@ impl ViewerWindow {
     /// Takes a window that has just been opened, and says so where its panels are drawn on the CPU.
     fn opened(&mut self, open: Open) {
         let why = open.no_vulkan.as_ref();
-        self.viewer.without_vulkan = why.map(|why| format!("the window is drawn on the CPU: {why}"));
+        // A driver that draws on the CPU is not missed.
+        let missed = why.filter(|why| !matches!(why, GpuError::Slower(_)));
+        self.viewer.without_vulkan = missed.map(|why| format!("the window is drawn on the CPU: {why}"));
+        self.viewer.window_device = match (&open.painter, why) {
+            (Painter::Vulkan(_), _) => "Vulkan".to_string(),
+            (Painter::Software(_), None) => "CPU".to_string(),
+            (Painter::Software(_), Some(why)) => format!("CPU: {why}"),
+        };
         self.open = Some(open);
     }
 
@@ -418,7 +431,9 @@ impl ViewerWindow {
         // A window has one surface at a time: the old one goes here.
         let window = self.open.take().map(|open| open.window);
         let again = match window {
-            Some(window) if self.failures < 3 => Open::new(window, &self.proxy).map_err(|e| e.to_string()),
+            Some(window) if self.failures < 3 => {
+                Open::new(window, self.device, &self.proxy).map_err(|e| e.to_string())
+            }
             _ => Err("tried again".to_string()),
         };
         match again {
@@ -458,7 +473,8 @@ impl ApplicationHandler<News> for ViewerWindow {
         let attributes = attributes.with_name(format!("{}-view", self.program), self.program);
         let window = events.create_window(attributes).map_err(|e| e.to_string());
         self.event_log.done("window");
-        let opened = window.and_then(|w| Open::new(Arc::new(w), &self.proxy).map_err(|e| e.to_string()));
+        let opened =
+            window.and_then(|w| Open::new(Arc::new(w), self.device, &self.proxy).map_err(|e| e.to_string()));
         match opened {
             Ok(open) => {
                 self.event_log.done("device of the window");

@@ -88,11 +88,20 @@ impl Screen {
         String::from_utf8_lossy(&output.stdout).trim().to_string()
     }
 
+    /// The viewer on this display, drawn by Vulkan.
+    pub fn command(&self, args: &[&str], folder: &Path) -> Command {
+        self.command_on("vulkan", args, folder)
+    }
+
     /// The viewer on this display, with images of the script's own size; its settings lie in a folder of their own, and
     /// nothing is laid over the images.
-    pub fn command(&self, args: &[&str], folder: &Path) -> Command {
+    pub fn command_on(&self, device: &str, args: &[&str], folder: &Path) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_choreo-view"));
-        command.args(args).arg("--full-size").env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
+        command
+            .args(args)
+            .args(["--full-size", "--device", device])
+            .env("DISPLAY", &self.display)
+            .env_remove("WAYLAND_DISPLAY");
         command.env("XDG_STATE_HOME", folder.join("state"));
         let settings = folder.join("state/choreo/view.json");
         if !settings.exists() {

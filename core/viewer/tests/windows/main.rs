@@ -11,5 +11,6 @@ mod documents;
 mod robust;
 mod studio;
 mod walkthrough;
+mod wayland;
 mod window;
 mod without_vulkan;

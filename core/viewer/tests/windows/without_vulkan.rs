@@ -1,4 +1,4 @@
-//! A window where there is no Vulkan: no driver, or not even the library that finds drivers.
+//! A window where there is no Vulkan: no driver, not even the library that finds drivers, or only a driver that draws on the CPU.
 
 use crate::screen::{Running, Screen, Shot, assert_quiet, until};
 use std::fs;
@@ -19,12 +19,23 @@ const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
 enum Missing {
     Driver,
     Library,
+    /// The only driver is Mesa's, which draws on the CPU and is slower than the CPU renderer.
+    Gpu,
 }
+
+const SOFTWARE_DRIVERS: [&str; 3] = [
+    "/usr/share/vulkan/icd.d/lvp_icd.x86_64.json",
+    "/usr/share/vulkan/icd.d/lvp_icd.aarch64.json",
+    "/usr/share/vulkan/icd.d/lvp_icd.json",
+];
 
 fn without(what: Missing, command: &mut Command, folder: &Path) {
     match what {
         Missing::Driver => ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(|name| {
             command.env(name, folder.join("nowhere.json"));
+        }),
+        Missing::Gpu => ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].map(|name| {
+            command.env(name, SOFTWARE_DRIVERS.iter().find(|file| Path::new(file).exists()).unwrap());
         }),
         // An empty file of its name is found before it.
         Missing::Library => ["libvulkan.so.1", "libvulkan.so"].map(|name| {
@@ -38,7 +49,8 @@ fn without(what: Missing, command: &mut Command, folder: &Path) {
 fn started(screen: &Screen, folder: &Path, missing: Option<Missing>) -> (Running, String, Shot) {
     let script = folder.join("a.rhai");
     fs::write(&script, SCRIPT).unwrap();
-    let mut command = screen.command(&[script.to_str().unwrap()], folder);
+    let device = if missing.is_some() { "auto" } else { "vulkan" };
+    let mut command = screen.command_on(device, &[script.to_str().unwrap()], folder);
     missing.into_iter().for_each(|what| without(what, &mut command, folder));
     let said = fs::File::create(folder.join("said.txt")).unwrap();
     command.current_dir(folder).stdout(said.try_clone().unwrap()).stderr(said);
@@ -61,7 +73,7 @@ fn ended(screen: &Screen, mut viewer: Running, window: &str, folder: &Path) {
 #[test]
 fn without_vulkan_the_window_shows_the_frame_and_takes_keys() {
     let Some(screen) = Screen::new() else { return };
-    for missing in [Missing::Driver, Missing::Library] {
+    for missing in [Missing::Driver, Missing::Library, Missing::Gpu] {
         let folder = tempfile::tempdir().unwrap();
         let (viewer, window, first) = started(&screen, folder.path(), Some(missing));
         // The bytes that the CPU renderer has drawn are those on the screen.
