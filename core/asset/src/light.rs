@@ -62,12 +62,24 @@ impl LightKind {
         }
     }
 
-    /// Its number and its parameters as content hashes have them. The numbers stay, so that hashes do.
-    pub fn hashed(&self) -> (u8, Vec<f32>) {
+    /// All types, in the order of their numbers, with parameters of 0.
+    pub const ALL: [LightKind; 3] =
+        [LightKind::Directional, LightKind::Point, LightKind::Spot { inner: 0.0, outer: 0.0 }];
+
+    /// Its number and its parameters as content hashes and plugins in WebAssembly have them. The numbers stay, so that hashes do.
+    pub fn numbered(&self) -> (u8, Vec<f32>) {
         match *self {
             LightKind::Directional => (0, Vec::new()),
             LightKind::Point => (1, Vec::new()),
             LightKind::Spot { inner, outer } => (2, vec![inner, outer]),
+        }
+    }
+
+    /// The parameters of [`LightKind::numbered`], to be changed.
+    pub fn parameters_mut(&mut self) -> Vec<&mut f32> {
+        match self {
+            LightKind::Directional | LightKind::Point => Vec::new(),
+            LightKind::Spot { inner, outer } => vec![inner, outer],
         }
     }
 
@@ -107,5 +119,22 @@ impl LightKind {
         let [inner, outer] = self.cone()?;
         let allowed = 0.0 <= inner && inner < outer && outer <= std::f32::consts::FRAC_PI_2 + 1e-6;
         (!allowed).then(|| format!("cone is {inner} to {outer} rad, must be 0 ≤ inner < outer ≤ π/2"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::LightKind;
+
+    #[test]
+    fn types_stand_at_their_numbers_and_take_as_many_parameters_as_they_give() {
+        for (number, mut kind) in (0..).zip(LightKind::ALL) {
+            let given = kind.parameters_mut().into_iter().zip(1u8..).map(|(parameter, value)| {
+                *parameter = f32::from(value);
+                f32::from(value)
+            });
+            let given: Vec<f32> = given.collect();
+            assert_eq!(kind.numbered(), (number, given), "{}", kind.name());
+        }
     }
 }

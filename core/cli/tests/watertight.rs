@@ -2,14 +2,17 @@
 //! poses that push it through itself. `cargo test -p choreo --test watertight -- --nocapture` prints the table.
 
 mod common;
+#[path = "../../render/tests/common/holes.rs"]
+mod holes;
 
 use choreo_asset::*;
 use choreo_motion::Time;
-use choreo_plugin::{Frame, ImportScope, Registry};
+use choreo_plugin::{ImportScope, Registry};
 use choreo_render::{GpuOptions, Plan, PlanOptions, RenderError, Renderer, SceneResources, VulkanRenderer};
 use choreo_script::{Limits, Loader};
 use choreo_stage::*;
 use glam::{Affine3A, Vec4};
+use holes::lost;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -77,18 +80,6 @@ fn poses(asset: &Arc<Asset>) -> (Stage, Vec<Snapshot>) {
         pose.sky = None;
     }
     (stage, poses)
-}
-
-/// Pixels of a model, those that are empty without its back faces, and those that differ.
-fn lost(front: &Frame, both: &Frame) -> [usize; 3] {
-    let background = |p: &&[u8]| *p == [255, 0, 255, 255];
-    let mut counts = [0; 3];
-    for (front, both) in front.rgba.chunks_exact(4).zip(both.rgba.chunks_exact(4)) {
-        counts[0] += usize::from(!background(&both));
-        counts[1] += usize::from(background(&front) && !background(&both));
-        counts[2] += usize::from(front.iter().zip(both).any(|(a, b)| a.abs_diff(*b) > 2));
-    }
-    counts
 }
 
 #[test]

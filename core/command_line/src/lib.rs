@@ -55,9 +55,14 @@ pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     ended(&failure, json, &args)
 }
 
+/// An error in the `choreo.toml` of a project, with hints.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct ProjectFileError(String);
+
 /// Options of the viewer for the search and plugin folders of the project that an input belongs to; else what is wrong with its `choreo.toml`.
-pub fn project_folders(input: &Path, app: &App) -> Result<Vec<OsString>, String> {
-    project_file::folders(input, app).map_err(|failure| failure.lines().join("\n"))
+pub fn project_folders(input: &Path, app: &App) -> Result<Vec<OsString>, ProjectFileError> {
+    project_file::folders(input, app).map_err(|failure| ProjectFileError(failure.lines().join("\n")))
 }
 
 /// The command line of a program, for completions and manual pages.

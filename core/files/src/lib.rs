@@ -11,6 +11,7 @@
 //! neither waits for the other end of a pipe. Paths are resolved relative to an
 //! open folder (`openat2` on Linux, by cap-std elsewhere), so that a folder that is replaced meanwhile changes nothing.
 
+mod entries;
 mod error;
 mod folder;
 mod identity;
@@ -21,6 +22,7 @@ mod pipe;
 mod place;
 mod write_error;
 
+pub use entries::entries;
 pub use error::{FileError, words};
 pub use folder::{Folder, open_file, read};
 pub use identity::Identity;

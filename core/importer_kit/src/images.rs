@@ -106,8 +106,9 @@ impl<B: AsRef<[u8]>> Encoded<B> {
 fn header(name: &str, bytes: &[u8], formats: Formats, fail: &dyn Fn(String) -> Problem) -> Result<Header> {
     let header = match ktx2::is_ktx2(bytes) {
         true => {
-            let [width, height] = ktx2::size(bytes)
-                .map_err(|e| fail(e).hint("convert the texture to PNG, JPEG, or KTX2 as in glTF"))?;
+            let [width, height] = ktx2::size(bytes).map_err(|e| {
+                fail(e.to_string()).hint("convert the texture to PNG, JPEG, or KTX2 as in glTF")
+            })?;
             Header { format: Format::Ktx2, width, height }
         }
         false => plain_header(name, bytes, formats, fail)?,
@@ -158,7 +159,7 @@ fn plain_header(
 fn decoded(bytes: &[u8], header: &Header, fail: &dyn Fn(String) -> Problem) -> Result<Vec<u8>> {
     let format = match header.format {
         Format::Plain(format) => format,
-        Format::Ktx2 => return ktx2::decode(bytes).map_err(fail),
+        Format::Ktx2 => return ktx2::decode(bytes).map_err(|e| fail(e.to_string())),
     };
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut limits = image::Limits::default();

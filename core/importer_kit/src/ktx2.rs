@@ -12,32 +12,48 @@ const ZSTANDARD: u32 = 2;
 /// More levels than the largest texture has.
 const MAX_LEVELS: u32 = 16;
 
+/// A file that is not read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum Ktx2Error {
+    #[error("is cut off")]
+    Cut,
+    #[error("is in Vulkan's format {0}; of KTX2, ETC1S and UASTC are read")]
+    Format(u32),
+    #[error(
+        "has a depth of {depth}, {layers} layers, {faces} faces and {levels} levels; it should be one 2D image"
+    )]
+    Shape { depth: u32, layers: u32, faces: u32, levels: u32 },
+    #[error("has color model {0}; of KTX2, ETC1S (163) and UASTC (166) are read")]
+    ColorModel(u8),
+    #[error("says it unpacks to {unpacked} bytes, but its size needs {needed}")]
+    Length { unpacked: u64, needed: u64 },
+    #[error("its data are damaged")]
+    Damaged,
+}
+
 pub(crate) fn is_ktx2(bytes: &[u8]) -> bool {
     bytes.starts_with(MAGIC)
 }
 
 /// Width and height, where the header is that of one 2D image in a format that is read (KTX 2.0 §3).
-pub(crate) fn size(bytes: &[u8]) -> Result<[u32; 2], String> {
-    let cut = || "is cut off".to_string();
+pub(crate) fn size(bytes: &[u8]) -> Result<[u32; 2], Ktx2Error> {
     let word = |at: usize| bytes.get(at..)?.first_chunk::<4>().map(|b| u32::from_le_bytes(*b));
     let long = |at: usize| bytes.get(at..)?.first_chunk::<8>().map(|b| u64::from_le_bytes(*b));
     let mut header = [0; 9];
     for (field, at) in header.iter_mut().zip((12..).step_by(4)) {
-        *field = word(at).ok_or_else(cut)?;
+        *field = word(at).ok_or(Ktx2Error::Cut)?;
     }
     let [format, _, width, height, depth, layers, faces, levels, scheme] = header;
     if format != 0 {
-        return Err(format!("is in Vulkan's format {format}; of KTX2, ETC1S and UASTC are read"));
+        return Err(Ktx2Error::Format(format));
     }
     if depth > 0 || layers > 1 || faces != 1 || !(1..=MAX_LEVELS).contains(&levels) {
-        return Err(format!(
-            "has a depth of {depth}, {layers} layers, {faces} faces and {levels} levels; it should be one 2D image"
-        ));
+        return Err(Ktx2Error::Shape { depth, layers, faces, levels });
     }
-    let descriptor = word(48).ok_or_else(cut)? as usize;
-    let model = *bytes.get(descriptor.saturating_add(12)).ok_or_else(cut)?;
+    let descriptor = word(48).ok_or(Ktx2Error::Cut)? as usize;
+    let model = *bytes.get(descriptor.saturating_add(12)).ok_or(Ktx2Error::Cut)?;
     if model != ETC1S && model != UASTC {
-        return Err(format!("has color model {model}; of KTX2, ETC1S (163) and UASTC (166) are read"));
+        return Err(Ktx2Error::ColorModel(model));
     }
     // Ranges of the codebooks and of the first level: the transcoder trusts them.
     let ranges = [(long(64), long(72)), (long(80), long(88))];
@@ -46,19 +62,19 @@ pub(crate) fn size(bytes: &[u8]) -> Result<[u32; 2], String> {
         start.checked_add(length).is_some_and(|end| end <= bytes.len() as u64)
     };
     if !ranges.iter().all(fits) {
-        return Err(cut());
+        return Err(Ktx2Error::Cut);
     }
     let blocks = u64::from(width.div_ceil(4)) * u64::from(height.div_ceil(4));
-    let unpacked = long(96).ok_or_else(cut)?;
+    let unpacked = long(96).ok_or(Ktx2Error::Cut)?;
     if scheme == ZSTANDARD && unpacked != 16 * blocks {
-        return Err(format!("says it unpacks to {unpacked} bytes, but its size needs {}", 16 * blocks));
+        return Err(Ktx2Error::Length { unpacked, needed: 16 * blocks });
     }
     Ok([width, height])
 }
 
 /// The pixels of the first level as 8-bit RGBA, where `size` has accepted the file.
-pub(crate) fn decode(bytes: &[u8]) -> Result<Vec<u8>, String> {
+pub(crate) fn decode(bytes: &[u8]) -> Result<Vec<u8>, Ktx2Error> {
     let pixels = Transcoder::new(bytes)
         .and_then(|texture| texture.transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE));
-    pixels.map_err(|_| "its data are damaged".to_string())
+    pixels.map_err(|_| Ktx2Error::Damaged)
 }

@@ -4,7 +4,7 @@
 use crate::Project;
 use choreo_asset::Asset;
 use choreo_plugin::ImportScope;
-use choreo_script::{AssetCache, BUILT_IN, Folders, Import, ImportChoice, Loader};
+use choreo_script::{AssetCache, BUILT_IN, Folders, Import, ImportChoice, LoadError, Loader};
 use std::collections::BTreeMap;
 use std::io::Read as _;
 use std::path::{Component, Path, PathBuf};
@@ -54,7 +54,7 @@ impl Files {
     ) -> Contents {
         let import = match self.begin(project, folder, tests_root, name) {
             Ok(import) => import,
-            Err(why) => return Contents::Unreadable(why),
+            Err(error) => return Contents::Unreadable(error.message),
         };
         let until = Instant::now() + PATIENCE;
         loop {
@@ -74,12 +74,12 @@ impl Files {
         folder: &Path,
         tests_root: Option<&Path>,
         name: &str,
-    ) -> Result<Arc<Import>, String> {
+    ) -> Result<Arc<Import>, LoadError> {
         let folders = folders(project, folder, tests_root)?;
         let stamp = match name.starts_with(BUILT_IN) {
             true => None,
             false => {
-                let found = folders.find(None, name).map_err(|e| e.message)?;
+                let found = folders.find(None, name)?;
                 std::fs::metadata(found.path).ok().and_then(|data| Some((data.len(), data.modified().ok()?)))
             }
         };
@@ -89,16 +89,16 @@ impl Files {
         }
         let loader = Loader::new(&project.registry, folders, ImportScope::NO_PIXELS).with_cache(&self.cache);
         let loader = Arc::new(loader);
-        let import = loader.start(None, name, &ImportChoice::default()).map_err(|e| e.message)?;
+        let import = loader.start(None, name, &ImportChoice::default())?;
         self.reads.insert(key, Read { stamp, import: import.clone(), _loader: loader });
         Ok(import)
     }
 }
 
-fn folders(project: &Project, folder: &Path, tests_root: Option<&Path>) -> Result<Folders, String> {
-    let folders = Folders::new(folder, &project.search, project.limits.file).map_err(|e| e.message)?;
+fn folders(project: &Project, folder: &Path, tests_root: Option<&Path>) -> Result<Folders, LoadError> {
+    let folders = Folders::new(folder, &project.search, project.limits.file)?;
     match tests_root {
-        Some(root) => folders.with_root(root).map_err(|e| e.message),
+        Some(root) => folders.with_root(root),
         None => Ok(folders),
     }
 }

@@ -31,7 +31,7 @@ pub(crate) fn checked(mut asset: Asset, scope: ImportScope) -> Result<Asset, Ass
         return Ok(asset);
     }
     for (index, skin) in asset.skins.iter().enumerate() {
-        check_skin(&asset, skin).map_err(|what| AssetFault { place: format!("skins[{index}]"), what })?;
+        check_skin(&asset, skin, &|| format!("skins[{index}]"))?;
     }
     let mut warnings = Vec::new();
     for index in 0..asset.meshes.len() {
@@ -47,9 +47,9 @@ pub(crate) fn checked(mut asset: Asset, scope: ImportScope) -> Result<Asset, Ass
         let mut warn = |text: String| warnings.push(Warning { place: place.clone(), text });
         let mut unequal = 0;
         for (number, primitive) in mesh.primitives.iter().enumerate() {
-            let of_part = |what: String| AssetFault { place: format!("{place}, primitive {number}"), what };
-            check_primitive(mesh, primitive, asset.materials.len()).map_err(of_part)?;
-            unequal += check_weights(primitive, fewest_joints).map_err(of_part)?;
+            let place = || format!("{place}, primitive {number}");
+            check_primitive(mesh, primitive, asset.materials.len(), &place)?;
+            unequal += check_weights(primitive, fewest_joints, &place)?;
         }
         if unequal > 0 {
             warn(format!("the weights of {unequal} vertices do not sum to 1; they are normalized"));
@@ -180,23 +180,27 @@ fn check_materials(asset: &Asset, scope: ImportScope) -> Result<(), AssetFault> 
     Ok(())
 }
 
-fn check_skin(asset: &Asset, skin: &Skin) -> Result<(), String> {
+fn check_skin(asset: &Asset, skin: &Skin, place: &dyn Fn() -> String) -> Result<(), AssetFault> {
     let joints = asset.skeleton.len();
     if let Some(joint) = skin.joints.iter().find(|joint| **joint as usize >= joints) {
-        return Err(format!("joint {joint} is out of range, there are {joints}"));
+        return Err(fault(place(), format!("joint {joint} is out of range, there are {joints}")));
     }
     if skin.joints.len() != skin.inverse_bind.len() {
-        return Err(format!(
-            "has {} joints and {} bind matrices",
-            skin.joints.len(),
-            skin.inverse_bind.len()
+        return Err(fault(
+            place(),
+            format!("has {} joints and {} bind matrices", skin.joints.len(), skin.inverse_bind.len()),
         ));
     }
     let bad = skin.inverse_bind.iter().position(|matrix| !matrix.is_finite());
-    bad.map_or(Ok(()), |at| Err(format!("bind matrix {at} is not finite")))
+    bad.map_or(Ok(()), |at| Err(fault(place(), format!("bind matrix {at} is not finite"))))
 }
 
-fn check_primitive(mesh: &Mesh, primitive: &Primitive, materials: usize) -> Result<(), String> {
+fn check_primitive(
+    mesh: &Mesh,
+    primitive: &Primitive,
+    materials: usize,
+    place: &dyn Fn() -> String,
+) -> Result<(), AssetFault> {
     let vertices = primitive.positions.len();
     let lengths = [
         ("normals", primitive.normals.len()),
@@ -215,11 +219,11 @@ fn check_primitive(mesh: &Mesh, primitive: &Primitive, materials: usize) -> Resu
     if let Some((what, count)) =
         lengths.into_iter().chain(morphs).find(|(_, n)| !matches!(*n, n if n == 0 || n == vertices))
     {
-        return Err(format!("has {count} {what} for {vertices} vertices"));
+        return Err(fault(place(), format!("has {count} {what} for {vertices} vertices")));
     }
     if !primitive.morphs.is_empty() && primitive.morphs.len() != mesh.morph_targets {
         let (has, targets) = (primitive.morphs.len(), mesh.morph_targets);
-        return Err(format!("has {has} morph targets, but its mesh has {targets}"));
+        return Err(fault(place(), format!("has {has} morph targets, but its mesh has {targets}")));
     }
     let each = match primitive.topology {
         Topology::Triangles => 3,
@@ -227,13 +231,16 @@ fn check_primitive(mesh: &Mesh, primitive: &Primitive, materials: usize) -> Resu
         Topology::Points => 1,
     };
     if !primitive.indices.len().is_multiple_of(each) {
-        return Err(format!("has {} indices, which is no multiple of {each}", primitive.indices.len()));
+        return Err(fault(
+            place(),
+            format!("has {} indices, which is no multiple of {each}", primitive.indices.len()),
+        ));
     }
     if let Some(index) = primitive.indices.iter().max().filter(|index| **index as usize >= vertices) {
-        return Err(format!("has the index {index}, but {vertices} vertices"));
+        return Err(fault(place(), format!("has the index {index}, but {vertices} vertices")));
     }
     if let Some(material) = primitive.material.filter(|material| *material as usize >= materials) {
-        return Err(format!("has the material {material}, but there are {materials}"));
+        return Err(fault(place(), format!("has the material {material}, but there are {materials}")));
     }
     let not_finite = [
         ("position", primitive.positions.iter().position(|v| !v.is_finite())),
@@ -248,22 +255,29 @@ fn check_primitive(mesh: &Mesh, primitive: &Primitive, materials: usize) -> Resu
             .map(|vectors| ("morph target's offset", vectors.iter().position(|v| !v.is_finite())))
     });
     match not_finite.into_iter().chain(of_morphs).find_map(|(what, at)| Some((what, at?))) {
-        Some((what, vertex)) => Err(format!("the {what} of vertex {vertex} is not finite")),
+        Some((what, vertex)) => Err(fault(place(), format!("the {what} of vertex {vertex} is not finite"))),
         None => Ok(()),
     }
 }
 
 /// The number of vertices whose weights do not sum to 1.
-fn check_weights(primitive: &Primitive, joints: Option<usize>) -> Result<usize, String> {
+fn check_weights(
+    primitive: &Primitive,
+    joints: Option<usize>,
+    place: &dyn Fn() -> String,
+) -> Result<usize, AssetFault> {
     let (each, vertices) = (primitive.influences, primitive.positions.len());
     if !matches!(each, 0 | 4 | 8) {
-        return Err(format!("has {each} influences a vertex, must be 0, 4 or 8"));
+        return Err(fault(place(), format!("has {each} influences a vertex, must be 0, 4 or 8")));
     }
     let (indices, weights) = (&primitive.joint_indices, &primitive.joint_weights);
     if indices.len() != each * vertices || weights.len() != each * vertices {
         let (indices, weights) = (indices.len(), weights.len());
-        return Err(format!(
-            "has {indices} joint indices and {weights} weights for {vertices} vertices of {each} influences"
+        return Err(fault(
+            place(),
+            format!(
+                "has {indices} joint indices and {weights} weights for {vertices} vertices of {each} influences"
+            ),
         ));
     }
     if each == 0 {
@@ -271,10 +285,16 @@ fn check_weights(primitive: &Primitive, joints: Option<usize>) -> Result<usize, 
     }
     let largest = indices.iter().max().copied().map_or(0, usize::from);
     if let Some(joints) = joints.filter(|joints| largest >= *joints && !indices.is_empty()) {
-        return Err(format!("has the joint index {largest}, but its skin has {joints} joints"));
+        return Err(fault(
+            place(),
+            format!("has the joint index {largest}, but its skin has {joints} joints"),
+        ));
     }
     if let Some(at) = weights.iter().position(|w| !w.is_finite() || *w < 0.0) {
-        return Err(format!("a weight of vertex {} is {}, must be 0 or more", at / each, weights[at]));
+        return Err(fault(
+            place(),
+            format!("a weight of vertex {} is {}, must be 0 or more", at / each, weights[at]),
+        ));
     }
     let sums = weights.chunks_exact(each).map(|weights| weights.iter().sum::<f32>());
     Ok(sums.filter(|sum| (sum - 1.0).abs() > WEIGHT_SUM_TOLERANCE).count())

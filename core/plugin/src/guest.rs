@@ -2,7 +2,8 @@
 //! crate that is compiled for `wasm32-unknown-unknown`. The program's side is `core/wasm_plugin`, where the calls are described.
 
 use crate::transfer::{
-    ExportReply, ExportRequest, ImportReply, ImportRequest, Transfer, Written, from_bytes, missing_parts,
+    ExportReply, ExportRequest, ImportReply, ImportRequest, Transfer, TransferError, Written, from_bytes,
+    missing_parts,
 };
 use crate::{ExportError, Files, ImportError, Importer, Manifest, SceneExporter, SceneFiles, Source};
 use choreo_motion::Time;
@@ -25,9 +26,9 @@ pub fn argument_place(length: u32) -> u32 {
     argument.as_mut_ptr().addr() as u32
 }
 
-fn argument<T: Transfer>() -> Result<T, String> {
+fn argument<T: Transfer>() -> Result<T, TransferError> {
     let bytes = std::mem::take(&mut *ARGUMENT.lock().unwrap_or_else(PoisonError::into_inner));
-    from_bytes(&bytes).map_err(|e| e.to_string())
+    from_bytes(&bytes)
 }
 
 /// The place of a result in the upper half, its length in the lower one. The program reads it, and what it refers to, after the call, and
@@ -74,7 +75,7 @@ pub fn import(importer: &dyn Importer) -> u64 {
     };
     let request = match argument::<ImportRequest>() {
         Ok(request) => request,
-        Err(what) => return reply(error("", what)),
+        Err(fault) => return reply(error("", fault.to_string())),
     };
     let imported = importer.import(&source(&request), &HostFiles, request.needs, &request.options);
     reply(match imported {
@@ -91,8 +92,8 @@ pub fn import(importer: &dyn Importer) -> u64 {
 
 /// Exports a scene.
 pub fn export(exporter: &dyn SceneExporter) -> u64 {
-    let scene = argument::<ExportRequest>().and_then(|request| request.scene.into_scene(snapshot_at));
-    let notes = scene.and_then(|scene| {
+    let notes = argument::<ExportRequest>().map_err(|e| e.to_string()).and_then(|request| {
+        let scene = request.scene.into_scene(snapshot_at).map_err(|e| e.to_string())?;
         let mut files = HostSceneFiles { main: file(0), beside: BTreeMap::new() };
         let notes = exporter.export(&scene, &mut files).map_err(|e| e.to_string())?;
         files.flush().map_err(|e| e.to_string())?;

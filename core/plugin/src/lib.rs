@@ -11,6 +11,7 @@ mod alpha;
 mod asset_check;
 mod binary;
 pub mod build;
+mod changed_area;
 pub mod color;
 pub mod effect;
 mod effect_data;
@@ -36,6 +37,7 @@ pub mod yuv;
 
 pub use binary::{Binary, BinaryError, BinaryNumber};
 pub use build::{AssetBuilder, BuildError, MeshData, MeshPart, MorphData};
+pub use changed_area::changed_area;
 pub use choreo_asset as asset;
 pub use choreo_motion as motion;
 pub use choreo_stage as stage;

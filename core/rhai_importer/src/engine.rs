@@ -3,10 +3,6 @@
 use crate::budget::{Budget, Refused, refuse};
 use crate::{bytes, numbers, quaternions};
 use choreo_sandbox::SizeLimits;
-use rhai::packages::{
-    BasicArrayPackage, BasicMapPackage, BitFieldPackage, CorePackage, LogicPackage, MoreStringPackage,
-    Package,
-};
 use rhai::{Engine, OptimizationLevel};
 use std::time::{Duration, Instant};
 
@@ -25,17 +21,7 @@ const MANIFEST_STEPS: u64 = 10_000;
 const SECONDS: u64 = 60;
 
 pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
-    let mut engine = Engine::new_raw();
-    for package in [
-        CorePackage::new().as_shared_module(),
-        LogicPackage::new().as_shared_module(),
-        BitFieldPackage::new().as_shared_module(),
-        BasicArrayPackage::new().as_shared_module(),
-        BasicMapPackage::new().as_shared_module(),
-        MoreStringPackage::new().as_shared_module(),
-    ] {
-        engine.register_global_module(package);
-    }
+    let mut engine = choreo_sandbox::engine();
     for name in ["eval", "sleep", "timestamp", "import", "export", "**"] {
         engine.disable_symbol(name);
     }
@@ -45,7 +31,6 @@ pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
     engine.set_optimization_level(OptimizationLevel::Simple);
     engine.set_fail_on_invalid_map_property(true);
     engine.set_max_call_levels(MOST_CALLS);
-    engine.set_max_expr_depths(64, 48);
     SizeLimits { string: MOST_TEXT, array: MOST_IN_ARRAY, map: MOST_IN_ARRAY }.install(&mut engine);
     engine.set_max_variables(256);
     engine.set_max_functions(256);

@@ -14,10 +14,7 @@ use crate::modules::Modules;
 use crate::synonyms::ALIASES;
 use crate::value::{ExpectRef, HandleKind, dead, is_dead, register_types};
 use choreo_sandbox::{SizeLimits, memory};
-use rhai::packages::{
-    BasicArrayPackage, BasicBlobPackage, BasicMapPackage, BitFieldPackage, CorePackage, LogicPackage,
-    MoreStringPackage, Package,
-};
+use rhai::packages::{BasicBlobPackage, Package};
 use rhai::{Dynamic, Engine, EvalAltResult, LexError, NativeCallContext, Token};
 use std::any::TypeId;
 use std::collections::BTreeSet;
@@ -25,19 +22,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
 pub fn engine(shared: &Arc<Shared>) -> Engine {
-    let mut engine = Engine::new_raw();
-    // Rhai's standard packages except mathematics, which is ours, and time, which scripts must not read.
-    for package in [
-        CorePackage::new().as_shared_module(),
-        LogicPackage::new().as_shared_module(),
-        BitFieldPackage::new().as_shared_module(),
-        BasicArrayPackage::new().as_shared_module(),
-        BasicBlobPackage::new().as_shared_module(),
-        BasicMapPackage::new().as_shared_module(),
-        MoreStringPackage::new().as_shared_module(),
-    ] {
-        engine.register_global_module(package);
-    }
+    let mut engine = choreo_sandbox::engine();
+    engine.register_global_module(BasicBlobPackage::new().as_shared_module());
     let mut globals = rhai::Module::new();
     for (name, _, value) in constants().iter() {
         globals.set_var(name, value);
@@ -78,8 +64,6 @@ fn restrict(engine: &mut Engine, shared: &Arc<Shared>) {
     engine.set_max_variables(size(limits.variables));
     engine.set_max_functions(size(limits.functions));
     engine.set_max_modules(size(limits.modules));
-    // Deeper expressions could use up a thread's stack.
-    engine.set_max_expr_depths(64, 48);
     let watched = Arc::downgrade(shared);
     let (operations, memory) = (limits.operations, limits.memory);
     engine.on_progress(move |steps| {

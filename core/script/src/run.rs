@@ -278,7 +278,7 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
             // Set here only.
             let _ = shared.played_clips.set(crate::clips_only::played(&parsed.ast));
         }
-        let declared = crate::lint::declared(&parsed.ast, name, text);
+        let declared = crate::lint::declared(&parsed.ast, name, text, shared.defs);
         shared.build.lock().unwrap_or_else(PoisonError::into_inner).declared = declared;
     }
     execute(&engine, name, shared, parsed.as_ref().map(|p| (p, &p.ast)).map_err(Clone::clone));

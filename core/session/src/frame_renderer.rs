@@ -18,7 +18,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 /// Makes the renderer, on its own thread: drivers take their time to start. Gives it with a note for the user.
-pub type StartRenderer = Box<dyn FnOnce() -> Result<(Box<dyn Renderer>, Option<String>), String> + Send>;
+pub type StartRenderer = Box<dyn FnOnce() -> Result<(Box<dyn Renderer>, Option<String>), RenderError> + Send>;
 
 /// A requested frame.
 #[derive(Clone)]
@@ -61,7 +61,7 @@ impl FrameRequest {
 pub enum FrameError {
     /// The renderer did not start.
     #[error("{0}")]
-    NoRenderer(String),
+    NoRenderer(Arc<FrameError>),
     #[error(transparent)]
     Stage(#[from] StageError),
     #[error(transparent)]
@@ -218,7 +218,7 @@ impl Drop for FrameRenderer {
 
 /// The renderer and what it was given last.
 struct RenderState {
-    renderer: Result<Box<dyn Renderer>, String>,
+    renderer: Result<Box<dyn Renderer>, Arc<FrameError>>,
     notes: Vec<String>,
     views: ViewEvaluators,
     resources: Option<Arc<SceneResources>>,
@@ -228,10 +228,10 @@ struct RenderState {
 impl RenderState {
     fn new(start: StartRenderer) -> RenderState {
         let started = catch_unwind(AssertUnwindSafe(start));
-        let started = started.unwrap_or_else(|panic| Err(FrameError::of_panic(&*panic).to_string()));
-        let (renderer, notes) = match started {
+        let started = started.map_err(|panic| FrameError::of_panic(&*panic));
+        let (renderer, notes) = match started.and_then(|started| Ok(started?)) {
             Ok((renderer, note)) => (Ok(renderer), note.into_iter().collect()),
-            Err(why) => (Err(why), Vec::new()),
+            Err(error) => (Err(Arc::new(error)), Vec::new()),
         };
         RenderState {
             renderer,

@@ -85,9 +85,9 @@ impl Bench {
         }
         let session = Session::new(SceneSource::new(folder.path().join("a.rhai")), &registry, true).unwrap();
         let (to, reply) = channel();
-        let start = Box::new(|| match SteadyRenderer::new(GpuOptions::default()) {
-            Ok(renderer) => Ok((Box::new(renderer) as Box<dyn choreo_render::Renderer>, None)),
-            Err(error) => Err(error.to_string()),
+        let start = Box::new(|| {
+            let renderer = SteadyRenderer::new(GpuOptions::default())?;
+            Ok((Box::new(renderer) as Box<dyn choreo_render::Renderer>, None))
         });
         let renderer = FrameRenderer::start(start, move |p| drop(to.send(p))).unwrap();
         let mut bench = Bench { folder, session, renderer, reply };

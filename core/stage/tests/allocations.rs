@@ -1,39 +1,15 @@
 //! A frame allocates nothing once one has been made: counted by the allocator itself.
-#![allow(unsafe_code, reason = "an allocator that counts")]
 
+#[path = "../../motion/tests/support/counting.rs"]
+mod counting;
 mod support;
+
 use choreo_motion::Time;
-use choreo_motion::spring::{RigBone, SpringBone, SpringRig};
 use choreo_stage::*;
+use counting::allocations;
 use glam::{DVec3, Vec3};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::sync::Arc;
 use support::*;
-
-struct Counting;
-
-thread_local! {
-    /// Number of allocations of this thread. Tests run in parallel.
-    static COUNT: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: every call is handed on to the system's allocator as it came; counting in a constant-initialised thread-local without a
-// destructor allocates nothing.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.with(|c| c.set(c.get() + 1));
-        // SAFETY: the caller keeps the promises of `GlobalAlloc::alloc`, which are the system's.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the pointer came from `alloc` above, that is from the system, with this layout.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 /// Two people who walk in and out of clips, one with layers, one who looks and reaches.
 fn clips() -> Stage {
@@ -77,19 +53,7 @@ fn constraints() -> Stage {
 
 fn springs() -> Stage {
     let mut stage = constraints();
-    let mut rig = SpringRig::default();
-    for joint in [HEAD, ARM] {
-        rig.add(RigBone {
-            joint,
-            tail: Vec3::Y * 0.2,
-            spring: SpringBone::new(2.5, 0.15),
-            gravity: DVec3::NEG_Y * 9.81,
-            pull: DVec3::ZERO,
-            hit_radius: 0.01,
-            center: None,
-            colliders: vec![],
-        });
-    }
+    let rig = spring_rig([HEAD, ARM], Vec3::Y * 0.2);
     stage.actors[1].springs = Some(Arc::new(ActorSprings { rig, ..ActorSprings::default() }));
     stage
 }
@@ -102,24 +66,13 @@ fn counts(stage: Stage) -> [Vec<usize>; 2] {
     let mut snapshot = Snapshot::default();
     evaluator.at_into(Time::ZERO, &mut snapshot).unwrap();
     [(); 2].map(|()| {
-        let frame = |frame| {
-            let before = COUNT.get();
-            evaluator.at_into(rate.time_of(frame), &mut snapshot).unwrap();
-            COUNT.get() - before
-        };
+        let frame = |frame| allocations(|| evaluator.at_into(rate.time_of(frame), &mut snapshot).unwrap());
         (1..120).map(frame).collect()
     })
 }
 
 fn some(counts: &[usize]) -> usize {
     counts.iter().filter(|c| **c > 0).count()
-}
-
-#[test]
-fn the_counter_sees_an_allocation() {
-    let before = COUNT.get();
-    drop(std::hint::black_box(vec![0u8; 100]));
-    assert_eq!(COUNT.get() - before, 1);
 }
 
 /// A frame in which a layer or a constraint is first at work makes their buffers; no other frame allocates.

@@ -125,13 +125,7 @@ pub fn collect(
 
 fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>) -> Result<(), NothingToRun> {
     let failed = |e: std::io::Error| NothingToRun::Input(format!("{}: {e}", shown(folder)));
-    let mut entries = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        entries.push((entry.file_name(), entry.file_type().map_err(failed)?));
-    }
-    entries.sort_by(|a, b| a.0.cmp(&b.0));
-    for (name, kind) in entries {
+    for (name, kind) in choreo_files::entries(folder).map_err(failed)? {
         let path = folder.join(&name);
         let text = name.to_string_lossy();
         if text.starts_with('.') {

@@ -164,6 +164,23 @@ impl std::fmt::Display for SourceLocation {
 }
 
 impl Outcome {
+    /// The outcome of a section at a line of a file, before it has run.
+    pub fn new(file: &str, section: &str, line: usize) -> Outcome {
+        Outcome {
+            file: file.to_string(),
+            section: section.to_string(),
+            place: SourceLocation { file: file.to_string(), line, column: 0 },
+            status: Status::Passed,
+            checks: Vec::new(),
+            warnings: Vec::new(),
+            printed: Vec::new(),
+            seconds: 0.0,
+            reused: false,
+            key: String::new(),
+            words: String::new(),
+        }
+    }
+
     /// The name for a user: `tests/suite/walk.rhai > feet stay on the floor`, or the file alone.
     pub fn name(&self) -> String {
         match self.section.as_str() {
@@ -186,19 +203,8 @@ mod tests {
     fn places_and_names_are_written_as_a_user_types_them() {
         let place = |line, column| SourceLocation { file: "a/b.rhai".into(), line, column }.to_string();
         assert_eq!([place(0, 0), place(3, 0), place(3, 7)], ["a/b.rhai", "a/b.rhai:3", "a/b.rhai:3:7"]);
-        let mut outcome = Outcome {
-            file: "a.rhai".into(),
-            section: String::new(),
-            place: SourceLocation::default(),
-            status: Status::Skipped("why".into()),
-            checks: Vec::new(),
-            warnings: Vec::new(),
-            printed: Vec::new(),
-            seconds: 0.0,
-            reused: false,
-            key: String::new(),
-            words: String::new(),
-        };
+        let skipped = Status::Skipped("why".into());
+        let mut outcome = Outcome { status: skipped, ..Outcome::new("a.rhai", "", 0) };
         assert_eq!((outcome.name().as_str(), outcome.bad()), ("a.rhai", false));
         (outcome.section, outcome.status) = ("one".into(), Status::Error("what".into()));
         assert_eq!((outcome.name().as_str(), outcome.bad()), ("a.rhai > one", true));

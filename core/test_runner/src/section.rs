@@ -28,22 +28,9 @@ pub(crate) struct Ran {
 
 /// The outcome before the section has run.
 pub fn blank(case: &Case) -> Outcome {
-    let (section, line) = match &case.section {
-        Ok(info) => (info.name.clone(), info.line),
-        Err(_) => (String::new(), 0),
-    };
-    Outcome {
-        file: case.file.clone(),
-        section,
-        place: SourceLocation { file: case.file.clone(), line, column: 0 },
-        status: Status::Passed,
-        checks: Vec::new(),
-        warnings: Vec::new(),
-        printed: Vec::new(),
-        seconds: 0.0,
-        reused: false,
-        key: String::new(),
-        words: String::new(),
+    match &case.section {
+        Ok(info) => Outcome::new(&case.file, &info.name, info.line),
+        Err(_) => Outcome::new(&case.file, "", 0),
     }
 }
 

@@ -108,6 +108,15 @@ pub(crate) struct FileOptions {
     app: App,
 }
 
+/// An error in the `choreo.toml` of a file's project.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum ProjectError {
+    #[error(transparent)]
+    File(#[from] choreo_command_line::ProjectFileError),
+    #[error(transparent)]
+    Options(#[from] clap::Error),
+}
+
 impl FileOptions {
     /// The options without a file.
     pub fn like(&self) -> &SceneSource {
@@ -115,7 +124,7 @@ impl FileOptions {
     }
 
     /// The source of a file, with the folders of its project; else what is wrong with its `choreo.toml`.
-    pub fn source(&self, input: PathBuf) -> Result<SceneSource, String> {
+    pub fn source(&self, input: PathBuf) -> Result<SceneSource, ProjectError> {
         let name = format!("{}-view", self.app.name);
         let of_project = match self.project_file {
             true => choreo_command_line::project_folders(&input, &self.app)?,
@@ -123,7 +132,7 @@ impl FileOptions {
         };
         // They are this program's options, so that they are read as such.
         let words = [name.into(), input.clone().into()].into_iter().chain(of_project);
-        let of_project = Args::try_parse_from(words).map_err(|error| error.to_string())?;
+        let of_project = Args::try_parse_from(words)?;
         let like = &self.like;
         Ok(SceneSource {
             search: [like.search.clone(), of_project.search, self.app.search.clone()].concat(),

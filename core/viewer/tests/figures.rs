@@ -157,8 +157,8 @@ fn hill(height: f32) -> Vec<u8> {
     for row in 0..SIDE - 1 {
         for column in 0..SIDE - 1 {
             let a = row * SIDE + column;
-            let corners = [a, a + SIDE, a + 1, a + 1, a + SIDE, a + SIDE + 1];
-            indices.extend(corners.into_iter().flat_map(u32::to_le_bytes));
+            let vertices = [a, a + SIDE, a + 1, a + 1, a + SIDE, a + SIDE + 1];
+            indices.extend(vertices.into_iter().flat_map(u32::to_le_bytes));
         }
     }
     let (first, second, vertices) = (positions.len(), indices.len(), SIDE * SIDE);

@@ -155,10 +155,12 @@ impl WgslEffect {
         InFrame { textures: &self.textures, numbers: numbers.unwrap_or_default() }
     }
 
-    fn surface_batches<const N: usize>(
+    /// Runs the function for each color and its sample, `N` at a time; `component` gives a number of a sample.
+    fn color_batches<const N: usize, S>(
         &self,
         colors: &mut [Vec4],
-        samples: &[SurfaceSample],
+        samples: &[S],
+        component: impl Fn(&S, usize) -> f32 + Copy,
         parameters: &[f32],
     ) where
         Machine<N>: pool::Pooled,
@@ -171,7 +173,7 @@ impl WgslEffect {
             colors,
             |machine, program, first, part| {
                 machine.fill(program, 0, part, |color, i| color[i]);
-                machine.fill(program, 1, &samples[first..first + part.len()], surface_component);
+                machine.fill(program, 1, &samples[first..first + part.len()], component);
             },
             |color, out| *color = Vec4::from_array(out),
         );
@@ -294,17 +296,7 @@ impl PixelEffect for WgslEffect {
     }
 
     fn pixels(&self, colors: &mut [Vec4], uv: &[Vec2], parameters: &[f32]) {
-        self.batches::<ROW, _>(
-            &self.code().program,
-            parameters,
-            &self.in_frame(parameters),
-            colors,
-            |machine, program, first, part| {
-                machine.fill(program, 0, part, |color, i| color[i]);
-                machine.fill(program, 1, &uv[first..first + part.len()], |uv, i| uv[i]);
-            },
-            |color, out| *color = Vec4::from_array(out),
-        );
+        self.color_batches::<ROW, _>(colors, uv, |uv, i| uv[i], parameters);
     }
 }
 
@@ -382,9 +374,9 @@ impl SurfaceEffect for WgslEffect {
 
     fn surfaces(&self, colors: &mut [Vec4], samples: &[SurfaceSample], parameters: &[f32]) {
         if colors.len() > QUAD {
-            self.surface_batches::<ROW>(colors, samples, parameters);
+            self.color_batches::<ROW, _>(colors, samples, surface_component, parameters);
         } else {
-            self.surface_batches::<QUAD>(colors, samples, parameters);
+            self.color_batches::<QUAD, _>(colors, samples, surface_component, parameters);
         }
     }
 }

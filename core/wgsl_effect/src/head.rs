@@ -294,10 +294,8 @@ impl Head {
                 Hook::Image
             }
             "view" => {
-                self.view = match one_of("before", "replaced")? {
-                    false => ViewOrder::Before,
-                    true => ViewOrder::Replaces,
-                };
+                let replaces = one_of("before", "replaced")?;
+                self.view = if replaces { ViewOrder::Replaces } else { ViewOrder::Before };
                 // Both hooks for images are possible.
                 if self.hook == Hook::Pixel { Hook::Pixel } else { Hook::Image }
             }

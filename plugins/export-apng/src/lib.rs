@@ -1,6 +1,6 @@
 //! Animated PNG: lossless, with alpha, for the web. Each frame holds the box of what changed.
 
-use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, VideoInfo};
+use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, VideoInfo, changed_area};
 use std::io::Write;
 use std::sync::LazyLock;
 
@@ -73,7 +73,7 @@ impl FrameSink for ApngSink {
         let [left, top, right, bottom] = match first {
             true => [0, 0, self.size[0] as usize, self.size[1] as usize],
             // A frame without change keeps the time by one pixel.
-            false => changed(&self.shown, rgba, self.size[0] as usize).unwrap_or([0, 0, 1, 1]),
+            false => changed_area(&self.shown, rgba, self.size[0] as usize).unwrap_or([0, 0, 1, 1]),
         };
         if !first {
             self.writer.set_frame_position(0, 0).map_err(convert)?;
@@ -93,20 +93,6 @@ impl FrameSink for ApngSink {
         self.writer.finish().map_err(convert)?;
         Ok(Vec::new())
     }
-}
-
-/// Left, top, right, bottom of the pixels that differ; `None` where none do.
-fn changed(before: &[u8], now: &[u8], width: usize) -> Option<[usize; 4]> {
-    let rows = || before.chunks_exact(width * 4).zip(now.chunks_exact(width * 4)).enumerate();
-    let top = rows().find(|(_, (a, b))| a != b)?.0;
-    let (mut left, mut right, mut bottom) = (width, 0, top);
-    for (y, (a, b)) in rows().skip(top).filter(|(_, (a, b))| a != b) {
-        bottom = y + 1;
-        let differs = |x: &usize| a[x * 4..x * 4 + 4] != b[x * 4..x * 4 + 4];
-        left = (0..left).find(differs).unwrap_or(left);
-        right = (right..width).rev().find(differs).map_or(right, |x| x + 1);
-    }
-    Some([left, top, right, bottom])
 }
 
 fn convert(error: png::EncodingError) -> ExportError {

@@ -2,7 +2,7 @@
 
 mod container;
 
-use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, Mark, VideoInfo};
+use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, Mark, VideoInfo, changed_area};
 use container::{FrameChunk, Header, chunk, frame_chunk, head};
 use image_webp::{ColorType, WebPDecoder, WebPEncoder};
 use std::io::{Cursor, Read, Write};
@@ -131,7 +131,7 @@ impl FrameSink for WebpSink {
         let [left, top, right, bottom] = match self.shown.is_empty() {
             true => [0, 0, width, height],
             // A frame without change keeps the time by one pixel.
-            false => changed(&self.shown, &rgba, width).unwrap_or([0, 0, 1, 1]),
+            false => changed_area(&self.shown, &rgba, width).unwrap_or([0, 0, 1, 1]),
         };
         // Places are stored halved.
         let [left, top] = [left & !1, top & !1];
@@ -174,18 +174,4 @@ impl FrameSink for WebpSink {
         })
         .ok_or(ExportError::Format("a WebP holds at most 4 GB; make it shorter or smaller".into()))
     }
-}
-
-/// Left, top, right, bottom of the pixels that differ; `None` where none do.
-fn changed(before: &[u8], now: &[u8], width: usize) -> Option<[usize; 4]> {
-    let rows = || before.chunks_exact(width * 4).zip(now.chunks_exact(width * 4)).enumerate();
-    let top = rows().find(|(_, (a, b))| a != b)?.0;
-    let (mut left, mut right, mut bottom) = (width, 0, top);
-    for (y, (a, b)) in rows().skip(top).filter(|(_, (a, b))| a != b) {
-        bottom = y + 1;
-        let differs = |x: &usize| a[x * 4..x * 4 + 4] != b[x * 4..x * 4 + 4];
-        left = (0..left).find(differs).unwrap_or(left);
-        right = (right..width).rev().find(differs).map_or(right, |x| x + 1);
-    }
-    Some([left, top, right, bottom])
 }

@@ -36,10 +36,11 @@ pub fn unpack(file: &File<'_>, primitive: &Primitive, place: &dyn Fn() -> String
     let number = |value: Option<&Value>| value.and_then(whole).and_then(|n| usize::try_from(n).ok());
     let view =
         number(extension.get("bufferView")).ok_or_else(|| Problem::new(place(), "has no bufferView"))?;
-    let mesh = decode(file, file.view(view, place)?.0).map_err(|what| {
+    let broken = |what: String| {
         Problem::new(place(), format!("cannot be decoded: {what}"))
             .hint("the file is damaged; fetch or export it again")
-    })?;
+    };
+    let mesh = decode(file, file.view(view, place)?.0, &broken)?;
     let mut out = Unpacked::default();
     let (points, faces) = (mesh.num_points(), mesh.num_faces());
     file.charge(faces as u64, 12).map_err(|p| p.used_by(place()))?;
@@ -88,16 +89,16 @@ fn form(file: &File<'_>, accessor: usize, place: &dyn Fn() -> String) -> Result<
     }
 }
 
-fn decode(file: &File<'_>, data: &[u8]) -> std::result::Result<Mesh, String> {
+fn decode(file: &File<'_>, data: &[u8], broken: &dyn Fn(String) -> Problem) -> Result<Mesh> {
     let left = file.budget_left();
     let limits =
         DecodeLimits::default().with_max_faces(left / BYTES_OF_FACE).with_max_decoded_bytes(left / 4);
     let mut mesh = Mesh::new();
     let mut buffer = DecoderBuffer::new(data).with_limits(limits);
-    MeshDecoder::new().decode(&mut buffer, &mut mesh).map_err(|e| e.to_string())?;
+    MeshDecoder::new().decode(&mut buffer, &mut mesh).map_err(|e| broken(e.to_string()))?;
     let points = mesh.num_points();
     match mesh.faces().iter().flatten().find(|point| point.0 as usize >= points) {
-        Some(point) => Err(format!("a triangle has vertex {}, but there are {points}", point.0)),
+        Some(point) => Err(broken(format!("a triangle has vertex {}, but there are {points}", point.0))),
         None => Ok(mesh),
     }
 }

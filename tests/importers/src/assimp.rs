@@ -58,8 +58,8 @@ fn of_json(scene: &Value) -> Scene {
         let values = list(mesh, "vertices").iter().filter_map(Value::as_f64);
         let values: Vec<u32> = values.map(|v| (v as f32 + 0.0).to_bits()).collect();
         points.extend(values.chunks_exact(3).map(<[u32]>::to_vec));
-        let corners = list(mesh, "faces").iter().map(|f| f.as_array().map_or(0, Vec::len));
-        out.triangles += corners.map(|n| n.saturating_sub(2)).sum::<usize>();
+        let vertices = list(mesh, "faces").iter().map(|f| f.as_array().map_or(0, Vec::len));
+        out.triangles += vertices.map(|n| n.saturating_sub(2)).sum::<usize>();
         bones.extend(list(mesh, "bones").iter().filter_map(|b| b["name"].as_str()));
     }
     out.points = points.len();

@@ -5,13 +5,13 @@ use crate::{BUDGET_SECS, Section};
 use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Cell, Choice, Row, Table};
 use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_importer_kit_testing::export::SharedBytes;
 use choreo_motion::{FrameRate, Time};
 use choreo_plugin::{FloatFrame, FrameWish, IdMatte, OptionValue, Passes, Registry, VideoInfo};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer};
 use exr::prelude::{ReadChannels, ReadLayers};
 use std::cell::RefCell;
-use std::io::{Cursor, Write};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::io::Cursor;
 
 const SIZE: [u32; 2] = [320, 180];
 /// Steps a side of a pixel in the reference: each of its pixels has one name.
@@ -123,21 +123,6 @@ fn cryptomatte(moment: &Moment) -> Result<Choice, String> {
     Ok(choice)
 }
 
-/// A file in memory that is shared with its sink.
-#[derive(Clone, Default)]
-struct Shared(Arc<Mutex<Vec<u8>>>);
-
-impl Write for Shared {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
 /// The frame as a file with these options.
 fn encoded(
     registry: &Registry,
@@ -158,12 +143,11 @@ fn encoded(
         provenance: Vec::new(),
         options: given,
     };
-    let out = Shared::default();
+    let out = SharedBytes::default();
     let mut sink = exporter.begin(&info, Box::new(out.clone())).map_err(|e| e.to_string())?;
     sink.float_frame(frame).map_err(|e| e.to_string())?;
     sink.finish().map_err(|e| e.to_string())?;
-    let bytes = std::mem::take(&mut *out.0.lock().unwrap_or_else(PoisonError::into_inner));
-    Ok(bytes)
+    Ok(out.bytes())
 }
 
 /// The channels R, G and B of a file, one after the other.

@@ -4,11 +4,10 @@ use crate::{Section, scenes};
 use choreo_bench::moment::Moment;
 use choreo_bench::plots::{Choice, Row, quantity};
 use choreo_image_diff::flip;
+use choreo_importer_kit_testing::export::SharedBytes;
 use choreo_motion::{FrameRate, Time};
 use choreo_plugin::{Exporter, Frame, OptionValue, VideoInfo};
 use choreo_render::{CpuRenderer, Renderer};
-use std::io::Write;
-use std::sync::{Arc, Mutex, PoisonError};
 
 /// Options `colors` and `dither`; the last pair is the default.
 const WAYS: [(u32, f64); 8] =
@@ -89,19 +88,6 @@ fn off_by(frame: &Frame, back: &Frame, block: usize) -> (f64, f64) {
     (worst, sum / count)
 }
 
-#[derive(Clone, Default)]
-struct Bytes(Arc<Mutex<Vec<u8>>>);
-
-impl Write for Bytes {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
-        Ok(bytes.len())
-    }
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
-    }
-}
-
 fn encoded(frame: &Frame, colors: u32, dither: f64) -> Result<Vec<u8>, String> {
     let mut info = VideoInfo {
         width: frame.width,
@@ -113,13 +99,12 @@ fn encoded(frame: &Frame, colors: u32, dither: f64) -> Result<Vec<u8>, String> {
     };
     info.options.0.insert("colors".into(), OptionValue::Number(f64::from(colors)));
     info.options.0.insert("dither".into(), OptionValue::Number(dither));
-    let bytes = Bytes::default();
+    let bytes = SharedBytes::default();
     let sink = export_gif::GifExporter.begin(&info, Box::new(bytes.clone()));
     let mut sink = sink.map_err(|e| e.to_string())?;
     sink.frame(frame).map_err(|e| e.to_string())?;
-    let mut file = sink.finish().map_err(|e| e.to_string())?;
-    file.append(&mut bytes.0.lock().unwrap_or_else(PoisonError::into_inner));
-    Ok(file)
+    let head = sink.finish().map_err(|e| e.to_string())?;
+    Ok([head, bytes.bytes()].concat())
 }
 
 fn decoded(file: &[u8]) -> Result<Frame, String> {

@@ -36,9 +36,9 @@ impl Shapes {
                     triangles.extend(p.indices.chunks_exact(3).map(|t| [at(t[0]), at(t[1]), at(t[2])]));
                 }
             }
-            let corners = || triangles.iter().flatten().copied();
-            let min = corners().fold(DVec3::INFINITY, DVec3::min);
-            let max = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
+            let vertices = || triangles.iter().flatten().copied();
+            let min = vertices().fold(DVec3::INFINITY, DVec3::min);
+            let max = vertices().fold(DVec3::NEG_INFINITY, DVec3::max);
             shapes.push(Shape { min, max, triangles });
         }
         Shapes(shapes)

@@ -508,7 +508,7 @@ impl Writer {
 
     /// Writes a light.
     pub fn light(&mut self, light: &Light) {
-        let (number, parameters) = light.kind.hashed();
+        let (number, parameters) = light.kind.numbered();
         self.tag(number);
         parameters.into_iter().for_each(|v| self.f32(v));
         self.vec3(light.color);

@@ -4,9 +4,11 @@
 #[path = "unhurried.rs"]
 pub mod unhurried;
 
+use crate::common::choreo;
 use choreo_plugin::{ExportedScene, MemoryFiles, OptionValue};
 use choreo_script::{run_file, run_text};
 use choreo_stage::Stage;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -61,6 +63,25 @@ pub fn tolerance(metres: f64) -> [(&'static str, OptionValue); 1] {
 pub fn stage_of(lesson: &Path) -> Stage {
     let run = run_file(lesson, &choreo::registry(), &unhurried::unhurried());
     run.unwrap_or_else(|e| panic!("{}: {e:?}", lesson.display())).stage
+}
+
+/// Exports the scene with an effect, which no format has, as these arguments say: `a.rhai` in a folder. The summary as JSON states the
+/// largest error, where it is, and what is left out; the one for people states it, too.
+pub fn check_summaries(dir: &Path, as_json: &[&str], for_people: &[&str]) {
+    std::fs::write(dir.join("a.rhai"), format!("{SCENE}\neffect(\"vignette\");")).unwrap();
+    let export = |args: &[&str]| choreo(dir, &[&["export", "a.rhai", "-o"], args].concat());
+    let run = export(&[as_json, &["--tolerance", "0.001", "--json"]].concat());
+    assert_eq!(run.code, 0, "{}", run.err);
+    let printed: Value = serde_json::from_str(&run.out).unwrap();
+    let worst = &printed["worst_error"];
+    let metres = worst["metres"].as_f64().unwrap();
+    assert!(
+        metres > 1e-6 && metres < 1e-3 && worst["actor"].is_string() && worst["seconds"].is_f64(),
+        "{worst}"
+    );
+    assert!(printed["notes"][0].as_str().unwrap().contains("left out: effects"), "{}", printed["notes"]);
+    let run = export(for_people);
+    assert!(run.code == 0 && run.err.contains("largest error: "), "{}", run.err);
 }
 
 /// The files of an export, in memory and in a folder, where the main one is `out.EXTENSION`.

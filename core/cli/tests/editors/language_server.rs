@@ -927,69 +927,67 @@ fn every_offered_option_is_accepted() {
     assert!(offered > 300, "{offered}");
 }
 
-/// Neovim's own client, without a window: what it gets is printed by a script in Lua.
-#[test]
-fn neovim_shows_diagnostics_completion_and_hover() {
-    let version = std::process::Command::new("nvim").arg("--version").output();
-    if version.is_err() {
+/// Runs Neovim without a window on a script beside these files, until the session in Lua has written down what it is shown; `None`
+/// where it is not installed.
+fn neovim_session(text: &str, files: &[(&str, &str)], args: &[&str]) -> Option<String> {
+    if std::process::Command::new("nvim").arg("--version").output().is_err() {
         println!("SKIP 1: nvim is not installed (Debian package neovim)");
-        return;
+        return None;
     }
     let folder = project();
-    let text = format!("/* ä𝄞 */ {HEAD}hero.play(tri.clip(\"Slid\"));\n");
     std::fs::write(folder.path().join("scene.rhai"), text).unwrap();
-    std::fs::write(folder.path().join("session.lua"), include_str!("../common/session.lua")).unwrap();
+    files.iter().for_each(|(name, text)| std::fs::write(folder.path().join(name), text).unwrap());
+    let program = Path::new(env!("CARGO_BIN_EXE_choreo"));
+    let others = std::env::var("PATH").unwrap_or_default();
     let run = std::process::Command::new("nvim")
-        .args(["--headless", "--clean", "-n", "-c", "luafile session.lua"])
-        .env("CHOREO", env!("CARGO_BIN_EXE_choreo"))
+        .args(["--headless", "-n", "-c", "luafile session.lua"])
+        .args(args)
+        .env("CHOREO", program)
+        .env("PATH", format!("{}:{others}", program.parent().unwrap().display()))
         .env("CHOREO_PLUGINS", "")
         .current_dir(folder.path())
         .output()
         .unwrap();
     let shown = std::fs::read_to_string(folder.path().join("shown.txt"));
-    let shown = shown.unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&run.stderr)));
-    for expected in [
+    Some(shown.unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&run.stderr))))
+}
+
+#[track_caller]
+fn has_lines(shown: &str, beginnings: &[&str]) {
+    for expected in beginnings {
+        assert!(shown.lines().any(|line| line.starts_with(expected)), "{expected}:\n{shown}");
+    }
+}
+
+/// Neovim's own client: what it gets is printed by a script in Lua.
+#[test]
+fn neovim_shows_diagnostics_completion_and_hover() {
+    let text = format!("/* ä𝄞 */ {HEAD}hero.play(tri.clip(\"Slid\"));\n");
+    let files = [("session.lua", include_str!("../common/session.lua"))];
+    let Some(shown) = neovim_session(&text, &files, &["--clean"]) else { return };
+    let expected = [
         "diagnostic 3:20 unknown clip \"Slid\" in \"models/tri.gltf\"; did you mean \"Slide\"?",
         "item Slide 2.00 s, 60 frames at 30 fps",
         "hover Actor.play(clip, options?) → Cue",
-    ] {
-        assert!(shown.lines().any(|line| line.starts_with(expected)), "{expected}:\n{shown}");
-    }
+    ];
+    has_lines(&shown, &expected);
 }
 
 /// The settings that the page gives for Neovim, as `init.lua`.
 #[test]
 fn neovim_works_with_the_documented_settings() {
-    if std::process::Command::new("nvim").arg("--version").output().is_err() {
-        println!("SKIP 1: nvim is not installed (Debian package neovim)");
-        return;
-    }
     let page = include_str!("../../../language_server/README.md");
     let settings = page.split_once("**Neovim**").and_then(|(_, rest)| rest.split_once("```lua\n"));
     let (settings, _) = settings.and_then(|(_, rest)| rest.split_once("```")).expect("settings on the page");
-    let folder = project();
     let text = format!("{HEAD}hero.play(  tri.clip(\"Slid\"));\n");
-    std::fs::write(folder.path().join("scene.rhai"), text).unwrap();
-    std::fs::write(folder.path().join("init.lua"), settings).unwrap();
-    std::fs::write(folder.path().join("session.lua"), include_str!("../common/settings.lua")).unwrap();
-    let programs = Path::new(env!("CARGO_BIN_EXE_choreo")).parent().unwrap();
-    let others = std::env::var("PATH").unwrap_or_default();
-    let run = std::process::Command::new("nvim")
-        .args(["--headless", "-u", "init.lua", "-i", "NONE", "-n", "-c", "luafile session.lua"])
-        .env("PATH", format!("{}:{others}", programs.display()))
-        .env("CHOREO_PLUGINS", "")
-        .current_dir(folder.path())
-        .output()
-        .unwrap();
-    let shown = std::fs::read_to_string(folder.path().join("shown.txt"));
-    let shown = shown.unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(&run.stderr)));
-    for expected in [
+    let files = [("init.lua", settings), ("session.lua", include_str!("../common/settings.lua"))];
+    let Some(shown) = neovim_session(&text, &files, &["-u", "init.lua", "-i", "NONE"]) else { return };
+    let expected = [
         "diagnostic 3:22 unknown clip \"Slid\"",
         "item Slide",
         "0 diagnostics",
         "line hero.play(tri.clip(\"Slide\"));",
         "omnifunc v:lua.vim.lsp.omnifunc",
-    ] {
-        assert!(shown.lines().any(|line| line.starts_with(expected)), "{expected}:\n{shown}");
-    }
+    ];
+    has_lines(&shown, &expected);
 }

@@ -15,7 +15,7 @@ fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {
 
 const IMPORTER: &str = r#"
 fn manifest() {
-    #{ name: "dots", about: "corners of triangles", extensions: "dots", magic: "DOTS" }
+    #{ name: "dots", about: "vertices of triangles", extensions: "dots", magic: "DOTS" }
 }
 
 fn load(file) {

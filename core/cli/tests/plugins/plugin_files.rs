@@ -5,7 +5,7 @@ use std::path::Path;
 
 const IMPORTER: &str = r#"
 fn manifest() {
-    #{ name: "dots", about: "corners of triangles", extensions: "dots", magic: "DOTS",
+    #{ name: "dots", about: "vertices of triangles", extensions: "dots", magic: "DOTS",
        options: #{ scale: #{ value: 1.0, min: 0.1, max: 10.0, about: "metres a unit" } } }
 }
 
@@ -55,7 +55,7 @@ fn good(dir: &Path, args: &[&str]) -> String {
 fn plugins_beside_a_script_are_listed_and_checked() {
     let dir = prepared();
     let out = good(dir.path(), &["plugins"]);
-    assert!(out.contains("  dots         .dots          corners of triangles ("), "{out}");
+    assert!(out.contains("  dots         .dots          vertices of triangles ("), "{out}");
     assert!(out.contains("      scale          metres a unit (0.1 to 10, default 1)"), "{out}");
     assert!(out.contains("swap.wgsl)"), "{out}");
     good(dir.path(), &["check", "s.rhai"]);

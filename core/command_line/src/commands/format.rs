@@ -106,13 +106,7 @@ fn scripts(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 
 fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), Failure> {
     let failed = |e: std::io::Error| Failure::input(format!("{}: {}", shown(folder), reason(&e)));
-    let mut entries = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        entries.push((entry.file_name(), entry.file_type().map_err(failed)?));
-    }
-    entries.sort_by(|a, b| a.0.cmp(&b.0));
-    for (name, kind) in entries {
+    for (name, kind) in choreo_files::entries(folder).map_err(failed)? {
         let (path, name) = (folder.join(&name), name.to_string_lossy());
         let is_passed_over = name.starts_with('.') || matches!(&*name, "target" | "node_modules");
         // Links are not followed: what they lead to is found where it lies.

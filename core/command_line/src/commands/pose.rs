@@ -125,16 +125,16 @@ fn write_obj(stage: &Stage, snapshot: &Snapshot, out: &mut dyn Write) -> std::io
                 for n in &shape.normals {
                     writeln!(out, "vn {} {} {}", n.x, n.y, n.z)?;
                 }
-                let (letter, corners) = match primitive.topology {
+                let (letter, vertices) = match primitive.topology {
                     Topology::Triangles => ("f", 3),
                     Topology::Lines => ("l", 2),
                     Topology::Points => ("p", 1),
                 };
-                for element in primitive.indices.chunks_exact(corners) {
+                for element in primitive.indices.chunks_exact(vertices) {
                     write!(out, "{letter}")?;
                     for &index in element {
                         let index = index as usize;
-                        match corners == 3 && !shape.normals.is_empty() {
+                        match vertices == 3 && !shape.normals.is_empty() {
                             true => write!(out, " {}//{}", first + index, first_normal + index)?,
                             false => write!(out, " {}", first + index)?,
                         }

@@ -71,35 +71,52 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Row>, Failure> {
 
 type Values = BTreeMap<String, String>;
 
-fn of_csv(text: &str) -> Result<Vec<Values>, String> {
+/// A text that is no table.
+#[derive(Debug, thiserror::Error)]
+enum TableError {
+    #[error("it is no table: {0}")]
+    Csv(#[from] csv::Error),
+    #[error("it is not JSON: {0}")]
+    Json(#[from] serde_json::Error),
+    #[error("two columns are called \"{0}\"")]
+    Twice(String),
+    #[error("a column has no name; the first line names the parameters")]
+    NoName,
+    #[error("it is no array of objects, [{{\"name\": \"Zoe\"}}, …]")]
+    NoArray,
+    #[error("row {0}: it is no object")]
+    NoObject(usize),
+    #[error("row {0}: {1} is no text, number, true or false")]
+    Cell(usize, String),
+}
+
+fn of_csv(text: &str) -> Result<Vec<Values>, TableError> {
     let mut reader = csv::Reader::from_reader(text.as_bytes());
-    let failed = |e: csv::Error| format!("it is no table: {e}");
-    let names: Vec<String> =
-        reader.headers().map_err(failed)?.iter().map(|name| name.trim().to_string()).collect();
+    let names: Vec<String> = reader.headers()?.iter().map(|name| name.trim().to_string()).collect();
     if let Some(twice) = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name)) {
-        return Err(format!("two columns are called \"{}\"", twice.1));
+        return Err(TableError::Twice(twice.1.clone()));
     }
     if names.iter().any(String::is_empty) {
-        return Err("a column has no name; the first line names the parameters".into());
+        return Err(TableError::NoName);
     }
     let cells = |record: csv::StringRecord| {
         let cells = names.iter().cloned().zip(record.iter().map(str::to_string));
         cells.filter(|(_, value)| !value.is_empty()).collect()
     };
-    reader.records().map(|record| record.map(cells).map_err(failed)).collect()
+    reader.records().map(|record| Ok(cells(record?))).collect()
 }
 
-fn of_json(text: &str) -> Result<Vec<Values>, String> {
-    let value: Value = serde_json::from_str(text).map_err(|e| format!("it is not JSON: {e}"))?;
-    let rows = value.as_array().ok_or("it is no array of objects, [{\"name\": \"Zoe\"}, …]")?;
+fn of_json(text: &str) -> Result<Vec<Values>, TableError> {
+    let value: Value = serde_json::from_str(text)?;
+    let rows = value.as_array().ok_or(TableError::NoArray)?;
     let cell = |row: usize, name: &str, value: &Value| match value {
         Value::String(text) => Ok(text.clone()),
         Value::Number(number) => Ok(number.to_string()),
         Value::Bool(on) => Ok(on.to_string()),
-        _ => Err(format!("row {row}: {name} is no text, number, true or false")),
+        _ => Err(TableError::Cell(row, name.to_string())),
     };
     let row = |(number, row): (usize, &Value)| {
-        let fields = row.as_object().ok_or_else(|| format!("row {number}: it is no object"))?;
+        let fields = row.as_object().ok_or(TableError::NoObject(number))?;
         let given = fields.iter().filter(|(_, value)| !value.is_null());
         given.map(|(name, value)| Ok((name.clone(), cell(number, name, value)?))).collect()
     };
@@ -224,13 +241,13 @@ mod tests {
         for (text, what) in
             [("a,a\n1,2", "two columns are called \"a\""), ("a,\n1,2", "a column has no name")]
         {
-            assert!(of_csv(text).unwrap_err().contains(what), "{text}");
+            assert!(of_csv(text).unwrap_err().to_string().contains(what), "{text}");
         }
-        assert!(of_csv("a,b\n1,2,3").unwrap_err().contains("line: 2"));
+        assert!(of_csv("a,b\n1,2,3").unwrap_err().to_string().contains("line: 2"));
         for (text, what) in
             [("{}", "no array"), ("[1]", "row 1: it is no object"), ("[{\"a\": []}]", "row 1: a is no text")]
         {
-            assert!(of_json(text).unwrap_err().contains(what), "{text}");
+            assert!(of_json(text).unwrap_err().to_string().contains(what), "{text}");
         }
     }
 

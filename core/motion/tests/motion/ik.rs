@@ -1,41 +1,24 @@
 //! Inverse kinematics against forward kinematics.
 
+use crate::support::Random;
 use choreo_motion::ik::{Chain, ChainBone, Limit, Solver, TwoBone};
 use glam::{DQuat, DVec3};
 
-struct Numbers(u64);
-
-impl Numbers {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-    fn vec3(&mut self) -> DVec3 {
-        DVec3::new(self.next(), self.next(), self.next())
-    }
-    fn rotation(&mut self, most: f64) -> DQuat {
-        DQuat::from_axis_angle(self.vec3().normalize_or(DVec3::X), self.next() * most)
-    }
-}
-
 const SOLVERS: [Solver; 3] = [Solver::Ccd, Solver::Fabrik, Solver::LeastSquares];
 
-fn chain(n: &mut Numbers, count: usize, limit: Limit) -> Chain {
+fn chain(n: &mut Random, count: usize, limit: Limit) -> Chain {
     let bones = (0..count)
         .map(|_| {
-            let rotation = n.rotation(0.4);
-            ChainBone { rotation, rest: rotation, offset: DVec3::Y * (0.2 + 0.1 * n.next()), limit }
+            let rotation = n.turn(0.4);
+            ChainBone { rotation, rest: rotation, offset: DVec3::Y * (0.2 + 0.1 * n.signed64()), limit }
         })
         .collect();
-    Chain { origin: n.vec3(), parent: n.rotation(3.0), bones }
+    Chain { origin: n.vec3(), parent: n.turn(3.0), bones }
 }
 
 #[test]
 fn two_bones_reach_whatever_is_in_reach() {
-    let mut n = Numbers(1);
+    let mut n = Random(1);
     let mut reached = 0;
     for _ in 0..2000 {
         let [start, middle, end] = [n.vec3(), n.vec3(), n.vec3()];
@@ -127,7 +110,7 @@ fn elbows_do_not_jump_where_the_target_passes_through_the_shoulder() {
 
 #[test]
 fn elbows_go_to_the_side_of_the_pole() {
-    let mut n = Numbers(2);
+    let mut n = Random(2);
     for _ in 0..500 {
         let limb = TwoBone {
             start: DVec3::ZERO,
@@ -191,11 +174,12 @@ fn two_bones_in_every_bad_place() {
 #[test]
 fn chains_reach_what_is_in_reach() {
     for solver in SOLVERS {
-        let mut n = Numbers(5);
+        let mut n = Random(5);
         for case in 0..300 {
             let count = 2 + case % 9;
             let mut chain = chain(&mut n, count, Limit::Free);
-            let target = chain.origin + n.vec3().normalize() * chain.reach() * (0.45 + 0.4 * n.next().abs());
+            let target =
+                chain.origin + n.vec3().normalize() * chain.reach() * (0.45 + 0.4 * n.signed64().abs());
             // Two bones of unlike length cannot reach everywhere inside.
             let solved = chain.solve(target, solver, 500, 1e-6);
             assert!(solved.distance < 1e-5, "{solver:?}, case {case}, {count} bones: {solved:?}");
@@ -212,7 +196,7 @@ fn limits_hold_whatever_the_target() {
     ];
     for solver in SOLVERS {
         for limit in limits {
-            let mut n = Numbers(9);
+            let mut n = Random(9);
             for _ in 0..60 {
                 let mut chain = chain(&mut n, 5, limit);
                 let before = (chain.end() - chain.origin).length();
@@ -311,18 +295,18 @@ fn nearest_of_all(chain: &Chain, axes: &[DVec3], ranges: &[(f64, f64)], target: 
 fn limited_chains_come_to_the_nearest_place_that_limits_allow() {
     let mut worst_without = 0.0f64;
     for solver in SOLVERS {
-        let mut n = Numbers(21);
+        let mut n = Random(21);
         let mut short: Vec<f64> = Vec::new();
         for _ in 0..60 {
             let mut chain = chain(&mut n, 3, Limit::Free);
             let axes: Vec<DVec3> = (0..3).map(|_| n.vec3().normalize()).collect();
             let ranges: Vec<(f64, f64)> =
-                (0..3).map(|_| (-n.next().abs() * 1.5, n.next().abs() * 1.5)).collect();
+                (0..3).map(|_| (-n.signed64().abs() * 1.5, n.signed64().abs() * 1.5)).collect();
             for ((bone, axis), angle) in chain.bones.iter_mut().zip(&axes).zip(&ranges) {
                 bone.limit = Limit::Hinge { axis: *axis, angle: *angle };
             }
             let reach = chain.reach();
-            let target = chain.origin + n.vec3().normalize() * reach * (0.2 + 1.3 * n.next().abs());
+            let target = chain.origin + n.vec3().normalize() * reach * (0.2 + 1.3 * n.signed64().abs());
             let nearest = nearest_of_all(&chain, &axes, &ranges, target);
             worst_without = worst_without.max(((chain.end() - target).length() - nearest) / reach);
             let solved = chain.solve(target, solver, 24, 1e-5);
@@ -331,7 +315,8 @@ fn limited_chains_come_to_the_nearest_place_that_limits_allow() {
             for _ in 0..200 {
                 let mut other = chain.clone();
                 for (bone, axis) in other.bones.iter_mut().zip(&axes) {
-                    let turned = (bone.rotation * DQuat::from_axis_angle(*axis, 1e-3 * n.next())).normalize();
+                    let turned =
+                        (bone.rotation * DQuat::from_axis_angle(*axis, 1e-3 * n.signed64())).normalize();
                     bone.rotation = bone.limit.clamp(bone.rest, turned);
                 }
                 let gained = solved.distance - (other.end() - target).length();

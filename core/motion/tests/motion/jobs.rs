@@ -5,7 +5,7 @@ use choreo_motion::{
     Blend, BlendOnto, Clip, Crossfade, InputError, Interpolation, Level, LinearSkinning, LocalToModel, Morph,
     Path, Pose, RotationBlend, Sample, Skeleton, SkinMatrices, Time, Transform,
 };
-use glam::{Affine3A, DQuat, DVec3, Mat4, Quat, Vec3};
+use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat4, Quat, Vec3};
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -155,11 +155,7 @@ fn some_clip(random: &mut Random, joints: usize, scaled: bool) -> Clip {
 
 struct SkinCase {
     matrices: Vec<Affine3A>,
-    influences: usize,
-    joints: Vec<u16>,
-    weights: Vec<f32>,
-    positions: Vec<Vec3>,
-    normals: Vec<Vec3>,
+    mesh: SkinnedMesh,
 }
 
 impl SkinCase {
@@ -173,56 +169,33 @@ impl SkinCase {
                 Affine3A::from_scale_rotation_translation(scale, turn, Vec3::splat(random.signed()))
             })
             .collect();
-        let mut weights: Vec<f32> = (0..vertices * influences).map(|_| random.signed() + 1.01).collect();
-        for vertex in weights.chunks_mut(influences.max(1)) {
-            let sum: f32 = vertex.iter().sum();
-            vertex.iter_mut().for_each(|w| *w /= sum);
-        }
-        let mut vector = || Vec3::new(random.signed(), random.signed(), random.signed() + 1.5);
-        let positions = (0..vertices).map(|_| vector()).collect();
-        let normals = (0..vertices).map(|_| vector().normalize()).collect();
-        let joints = (0..vertices * influences).map(|_| random.below(7) as u16).collect();
-        SkinCase { matrices, influences, joints, weights, positions, normals }
+        SkinCase { matrices, mesh: SkinnedMesh::random(random, vertices, influences) }
     }
 
     fn run(&self, level: Level) -> (Vec<Vec3>, Vec<Vec3>) {
-        let mut out_positions = vec![Vec3::NAN; self.positions.len()];
-        let mut out_normals = vec![Vec3::NAN; self.normals.len()];
-        let mut job = LinearSkinning {
-            matrices: &self.matrices,
-            influences: self.influences,
-            joint_indices: &self.joints,
-            joint_weights: &self.weights,
-            positions: &self.positions,
-            normals: &self.normals,
-            out_positions: &mut out_positions,
-            out_normals: &mut out_normals,
-        };
-        job.check().unwrap();
-        job.run_on(level);
-        (out_positions, out_normals)
+        let mesh = &self.mesh;
+        mesh.skinned(|out_positions, out_normals| {
+            let mut job = LinearSkinning {
+                matrices: &self.matrices,
+                influences: mesh.influences,
+                joint_indices: &mesh.joints,
+                joint_weights: &mesh.weights,
+                positions: &mesh.positions,
+                normals: &mesh.normals,
+                out_positions,
+                out_normals,
+            };
+            job.check().unwrap();
+            job.run_on(level);
+        })
     }
 
     /// Worst distance from f64: Σ w M p, and the inverse transpose of Σ w M for normals.
     fn error(&self, positions: &[Vec3], normals: &[Vec3]) -> f64 {
-        let mut worst = 0.0f64;
-        for vertex in 0..self.positions.len() {
-            let mut m = glam::DMat4::ZERO;
-            for i in vertex * self.influences..(vertex + 1) * self.influences {
-                let joint = Mat4::from(self.matrices[usize::from(self.joints[i])]).as_dmat4();
-                m += joint * f64::from(self.weights[i]);
-            }
-            let position = (m * self.positions[vertex].as_dvec3().extend(1.0)).truncate();
-            worst = worst.max(position.distance(positions[vertex].as_dvec3()));
-            let normal = if self.influences == 0 {
-                self.normals[vertex].as_dvec3()
-            } else {
-                (glam::DMat3::from_mat4(m).inverse().transpose() * self.normals[vertex].as_dvec3())
-                    .normalize()
-            };
-            worst = worst.max(normal.distance(normals[vertex].as_dvec3()));
-        }
-        worst
+        self.mesh.error(positions, normals, |joints| {
+            let matrices = joints.iter().map(|(j, w)| Mat4::from(self.matrices[*j]).as_dmat4() * *w);
+            DAffine3::from_mat4(matrices.sum())
+        })
     }
 }
 
@@ -247,7 +220,7 @@ fn scale_zero_keeps_the_normal() {
     case.matrices.fill(Affine3A::from_scale(Vec3::ZERO));
     let (positions, normals) = case.run(Level::best());
     assert!(positions.iter().all(|p| *p == Vec3::ZERO));
-    assert_eq!(normals, case.normals);
+    assert_eq!(normals, case.mesh.normals);
 }
 
 #[test]
@@ -415,15 +388,15 @@ fn bad_fields_are_named() {
     let job = Morph { targets: &[&[]], weights: &[f32::INFINITY], values: &mut values };
     assert_eq!(said(job.check()), "`Morph.weights[0]` is inf, must be finite");
     let mut case = SkinCase::random(&mut Random(1), 2, 4, false);
-    case.joints[5] = 99;
-    let (mut p, mut n) = (case.positions.clone(), case.normals.clone());
+    case.mesh.joints[5] = 99;
+    let (mut p, mut n) = (case.mesh.positions.clone(), case.mesh.normals.clone());
     let job = LinearSkinning {
         matrices: &case.matrices,
         influences: 4,
-        joint_indices: &case.joints,
-        joint_weights: &case.weights,
-        positions: &case.positions,
-        normals: &case.normals,
+        joint_indices: &case.mesh.joints,
+        joint_weights: &case.mesh.weights,
+        positions: &case.mesh.positions,
+        normals: &case.mesh.normals,
         out_positions: &mut p,
         out_normals: &mut n,
     };

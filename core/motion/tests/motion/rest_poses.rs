@@ -1,5 +1,6 @@
 //! Clips carried between skeletons that rest with other axes and sizes: every bone must turn in the world as it did.
 
+use crate::support::Random;
 use choreo_motion::{
     Clip, Curve, ExpressionCurve, HumanBone, Humanoid, Interpolation, LocalToModel, Path, Pose, Sample,
     Skeleton, Time, Transform, bind_clip,
@@ -13,30 +14,21 @@ const CHAIN: [(&str, HumanBone); 4] = [
     ("head", HumanBone::Head),
 ];
 
-/// SplitMix64 as -1..1.
-fn random(state: &mut u64) -> f32 {
-    *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 23) as f32 - 1.0
-}
-
-fn turn(state: &mut u64) -> Quat {
-    let mut next = || random(state);
+fn turn(random: &mut Random) -> Quat {
+    let mut next = || random.signed();
     Quat::from_xyzw(next(), next(), next(), next() + 1.5).normalize()
 }
 
 /// A root and a chain on it; at rest the hips stand `height` above the origin whatever the root's axes.
 fn body(names: [&str; 4], seed: u64, height: f32, declared: bool) -> Skeleton {
-    let state = &mut { seed };
-    let root = Transform { rotation: turn(state), ..Transform::IDENTITY };
+    let random = &mut Random(seed);
+    let root = Transform { rotation: turn(random), ..Transform::IDENTITY };
     let hips_at = root.rotation.conjugate() * Vec3::new(0.1, height, 0.0);
     let mut rest =
-        vec![root, Transform { translation: hips_at, rotation: turn(state), ..Transform::IDENTITY }];
+        vec![root, Transform { translation: hips_at, rotation: turn(random), ..Transform::IDENTITY }];
     for _ in 1..4 {
-        let translation = Vec3::new(random(state), random(state), random(state));
-        rest.push(Transform { translation, rotation: turn(state), ..Transform::IDENTITY });
+        let translation = Vec3::new(random.signed(), random.signed(), random.signed());
+        rest.push(Transform { translation, rotation: turn(random), ..Transform::IDENTITY });
     }
     let all = std::iter::once("root").chain(names).map(str::to_string).collect();
     let skeleton = Skeleton::new(all, vec![None, Some(0), Some(1), Some(2), Some(3)], rest).unwrap();
@@ -48,15 +40,15 @@ fn body(names: [&str; 4], seed: u64, height: f32, declared: bool) -> Skeleton {
 }
 
 fn clip(from: &Skeleton, seed: u64) -> Clip {
-    let state = &mut { seed };
+    let random = &mut Random(seed);
     let times: Vec<Time> = [0.0, 0.4, 1.0].map(Time::from_secs).to_vec();
     let mut curves = Vec::new();
     for joint in 1..5 {
-        let keys = (0..3).flat_map(|_| turn(state).to_array()).collect();
+        let keys = (0..3).flat_map(|_| turn(random).to_array()).collect();
         let (times, interpolation) = (times.clone().into(), Interpolation::Linear);
         curves.push(Curve { joint, path: Path::Rotation, interpolation, times, values: keys });
         // Places of the hips, and lengths of other bones, which must not be carried.
-        let keys = (0..9).map(|_| random(state)).collect();
+        let keys = (0..9).map(|_| random.signed()).collect();
         let times = curves[0].times.clone();
         curves.push(Curve { joint, path: Path::Translation, interpolation, times, values: keys });
     }
@@ -138,8 +130,8 @@ fn a_t_pose_of_its_own_counts_instead_of_the_rest_pose() {
     let resting_in_t = body(["a", "b", "c", "d"], 4, 1.0, true);
     // The same body at rest in another pose, its T-pose said.
     let mut rest = resting_in_t.rest().to_vec();
-    let state = &mut 9;
-    rest.iter_mut().for_each(|r| r.rotation = turn(state));
+    let random = &mut Random(9);
+    rest.iter_mut().for_each(|r| r.rotation = turn(random));
     let (names, parents) = (resting_in_t.names().to_vec(), resting_in_t.parents().to_vec());
     let humanoid = resting_in_t.humanoid().unwrap().clone().with_t_pose(resting_in_t.rest().to_vec());
     let other = Skeleton::new(names, parents, rest).unwrap();

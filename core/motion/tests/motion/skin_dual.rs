@@ -1,17 +1,13 @@
 //! Dual-quaternion skinning against the same formulas in f64, which the unit tests hold to closed forms.
 
-use crate::support::Random;
+use crate::support::{Random, SkinnedMesh};
 use choreo_motion::{DualQuaternion, DualQuaternionSkinning, Level, StretchedDualQuaternion, stretch_matrix};
-use glam::{Affine3A, DAffine3, DMat3, DQuat, DVec3, Vec3};
+use glam::{Affine3A, DAffine3, DQuat, DVec3, Vec3};
 
 struct Case {
     carriers: Vec<StretchedDualQuaternion>,
     stretched: bool,
-    influences: usize,
-    joints: Vec<u16>,
-    weights: Vec<f32>,
-    positions: Vec<Vec3>,
-    normals: Vec<Vec3>,
+    mesh: SkinnedMesh,
 }
 
 impl Case {
@@ -36,54 +32,37 @@ impl Case {
                 StretchedDualQuaternion::of(map)
             })
             .collect();
-        let mut weights: Vec<f32> = (0..vertices * influences).map(|_| random.signed() + 1.01).collect();
-        for vertex in weights.chunks_mut(influences.max(1)) {
-            let sum: f32 = vertex.iter().sum();
-            vertex.iter_mut().for_each(|w| *w /= sum);
-        }
-        let mut vector = || Vec3::new(random.signed(), random.signed(), random.signed() + 1.5);
-        let positions = (0..vertices).map(|_| vector()).collect();
-        let normals = (0..vertices).map(|_| vector().normalize()).collect();
-        let joints = (0..vertices * influences).map(|_| random.below(7) as u16).collect();
-        Case { carriers, stretched: stretched || mirrored, influences, joints, weights, positions, normals }
+        let mesh = SkinnedMesh::random(random, vertices, influences);
+        Case { carriers, stretched: stretched || mirrored, mesh }
     }
 
     fn run(&self, level: Level) -> (Vec<Vec3>, Vec<Vec3>) {
         let motions: Vec<DualQuaternion> = self.carriers.iter().map(DualQuaternion::from).collect();
         let stretches: Vec<Affine3A> = self.carriers.iter().map(stretch_matrix).collect();
-        let mut out_positions = vec![Vec3::NAN; self.positions.len()];
-        let mut out_normals = vec![Vec3::NAN; self.normals.len()];
-        let mut job = DualQuaternionSkinning {
-            motions: &motions,
-            stretches: if self.stretched { &stretches } else { &[] },
-            influences: self.influences,
-            joint_indices: &self.joints,
-            joint_weights: &self.weights,
-            positions: &self.positions,
-            normals: &self.normals,
-            out_positions: &mut out_positions,
-            out_normals: &mut out_normals,
-        };
-        job.check().unwrap();
-        job.run_on(level);
-        (out_positions, out_normals)
+        let mesh = &self.mesh;
+        mesh.skinned(|out_positions, out_normals| {
+            let mut job = DualQuaternionSkinning {
+                motions: &motions,
+                stretches: if self.stretched { &stretches } else { &[] },
+                influences: mesh.influences,
+                joint_indices: &mesh.joints,
+                joint_weights: &mesh.weights,
+                positions: &mesh.positions,
+                normals: &mesh.normals,
+                out_positions,
+                out_normals,
+            };
+            job.check().unwrap();
+            job.run_on(level);
+        })
     }
 
     /// Worst distance from f64.
     fn error(&self, positions: &[Vec3], normals: &[Vec3]) -> f64 {
-        let mut worst = 0.0f64;
-        for vertex in 0..self.positions.len() {
-            let range = vertex * self.influences..(vertex + 1) * self.influences;
-            let influences = self.joints[range.clone()].iter().zip(&self.weights[range]);
-            let influences = influences.map(|(j, w)| (&self.carriers[usize::from(*j)], f64::from(*w)));
-            let map = StretchedDualQuaternion::blend(influences);
-            let position = map.transform_point3(self.positions[vertex].as_dvec3());
-            worst = worst.max(position.distance(positions[vertex].as_dvec3()));
-            let inverse: DMat3 = map.matrix3.inverse().transpose();
-            let normal = (inverse * self.normals[vertex].as_dvec3()).normalize();
-            worst = worst.max(normal.distance(normals[vertex].as_dvec3()));
-        }
-        worst
+        self.mesh.error(positions, normals, |joints| {
+            let influences = joints.iter().map(|(joint, weight)| (&self.carriers[*joint], *weight));
+            StretchedDualQuaternion::blend(influences)
+        })
     }
 }
 
@@ -121,13 +100,13 @@ fn the_comparison_sees_a_planted_fault() {
 #[test]
 fn the_order_of_influences_does_not_matter() {
     let mut case = Case::random(&mut Random(8), 64, 4, false, false);
-    case.weights.chunks_mut(4).for_each(|w| {
+    case.mesh.weights.chunks_mut(4).for_each(|w| {
         w[2] += w[3];
         w[3] = 0.0;
     });
     let (positions, _) = case.run(Level::best());
-    case.joints.chunks_mut(4).for_each(|j| j.reverse());
-    case.weights.chunks_mut(4).for_each(|w| w.reverse());
+    case.mesh.joints.chunks_mut(4).for_each(|j| j.reverse());
+    case.mesh.weights.chunks_mut(4).for_each(|w| w.reverse());
     let (reversed, _) = case.run(Level::best());
     for (a, b) in positions.iter().zip(&reversed) {
         assert!(a.distance(*b) < 1e-5, "{a} {b}");
@@ -137,9 +116,9 @@ fn the_order_of_influences_does_not_matter() {
 #[test]
 fn vertices_without_weight_stay_and_bad_input_is_named() {
     let mut case = Case::random(&mut Random(3), 9, 4, false, false);
-    case.weights.fill(0.0);
+    case.mesh.weights.fill(0.0);
     let (positions, normals) = case.run(Level::best());
-    assert_eq!(positions, case.positions);
+    assert_eq!(positions, case.mesh.positions);
     assert!(normals.iter().all(|n| n.is_finite()));
     let mut out = [Vec3::ZERO];
     let job = DualQuaternionSkinning {

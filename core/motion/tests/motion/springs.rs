@@ -1,32 +1,11 @@
 //! Spring bones against closed forms, energy, finer steps, and everything that goes wrong.
 
+use crate::support::Random;
 use choreo_motion::spring::{
     BoneState, Drive, RigBone, SpringBone, SpringRig, SpringScratch, SpringState, SpringStep,
 };
 use choreo_motion::{Skeleton, Transform};
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Vec3};
-
-/// splitmix64, −1..1.
-struct Numbers(u64);
-
-impl Numbers {
-    fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-    fn vec3(&mut self) -> DVec3 {
-        DVec3::new(self.next(), self.next(), self.next())
-    }
-    fn direction(&mut self) -> DVec3 {
-        self.vec3().normalize_or(DVec3::X)
-    }
-    fn power(&mut self, low: f64, high: f64) -> f64 {
-        libm::pow(10.0, low + (high - low) * (self.next() * 0.5 + 0.5))
-    }
-}
 
 fn still(target: DVec3) -> Drive {
     let zero = DVec3::ZERO;
@@ -86,7 +65,7 @@ fn swing(start: f64, frequency: f64, ratio: f64, t: f64) -> f64 {
 /// With gravity, in vacuum, at any step, the energy of a bone whose head and target rest never grows.
 #[test]
 fn free_damped_motion_never_gains_energy() {
-    let mut n = Numbers(7);
+    let mut n = Random(7);
     for case in 0..4000 {
         let bone = SpringBone {
             stiffness: n.power(-3.0, 12.0),
@@ -163,9 +142,9 @@ fn an_undamped_swing_under_a_load_is_as_wide_after_a_minute() {
         }
     }
     // With a spring and gravity across it, in all directions.
-    let mut n = Numbers(7);
+    let mut n = Random(7);
     for _ in 0..20 {
-        let bone = SpringBone::new(0.5 + n.next().abs(), 0.0);
+        let bone = SpringBone::new(0.5 + n.signed64().abs(), 0.0);
         let drive = Drive { gravity: n.vec3() * 20.0, ..still(n.direction()) };
         let mut state = at(n.direction(), &drive);
         let energy = bone.energy(&state, &drive);
@@ -218,7 +197,7 @@ fn converges_to_a_thousand_times_finer_steps() {
 
 #[test]
 fn settles_where_it_stays() {
-    let mut n = Numbers(3);
+    let mut n = Random(3);
     for _ in 0..200 {
         let bone = SpringBone::new(n.power(-1.0, 1.0), 0.3);
         let drive = Drive { gravity: n.direction() * 9.81, wind: n.vec3() * 5.0, ..still(n.direction()) };

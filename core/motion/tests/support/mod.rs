@@ -1,8 +1,13 @@
 //! Independent f64 evaluation of curves (glTF 2.0 §3.11 and Appendix C, written from the text), and random clips.
 #![allow(dead_code, reason = "each test file uses a part")]
 
+mod random;
+mod skinned_mesh;
+
 use choreo_motion::{Curve, Interpolation, Path, Skeleton, Time, Transform};
 use glam::{DAffine3, DQuat, DVec3, Quat, Vec3};
+pub use random::Random;
+pub use skinned_mesh::SkinnedMesh;
 
 pub fn times(secs: &[f64]) -> std::sync::Arc<[Time]> {
     secs.iter().map(|s| Time::from_secs(*s)).collect()
@@ -95,35 +100,6 @@ pub fn degrees_between(a: [f64; 4], b: [f64; 4]) -> f64 {
 
 pub fn quat64(q: Quat) -> [f64; 4] {
     q.to_array().map(f64::from)
-}
-
-/// splitmix64: the same numbers everywhere.
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-    pub fn below(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
-    }
-    /// -1..1
-    pub fn signed(&mut self) -> f32 {
-        (self.next() >> 40) as f32 / (1u64 << 23) as f32 - 1.0
-    }
-    pub fn rotation(&mut self) -> [f32; 4] {
-        loop {
-            let q = [self.signed(), self.signed(), self.signed(), self.signed()];
-            let length = q.iter().map(|c| c * c).sum::<f32>().sqrt();
-            if length > 0.1 {
-                return q.map(|c| c / length);
-            }
-        }
-    }
 }
 
 /// A chain of `joints`, or a tree where `random` picks parents.

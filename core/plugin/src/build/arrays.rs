@@ -38,12 +38,12 @@ pub(super) fn taken(data: &mut MeshData) -> Result<Primitive> {
         ([], false) => std::mem::take(&mut data.indices),
         (parts, _) => parts.iter().flat_map(|part| &part.indices).copied().collect(),
     };
-    let (corners, each) = match data.topology {
+    let (vertices_each, each) = match data.topology {
         Topology::Triangles => (3, "three for each triangle"),
         Topology::Lines => (2, "two for each line"),
         Topology::Points => (1, ""),
     };
-    if !indices.len().is_multiple_of(corners) {
+    if !indices.len().is_multiple_of(vertices_each) {
         return fail(format!("{what} must be {each}, got {}", indices.len()));
     }
     if let Some(at) = indices.iter().position(|i| *i as usize >= vertices) {

@@ -174,7 +174,23 @@ variants! {
     AlphaMode { 0 Opaque, 1 Mask(cutoff), 2 Blend }
     Projection { 0 Perspective { yfov, near, far }, 1 Orthographic { height, near, far } }
     ImageFileFormat { 0 Png, 1 Jpeg, 2 WebP }
-    LightKind { 0 Directional, 1 Point, 2 Spot { inner, outer } }
+}
+
+impl Transfer for LightKind {
+    fn write(&self, out: &mut Written) {
+        let (number, parameters) = self.numbered();
+        number.write(out);
+        parameters.iter().for_each(|parameter| parameter.write(out));
+    }
+    fn read(from: &mut Bytes<'_>) -> Result<LightKind> {
+        let number = u8::read(from)?;
+        let kind = LightKind::ALL.get(usize::from(number)).copied();
+        let mut kind = kind.ok_or_else(|| from.wrong(format!("LightKind has no variant {number}")))?;
+        for parameter in kind.parameters_mut() {
+            *parameter = f32::read(from)?;
+        }
+        Ok(kind)
+    }
 }
 
 #[cfg(test)]

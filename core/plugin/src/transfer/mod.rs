@@ -8,7 +8,7 @@ mod scene;
 
 pub use asset::missing_parts;
 pub use request::{ExportReply, ExportRequest, ImportReply, ImportRequest};
-pub use scene::{TransferredScene, snapshot_bytes};
+pub use scene::{NoAsset, TransferredScene, snapshot_bytes};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

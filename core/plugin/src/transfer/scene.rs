@@ -28,6 +28,21 @@ pub struct TransferredScene {
     cameras: Vec<String>,
 }
 
+/// A scene with an actor that has no asset.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NoAsset {
+    /// The actor's name.
+    pub actor: String,
+}
+
+impl std::fmt::Display for NoAsset {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "actor \"{}\" has no asset", self.actor)
+    }
+}
+
+impl std::error::Error for NoAsset {}
+
 impl TransferredScene {
     /// The parts of a scene.
     pub fn new(scene: &ExportedScene) -> TransferredScene {
@@ -61,13 +76,13 @@ impl TransferredScene {
     ///
     /// # Errors
     /// An actor without an asset.
-    pub fn into_scene(self, snapshots: fn(Time) -> Snapshot) -> std::result::Result<ExportedScene, String> {
+    pub fn into_scene(self, snapshots: fn(Time) -> Snapshot) -> std::result::Result<ExportedScene, NoAsset> {
         let mut stage = Stage::default();
         stage.settings.size = self.size;
         stage.settings.fps = self.stage_fps;
         stage.settings.length = self.length;
         for (name, asset) in self.actors {
-            let asset = self.assets.get(asset).ok_or_else(|| format!("actor \"{name}\" has no asset"))?;
+            let asset = self.assets.get(asset).ok_or_else(|| NoAsset { actor: name.clone() })?;
             stage.cast(&name, asset.clone());
         }
         let camera = |name: String| Camera { name, ..Camera::default() };

@@ -266,7 +266,7 @@ impl CpuRenderer {
         let batch = |part: &OverlayPart| {
             let (first, count) = (part.first as usize, part.count as usize);
             let drawn = &plan.overlay.vertices[first..first + count];
-            let (vertices, indices) = (overlay::corners(drawn), Vec::from_iter(0..part.count));
+            let (vertices, indices) = (overlay::vertices(drawn), Vec::from_iter(0..part.count));
             let assembly = Assembly { vertices: &vertices, indices: &indices, pipeline, size: plan.size };
             let triangles = assembly.run();
             let paint = Paint::Overlay { vertices: drawn, over: part.over };

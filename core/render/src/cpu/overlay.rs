@@ -7,8 +7,8 @@ use crate::plan::OverlayVertex;
 use glam::{Vec3, Vec4};
 
 /// Vertices of an overlay for the assembly of triangles.
-pub fn corners(vertices: &[OverlayVertex]) -> Vec<Vertex> {
-    let corner = |v: &OverlayVertex| Vertex {
+pub fn vertices(overlay: &[OverlayVertex]) -> Vec<Vertex> {
+    let vertex = |v: &OverlayVertex| Vertex {
         clip: v.clip,
         relative: Vec3::ZERO,
         normal: Vec3::ZERO,
@@ -16,7 +16,7 @@ pub fn corners(vertices: &[OverlayVertex]) -> Vec<Vertex> {
         scale: 0.0,
         joints: Vec3::ZERO,
     };
-    vertices.iter().map(corner).collect()
+    overlay.iter().map(vertex).collect()
 }
 
 pub fn shade(vertices: &[OverlayVertex], ids: [u32; 3], weights: &Weights) -> Shaded {

@@ -171,9 +171,9 @@ fn weights(triangle: &Triangle, at: Vec2) -> [f32; 3] {
 impl DrawnCopy<'_> {
     /// Normal and depth.
     fn surface(&self, plan: &Plan, triangle: &Triangle, weights: [f32; 3]) -> Vec4 {
-        let corners = triangle.vertices.map(|v| &self.batch.vertices[v as usize]);
+        let vertices = triangle.vertices.map(|v| &self.batch.vertices[v as usize]);
         let mixed = |of: [Vec3; 3]| of[0] * weights[0] + of[1] * weights[1] + of[2] * weights[2];
-        let places = corners.map(|v| v.relative);
+        let places = vertices.map(|v| v.relative);
         let relative = mixed(places);
         let eye = plan.view.eye;
         let depth = match eye.w > 0.5 {
@@ -186,7 +186,7 @@ impl DrawnCopy<'_> {
         };
         let normal = match features.has_normals() {
             true => {
-                let n = unit(mixed(corners.map(|v| v.normal)));
+                let n = unit(mixed(vertices.map(|v| v.normal)));
                 if double_sided && !triangle.front { -n } else { n }
             }
             // A mesh without normals has those of its triangles.

@@ -48,7 +48,7 @@ pub(crate) fn hausdorff_distance(fine: Surface, coarse: Surface) -> f32 {
     let few = coarse.indices.chunks_exact(3).step_by(CHUNK / 8).fold(few, of_triangle);
     let vertices = used.par_chunks(CHUNK).map(|vertices| vertices.iter().fold(few, of_vertex));
     let triangles = coarse.indices.par_chunks(3 * CHUNK);
-    let triangles = triangles.map(|corners| corners.chunks_exact(3).fold(few, of_triangle));
+    let triangles = triangles.map(|vertices| vertices.chunks_exact(3).fold(few, of_triangle));
     vertices.chain(triangles).reduce(|| 0.0, f32::max).sqrt()
 }
 

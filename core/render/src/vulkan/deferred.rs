@@ -2,8 +2,9 @@
 
 use super::context::Context;
 use super::descriptors::{Layouts, Pools, write_buffer, write_image};
-use super::execute::{Execution, to_color, to_depth};
+use super::execute::{Execution, color_attachment, depth_attachment, to_color, to_depth};
 use super::frame_in_flight::FrameInFlight;
+use super::memory::Image;
 use super::{Ability, VulkanRenderer};
 use crate::commands::{Cull, RecordOptions};
 use crate::error::RenderError;
@@ -103,32 +104,10 @@ impl Execution<'_> {
         let mut barriers: Vec<_> = targets.kept.iter().map(to_color).collect();
         barriers.push(to_depth(depth));
         self.barriers(&barriers);
-        let kept = |view| {
-            vk::RenderingAttachmentInfo::default()
-                .image_view(view)
-                .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
-                .load_op(vk::AttachmentLoadOp::DONT_CARE)
-                .store_op(vk::AttachmentStoreOp::STORE)
-        };
-        let colors: Vec<_> = targets.kept.iter().map(|image| kept(image.view)).collect();
-        // Reversed Z: 0 is infinitely far.
-        let far = vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 };
-        let depth = vk::RenderingAttachmentInfo::default()
-            .image_view(depth.view)
-            .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
-            .load_op(vk::AttachmentLoadOp::CLEAR)
-            .store_op(vk::AttachmentStoreOp::STORE)
-            .clear_value(vk::ClearValue { depth_stencil: far });
-        let [width, height] = targets.needs.size;
-        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
-        let info = vk::RenderingInfo::default()
-            .render_area(area)
-            .layer_count(1)
-            .color_attachments(&colors)
-            .depth_attachment(&depth);
-        // SAFETY: the command buffer is being recorded, outside a pass; the attachments are in the layouts named.
-        unsafe { self.gpu.device.cmd_begin_rendering(self.slot.commands, &info) };
-        self.set_area([0; 2], [width, height]);
+        use vk::{AttachmentLoadOp as Load, AttachmentStoreOp as Store};
+        let color = |image: &Image| color_attachment(image.view, Load::DONT_CARE, Store::STORE);
+        let colors: Vec<_> = targets.kept.iter().map(color).collect();
+        self.begin(&colors, Some(&depth_attachment(depth, Load::CLEAR, Store::STORE)), None);
         Ok(())
     }
 

@@ -242,13 +242,8 @@ impl Execution<'_> {
         let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
         let barrier = to_depth(&target.image);
         self.barriers(&[barrier.src_stage_mask(barrier.src_stage_mask | read)]);
-        let far = vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 };
-        let depth = vk::RenderingAttachmentInfo::default()
-            .image_view(target.image.view)
-            .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
-            .load_op(vk::AttachmentLoadOp::CLEAR)
-            .store_op(vk::AttachmentStoreOp::STORE)
-            .clear_value(vk::ClearValue { depth_stencil: far });
+        let depth =
+            depth_attachment(&target.image, vk::AttachmentLoadOp::CLEAR, vk::AttachmentStoreOp::STORE);
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
         let info = vk::RenderingInfo::default().render_area(area).layer_count(1).depth_attachment(&depth);
         // SAFETY: the command buffer is being recorded, outside a pass; the image is in the layout named.
@@ -289,22 +284,15 @@ impl Execution<'_> {
         let resumed = matches!(part, PassPart::AfterCopy | PassPart::AfterLayers);
         let goes_on = matches!(part, PassPart::UntilCopy | PassPart::UntilLayers);
         self.begin_scene_barriers(resolved, clear.is_some() && area.is_none(), resumed, after_geometry);
-        let load = if clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD };
+        use vk::{AttachmentLoadOp as Load, AttachmentStoreOp as Store};
+        let load = if clear.is_some() { Load::CLEAR } else { Load::LOAD };
         let float32 = clear.unwrap_or_default().to_array();
         let clear = vk::ClearValue { color: vk::ClearColorValue { float32 } };
-        let mut color = vk::RenderingAttachmentInfo::default()
-            .image_view(multisampled.unwrap_or(resolved).view)
-            .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
-            .load_op(load)
-            .store_op(vk::AttachmentStoreOp::STORE)
-            .clear_value(clear);
+        let view = multisampled.unwrap_or(resolved).view;
+        let mut color = color_attachment(view, load, Store::STORE).clear_value(clear);
         if multisampled.is_some() {
             color = color
-                .store_op(if goes_on {
-                    vk::AttachmentStoreOp::STORE
-                } else {
-                    vk::AttachmentStoreOp::DONT_CARE
-                })
+                .store_op(if goes_on { Store::STORE } else { Store::DONT_CARE })
                 .resolve_mode(vk::ResolveModeFlags::AVERAGE)
                 .resolve_image_view(resolved.view)
                 .resolve_image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
@@ -312,21 +300,10 @@ impl Execution<'_> {
                 color = color.resolve_mode(vk::ResolveModeFlags::NONE);
             }
         }
-        // Reversed Z: 0 is infinitely far.
-        let far = vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 };
-        let depth = self.targets.depth.as_ref().map(|image| {
-            vk::RenderingAttachmentInfo::default()
-                .image_view(image.view)
-                .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
-                .load_op(if resumed || after_geometry {
-                    vk::AttachmentLoadOp::LOAD
-                } else {
-                    vk::AttachmentLoadOp::CLEAR
-                })
-                .store_op(if kept { vk::AttachmentStoreOp::STORE } else { vk::AttachmentStoreOp::DONT_CARE })
-                .clear_value(vk::ClearValue { depth_stencil: far })
-        });
-        self.begin(Some(&color), depth.as_ref(), area);
+        let load = if resumed || after_geometry { Load::LOAD } else { Load::CLEAR };
+        let store = if kept { Store::STORE } else { Store::DONT_CARE };
+        let depth = self.targets.depth.as_ref().map(|image| depth_attachment(image, load, store));
+        self.begin(&[color], depth.as_ref(), area);
     }
 
     /// Puts the images of a scene's pass into their layouts. `clears_all`: the pass clears the whole image; `resumed`: it goes on
@@ -368,7 +345,7 @@ impl Execution<'_> {
 
     pub(super) fn begin(
         &self,
-        color: Option<&vk::RenderingAttachmentInfo<'_>>,
+        colors: &[vk::RenderingAttachmentInfo<'_>],
         depth: Option<&vk::RenderingAttachmentInfo<'_>>,
         part: Option<[u32; 4]>,
     ) {
@@ -376,9 +353,8 @@ impl Execution<'_> {
         let [x, y, w, h] = part.unwrap_or([0, 0, width, height]);
         let offset = vk::Offset2D { x: x as i32, y: y as i32 };
         let area = vk::Rect2D { offset, extent: vk::Extent2D { width: w, height: h } };
-        let colors = Vec::from_iter(color.copied());
         let mut info =
-            vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colors);
+            vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(colors);
         if let Some(depth) = depth {
             info = info.depth_attachment(depth);
         }
@@ -414,12 +390,9 @@ impl Execution<'_> {
             true => self.barriers(&[from_color(from), to_color(target)]),
             false => self.barriers(&[to_color(target)]),
         }
-        let color = vk::RenderingAttachmentInfo::default()
-            .image_view(target.view)
-            .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
-            .load_op(vk::AttachmentLoadOp::DONT_CARE)
-            .store_op(vk::AttachmentStoreOp::STORE);
-        self.begin(Some(&color), None, Some([0, 0, *w, *h]));
+        let color =
+            color_attachment(target.view, vk::AttachmentLoadOp::DONT_CARE, vk::AttachmentStoreOp::STORE);
+        self.begin(&[color], None, Some([0, 0, *w, *h]));
         self.set_cull(Cull::None);
         self.bind_pipeline(pipeline);
         self.bind_set(self.pipelines.post_layout, 0, set);
@@ -513,14 +486,53 @@ pub(super) fn to_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
         .new_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
 }
 
-pub(super) fn to_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
-    let stages = vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS;
+/// An image that a pass draws to; `load` and `store` decide about its contents.
+pub(super) fn color_attachment(
+    view: vk::ImageView,
+    load: vk::AttachmentLoadOp,
+    store: vk::AttachmentStoreOp,
+) -> vk::RenderingAttachmentInfo<'static> {
+    vk::RenderingAttachmentInfo::default()
+        .image_view(view)
+        .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+        .load_op(load)
+        .store_op(store)
+}
+
+/// The depth of a pass; cleared, it is infinitely far.
+pub(super) fn depth_attachment(
+    image: &Image,
+    load: vk::AttachmentLoadOp,
+    store: vk::AttachmentStoreOp,
+) -> vk::RenderingAttachmentInfo<'static> {
+    // Reversed Z: 0 is infinitely far.
+    let far = vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 };
+    vk::RenderingAttachmentInfo::default()
+        .image_view(image.view)
+        .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
+        .load_op(load)
+        .store_op(store)
+        .clear_value(vk::ClearValue { depth_stencil: far })
+}
+
+const DEPTH_STAGES: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::from_raw(
+    vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS.as_raw()
+        | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS.as_raw(),
+);
+
+/// A barrier after depth was written.
+fn after_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     vk::ImageMemoryBarrier2::default()
         .image(image.raw)
         .subresource_range(range(vk::ImageAspectFlags::DEPTH))
-        .src_stage_mask(stages)
+        .src_stage_mask(DEPTH_STAGES)
         .src_access_mask(vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE)
-        .dst_stage_mask(stages)
+}
+
+/// Barrier before drawing: the depth is dropped, after all uses by the frame before.
+pub(super) fn to_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
+    after_depth(image)
+        .dst_stage_mask(DEPTH_STAGES)
         .dst_access_mask(
             vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE
                 | vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_READ,
@@ -530,12 +542,7 @@ pub(super) fn to_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
 
 /// Barrier after drawing: shaders read the depth from now on.
 pub(super) fn from_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
-    let stages = vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS;
-    vk::ImageMemoryBarrier2::default()
-        .image(image.raw)
-        .subresource_range(range(vk::ImageAspectFlags::DEPTH))
-        .src_stage_mask(stages)
-        .src_access_mask(vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE)
+    after_depth(image)
         .dst_stage_mask(vk::PipelineStageFlags2::FRAGMENT_SHADER)
         .dst_access_mask(vk::AccessFlags2::SHADER_SAMPLED_READ)
         .old_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)

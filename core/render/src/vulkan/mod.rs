@@ -28,6 +28,7 @@ mod pipeline_ids;
 mod pipelines;
 mod preskin;
 mod resources;
+mod sampled_image;
 mod scene_color_copy;
 pub(crate) mod scene_inputs;
 mod shadow;

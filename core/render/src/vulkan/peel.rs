@@ -1,6 +1,6 @@
 //! Layers of transparent surfaces: passes that find their depths, and passes that mix them into the image.
 
-use super::execute::{Execution, again, from_depth, to_color, to_depth};
+use super::execute::{Execution, again, color_attachment, depth_attachment, from_depth, to_color, to_depth};
 use super::memory::Image;
 use crate::commands::Target;
 use crate::error::RenderError;
@@ -25,13 +25,9 @@ impl Execution<'_> {
         let barrier = to_depth(image);
         self.barriers(&[from_depth(before), barrier.src_stage_mask(barrier.src_stage_mask | read)]);
         let nearest = vk::ClearDepthStencilValue { depth: 1.0, stencil: 0 };
-        let depth = vk::RenderingAttachmentInfo::default()
-            .image_view(image.view)
-            .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
-            .load_op(vk::AttachmentLoadOp::CLEAR)
-            .store_op(vk::AttachmentStoreOp::STORE)
+        let depth = depth_attachment(image, vk::AttachmentLoadOp::CLEAR, vk::AttachmentStoreOp::STORE)
             .clear_value(vk::ClearValue { depth_stencil: nearest });
-        self.begin(None, Some(&depth), area);
+        self.begin(&[], Some(&depth), area);
         Ok(())
     }
 
@@ -58,17 +54,9 @@ impl Execution<'_> {
             ));
         }
         self.barriers(&barriers);
-        let color = vk::RenderingAttachmentInfo::default()
-            .image_view(picture.view)
-            .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
-            .load_op(vk::AttachmentLoadOp::LOAD)
-            .store_op(vk::AttachmentStoreOp::STORE);
-        let depth = vk::RenderingAttachmentInfo::default()
-            .image_view(image.view)
-            .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
-            .load_op(vk::AttachmentLoadOp::LOAD)
-            .store_op(vk::AttachmentStoreOp::STORE);
-        self.begin(Some(&color), Some(&depth), area);
+        let (load, store) = (vk::AttachmentLoadOp::LOAD, vk::AttachmentStoreOp::STORE);
+        let color = color_attachment(picture.view, load, store);
+        self.begin(&[color], Some(&depth_attachment(image, load, store)), area);
         // Reversed Z: nearer is greater.
         let compare = if rest { vk::CompareOp::GREATER } else { vk::CompareOp::EQUAL };
         // SAFETY: the command buffer is being recorded; the pipelines of this pass have this state dynamic.

@@ -1,68 +1,43 @@
 //! The image behind glass that bends light: a copy with as many levels as the roughest such glass blurs with.
 
 use super::context::Context;
-use super::error::Named;
 use super::execute::{Execution, color_barrier};
 use super::memory::{Image, ImageDesc};
+use super::sampled_image::SampledImage;
 use super::targets::FLOAT;
 use crate::commands::Target;
 use crate::error::RenderError;
 use ash::vk;
 
-pub(crate) struct BehindTarget {
-    pub image: Image,
-    pub sampler: vk::Sampler,
+/// The copy, in floats whatever format the image has, so that no level rounds the one above it.
+pub(crate) fn behind_glass(
+    gpu: &Context,
+    [width, height]: [u32; 2],
     levels: u32,
-}
-
-impl BehindTarget {
-    /// Floats whatever format the image has, so that no level rounds the one above it.
-    pub fn new(gpu: &Context, [width, height]: [u32; 2], levels: u32) -> Result<BehindTarget, RenderError> {
-        let info = vk::SamplerCreateInfo::default()
-            .mag_filter(vk::Filter::LINEAR)
-            .min_filter(vk::Filter::LINEAR)
-            .mipmap_mode(vk::SamplerMipmapMode::LINEAR)
-            .address_mode_u(vk::SamplerAddressMode::CLAMP_TO_EDGE)
-            .address_mode_v(vk::SamplerAddressMode::CLAMP_TO_EDGE)
-            .address_mode_w(vk::SamplerAddressMode::CLAMP_TO_EDGE)
-            .max_lod(vk::LOD_CLAMP_NONE);
-        use vk::ImageUsageFlags as U;
-        let mut image = Image::new(
-            gpu,
-            &ImageDesc {
-                name: "image behind glass",
-                width,
-                height,
-                levels,
-                samples: 1,
-                format: FLOAT,
-                usage: U::SAMPLED | U::TRANSFER_SRC | U::TRANSFER_DST,
-                aspect: vk::ImageAspectFlags::COLOR,
-            },
-        )?;
-        // SAFETY: the device is alive; destroyed by `destroy`.
-        match unsafe { gpu.device.create_sampler(&info, None) }.named("sampler of the image behind glass") {
-            Ok(sampler) => Ok(BehindTarget { image, sampler, levels }),
-            Err(e) => {
-                image.destroy(gpu);
-                Err(e)
-            }
-        }
-    }
-
-    /// No frame may be in flight.
-    pub fn destroy(&mut self, gpu: &Context) {
-        self.image.destroy(gpu);
-        // SAFETY: made from this device, no longer used.
-        unsafe { gpu.device.destroy_sampler(self.sampler, None) };
-        self.sampler = vk::Sampler::null();
-    }
+) -> Result<SampledImage, RenderError> {
+    use vk::ImageUsageFlags as U;
+    let desc = ImageDesc {
+        name: "image behind glass",
+        width,
+        height,
+        levels,
+        samples: 1,
+        format: FLOAT,
+        usage: U::SAMPLED | U::TRANSFER_SRC | U::TRANSFER_DST,
+        aspect: vk::ImageAspectFlags::COLOR,
+    };
+    let sampler = vk::SamplerCreateInfo::default()
+        .mag_filter(vk::Filter::LINEAR)
+        .min_filter(vk::Filter::LINEAR)
+        .mipmap_mode(vk::SamplerMipmapMode::LINEAR)
+        .max_lod(vk::LOD_CLAMP_NONE);
+    SampledImage::new(gpu, &desc, sampler)
 }
 
 impl Execution<'_> {
     /// Copies the scene color between two passes; the target stays as it is.
     pub(super) fn copy_behind(&self, from: Target) -> Result<(), RenderError> {
-        let Some(behind) = &self.targets.behind else {
+        let (Some(behind), Some(levels)) = (&self.targets.behind, self.targets.needs.behind) else {
             return Err(RenderError::Usage("the image behind glass was not prepared".into()));
         };
         let (source, copy) = (self.targets.image(from), &behind.image);
@@ -85,7 +60,7 @@ impl Execution<'_> {
         let size = self.targets.needs.size;
         let half = |level: u32| size.map(|side| (side >> level).max(1));
         self.blit(source, (0, size), copy, (0, size), vk::Filter::NEAREST);
-        for level in 0..behind.levels {
+        for level in 0..levels {
             self.barriers(&[of_level(copy, level)
                 .src_stage_mask(S::BLIT)
                 .src_access_mask(A::TRANSFER_WRITE)
@@ -93,7 +68,7 @@ impl Execution<'_> {
                 .dst_access_mask(A::TRANSFER_READ)
                 .old_layout(L::TRANSFER_DST_OPTIMAL)
                 .new_layout(L::TRANSFER_SRC_OPTIMAL)]);
-            if level + 1 < behind.levels {
+            if level + 1 < levels {
                 let (above, below) = ((level, half(level)), (level + 1, half(level + 1)));
                 self.blit(copy, above, copy, below, vk::Filter::LINEAR);
             }

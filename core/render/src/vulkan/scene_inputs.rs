@@ -2,7 +2,10 @@
 //! mean of several images or on an image put together from tiles.
 
 use super::VulkanRenderer;
-use super::execute::{Execution, color_barrier, from_color, to_color, to_depth};
+use super::execute::{
+    Execution, color_attachment, color_barrier, depth_attachment, from_color, to_color, to_depth,
+};
+use super::memory::Image;
 use crate::cpu::scene_inputs::InputImages;
 use crate::error::RenderError;
 use crate::plan::Plan;
@@ -26,34 +29,14 @@ impl Execution<'_> {
         barriers.push(to_depth(depth));
         self.barriers(&barriers);
         let cleared = [SceneImages::NO_SURFACE, Vec4::ZERO];
-        let color = |(view, clear): (vk::ImageView, Vec4)| {
+        use vk::{AttachmentLoadOp as Load, AttachmentStoreOp as Store};
+        let color = |(image, clear): (&Image, Vec4)| {
             let float32 = clear.to_array();
-            vk::RenderingAttachmentInfo::default()
-                .image_view(view)
-                .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
-                .load_op(vk::AttachmentLoadOp::CLEAR)
-                .store_op(vk::AttachmentStoreOp::STORE)
+            color_attachment(image.view, Load::CLEAR, Store::STORE)
                 .clear_value(vk::ClearValue { color: vk::ClearColorValue { float32 } })
         };
-        let colors: Vec<_> = targets.inputs.iter().map(|i| i.view).zip(cleared).map(color).collect();
-        // Reversed Z: 0 is infinitely far.
-        let far = vk::ClearDepthStencilValue { depth: 0.0, stencil: 0 };
-        let depth = vk::RenderingAttachmentInfo::default()
-            .image_view(depth.view)
-            .image_layout(vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL)
-            .load_op(vk::AttachmentLoadOp::CLEAR)
-            .store_op(vk::AttachmentStoreOp::DONT_CARE)
-            .clear_value(vk::ClearValue { depth_stencil: far });
-        let [width, height] = targets.needs.size;
-        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
-        let info = vk::RenderingInfo::default()
-            .render_area(area)
-            .layer_count(1)
-            .color_attachments(&colors)
-            .depth_attachment(&depth);
-        // SAFETY: the command buffer is being recorded, outside a pass; the attachments are in the layouts named.
-        unsafe { self.gpu.device.cmd_begin_rendering(self.slot.commands, &info) };
-        self.set_area([0; 2], [width, height]);
+        let colors: Vec<_> = targets.inputs.iter().zip(cleared).map(color).collect();
+        self.begin(&colors, Some(&depth_attachment(depth, Load::CLEAR, Store::DONT_CARE)), None);
         self.bind_scene_sets();
         Ok(())
     }

@@ -3,8 +3,9 @@
 use super::context::Context;
 use super::error::Named;
 use super::memory::{Buffer, Image, ImageDesc};
-use super::scene_color_copy::BehindTarget;
-use super::shadow::ShadowTarget;
+use super::sampled_image::SampledImage;
+use super::scene_color_copy::behind_glass;
+use super::shadow::shadow_maps;
 use super::sky::SkyImages;
 use crate::commands::{Command, Recording, Target};
 use crate::dither::{self, dithered};
@@ -110,8 +111,8 @@ pub struct Targets {
     sampler: vk::Sampler,
     /// Multisampled target with more than one sample, resolved into the scene's target.
     pub multisampled: Option<Image>,
-    pub shadow: Option<ShadowTarget>,
-    pub behind: Option<BehindTarget>,
+    pub shadow: Option<SampledImage>,
+    pub behind: Option<SampledImage>,
     /// The background's rows as encoded bytes, and what they were made from.
     background: Option<(Buffer, [Vec4; 2])>,
 }
@@ -119,8 +120,8 @@ pub struct Targets {
 /// Images of this frame that shaders of the scene read.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct FrameImages<'a> {
-    pub shadow: Option<&'a ShadowTarget>,
-    pub behind: Option<&'a BehindTarget>,
+    pub shadow: Option<&'a SampledImage>,
+    pub behind: Option<&'a SampledImage>,
     pub sky: Option<&'a SkyImages>,
     /// Depths of the scene and of even and odd layers of transparent surfaces.
     pub layers: Option<([vk::ImageView; 3], vk::Sampler)>,
@@ -196,8 +197,8 @@ impl Targets {
                 let made = image("multisampled image", format, U::COLOR_ATTACHMENT, needs.samples)?;
                 targets.multisampled = Some(made);
             }
-            targets.shadow = needs.shadow.map(|size| ShadowTarget::new(gpu, size)).transpose()?;
-            let behind = needs.behind.map(|levels| BehindTarget::new(gpu, needs.size, levels));
+            targets.shadow = needs.shadow.map(|size| shadow_maps(gpu, size)).transpose()?;
+            let behind = needs.behind.map(|levels| behind_glass(gpu, needs.size, levels));
             targets.behind = behind.transpose()?;
             Ok(())
         })();
@@ -300,11 +301,8 @@ impl Targets {
         }
         // SAFETY: made from this device (or null), no longer used.
         unsafe { gpu.device.destroy_sampler(self.sampler, None) };
-        if let Some(mut shadow) = self.shadow.take() {
-            shadow.destroy(gpu);
-        }
-        if let Some(mut behind) = self.behind.take() {
-            behind.destroy(gpu);
+        for mut image in self.shadow.take().into_iter().chain(self.behind.take()) {
+            image.destroy(gpu);
         }
     }
 }

@@ -2,23 +2,13 @@
 
 use crate::common::layered::{bulge, layered, layered_scene};
 use crate::common::*;
+use crate::wall::{middle, wall};
 use choreo_asset::*;
 use choreo_render::plan::{Features, Glass};
 use choreo_render::{CpuRenderer, PlanOptions, Renderer};
 use choreo_stage::*;
 use glam::{DVec3, Vec3, Vec4};
 use std::f64::consts::PI;
-
-/// A quad that fills the image, facing an orthographic camera: N = V = +Z.
-fn wall(material: Material) -> Scene {
-    let mut scene = Scene::ortho(2.0);
-    scene.at(&asset(vec![quad(2.0, 2.0)], vec![material], vec![]), 0.0, 0.0, 0.0);
-    scene
-}
-
-fn middle(scene: &Scene) -> [u8; 4] {
-    pixel(&draw_at(scene, [5, 5], 1), 2, 2)
-}
 
 /// glTF 2.0 Appendix B, GGX distribution times visibility at N = V, times π.
 fn ggx(roughness: f64, l: DVec3) -> f64 {

@@ -40,7 +40,7 @@ fn an_edge_through_pixel_centres_belongs_to_one_side() {
 fn four_samples_cover_what_their_standard_positions_say() {
     let positions = [(0.375, 0.125), (0.875, 0.375), (0.125, 0.625), (0.625, 0.875)];
     // Multiples of 1/256 pixel, so that snapping changes nothing.
-    let corners = [(0.6171875, 0.40625), (1.2109375, 7.1015625), (7.4296875, 4.59375)];
+    let vertices = [(0.6171875, 0.40625), (1.2109375, 7.1015625), (7.4296875, 4.59375)];
     let p = triangle(at(0.6171875, 0.40625), at(1.2109375, 7.1015625), at(7.4296875, 4.59375));
     let f = draw_at(&pixel_scene(vec![p], unlit(Vec4::ONE)), [8, 8], 4);
     let mut partly = 0;
@@ -48,7 +48,7 @@ fn four_samples_cover_what_their_standard_positions_say() {
         let inside = |(sx, sy): &(f64, f64)| {
             let (x, y) = ((i % 8) as f64 + sx, (i / 8) as f64 + sy);
             (0..3).all(|e| {
-                let ((ax, ay), (bx, by)) = (corners[e], corners[(e + 1) % 3]);
+                let ((ax, ay), (bx, by)) = (vertices[e], vertices[(e + 1) % 3]);
                 (bx - ax) * (y - ay) - (by - ay) * (x - ax) < 0.0
             })
         };
@@ -186,7 +186,7 @@ fn odd_triangles_and_odd_sizes() {
     bad.normals.extend([Vec3::Z; 4]);
     bad.uvs[0].extend([Vec2::splat(f32::NAN); 4]);
     bad.indices.extend([0, 1, 4, 0, 5, 2, 1, 1, 1, 0, 1, 0]);
-    // Corners so far away that they cover everything or nothing, by rounding: only that nothing panics.
+    // Vertices so far away that they cover everything or nothing, by rounding: only that nothing panics.
     let huge = Primitive { indices: vec![6, 7, 0, 6, 7, 6, 1, 6, 2], ..bad.clone() };
     let huge = asset(vec![huge], vec![unlit(Vec4::ONE)], vec![]);
     let image = image(4, 4, |_, _| [255; 4]);

@@ -2,23 +2,13 @@
 
 use crate::common;
 use crate::common::*;
+use crate::wall::{middle, wall};
 use choreo_asset::*;
 use choreo_image_diff::compare;
 use choreo_render::{CpuRenderer, PlanOptions, Renderer};
 use choreo_stage::*;
 use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
-
-/// A quad that fills the image, facing an orthographic camera.
-fn wall(material: Material) -> Scene {
-    let mut scene = Scene::ortho(2.0);
-    scene.at(&asset(vec![quad(2.0, 2.0)], vec![material], vec![]), 0.0, 0.0, 0.0);
-    scene
-}
-
-fn middle(scene: &Scene) -> [u8; 4] {
-    pixel(&draw_at(scene, [5, 5], 1), 2, 2)
-}
 
 /// glTF 2.0 Appendix B in f64 for N = V = +Z, one channel, times π.
 fn metallic_roughness(base: f64, metallic: f64, roughness: f64, specular: f64, l: DVec3) -> f64 {

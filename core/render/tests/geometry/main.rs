@@ -2,6 +2,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/holes.rs"]
+mod holes;
 
 mod dual_quaternion;
 mod lod;

@@ -1,6 +1,7 @@
 //! Skinned watertight meshes that are folded, twisted and pushed through themselves: no hole opens without their back faces.
 
 use crate::common::*;
+use crate::holes::lost;
 use choreo_asset::*;
 use choreo_plugin::Frame;
 use choreo_render::{GpuOptions, Plan, PlanOptions, Renderer, VulkanRenderer};
@@ -29,7 +30,7 @@ fn tube() -> Primitive {
             if ring + 1 < RINGS {
                 let at = |ring: usize, i: usize| (ring * AROUND + i % AROUND) as u32;
                 let quad = [at(ring, i), at(ring, i + 1), at(ring + 1, i + 1), at(ring + 1, i)];
-                p.indices.extend([0, 1, 2, 0, 2, 3].map(|corner: usize| quad[corner]));
+                p.indices.extend([0, 1, 2, 0, 2, 3].map(|i: usize| quad[i]));
             }
         }
     }
@@ -61,18 +62,6 @@ fn drawn(renderer: &mut VulkanRenderer, scene: &Scene, closed: impl Fn(u32) -> u
     renderer.load(resources).unwrap();
     renderer.submit(plan).unwrap();
     (renderer.collect(None).unwrap(), closed)
-}
-
-/// Pixels of a body, those of them where nothing is without its back faces, and those that look otherwise.
-fn lost(front: &Frame, both: &Frame) -> [usize; 3] {
-    let background = |p: &&[u8]| *p == [255, 0, 255, 255];
-    let mut counts = [0; 3];
-    for (front, both) in front.rgba.chunks_exact(4).zip(both.rgba.chunks_exact(4)) {
-        counts[0] += usize::from(!background(&both));
-        counts[1] += usize::from(background(&front) && !background(&both));
-        counts[2] += usize::from(front.iter().zip(both).any(|(a, b)| a.abs_diff(*b) > 2));
-    }
-    counts
 }
 
 #[test]

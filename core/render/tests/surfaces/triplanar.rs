@@ -8,7 +8,7 @@ use choreo_render::*;
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// A ball of half a metre about the origin, each triangle with corners of its own; tangents at right angles to the normals.
+/// A ball of half a metre about the origin, each triangle with vertices of its own; tangents at right angles to the normals.
 fn ball() -> Primitive {
     let (rings, sectors) = (16u32, 32u32);
     let at = |i: u32, j: u32| {

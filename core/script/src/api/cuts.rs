@@ -17,10 +17,7 @@ api! {
 fn cuts(c: &mut Call) -> Reply {
     let name = c.text(0)?;
     let bytes = c.shared.read_file(&name)?;
-    let failed = |what: String| ApiError::new(format!("cuts: \"{name}\" {what}")).focus(&name);
-    let timeline: Value =
-        serde_json::from_slice(&bytes).map_err(|e| failed(format!("is no OpenTimelineIO file: {e}")))?;
-    let list = clips(&timeline).map_err(failed)?;
+    let list = clips(&bytes).map_err(|e| ApiError::new(format!("cuts: \"{name}\" {e}")).focus(&name))?;
     let place = c.place.clone();
     let mut build = c.build();
     for clip in list {
@@ -43,13 +40,27 @@ struct ListedClip {
     dissolve: Time,
 }
 
+/// A list of cuts that is not read.
+#[derive(Debug, thiserror::Error)]
+enum CutListError {
+    #[error("is no OpenTimelineIO file: {0}")]
+    Json(#[from] serde_json::Error),
+    #[error("is no OpenTimelineIO timeline")]
+    NoTimeline,
+    #[error("has no video track with clips")]
+    NoClips,
+    #[error("has no duration for item {0} of the video track")]
+    NoDuration(usize),
+}
+
 /// The clips of the first track of kind "Video" that has any.
-fn clips(timeline: &Value) -> Result<Vec<ListedClip>, String> {
+fn clips(bytes: &[u8]) -> Result<Vec<ListedClip>, CutListError> {
+    let timeline: Value = serde_json::from_slice(bytes)?;
     let schema = |value: &Value, name: &str| {
         value["OTIO_SCHEMA"].as_str().is_some_and(|s| s.split('.').next() == Some(name))
     };
-    if !schema(timeline, "Timeline") {
-        return Err("is no OpenTimelineIO timeline".into());
+    if !schema(&timeline, "Timeline") {
+        return Err(CutListError::NoTimeline);
     }
     let tracks = timeline["tracks"]["children"].as_array().map_or(&[][..], Vec::as_slice);
     let children = |track: &Value| track["children"].as_array().cloned().unwrap_or_default();
@@ -58,12 +69,12 @@ fn clips(timeline: &Value) -> Result<Vec<ListedClip>, String> {
         .filter(|track| track["kind"] == "Video")
         .map(children)
         .find(|children| children.iter().any(|child| schema(child, "Clip")))
-        .ok_or("has no video track with clips")?;
+        .ok_or(CutListError::NoClips)?;
     let (mut list, mut now, mut offsets) = (Vec::new(), 0.0, (0.0, 0.0));
     for (number, child) in track.iter().enumerate() {
-        let place = || format!("has no duration for item {} of the video track", number + 1);
+        let no_duration = || CutListError::NoDuration(number + 1);
         if schema(child, "Transition") {
-            let offset = |name: &str| seconds(&child[name]).ok_or_else(place);
+            let offset = |name: &str| seconds(&child[name]).ok_or_else(no_duration);
             offsets = (offset("in_offset")?, offset("out_offset")?);
             continue;
         }
@@ -71,7 +82,7 @@ fn clips(timeline: &Value) -> Result<Vec<ListedClip>, String> {
         let available = [&child["media_references"][media], &child["media_reference"]];
         let duration = seconds(&child["source_range"]["duration"])
             .or_else(|| available.iter().find_map(|media| seconds(&media["available_range"]["duration"])))
-            .ok_or_else(place)?;
+            .ok_or_else(no_duration)?;
         if schema(child, "Clip") {
             list.push(ListedClip {
                 name: child["name"].as_str().unwrap_or_default().to_string(),

@@ -3,29 +3,29 @@
 use super::{PlacedFinding, steps};
 use crate::api_error::Place;
 use crate::build::{Build, Declared};
+use crate::def::{Def, Defs, Gives};
+use crate::value::HandleKind;
 use rhai::{AST, ASTNode, Stmt};
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 
-/// Calls that put something on stage: a name for it is good for the reader, used or not.
-const STAGED: [&str; 12] = [
-    "cast(",
-    "camera(",
-    "sun(",
-    "point(",
-    "spot(",
-    "effect(",
-    ".play(",
-    ".then(",
-    ".look_at(",
-    ".attach(",
-    "param(",
-    "import",
-];
+/// Calls that put something on stage, beside functions that give what stands there: a name for it is good for the reader, used or
+/// not.
+const STAGED: [&str; 6] = [".play(", ".then(", ".look_at(", ".attach(", "param(", "import"];
+
+/// [`STAGED`], and the functions that give an actor, a camera, a light or an effect.
+fn staged(defs: &Defs) -> Vec<String> {
+    use HandleKind::{Actor, Camera, Effect, Light};
+    let gives = |def: &&Def| {
+        def.on == HandleKind::None && matches!(def.gives, Gives::A(Actor | Camera | Light | Effect))
+    };
+    let functions = defs.iter().filter(gives).map(|def| format!("{}(", def.name));
+    functions.chain(STAGED.map(str::to_string)).collect()
+}
 
 /// Variables whose name stands nowhere else in the file, not even in a comment. Takes time proportional to the file's length.
-pub fn declared(ast: &AST, file: &str, text: &str) -> Vec<Declared> {
-    let (words, statements) = (words(text), Statements::of(text));
+pub fn declared(ast: &AST, file: &str, text: &str, defs: &Defs) -> Vec<Declared> {
+    let (words, statements) = (words(text), Statements::of(text, &staged(defs)));
     let mut found: Vec<Declared> = Vec::new();
     ast.walk(&mut |nodes| {
         steps::count(1);
@@ -59,7 +59,7 @@ fn words(text: &str) -> HashMap<&str, usize> {
 /// Line and column from 1, as Rhai counts them.
 type At = (usize, usize);
 
-/// Ends of the statements of a text, and beginnings of calls of [`STAGED`]; sorted. Places and not bytes: finding the byte of
+/// Ends of the statements of a text, and beginnings of calls that put something on stage; sorted. Places and not bytes: finding the byte of
 /// each variable takes time proportional to the length of its line.
 struct Statements {
     ends: Vec<At>,
@@ -67,7 +67,7 @@ struct Statements {
 }
 
 impl Statements {
-    fn of(text: &str) -> Statements {
+    fn of(text: &str, staged: &[String]) -> Statements {
         let mut statements = Statements { ends: Vec::new(), staged: Vec::new() };
         let (mut line, mut column) = (1, 1);
         for (byte, c) in text.char_indices() {
@@ -75,7 +75,7 @@ impl Statements {
                 statements.ends.push((line, column));
             }
             steps::count(1);
-            if STAGED.iter().any(|call| text[byte..].starts_with(call)) {
+            if staged.iter().any(|call| text[byte..].starts_with(call.as_str())) {
                 statements.staged.push((line, column));
             }
             (line, column) = if c == '\n' { (line + 1, 1) } else { (line, column + 1) };
@@ -138,7 +138,8 @@ pub fn look(build: &Build, found: &mut Vec<PlacedFinding>) {
 
 #[cfg(test)]
 mod tests {
-    use super::{Arc, Build, Place, PlacedFinding, Statements, declared, look, words};
+    use super::{Arc, Build, Place, PlacedFinding, Statements, declared, look, staged, words};
+    use crate::api::defs;
     use crate::build::LoadDraft;
     use crate::lint::{Places, steps};
     use crate::load::Load;
@@ -154,7 +155,8 @@ mod tests {
     #[test]
     fn a_call_counts_until_the_statement_ends() {
         let text = "let a = 1; let b = cast(x); let c = 2";
-        let stages = |part: &str| Statements::of(text).stages((1, 1 + text.find(part).unwrap()));
+        let stages =
+            |part: &str| Statements::of(text, &staged(defs())).stages((1, 1 + text.find(part).unwrap()));
         assert_eq!([stages("a ="), stages("b ="), stages("c =")], [false, true, false]);
     }
 
@@ -165,8 +167,10 @@ mod tests {
         let mut engine = rhai::Engine::new();
         engine.set_optimization_level(rhai::OptimizationLevel::None);
         let ast = engine.compile(text).unwrap();
-        let found: Vec<_> =
-            declared(&ast, "f", text).iter().map(|d| (d.name.clone(), d.at.line, d.at.column)).collect();
+        let found: Vec<_> = declared(&ast, "f", text, defs())
+            .iter()
+            .map(|d| (d.name.clone(), d.at.line, d.at.column))
+            .collect();
         assert_eq!(found, [("a".to_string(), 1, 10), ("c".to_string(), 3, 15)]);
     }
 
@@ -183,7 +187,7 @@ mod tests {
         engine.set_optimization_level(rhai::OptimizationLevel::None);
         let ast = engine.compile(text).unwrap();
         steps::taken();
-        assert_eq!(declared(&ast, "f", text).len(), found);
+        assert_eq!(declared(&ast, "f", text, defs()).len(), found);
         steps::taken()
     }
 

@@ -92,23 +92,28 @@ pub fn resolve(
         shared.note(severity, &place, &error);
     }
     add_hooks(&mut stage, hooks, shared, engine, identity);
-    let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
-    if !build.has_errors() {
-        for problem in stage.check() {
-            let diagnostic = match &problem {
-                StageError::Cycle(name, _) => {
-                    let place = stage.actor(name).and_then(|index| places.actors.get(index));
-                    let error = ApiError::new(problem.to_string());
-                    shared.diagnose(Severity::Error, &place.cloned().unwrap_or_default(), &error)
-                }
-                _ => Diagnostic::error(problem.to_string()),
-            };
-            build.note(diagnostic);
-        }
-    }
-    drop(build);
+    note_stage_errors(shared, &stage, &places);
     places.sources = Arc::new(shared.sources.lock().unwrap_or_else(PoisonError::into_inner).clone());
     (stage, places)
+}
+
+/// Notes what is wrong with a stage whose script has no errors.
+fn note_stage_errors(shared: &Shared, stage: &Stage, places: &Places) {
+    let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
+    if build.has_errors() {
+        return;
+    }
+    for problem in stage.check() {
+        let diagnostic = match &problem {
+            StageError::Cycle(name, _) => {
+                let place = stage.actor(name).and_then(|index| places.actors.get(index));
+                let error = ApiError::new(problem.to_string());
+                shared.diagnose(Severity::Error, &place.cloned().unwrap_or_default(), &error)
+            }
+            _ => Diagnostic::error(problem.to_string()),
+        };
+        build.note(diagnostic);
+    }
 }
 
 /// The stage that has been built, and what is wrong with it as a whole.

@@ -326,7 +326,7 @@ struct Studio {
 impl Studio {
     fn new(start: impl FnOnce() -> Result<Box<dyn Renderer>, RenderError> + Send + 'static) -> Studio {
         let (to, reply) = channel();
-        let start = Box::new(move || start().map(|r| (r, None)).map_err(|e| e.to_string()));
+        let start = Box::new(move || start().map(|r| (r, None)));
         let renderer = FrameRenderer::start(start, move |p| drop(to.send(p))).unwrap();
         Studio { renderer, reply }
     }

@@ -133,7 +133,7 @@ written! {
     // The mirrored pairs follow from the asset.
     Mirroring: |_v, _w| ();
     LightKind: |v, w| {
-        let (number, parameters) = v.hashed();
+        let (number, parameters) = v.numbered();
         w.tag(number);
         parameters.into_iter().for_each(|v| w.f32(v));
     };

@@ -1,5 +1,6 @@
 //! Boxes hold what they say, in any pose, and are not much too large.
 
+use crate::support::random::Random;
 use crate::support::*;
 use choreo_asset::*;
 use choreo_motion::{Interpolation, Path};
@@ -7,12 +8,12 @@ use choreo_stage::*;
 use glam::{Affine3A, DAffine3, DVec3, Quat, Vec3};
 use std::sync::Arc;
 
-fn pose(asset: &Asset, numbers: &mut Numbers) -> Vec<Affine3A> {
+fn pose(asset: &Asset, numbers: &mut Random) -> Vec<Affine3A> {
     let rest = asset.rest_model_from_joint();
     rest.iter()
         .map(|m| {
             let axis = numbers.vec3().as_vec3().normalize();
-            let turn = Quat::from_axis_angle(axis, 3.0 * numbers.next() as f32);
+            let turn = Quat::from_axis_angle(axis, 3.0 * numbers.signed64() as f32);
             // Mirrored and uneven scales too.
             let scale = Vec3::ONE + numbers.vec3().as_vec3() * 1.5;
             *m * Affine3A::from_scale_rotation_translation(scale, turn, numbers.vec3().as_vec3())
@@ -28,7 +29,7 @@ fn holds(bounds: &Aabb, asset: &Asset, joints: &[Affine3A], weights: &[Vec<f32>]
 
 #[test]
 fn no_pose_leaves_its_box() {
-    let mut numbers = Numbers(7);
+    let mut numbers = Random(7);
     let (mut smaller_fails, mut volumes) = (0, 0.0);
     for asset in [figure(), stick()] {
         for _ in 0..300 {
@@ -36,7 +37,7 @@ fn no_pose_leaves_its_box() {
             let weights: Vec<Vec<f32>> = asset
                 .instances
                 .iter()
-                .map(|i| i.weights.iter().map(|_| 2.0 * numbers.next() as f32).collect())
+                .map(|i| i.weights.iter().map(|_| 2.0 * numbers.signed64() as f32).collect())
                 .collect();
             for (index, reach) in asset.instance_bounds().iter().enumerate() {
                 let bounds = reach.posed(&joints, &weights[index]);

@@ -1,5 +1,6 @@
 //! Hands that reach, spines that turn, feet that stand.
 
+use crate::support::random::Random;
 use crate::support::*;
 use choreo_asset::*;
 use choreo_motion::{Path, Time};
@@ -56,10 +57,10 @@ fn stage_with(constraints: Vec<Constraint>) -> Stage {
 
 #[test]
 fn a_hand_is_where_it_should_be() {
-    let mut n = Numbers(4);
+    let mut n = Random(4);
     for _ in 0..100 {
         let shoulder = joint_world(&stage_with(vec![]).at(Time::ZERO).unwrap(), 0, UPPER);
-        let target = shoulder + n.vec3().normalize() * (0.1 + 0.4 * n.next().abs());
+        let target = shoulder + n.vec3().normalize() * (0.1 + 0.4 * n.signed64().abs());
         let stage = stage_with(vec![Constraint::new(ConstraintKind::Reach(reach(Target::Point(target))))]);
         assert!(stage.check().is_empty());
         let snapshot = stage.at(secs(1.0)).unwrap();

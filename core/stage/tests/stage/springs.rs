@@ -2,7 +2,7 @@
 
 use crate::support::*;
 use choreo_asset::*;
-use choreo_motion::spring::{RigBone, SpringBone, SpringRig};
+use choreo_motion::spring::{RigBone, SpringBone};
 use choreo_motion::{Path, Time};
 use choreo_stage::*;
 use glam::{DVec3, Vec3};
@@ -24,19 +24,7 @@ fn dog() -> Arc<Asset> {
 }
 
 fn springs() -> ActorSprings {
-    let mut rig = SpringRig::default();
-    for joint in 1..4 {
-        rig.add(RigBone {
-            joint,
-            tail: Vec3::NEG_Z * 0.1,
-            spring: SpringBone::new(2.5, 0.15),
-            gravity: DVec3::NEG_Y * 9.81,
-            pull: DVec3::ZERO,
-            hit_radius: 0.01,
-            center: None,
-            colliders: vec![],
-        });
-    }
+    let rig = spring_rig(1..4, Vec3::NEG_Z * 0.1);
     ActorSprings { rig, ..ActorSprings::default() }
 }
 

@@ -1,7 +1,11 @@
 //! Small assets whose motion has a closed form, and the numbers to compare with.
 #![allow(dead_code)]
 
+#[path = "../../../motion/tests/support/random.rs"]
+pub mod random;
+
 use choreo_asset::*;
+use choreo_motion::spring::{RigBone, SpringBone, SpringRig};
 use choreo_motion::{Clip, Curve, Interpolation, Path, Skeleton, Time, Transform};
 use choreo_stage::*;
 use glam::{Affine3A, DMat3, DVec3, Mat4, Quat, Vec3};
@@ -181,18 +185,20 @@ pub fn v(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// Numbers in -1..1 from a seed (splitmix64).
-pub struct Numbers(pub u64);
-
-impl Numbers {
-    pub fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+/// Springs of these joints, each with this tail in its joint's space.
+pub fn spring_rig(joints: impl IntoIterator<Item = u32>, tail: Vec3) -> SpringRig {
+    let mut rig = SpringRig::default();
+    for joint in joints {
+        rig.add(RigBone {
+            joint,
+            tail,
+            spring: SpringBone::new(2.5, 0.15),
+            gravity: DVec3::NEG_Y * 9.81,
+            pull: DVec3::ZERO,
+            hit_radius: 0.01,
+            center: None,
+            colliders: vec![],
+        });
     }
-    pub fn vec3(&mut self) -> DVec3 {
-        DVec3::new(self.next(), self.next(), self.next())
-    }
+    rig
 }

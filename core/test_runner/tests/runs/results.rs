@@ -3,7 +3,7 @@
 use choreo_script::testing::SectionInfo;
 use choreo_test_runner::collect::Case;
 use choreo_test_runner::results::Results;
-use choreo_test_runner::{Outcome, SourceLocation, Status};
+use choreo_test_runner::{Outcome, Status};
 use std::path::{Path, PathBuf};
 
 const TEXT: &str = "let shared = 1;\ntest(\"a\", || {\n  one();\n});\ntest(\"b\", || {\n  two();\n});\n";
@@ -29,19 +29,7 @@ fn case(folder: &Path) -> Case {
 }
 
 fn outcome() -> Outcome {
-    Outcome {
-        file: "t.rhai".into(),
-        section: "a".into(),
-        place: SourceLocation { file: "t.rhai".into(), line: 2, column: 0 },
-        status: Status::Passed,
-        checks: Vec::new(),
-        warnings: Vec::new(),
-        printed: Vec::new(),
-        seconds: 1.0,
-        reused: false,
-        key: String::new(),
-        words: String::new(),
-    }
+    Outcome { seconds: 1.0, ..Outcome::new("t.rhai", "a", 2) }
 }
 
 fn hash_of(path: &Path) -> Option<[u8; 32]> {

@@ -95,7 +95,7 @@ impl TestRun {
         });
         match started {
             Ok(process) => results.running = Some(process),
-            Err(error) => results.failure = Some(format!("cannot be started: {error}")),
+            Err(error) => results.failure = Some(NoResults::NotStarted(error).to_string()),
         }
     }
 }
@@ -106,26 +106,41 @@ impl Drop for TestRun {
     }
 }
 
-/// The sections of a run, or why there are none.
-fn judged(process: &Process) -> Result<Vec<Section>, String> {
-    let ended = process.finish(|_| false).map_err(|e: io::Error| e.to_string())?;
+/// A run without results.
+#[derive(Debug, thiserror::Error)]
+enum NoResults {
+    #[error("cannot be started: {0}")]
+    NotStarted(io::Error),
+    #[error(transparent)]
+    Process(io::Error),
+    #[error("stopped")]
+    Stopped,
+    /// The text of the command line in place of results.
+    #[error("{0}")]
+    Refused(String),
+}
+
+/// The sections of a run.
+fn judged(process: &Process) -> Result<Vec<Section>, NoResults> {
+    let ended = process.finish(|_| false).map_err(NoResults::Process)?;
     if ended.interrupted {
-        return Err("stopped".into());
+        return Err(NoResults::Stopped);
     }
-    let report: Value = serde_json::from_str(&ended.stdout).map_err(|_| ended.stderr.trim().to_string())?;
+    let report: Value = serde_json::from_str(&ended.stdout)
+        .map_err(|_| NoResults::Refused(ended.stderr.trim().to_string()))?;
     match report["sections"].is_array() {
         true => Ok(Section::of_report(&report)),
-        false => Err(errors(&report)),
+        false => Err(NoResults::Refused(errors(&report))),
     }
 }
 
 impl Results {
     /// `all`: in place of the earlier ones; else each replaces that of the same section.
-    fn take(&mut self, ended: Result<Vec<Section>, String>, all: bool) {
+    fn take(&mut self, ended: Result<Vec<Section>, NoResults>, all: bool) {
         self.running = None;
         self.runs += 1;
         match ended {
-            Err(why) => self.failure = Some(why),
+            Err(why) => self.failure = Some(why.to_string()),
             Ok(sections) => {
                 self.failure = None;
                 if all {

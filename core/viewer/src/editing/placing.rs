@@ -8,6 +8,7 @@ use crate::state::history::ExpectedPlacement;
 use crate::state::orbit::Orbit;
 use crate::state::selection::{Selected, actor};
 use choreo_motion::Time;
+use choreo_script::Place;
 use choreo_session::edit::{Edit, EditRefused, KeyValue, ScriptObject, format_number};
 use choreo_stage::{Actor, Camera, Placement, Property, Rig, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
@@ -55,6 +56,13 @@ fn inside(change: Change, world_from_parent: &DAffine3) -> Change {
         // Along its own axes.
         Change::Scale(_) => change,
     }
+}
+
+/// A camera of the script, where it stands there, and how many are made there.
+pub(super) struct ScriptCamera {
+    pub camera: Camera,
+    pub place: Place,
+    pub siblings: usize,
 }
 
 impl Viewer {
@@ -132,20 +140,31 @@ impl Viewer {
         Ok(())
     }
 
+    /// The camera of this name.
+    pub(super) fn script_camera(&self, name: &str) -> Result<ScriptCamera, EditError> {
+        let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
+        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or(EditError::Gone)?;
+        let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
+        let siblings = scene.places.cameras.iter().filter(|p| **p == place).count();
+        Ok(ScriptCamera { camera: scene.stage.cameras[index].clone(), place, siblings })
+    }
+
+    /// The camera of this name, which no rig moves.
+    pub(super) fn camera_that_stands(&self, name: &str) -> Result<ScriptCamera, EditError> {
+        let found = self.script_camera(name)?;
+        match found.camera.rig {
+            Rig::Fixed { .. } => Ok(found),
+            _ => Err(EditError::refused_at(&found.place, "it moves by itself; change that there")),
+        }
+    }
+
     /// Lets a camera of the script stand where a free one does, and look at what that turns around: `.at` and `.look_at`, as one
     /// change; where its place is keyed, the key at the playhead.
     ///
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
     pub fn set_camera(&mut self, name: &str, from: &Orbit) -> Result<(), EditError> {
-        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or(EditError::Gone)?;
-        let camera = &scene.stage.cameras[index];
-        let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
-        let siblings = scene.places.cameras.iter().filter(|p| **p == place).count();
-        if !matches!(camera.rig, Rig::Fixed { .. }) {
-            return Err(EditError::refused_at(&place, "it moves by itself; change that there"));
-        }
+        let ScriptCamera { camera, place, siblings } = self.camera_that_stands(name)?;
         let keyed = camera.channels.iter().any(|c| c.property == Property::Translation);
         if camera.channels.iter().any(|c| c.property == Property::Rotation) {
             return Err(EditError::refused_at(&place, "its rotation has keys; change them there"));
@@ -187,11 +206,8 @@ impl Viewer {
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
     pub fn set_field_of_view(&mut self, name: &str, degrees: f64) -> Result<(), EditError> {
-        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or(EditError::Gone)?;
-        let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
-        let siblings = scene.places.cameras.iter().filter(|p| **p == place).count();
-        let keyed = |property| scene.stage.cameras[index].channels.iter().any(|c| c.property == property);
+        let ScriptCamera { camera, place, siblings } = self.script_camera(name)?;
+        let keyed = |property| camera.channels.iter().any(|c| c.property == property);
         let (in_angles, in_millimetres) = (keyed(Property::FieldOfView), keyed(Property::FocalLength));
         let when = self.edit_time(self.playhead.time().as_secs());
         self.change(&place, siblings, |text| {

@@ -1,10 +1,11 @@
 //! Places that are dragged in a viewport, other than those of actors.
 
 use super::EditError;
+use super::placing::ScriptCamera;
 use crate::app::Viewer;
 use crate::state::selection::actor;
 use choreo_session::edit::{KeyValue, ScriptObject};
-use choreo_stage::{ConstraintKind, Property, Rig, Target};
+use choreo_stage::{ConstraintKind, Property, Target};
 use glam::DVec3;
 
 impl Viewer {
@@ -13,14 +14,7 @@ impl Viewer {
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
     pub fn move_camera(&mut self, name: &str, at: DVec3) -> Result<(), EditError> {
-        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let index = scene.stage.cameras.iter().position(|c| c.name == name).ok_or(EditError::Gone)?;
-        let camera = &scene.stage.cameras[index];
-        let place = scene.places.cameras.get(index).cloned().unwrap_or_default();
-        let siblings = scene.places.cameras.iter().filter(|p| **p == place).count();
-        if !matches!(camera.rig, Rig::Fixed { .. }) {
-            return Err(EditError::refused_at(&place, "it moves by itself; change that there"));
-        }
+        let ScriptCamera { camera, place, siblings } = self.camera_that_stands(name)?;
         let keyed = camera.channels.iter().any(|c| c.property == Property::Translation);
         let when = self.edit_time(self.playhead.time().as_secs());
         self.change(&place, siblings, |text| {

@@ -82,8 +82,8 @@ fn surface(asset: &Asset, state: &ActorState, origin: DVec3, direction: DVec3) -
             let place = |i: &u32| at.positions.get(*i as usize).copied();
             match primitive.topology {
                 Topology::Triangles => {
-                    for corners in primitive.indices.chunks_exact(3) {
-                        if let [Some(a), Some(b), Some(c)] = [0, 1, 2].map(|i| place(&corners[i])) {
+                    for vertices in primitive.indices.chunks_exact(3) {
+                        if let [Some(a), Some(b), Some(c)] = [0, 1, 2].map(|i| place(&vertices[i])) {
                             meet(triangle(origin, direction, a, b, c));
                         }
                     }

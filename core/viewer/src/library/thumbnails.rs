@@ -70,7 +70,27 @@ struct Job {
     asset: Option<Arc<Asset>>,
 }
 
-type Finished = (Subject, Result<Thumbnail, String>);
+type Finished = (Subject, Result<Thumbnail, ThumbnailError>);
+
+/// A file that cannot be shown.
+#[derive(Debug, thiserror::Error)]
+enum ThumbnailError {
+    #[error(transparent)]
+    Session(#[from] choreo_session::WatchError),
+    /// The first problem of its script or model.
+    #[error("{0}")]
+    Problem(String),
+    #[error("it is no model")]
+    NoModel,
+    #[error("the file has no such clip")]
+    NoClip,
+    #[error(transparent)]
+    Thread(#[from] std::io::Error),
+    #[error(transparent)]
+    Frame(#[from] choreo_session::FrameError),
+    #[error(transparent)]
+    NoReply(#[from] std::sync::mpsc::RecvError),
+}
 
 /// Wakes the window once an image is there.
 pub type Wake = Box<dyn Fn() + Send>;
@@ -127,7 +147,10 @@ impl Thumbnails {
     fn take_finished(&mut self) {
         let Some((_, finished)) = &self.worker else { return };
         for (subject, result) in finished.try_iter() {
-            let made = result.map_or_else(Made::Failed, |thumbnail| Made::Ready(Arc::new(thumbnail)));
+            let made = result.map_or_else(
+                |error| Made::Failed(error.to_string()),
+                |thumbnail| Made::Ready(Arc::new(thumbnail)),
+            );
             self.known.insert(subject, made);
         }
     }
@@ -167,7 +190,7 @@ fn worker(
 }
 
 /// An image from the cache, or made and kept there. Previews are not kept.
-fn kept(registry: &Registry, cache: Option<&std::path::Path>, job: Job) -> Result<Thumbnail, String> {
+fn kept(registry: &Registry, cache: Option<&std::path::Path>, job: Job) -> Result<Thumbnail, ThumbnailError> {
     let subject = job.subject.clone();
     let file = cache
         .filter(|_| subject.on.is_none())
@@ -182,22 +205,22 @@ fn kept(registry: &Registry, cache: Option<&std::path::Path>, job: Job) -> Resul
     Ok(thumbnail)
 }
 
-fn made(registry: &Registry, job: Job) -> Result<Thumbnail, String> {
+fn made(registry: &Registry, job: Job) -> Result<Thumbnail, ThumbnailError> {
     let is_script = job.source.is_script();
     let clip = job.source.clip.clone();
     let source = SceneSource { clip: clip.clone().filter(|_| job.asset.is_none()), ..job.source };
-    let mut session = Session::new(source, registry, false).map_err(|error| error.to_string())?;
+    let mut session = Session::new(source, registry, false)?;
     let version = session.build(BTreeSet::new());
     let first = |problems: &[choreo_session::Problem]| {
         problems.first().map(|p| p.message.clone()).unwrap_or_default()
     };
-    let scene = version.scene.ok_or_else(|| first(&version.problems))?;
+    let scene = version.scene.ok_or_else(|| ThumbnailError::Problem(first(&version.problems)))?;
     let asset = scene.stage.actors.first().filter(|_| !is_script).map(|actor| actor.asset.clone());
     let clips = asset.iter().flat_map(|asset| &asset.clips);
     let clips: Vec<ClipEntry> =
         clips.map(|clip| ClipEntry { name: clip.name.clone(), secs: clip.duration.as_secs() }).collect();
     if let Some(on) = job.asset {
-        let from = asset.ok_or("it is no model")?;
+        let from = asset.ok_or(ThumbnailError::NoModel)?;
         let (scene, secs, note) = performed(&scene, &from, clip.as_deref(), on)?;
         let times = (0..PREVIEW_FRAMES).map(|n| secs * f64::from(n) / f64::from(PREVIEW_FRAMES));
         let frames = drawn(&scene, &times.map(Time::from_secs).collect::<Vec<_>>())?;
@@ -213,9 +236,9 @@ fn performed(
     from: &Asset,
     clip: Option<&str>,
     on: Arc<Asset>,
-) -> Result<(Arc<Scene>, f64, String), String> {
+) -> Result<(Arc<Scene>, f64, String), ThumbnailError> {
     let found = from.clips.iter().find(|c| clip.is_none_or(|name| c.name == name));
-    let clip = found.ok_or("the file has no such clip")?;
+    let clip = found.ok_or(ThumbnailError::NoClip)?;
     let (bound, coverage, _) = bind_or_retarget(clip, &from.skeleton, &on.skeleton);
     let mut stage = Stage::default();
     stage.settings.size = SIZE;
@@ -239,22 +262,21 @@ fn performed(
     Ok((Arc::new(scene), secs, note))
 }
 
-fn drawn(scene: &Arc<Scene>, times: &[Time]) -> Result<Vec<Frame>, String> {
+fn drawn(scene: &Arc<Scene>, times: &[Time]) -> Result<Vec<Frame>, ThumbnailError> {
     let (to, reply) = channel::<FrameReply>();
     let effects = scene.registry.effects().to_vec();
     let start = Box::new(move || {
         let renderer: Box<dyn Renderer> = Box::new(CpuRenderer::new(&effects));
         Ok((renderer, None))
     });
-    let renderer =
-        FrameRenderer::start(start, move |reply| drop(to.send(reply))).map_err(|error| error.to_string())?;
+    let renderer = FrameRenderer::start(start, move |reply| drop(to.send(reply)))?;
     let mut frames = Vec::new();
     for (ticket, time) in times.iter().enumerate() {
         let request = FrameRequest::new(scene.clone(), *time, 4, ticket as u64);
         // Motion blur would cost many images.
         renderer.ask(FrameRequest { size: SIZE, moving: true, ..request });
-        let reply = reply.recv().map_err(|error| error.to_string())?;
-        frames.push(reply.result.map_err(|error| error.to_string())?.0);
+        let reply = reply.recv()?;
+        frames.push(reply.result?.0);
     }
     Ok(frames)
 }

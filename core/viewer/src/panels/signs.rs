@@ -236,7 +236,8 @@ fn draw(ui: &Ui, sign: &Sign, chosen: bool, hot: bool, place: Rect, lens: &Lens)
         }
         Kind::Spot(direction, angle) => {
             painter.circle_filled(at, 3.0, color);
-            cone(&painter, lens, sign.at, *direction, *angle, if chosen { 1.0 } else { 0.4 }, stroke);
+            let length = if chosen { 1.0 } else { 0.4 };
+            cone(&painter, lens, &Beam { at: sign.at, along: *direction, angle: *angle, length }, stroke);
         }
         Kind::Reach(joint) => {
             painter.circle_stroke(at, 6.0, stroke);
@@ -249,9 +250,21 @@ fn draw(ui: &Ui, sign: &Sign, chosen: bool, hot: bool, place: Rect, lens: &Lens)
             let beak = [at + egui::vec2(4.5, 0.0), at + egui::vec2(8.0, -3.5), at + egui::vec2(8.0, 3.5)];
             painter.add(egui::Shape::convex_polygon(beak.to_vec(), color, Stroke::NONE));
             let toward = (*target - sign.at).normalize_or(DVec3::NEG_Z);
-            frame(&painter, lens, sign.at, toward, *angle, if chosen { 1.0 } else { 0.5 }, thin);
+            let length = if chosen { 1.0 } else { 0.5 };
+            frame(&painter, lens, &Beam { at: sign.at, along: toward, angle: *angle, length }, thin);
         }
     }
+}
+
+/// A cone of light, or the view of a camera.
+struct Beam {
+    at: DVec3,
+    /// Unit vector.
+    along: DVec3,
+    /// Radians.
+    angle: f64,
+    /// Metres that are drawn.
+    length: f64,
 }
 
 /// Two unit vectors across a direction: to the right and up, where it is level.
@@ -260,15 +273,8 @@ fn across(direction: DVec3) -> [DVec3; 2] {
     [right, right.cross(direction)]
 }
 
-fn cone(
-    painter: &egui::Painter,
-    lens: &Lens,
-    at: DVec3,
-    along: DVec3,
-    angle: f64,
-    length: f64,
-    stroke: Stroke,
-) {
+fn cone(painter: &egui::Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
+    let Beam { at, along, angle, length } = *beam;
     let [right, up] = across(along);
     let radius = libm::tan(angle.min(1.4)) * length;
     let ring = (0..=16).map(|i| {
@@ -281,15 +287,8 @@ fn cone(
 }
 
 /// The pyramid that a camera sees, for an image of 16 to 9.
-fn frame(
-    painter: &egui::Painter,
-    lens: &Lens,
-    at: DVec3,
-    along: DVec3,
-    angle: f64,
-    length: f64,
-    stroke: Stroke,
-) {
+fn frame(painter: &egui::Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
+    let Beam { at, along, angle, length } = *beam;
     let [right, up] = across(along);
     let high = if angle > 0.0 { libm::tan(angle / 2.0) * length } else { 0.3 };
     let wide = high * 16.0 / 9.0;

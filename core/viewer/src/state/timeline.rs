@@ -95,65 +95,11 @@ impl Timeline {
             place: Place::default(),
         };
         let mut rows = vec![plain("camera", cameras(scene), events::of_cameras(scene, text))];
-        for (index, actor) in stage.actors.iter().enumerate() {
-            let what = Some(Selected::Actor(actor.name.clone()));
-            let place = places.actors.get(index).cloned().unwrap_or_default();
-            let mut gathered = Gathered::default();
-            gathered.actor(actor, text);
-            if actor.layers.is_empty() {
-                let events = gathered.events(length, what.as_ref(), &place);
-                let (label, bars) = (actor.name.clone(), Vec::new());
-                rows.push(Row { label, what, layer: None, bars, events, place });
-                continue;
-            }
-            for (number, layer) in actor.layers.iter().enumerate() {
-                let of_layer = places.cues.get(index).and_then(|a| a.get(number));
-                let label =
-                    if number == 0 { actor.name.clone() } else { format!("{} +{number}", actor.name) };
-                let bars: Vec<Bar> = layer
-                    .cues
-                    .iter()
-                    .enumerate()
-                    .map(|(at, cue)| {
-                        let place = of_layer.and_then(|l| l.get(at)).cloned().unwrap_or_default();
-                        let kind = kind(&mut kinds, &cue.clip.name);
-                        bar(
-                            stage,
-                            layer,
-                            at,
-                            cue,
-                            Selected::Cue { actor: actor.name.clone(), layer: number, cue: at },
-                            place,
-                            kind,
-                        )
-                    })
-                    .collect();
-                if let Some(keys) = &layer.weight_keys {
-                    gathered.named_keys("layer weight", keys);
-                }
-                for (cue, bar) in layer.cues.iter().zip(&bars) {
-                    gathered.cue(cue, bar.end, &places.clip_markers);
-                }
-                let events = std::mem::take(&mut gathered).events(length, what.as_ref(), &place);
-                let (what, place) = (what.clone(), place.clone());
-                rows.push(Row { label, what, layer: Some(number), bars, events, place });
-            }
+        for index in 0..stage.actors.len() {
+            rows.extend(actor_rows(scene, text, &mut kinds, index));
         }
         if !stage.effects.is_empty() {
-            let bars = stage.effects.iter().enumerate().map(|(index, e)| Bar {
-                label: e.plugin.clone(),
-                what: Selected::Effect(index),
-                start: e.start,
-                end: e.end.unwrap_or(length),
-                until: e.end.unwrap_or(length),
-                fade_in: Time::ZERO,
-                fade_out: Time::ZERO,
-                holds_from: None,
-                place: places.effects.get(index).cloned().unwrap_or_default(),
-                cut: None,
-                kind: kind(&mut kinds, &e.plugin),
-                strip: None,
-            });
+            let bars = (0..stage.effects.len()).map(|index| effect(scene, &mut kinds, index));
             rows.extend(lanes("effects", bars.collect(), events::of_effects(scene, text)));
         }
         for index in 0..stage.lights.len() {
@@ -197,6 +143,60 @@ impl Timeline {
     /// The bars at a time, for the line of the script that is marked.
     pub fn on_at(&self, time: Time) -> impl Iterator<Item = &Bar> {
         self.rows.iter().flat_map(|row| &row.bars).filter(move |bar| bar.start <= time && time < bar.end)
+    }
+}
+
+/// A row for each layer of an actor; one without layers has a row of events alone.
+fn actor_rows(scene: &Scene, text: &KeyText, kinds: &mut Vec<String>, index: usize) -> Vec<Row> {
+    let (stage, places) = (&scene.stage, &scene.places);
+    let (actor, length) = (&stage.actors[index], stage.settings.length);
+    let what = Some(Selected::Actor(actor.name.clone()));
+    let place = places.actors.get(index).cloned().unwrap_or_default();
+    let mut gathered = Gathered::default();
+    gathered.actor(actor, text);
+    if actor.layers.is_empty() {
+        let events = gathered.events(length, what.as_ref(), &place);
+        return vec![Row { label: actor.name.clone(), what, layer: None, bars: Vec::new(), events, place }];
+    }
+    let mut rows = Vec::new();
+    for (number, layer) in actor.layers.iter().enumerate() {
+        let of_layer = places.cues.get(index).and_then(|a| a.get(number));
+        let label = if number == 0 { actor.name.clone() } else { format!("{} +{number}", actor.name) };
+        let cues = layer.cues.iter().enumerate().map(|(at, cue)| {
+            let place = of_layer.and_then(|l| l.get(at)).cloned().unwrap_or_default();
+            let kind = kind(kinds, &cue.clip.name);
+            let what = Selected::Cue { actor: actor.name.clone(), layer: number, cue: at };
+            bar(stage, layer, at, cue, what, place, kind)
+        });
+        let bars: Vec<Bar> = cues.collect();
+        if let Some(keys) = &layer.weight_keys {
+            gathered.named_keys("layer weight", keys);
+        }
+        for (cue, bar) in layer.cues.iter().zip(&bars) {
+            gathered.cue(cue, bar.end, &places.clip_markers);
+        }
+        let events = std::mem::take(&mut gathered).events(length, what.as_ref(), &place);
+        rows.push(Row { label, what: what.clone(), layer: Some(number), bars, events, place: place.clone() });
+    }
+    rows
+}
+
+fn effect(scene: &Scene, kinds: &mut Vec<String>, index: usize) -> Bar {
+    let effect = &scene.stage.effects[index];
+    let end = effect.end.unwrap_or(scene.stage.settings.length);
+    Bar {
+        label: effect.plugin.clone(),
+        what: Selected::Effect(index),
+        start: effect.start,
+        end,
+        until: end,
+        fade_in: Time::ZERO,
+        fade_out: Time::ZERO,
+        holds_from: None,
+        place: scene.places.effects.get(index).cloned().unwrap_or_default(),
+        cut: None,
+        kind: kind(kinds, &effect.plugin),
+        strip: None,
     }
 }
 

@@ -50,14 +50,15 @@ impl ViewerWindow {
     /// Shows the file that was asked for in place of the present one, which stays where it cannot be watched.
     pub(super) fn open_document(&mut self) {
         let Some(file) = self.viewer.documents.open.take() else { return };
-        let opened = self.options.source(file.clone()).and_then(|mut source| {
-            // Those of the command line are for its own file.
-            if source.input != self.source.input {
-                (source.clip, source.set) = (None, Vec::new());
-            }
-            let live = watched(source.clone(), &self.registry, &self.proxy, self.guests + 1);
-            Ok((live.map_err(|error| error.to_string())?, source))
-        });
+        let opened =
+            self.options.source(file.clone()).map_err(|error| error.to_string()).and_then(|mut source| {
+                // Those of the command line are for its own file.
+                if source.input != self.source.input {
+                    (source.clip, source.set) = (None, Vec::new());
+                }
+                let live = watched(source.clone(), &self.registry, &self.proxy, self.guests + 1);
+                Ok((live.map_err(|error| error.to_string())?, source))
+            });
         let (live, source) = match opened {
             Ok(opened) => opened,
             Err(why) => {

@@ -7,8 +7,8 @@ use std::io;
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum ViewerError {
     /// The project's `choreo.toml` has an error.
-    #[error("{0}")]
-    Project(String),
+    #[error(transparent)]
+    Project(#[from] crate::args::ProjectError),
     /// The text has a hint where a package is missing.
     #[error("{0}")]
     NoWindow(String),

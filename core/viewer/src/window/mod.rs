@@ -60,8 +60,7 @@ const FIRST: u64 = 0;
 
 /// Opens the window and stays until it is closed. The text says what is missing.
 pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
-    let source = asked.first.map(|input| asked.files.source(input)).transpose();
-    let source = source.map_err(ViewerError::Project)?;
+    let source = asked.first.map(|input| asked.files.source(input)).transpose()?;
     let event_log = EventLog::new(asked.event_log);
     let events = start::event_loop()?;
     #[cfg(target_os = "linux")]

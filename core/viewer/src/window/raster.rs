@@ -303,14 +303,14 @@ mod tests {
         let mut chance = Chance(7);
         for _ in 0..200 {
             let mut point = || pos2(chance.next() * 40.0 - 4.0, chance.next() * 40.0 - 4.0);
-            let corners = [point(), point(), point()];
-            let vertices = corners.map(|pos| Vertex { pos, uv: WHITE, color: Color32::WHITE }).to_vec();
+            let positions = [point(), point(), point()];
+            let vertices = positions.map(|pos| Vertex { pos, uv: WHITE, color: Color32::WHITE }).to_vec();
             let mesh = Mesh { vertices, indices: vec![0, 1, 2], ..Mesh::default() };
             let pixels = drawn(mesh, 32, 0, &textures());
             for (at, pixel) in pixels.iter().enumerate() {
                 let center = [(at % 32) as f64 + 0.5, (at / 32) as f64 + 0.5];
                 let side = |i: usize| {
-                    let (a, b) = (corners[i], corners[(i + 1) % 3]);
+                    let (a, b) = (positions[i], positions[(i + 1) % 3]);
                     let (a, b) = ([f64::from(a.x), f64::from(a.y)], [f64::from(b.x), f64::from(b.y)]);
                     (b[0] - a[0]) * (center[1] - a[1]) - (b[1] - a[1]) * (center[0] - a[0])
                 };
@@ -319,7 +319,7 @@ mod tests {
                     continue;
                 }
                 let inside = sides.iter().all(|s| *s > 0.0) || sides.iter().all(|s| *s < 0.0);
-                assert_eq!(*pixel != 0, inside, "{corners:?} at {center:?}");
+                assert_eq!(*pixel != 0, inside, "{positions:?} at {center:?}");
             }
         }
     }
@@ -345,16 +345,16 @@ mod tests {
     #[test]
     fn colors_are_interpolated_and_blended() {
         let mut mesh = Mesh::default();
-        let corner = |x: f32, y: f32, value: u8, alpha: u8| Vertex {
+        let vertex = |x: f32, y: f32, value: u8, alpha: u8| Vertex {
             pos: pos2(x, y),
             uv: WHITE,
             color: Color32::from_rgba_premultiplied(value, 0, 0, alpha),
         };
         mesh.vertices = vec![
-            corner(0.0, 0.0, 0, 50),
-            corner(32.0, 0.0, 160, 200),
-            corner(0.0, 32.0, 0, 50),
-            corner(32.0, 32.0, 160, 200),
+            vertex(0.0, 0.0, 0, 50),
+            vertex(32.0, 0.0, 160, 200),
+            vertex(0.0, 32.0, 0, 50),
+            vertex(32.0, 32.0, 160, 200),
         ];
         mesh.indices = vec![0, 1, 2, 1, 2, 3];
         let pixels = drawn(mesh, 32, 0x404040, &textures());

@@ -1,13 +1,12 @@
 //! Keys that are dragged, models and clips that are dropped, and refusals that are read beside the pointer.
 
-use crate::place::Place;
+use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
 use choreo_motion::retarget::bind_or_retarget;
 use choreo_session::{SceneSource, Session};
 use choreo_viewer::state::dropped_models::DroppedModels;
 use choreo_viewer::state::selection::Selected;
 use egui::{Pos2, pos2, vec2};
-use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
 use std::collections::BTreeSet;
@@ -24,17 +23,6 @@ ada.key("scale", [[0.0, 1], [1.0 * n, 2]]);
 camera("wide").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
 camera("near").at(0.0, 1.0, 2.5).look_at([0.0, 1.0, 0.0]).key("fov", [[0.0, 40], [2.0, 50]]).cut(2.0);
 "##;
-
-type Desk = Harness<'static, Place>;
-
-fn drag(desk: &mut Desk, from: Pos2, to: Pos2) {
-    desk.drag_at(from);
-    desk.run();
-    desk.hover_at(to);
-    desk.run();
-    desk.drop_at(to);
-    desk.run();
-}
 
 /// Points that a second takes in the sequencer.
 fn second(desk: &Desk) -> f32 {

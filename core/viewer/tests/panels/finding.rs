@@ -1,10 +1,9 @@
 //! The command palette finds actions, actors, clips and lines; keys follow presets and the user's own file.
 
-use crate::place::Place;
+use crate::place::{Desk, Place};
 use choreo_viewer::geometry::gizmo::Tool;
 use choreo_viewer::state::selection::Selected;
 use egui::{Key, Modifiers, vec2};
-use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 
 const SCRIPT: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
@@ -14,8 +13,6 @@ ada.play(moves.clip("Walk")).from(0.5).until(2.0).then(moves.clip("Wave"));
 camera("wide").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
 // The last line of all.
 "#;
-
-type Desk = Harness<'static, Place>;
 
 fn desk() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))

@@ -1,13 +1,12 @@
 //! Changes through the panels reach the script: transform, lights, effects, clips, cuts, markers; questions are asked
 //! with a difference; undo and redo.
 
-use crate::place::Place;
+use crate::place::{Desk, Place, drag, secondary_click};
 use choreo_session::{Problem, SceneSource, Session};
 use choreo_viewer::editing::expression;
 use choreo_viewer::geometry::gizmo::Change;
 use choreo_viewer::state::selection::Selected;
 use egui::{Key, Modifiers, pos2, vec2};
-use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::{DQuat, DVec3};
 use std::collections::BTreeSet;
@@ -197,12 +196,7 @@ fn a_marker_and_a_cut_are_dragged() {
         let ruler = harness.get_by_label("time").rect();
         let handle = harness.get_by_label(label).rect().center();
         let to = pos2(ruler.left() + ruler.width() * part, handle.y);
-        harness.drag_at(handle);
-        harness.run();
-        harness.hover_at(to);
-        harness.run();
-        harness.drop_at(to);
-        harness.run();
+        drag(&mut harness, handle, to);
         assert_eq!(harness.state().viewer.message, None);
         assert!(harness.state().text().contains(expected), "{}", harness.state().text());
         harness.state_mut().reload();
@@ -323,15 +317,6 @@ fn fields_take_expressions_and_go_back_to_their_defaults() {
     harness.state_mut().reload_with(SCRIPT);
     harness.state_mut().viewer.selection = Some(Selected::Effect(0));
     harness.run();
-    let secondary_click = |harness: &mut egui_kittest::Harness<'static, Place>, pos: egui::Pos2| {
-        harness.hover_at(pos);
-        harness.run();
-        for pressed in [true, false] {
-            let (button, modifiers) = (egui::PointerButton::Secondary, Modifiers::NONE);
-            harness.event(egui::Event::PointerButton { pos, button, pressed, modifiers });
-            harness.run();
-        }
-    };
     let pos = harness.get_by_role_and_label(egui::accesskit::Role::Label, "strength").rect().center();
     secondary_click(&mut harness, pos);
     let default = {
@@ -381,7 +366,7 @@ fn what_is_no_number_is_none() {
 }
 
 /// A field of the inspector, found by its label, is given a number by the keyboard.
-fn type_into(desk: &mut Harness<'static, Place>, label: &str, text: &str) {
+fn type_into(desk: &mut Desk, label: &str, text: &str) {
     desk.get_by_label(label).click();
     desk.run();
     desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
@@ -395,9 +380,13 @@ fn type_into(desk: &mut Harness<'static, Place>, label: &str, text: &str) {
 }
 
 /// The menu of a field's name takes its value away.
-fn reset(desk: &mut Harness<'static, Place>, label: &str) {
+fn reset(desk: &mut Desk, label: &str) {
     desk.get_by_label(label).click_secondary();
     desk.run();
+    choose_reset(desk);
+}
+
+fn choose_reset(desk: &mut Desk) {
     desk.get_by_label("Reset to default").click();
     desk.run();
     desk.state_mut().reload();
@@ -415,7 +404,7 @@ ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
     let mut place = Place::new(CLIPS);
     place.viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 });
     let mut desk = place.harness(vec2(1500.0, 1000.0));
-    let cue = |desk: &Harness<'static, Place>, layer: usize, cue: usize| {
+    let cue = |desk: &Desk, layer: usize, cue: usize| {
         desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].layers[layer].cues[cue].clone()
     };
     type_into(&mut desk, "speed field", "3/4");
@@ -450,9 +439,8 @@ ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
     // All of it goes again, and the line is as it was but for the clip and how it repeats.
     for name in ["speed", "weight", "trim", "ease"] {
         let row = desk.query_all_by_label(name).next().unwrap().rect().center();
-        desk.hover_at(row);
-        desk.run();
-        reset_at(&mut desk, row);
+        secondary_click(&mut desk, row);
+        choose_reset(&mut desk);
     }
     let line = ".then(moves.clip(\"Jump\"), #{ fade: 0.2, repeat: \"ping_pong\" });";
     assert!(desk.state().text().contains(line), "{}", desk.state().text());
@@ -460,18 +448,6 @@ ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
     desk.run();
     type_into(&mut desk, "on field", "[\"Head\", \"*Arm*\"]");
     assert!(desk.state().text().contains(".on([\"Head\", \"*Arm*\"]);"), "{}", desk.state().text());
-}
-
-fn reset_at(desk: &mut Harness<'static, Place>, pos: egui::Pos2) {
-    for pressed in [true, false] {
-        let (button, modifiers) = (egui::PointerButton::Secondary, Modifiers::NONE);
-        desk.event(egui::Event::PointerButton { pos, button, pressed, modifiers });
-        desk.run();
-    }
-    desk.get_by_label("Reset to default").click();
-    desk.run();
-    desk.state_mut().reload();
-    desk.run();
 }
 
 #[test]
@@ -483,11 +459,11 @@ let key = sun(#{ intensity: 3.0 });
 let words = text(\"Hello\", #{ size: 0.1 }).from(1.0);
 ";
     let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
-    let select = |desk: &mut Harness<'static, Place>, what: Selected| {
+    let select = |desk: &mut Desk, what: Selected| {
         desk.state_mut().viewer.selection = Some(what);
         desk.run();
     };
-    let stage = |desk: &Harness<'static, Place>| desk.state().viewer.scene.as_ref().unwrap().stage.clone();
+    let stage = |desk: &Desk| desk.state().viewer.scene.as_ref().unwrap().stage.clone();
     select(&mut desk, Selected::Light(0));
     reset(&mut desk, "intensity");
     assert!(desk.state().text().contains("let key = sun();"), "{}", desk.state().text());

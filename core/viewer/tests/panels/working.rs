@@ -1,7 +1,7 @@
 //! Each panel at work, without a window: the tree's buttons, messages, performance, cameras, what the inspector tells, the
 //! sequencer's times, and everything by the keyboard alone.
 
-use crate::place::Place;
+use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
 use choreo_session::ViewportCamera;
 use choreo_viewer::geometry::picking;
@@ -10,7 +10,6 @@ use choreo_viewer::state::selection::Selected;
 use choreo_viewer::state::view::{Resolution, ViewCamera};
 use egui::accesskit::Role;
 use egui::{Key, Modifiers, pos2, vec2};
-use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::DVec2;
 use std::path::{Path, PathBuf};
@@ -28,8 +27,6 @@ camera("near").at(0.0, 1.0, 2.5).look_at([0.0, 1.0, 0.0]).cut(3.0);
 effect("vignette", #{ strength: 0.5 }).from(1.0);
 marker("hello", 1.0);
 "##;
-
-type Desk = Harness<'static, Place>;
 
 /// A desk that shows the image of the first frame.
 fn desk() -> Desk {
@@ -389,12 +386,7 @@ fn the_sequencer_has_times_as_one_likes_them() {
         let ruler = desk.get_by_label("time").rect();
         let from = desk.get_by_label(label).rect().center();
         let to = pos2(ruler.left() + ruler.width() * secs / 4.0, from.y);
-        desk.drag_at(from);
-        desk.run();
-        desk.hover_at(to);
-        desk.run();
-        desk.drop_at(to);
-        desk.run();
+        drag(&mut desk, from, to);
         assert_eq!(desk.state().viewer.message, None);
         let text = desk.state().text();
         let near = |text: &str| text.contains(expected) || text.contains(&expected.replace(".0)", ".00"));

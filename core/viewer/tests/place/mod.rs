@@ -6,12 +6,15 @@ use choreo_render::{CpuRenderer, Renderer};
 use choreo_session::{FrameRenderer, FrameReply, SceneSource, Session};
 use choreo_viewer::app::Viewer;
 use choreo_viewer::panels::Panels;
-use egui::{TextureId, Vec2};
+use egui::{Event, Modifiers, PointerButton, Pos2, TextureId, Vec2};
 use egui_kittest::Harness;
 use std::collections::BTreeSet;
 use std::fs;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
+
+/// All panels of a viewer.
+pub type Desk = Harness<'static, Place>;
 
 pub struct Place {
     pub folder: tempfile::TempDir,
@@ -89,12 +92,36 @@ impl Place {
     }
 
     /// All panels, in a window of so many points.
-    pub fn harness(self, size: Vec2) -> Harness<'static, Place> {
+    pub fn harness(self, size: Vec2) -> Desk {
         let ui = |ui: &mut egui::Ui, place: &mut Place| {
             place.panels.show(ui, &mut place.viewer, &[Some(TextureId::User(0)); 4], 0.0);
         };
         let mut harness = Harness::builder().with_size(size).build_ui_state(ui, self);
         harness.run();
         harness
+    }
+}
+
+/// Drags with the primary button, in two moves.
+pub fn drag(desk: &mut Desk, from: Pos2, to: Pos2) {
+    desk.hover_at(from);
+    desk.run();
+    desk.drag_at(from);
+    desk.run();
+    desk.hover_at(from + (to - from) * 0.5);
+    desk.run();
+    desk.hover_at(to);
+    desk.run();
+    desk.drop_at(to);
+    desk.run();
+}
+
+pub fn secondary_click(desk: &mut Desk, pos: Pos2) {
+    desk.hover_at(pos);
+    desk.run();
+    for pressed in [true, false] {
+        let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
+        desk.event(Event::PointerButton { pos, button, pressed, modifiers });
+        desk.run();
     }
 }

@@ -1,6 +1,6 @@
 //! Dragging writes the script, without a window: the file, and what the panels show of it.
 
-use crate::place::Place;
+use crate::place::{Place, drag};
 use choreo_motion::Time;
 use choreo_session::edit::CueTime;
 use choreo_viewer::state::selection::Selected;
@@ -107,12 +107,7 @@ fn a_dragged_bar_moves_and_delete_removes_it() {
     let ruler = harness.get_by_label("time").rect();
     let from = harness.get_by_label("Walk on ada").rect().center();
     let to = pos2(from.x + ruler.width() * 0.25, from.y);
-    harness.drag_at(from);
-    harness.run();
-    harness.hover_at(to);
-    harness.run();
-    harness.drop_at(to);
-    harness.run();
+    drag(&mut harness, from, to);
     let place = harness.state_mut();
     assert_eq!(place.viewer.message, None);
     assert_eq!(place.text(), SCRIPT.replace(".from(0.5).until(2.0)", ".from(1.52).until(3.02)"));
@@ -134,12 +129,7 @@ fn a_drag_of_a_bar_s_end_writes_the_file() {
     let handle = harness.get_by_label("start of Walk in row 1").rect().center();
     // The handle is dragged to 1 s of 4.
     let to = pos2(ruler.left() + ruler.width() * 0.25, handle.y);
-    harness.drag_at(handle);
-    harness.run();
-    harness.hover_at(to);
-    harness.run();
-    harness.drop_at(to);
-    harness.run();
+    drag(&mut harness, handle, to);
     let place = harness.state();
     assert_eq!(place.viewer.message, None);
     assert_eq!(place.text(), SCRIPT.replace(".from(0.5)", ".from(1.0)"));

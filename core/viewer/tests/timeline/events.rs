@@ -1,13 +1,12 @@
 //! Marks of the sequencer beside bars: keys, who comes and goes, what actors do, named times of clips, feet; problems, until
 //! they are resolved.
 
-use crate::place::Place;
+use crate::place::{Desk, Place};
 use choreo_motion::Time;
 use choreo_viewer::state::events::EventKind;
 use choreo_viewer::state::selection::Selected;
 use choreo_viewer::state::timeline::Timeline;
 use egui::{Key, Modifiers, pos2, vec2};
-use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 
 const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
@@ -22,8 +21,6 @@ camera("wide").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
 text("Hello there").from(0.8).until(3.2);
 marker("turn", 2.2);
 "##;
-
-type Desk = Harness<'static, Place>;
 
 fn desk() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))

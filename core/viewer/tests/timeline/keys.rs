@@ -1,14 +1,13 @@
 //! Keys as an animator works with them, without a window: set, moved, changed, copied, eased and deleted on the timeline and in the
 //! curve editor; each gesture is a change of the script's text.
 
-use crate::place::Place;
+use crate::place::{Desk, Place, drag, secondary_click};
 use choreo_motion::Time;
 use choreo_viewer::editing::ValueDrag;
 use choreo_viewer::state::events::EventKind;
 use choreo_viewer::state::keyed::{KeyRef, KeyedProperty};
 use choreo_viewer::state::selection::Selected;
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, pos2, vec2};
-use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 
 const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
@@ -27,8 +26,6 @@ lamp.key("kelvin", [[0.0, 2700], [2.0, 6500]]);
 effect("vignette", #{ strength: 0.5 }).key("strength", [[0.0, 0.1], [2.0, 0.9]]);
 for x in [1.0, 2.0] { cast("one " + x, cube).key("scale", [[0.0, 1], [1.0, x]]); }
 "##;
-
-type Desk = Harness<'static, Place>;
 
 fn ball() -> Selected {
     Selected::Actor("ball".into())
@@ -281,29 +278,6 @@ fn desk() -> Desk {
 fn press(desk: &mut Desk, modifiers: Modifiers, key: Key) {
     desk.key_press_modifiers(modifiers, key);
     desk.run();
-}
-
-fn drag(desk: &mut Desk, from: Pos2, to: Pos2) {
-    desk.hover_at(from);
-    desk.run();
-    desk.drag_at(from);
-    desk.run();
-    desk.hover_at(from + (to - from) * 0.5);
-    desk.run();
-    desk.hover_at(to);
-    desk.run();
-    desk.drop_at(to);
-    desk.run();
-}
-
-fn secondary_click(desk: &mut Desk, pos: Pos2) {
-    desk.hover_at(pos);
-    desk.run();
-    for pressed in [true, false] {
-        let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
-        desk.event(Event::PointerButton { pos, button, pressed, modifiers });
-        desk.run();
-    }
 }
 
 /// Points of the ruler for a time of the four seconds.

@@ -1,10 +1,9 @@
 //! The timeline as an editor: each gesture on bars is a change of the script's text.
 
-use crate::place::Place;
+use crate::place::{Desk, Place};
 use choreo_motion::Time;
 use choreo_viewer::state::selection::Selected;
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, pos2, vec2};
-use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 
 const SCRIPT: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 8.0 });
@@ -158,8 +157,6 @@ fn a_stretched_clip_plays_slower_and_several_bars_move_as_one_change() {
     );
     assert!(text.contains("#{ strength: 0.5 }).from(1.4).until(2.4)"), "{text}");
 }
-
-type Desk = Harness<'static, Place>;
 
 fn desk() -> Desk {
     Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))

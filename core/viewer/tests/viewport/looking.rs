@@ -1,6 +1,6 @@
 //! Viewports: views along the axes, signs of lights and cameras, joints and their trails, the grid.
 
-use crate::place::Place;
+use crate::place::{Desk, Place, drag};
 use choreo_asset::Projection;
 use choreo_viewer::geometry::projection::Lens;
 use choreo_viewer::state::selection::Selected;
@@ -8,7 +8,6 @@ use choreo_viewer::state::side::Side;
 use choreo_viewer::state::trail::JointRef;
 use choreo_viewer::state::view::ViewCamera;
 use egui::{Pos2, pos2, vec2};
-use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::{DVec2, DVec3};
 use std::time::{Duration, Instant};
@@ -21,8 +20,6 @@ camera("side").at(1.2, 1.5, 1.0).look_at(ada);
 ada.reach("RightHand", [-0.35, 1.25, 0.35]).fade(0.0);
 let lamp = point(#{ position: [-1.2, 1.8, 0.5], intensity: 40.0 });
 "##;
-
-type Desk = Harness<'static, Place>;
 
 fn desk() -> Desk {
     let mut place = Place::new(SCRIPT);
@@ -56,19 +53,6 @@ fn click_at(desk: &mut Desk, at: Pos2) {
     desk.run();
     desk.drag_at(at);
     desk.drop_at(at);
-    desk.run();
-}
-
-fn drag(desk: &mut Desk, from: Pos2, to: Pos2) {
-    desk.hover_at(from);
-    desk.run();
-    desk.drag_at(from);
-    desk.run();
-    desk.hover_at(from + (to - from) * 0.5);
-    desk.run();
-    desk.hover_at(to);
-    desk.run();
-    desk.drop_at(to);
     desk.run();
 }
 

@@ -1,9 +1,8 @@
 //! Images while the view moves: fewer pixels where the rate needs it, with a sign of what they lack; and what the wheel does.
 
-use crate::place::Place;
+use crate::place::{Desk, Place};
 use choreo_motion::Time;
 use egui::{Event, MouseWheelUnit, Pos2, TouchPhase, pos2, vec2};
-use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 
 const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0, samples: 1 });
@@ -11,8 +10,6 @@ let box_1 = cast("box", shape("box", #{ size: 1.0 })).key("position", [[0.0, [0,
 camera("wide").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
 effect("motion_blur");
 "##;
-
-type Desk = Harness<'static, Place>;
 
 fn desk() -> Desk {
     Place::new(SCRIPT).harness(vec2(900.0, 700.0))

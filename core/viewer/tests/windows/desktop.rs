@@ -200,16 +200,7 @@ fn a_file_that_is_dropped_is_shown_and_added() {
     screen.save(&window, "dropped.png");
     assert_eq!(fs::read_to_string(folder.path().join("a.rhai")).unwrap(), SCRIPT);
 
-    // "Add to script" is the fourth button above.
-    screen.rest(viewer.process.0.id());
-    let add = buttons(&screen.shot(&window))[3];
-    let [x, y] = [add, 12].map(|n| n.to_string());
-    screen.xdotool(&["mousemove", "--window", &window, &x, &y]);
-    screen.rest(viewer.process.0.id());
-    screen.xdotool(&["click", "1"]);
-    let added = until("the line", || {
-        Some(fs::read_to_string(folder.path().join("a.rhai")).unwrap()).filter(|t| t != SCRIPT)
-    });
+    let added = added_to_script(&screen, &window, &viewer, folder.path());
     assert_eq!(added, format!("{SCRIPT}let my_square = cast(\"my_square\", load(\"my square.obj\"));\n"));
     // The script again, with the square in it.
     until("the scene", || {
@@ -254,15 +245,7 @@ fn files_that_are_dropped_together_are_all_shown_and_added() {
         Some([found[0]?, found[1]?, found[2]?])
     });
     assert!(bounds[0].1 < bounds[1].0 && bounds[1].1 < bounds[2].0, "{bounds:?}");
-    screen.rest(viewer.process.0.id());
-    let add = buttons(&screen.shot(&window))[3];
-    let [x, y] = [add, 12].map(|n| n.to_string());
-    screen.xdotool(&["mousemove", "--window", &window, &x, &y]);
-    screen.rest(viewer.process.0.id());
-    screen.xdotool(&["click", "1"]);
-    let added = until("the lines", || {
-        Some(fs::read_to_string(folder.path().join("a.rhai")).unwrap()).filter(|t| t != SCRIPT)
-    });
+    let added = added_to_script(&screen, &window, &viewer, folder.path());
     let lines = "let left = cast(\"left\", load(\"left.obj\"));\n\
                  let middle_one = cast(\"middle_one\", load(\"middle one.obj\")).at(2.2, 0.0, 0.0);\n\
                  let right = cast(\"right\", load(\"right.obj\")).at(4.4, 0.0, 0.0);\n";
@@ -273,6 +256,16 @@ fn files_that_are_dropped_together_are_all_shown_and_added() {
         (fs::read_to_string(folder.path().join("a.rhai")).unwrap() == SCRIPT).then_some(())
     });
     ends_well(&screen, &window, viewer, folder.path());
+}
+
+/// The script once "Add to script", the fourth button above, has changed it.
+fn added_to_script(screen: &Screen, window: &str, viewer: &ViewerProcess, folder: &Path) -> String {
+    screen.rest(viewer.process.0.id());
+    let [x, y] = [buttons(&screen.shot(window))[3], 12].map(|n| n.to_string());
+    screen.xdotool(&["mousemove", "--window", window, &x, &y]);
+    screen.rest(viewer.process.0.id());
+    screen.xdotool(&["click", "1"]);
+    until("the lines", || Some(fs::read_to_string(folder.join("a.rhai")).unwrap()).filter(|t| t != SCRIPT))
 }
 
 /// The middles of the buttons in the bar above.

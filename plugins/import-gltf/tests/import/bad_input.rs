@@ -3,7 +3,7 @@
 use crate::common;
 use crate::common::sample::{POSITIONS, ROTATIONS, TIMES, WEIGHTS, sample};
 use choreo_asset::Asset;
-use choreo_importer_kit_testing::alone;
+use choreo_importer_kit_testing::{alone, damage::random};
 use choreo_plugin::{Claim, Files, ImportOptions, ImportScope, Importer};
 use import_gltf::GltfImporter;
 use serde_json::{Value, json};
@@ -253,14 +253,20 @@ fn further_files() {
     let wrong = |text: String, tail: &str| {
         assert!(text.contains("buffers[0]") && text.ends_with(tail), "{text}");
     };
-    wrong(text_of("my%20data.bin", &common::Nothing), "\"my data.bin\": file not found");
+    wrong(text_of("my%20data.bin", &common::Companions::none()), "\"my data.bin\": file not found");
     wrong(text_of("folder", &Fails("is a directory")), "cannot read \"folder\": is a directory");
     wrong(
         text_of("../../etc/passwd", &Fails("lies outside")),
         "cannot read \"../../etc/passwd\": lies outside",
     );
-    wrong(text_of("data:;base64,AA!A", &common::Nothing), "letter 2 of the base64 data, '!', is not base64");
-    wrong(text_of("data:;base64,AAAA", &common::Nothing), "should have 328 bytes, but its data URI has 3");
+    wrong(
+        text_of("data:;base64,AA!A", &common::Companions::none()),
+        "letter 2 of the base64 data, '!', is not base64",
+    );
+    wrong(
+        text_of("data:;base64,AAAA", &common::Companions::none()),
+        "should have 328 bytes, but its data URI has 3",
+    );
 }
 
 /// A PNG of this size with nothing in it.
@@ -357,15 +363,6 @@ fn claims() {
     assert_eq!(claim("mine.gltf", br#"{"asset":7}"#), Claim::NotMine);
     assert_eq!(claim("cut.gltf", br#"{"asset":{"version":"2.0"},"no"#), Claim::Extension);
     assert_eq!(claim("x.bvh", b"HIERARCHY"), Claim::NotMine);
-}
-
-/// SplitMix64: the same places in every run.
-fn random(state: &mut u64) -> u64 {
-    *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
 }
 
 /// Imports what is left of a file; a panic fails the test. Says whether an error came out.

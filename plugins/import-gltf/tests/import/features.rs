@@ -146,7 +146,7 @@ fn scene_option() {
     let mut options = ImportOptions::default();
     options.0.insert("scene".into(), choreo_plugin::importer::OptionValue::Number(1.0));
     let needs = ImportScope { clips: false, ..ImportScope::ALL };
-    let asset = GltfImporter::new().import(&source, &common::Nothing, needs, &options).unwrap();
+    let asset = GltfImporter::new().import(&source, &common::Companions::none(), needs, &options).unwrap();
     assert_eq!(asset.skeleton.names(), ["node 3"]);
 }
 
@@ -304,7 +304,7 @@ fn only_what_is_needed_is_decoded() {
     let source = common::source("feature.glb", common::glb_of(&b.json, &b.bin));
     let import = |geometry, clips, textures| {
         let needs = ImportScope { geometry, clips, textures, pixels: textures, image_files: false };
-        GltfImporter::new().import(&source, &common::Nothing, needs, &ImportOptions::default())
+        GltfImporter::new().import(&source, &common::Companions::none(), needs, &ImportOptions::default())
     };
     assert!(
         warnings(&import(true, true, true).unwrap())[0].contains("\"not there.png\" is not beside the file")

@@ -169,7 +169,7 @@ fn variants() {
         let given =
             ImportOptions([("variant".to_string(), OptionValue::Text(name.into()))].into_iter().collect());
         let options = importer.manifest().complete(&given).unwrap();
-        importer.import(&source, &common::Nothing, ImportScope::ALL, &options)
+        importer.import(&source, &common::Companions::none(), ImportScope::ALL, &options)
     };
     let shown = |name: &str| load(name).unwrap().meshes[0].primitives[0].material;
     assert_eq!([shown(""), shown("plain"), shown("festive")], [Some(0), Some(0), Some(1)]);

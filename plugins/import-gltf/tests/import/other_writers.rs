@@ -135,7 +135,7 @@ fn images_are_looked_for_where_other_formats_look() {
     std::fs::write(folder.join("textures/coat.png"), png).unwrap();
     let (json, bin) = with_image(json!({"uri": "C:/art/coat.png"}));
     let source = common::source("other.glb", common::glb_of(&json, &bin));
-    let files = common::Folder(folder.clone());
+    let files = common::Companions::in_folder(folder.clone());
     let asset = GltfImporter::new().import(&source, &files, ImportScope::ALL, &ImportOptions::default());
     std::fs::remove_dir_all(folder).unwrap();
     assert_eq!(asset.unwrap().images[0].rgba, [9, 8, 7, 255]);
@@ -157,7 +157,8 @@ fn all_extensions_that_are_missing_are_named() {
     let source = common::source("other.glb", common::glb_of(&json, &bin));
     let needs =
         ImportScope { geometry: true, clips: false, textures: false, pixels: false, image_files: false };
-    let asset = GltfImporter::new().import(&source, &common::Nothing, needs, &ImportOptions::default());
+    let asset =
+        GltfImporter::new().import(&source, &common::Companions::none(), needs, &ImportOptions::default());
     assert!(asset.is_ok());
 }
 
@@ -215,7 +216,11 @@ fn a_clip_without_a_mesh_shows_its_bones() {
     // Not where they are not wanted, nor for clips alone.
     let source = common::source("other.glb", common::glb_of(&json, &bin));
     let with = |needs: ImportScope, options: &ImportOptions| {
-        GltfImporter::new().import(&source, &common::Nothing, needs, options).unwrap().instances.len()
+        GltfImporter::new()
+            .import(&source, &common::Companions::none(), needs, options)
+            .unwrap()
+            .instances
+            .len()
     };
     let mut off = ImportOptions::default();
     off.0.insert("bones".into(), OptionValue::Bool(false));

@@ -33,7 +33,7 @@ fn import(path: &Path, keep_tangents: bool) -> Asset {
         serde_json::to_vec(&json).unwrap()
     };
     let source = common::source("edited.glb", bytes);
-    let folder = common::Folder(path.parent().unwrap().to_path_buf());
+    let folder = common::Companions::in_folder(path.parent().unwrap().to_path_buf());
     GltfImporter::new().import(&source, &folder, ImportScope::ALL, &ImportOptions::default()).unwrap()
 }
 

@@ -1,6 +1,10 @@
 //! A tiny character as VRM 0.x and as VRM 1.0, and an animation, made here so that these tests need no file.
 #![allow(dead_code)]
 
+#[path = "../../../import-gltf/tests/common/glb.rs"]
+mod glb;
+
+pub use glb::glb_of;
 use serde_json::{Value, json};
 
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
@@ -34,19 +38,17 @@ pub fn floats(out: &mut Vec<u8>, values: &[f32]) {
     values.iter().for_each(|v| out.extend(v.to_le_bytes()));
 }
 
-pub fn glb_of(json: &Value, bin: &[u8]) -> Vec<u8> {
-    let mut text = serde_json::to_vec(json).unwrap();
-    text.resize(text.len().next_multiple_of(4), b' ');
-    let mut out = b"glTF".to_vec();
-    let total = 12 + 8 + text.len() + 8 + bin.len();
-    for word in [2, total as u32, text.len() as u32, 0x4E4F_534A] {
-        out.extend(word.to_le_bytes());
-    }
-    out.extend(&text);
-    out.extend((bin.len() as u32).to_le_bytes());
-    out.extend(0x004E_4942u32.to_le_bytes());
-    out.extend(bin);
-    out
+/// Views of parts of these lengths that follow each other.
+fn views(lengths: &[usize]) -> Vec<Value> {
+    let mut offset = 0;
+    lengths
+        .iter()
+        .map(|length| {
+            let view = json!({ "buffer": 0, "byteOffset": offset, "byteLength": length });
+            offset += length;
+            view
+        })
+        .collect()
 }
 
 /// The character as JSON and binary chunk. In 1.0 it looks along +Z, in 0.x along −Z: the same body, turned.
@@ -68,16 +70,7 @@ pub fn character(version: Version) -> (Value, Vec<u8>) {
     let half = 0.5f32;
     floats(&mut bin, &[0.0, 0.0, 0.0, 1.0, s * half, 0.0, 0.0, 0.866_025_4]);
     floats(&mut bin, &[0.0, 0.0, 1.0, 0.5]);
-    let lengths = [36, 36, 36, 12, 48, 64, 8, 32, 16];
-    let mut offset = 0;
-    let views: Vec<Value> = lengths
-        .iter()
-        .map(|length| {
-            let view = json!({ "buffer": 0, "byteOffset": offset, "byteLength": length });
-            offset += length;
-            view
-        })
-        .collect();
+    let views = views(&[36, 36, 36, 12, 48, 64, 8, 32, 16]);
     let accessor = |view: usize, component: u32, count: usize, shape: &str| json!({ "bufferView": view, "componentType": component, "count": count, "type": shape });
     let mut json = json!({
         "asset": { "version": "2.0", "generator": "choreo's tests" },
@@ -213,16 +206,7 @@ pub fn animation() -> (Value, Vec<u8>) {
     floats(&mut bin, &nod.to_array());
     floats(&mut bin, &[0.0, 2.0, 0.0, 0.0, 3.0, 0.0]);
     floats(&mut bin, &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0]);
-    let lengths = [8, 32, 24, 24];
-    let mut offset = 0;
-    let views: Vec<Value> = lengths
-        .iter()
-        .map(|length| {
-            let view = json!({ "buffer": 0, "byteOffset": offset, "byteLength": length });
-            offset += length;
-            view
-        })
-        .collect();
+    let views = views(&[8, 32, 24, 24]);
     let accessor = |view: usize, count: usize, shape: &str| json!({ "bufferView": view, "componentType": 5126, "count": count, "type": shape });
     let json = json!({
         "asset": { "version": "2.0", "generator": "choreo's tests" },

@@ -71,13 +71,13 @@ fn compare(folder: &Path, names: &[&str], limit: f64) {
         );
         assert_eq!(triangles(&first), triangles(&other), "{name}");
         assert!(off < limit, "{name}: {off}");
-        // A planted fault: one corner a thousandth of the size away.
+        // A planted fault: one vertex a thousandth of the size away.
         let mut wrong = others.clone();
         let (min, max) = bounds(&others);
         let place = wrong.len() / 2;
         wrong[place] += DVec3::splat(1e-3 * (max - min).max_element());
         wrong.iter_mut().filter(|p| **p == others[place]).for_each(|p| *p = DVec3::ZERO);
-        assert!(apart(&points, &wrong) > limit, "{name}: a moved corner is not seen");
+        assert!(apart(&points, &wrong) > limit, "{name}: a moved vertex is not seen");
     }
 }
 

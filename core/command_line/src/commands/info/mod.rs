@@ -167,23 +167,7 @@ fn text(t: &mut Page, asset: &Asset, facts: &Facts, joints: bool) {
     if !asset.facing().evidence.is_empty() {
         t.line(format_args!("facing     {}", facing(asset.facing())));
     }
-    t.line(format_args!(
-        "meshes     {} with {}, {}, {}",
-        asset.meshes.len(),
-        count(facts.primitives, "primitive", "primitives"),
-        count(facts.vertices, "vertex", "vertices"),
-        count(facts.triangles, "triangle", "triangles")
-    ));
-    for mesh in named_meshes(asset) {
-        t.line(format_args!("  mesh     {mesh}"));
-    }
-    let copied: Vec<usize> =
-        asset.instances.iter().filter(|i| !i.copies.is_empty()).map(|i| asset.times(i)).collect();
-    if !copied.is_empty() {
-        let copies: usize = copied.iter().sum();
-        let of = count(copied.len(), "mesh", "meshes");
-        t.line(format_args!("copies     {copies}, of {of} drawn many times"));
-    }
+    meshes(t, asset, facts);
     let skins: Vec<String> = asset.skins.iter().map(|s| s.joints.len().to_string()).collect();
     let in_skins = match skins.as_slice() {
         [] => String::new(),
@@ -232,6 +216,26 @@ fn text(t: &mut Page, asset: &Asset, facts: &Facts, joints: bool) {
         tree(t, asset);
     }
     t.lines(texts);
+}
+
+fn meshes(t: &mut Page, asset: &Asset, facts: &Facts) {
+    t.line(format_args!(
+        "meshes     {} with {}, {}, {}",
+        asset.meshes.len(),
+        count(facts.primitives, "primitive", "primitives"),
+        count(facts.vertices, "vertex", "vertices"),
+        count(facts.triangles, "triangle", "triangles")
+    ));
+    for mesh in named_meshes(asset) {
+        t.line(format_args!("  mesh     {mesh}"));
+    }
+    let copied: Vec<usize> =
+        asset.instances.iter().filter(|i| !i.copies.is_empty()).map(|i| asset.times(i)).collect();
+    if !copied.is_empty() {
+        let copies: usize = copied.iter().sum();
+        let of = count(copied.len(), "mesh", "meshes");
+        t.line(format_args!("copies     {copies}, of {of} drawn many times"));
+    }
 }
 
 /// Lines of meshes beyond which only a number is given.

@@ -11,8 +11,8 @@ use choreo_asset::Asset;
 use choreo_files::Folder;
 use choreo_motion::Transform;
 use choreo_plugin::{
-    AssetBuilder, BuildError, Claim, ExportedScene, Files, ImportError, ImportOptions, ImportScope, Importer,
-    MemoryFiles, Registry, SceneExporter, Source,
+    AssetBuilder, BuildError, Claim, ExportError, ExportedScene, Files, ImportError, ImportOptions,
+    ImportScope, Importer, MemoryFiles, OptionError, Registry, SceneExporter, Source,
 };
 use choreo_session::package::PackagedKind;
 use choreo_stage::Stage;
@@ -153,7 +153,7 @@ fn importer(name: &str, folder: &Path, registry: &Registry) -> Result<Vec<String
         }
         match sample(&**plugin, &source, &Beside(opened)) {
             Ok(line) => lines.push(format!("importer {name}: {line}")),
-            Err(fault) => faults.push(fault),
+            Err(fault) => faults.push(fault.to_string()),
         }
     }
     if lines.is_empty() && faults.is_empty() {
@@ -166,11 +166,24 @@ fn importer(name: &str, folder: &Path, registry: &Registry) -> Result<Vec<String
     if faults.is_empty() { Ok(lines) } else { Err(faults) }
 }
 
-fn sample(importer: &dyn Importer, source: &Source, beside: &Beside) -> Result<String, String> {
+/// A fault of an importer or exporter that its samples show.
+#[derive(Debug, thiserror::Error)]
+enum PluginFault {
+    #[error(transparent)]
+    Options(#[from] OptionError),
+    #[error("{}", with_hint(.0))]
+    Import(ImportError),
+    #[error("{} (of a damaged copy)", with_hint(.0))]
+    Damaged(ImportError),
+    #[error(transparent)]
+    Export(#[from] ExportError),
+}
+
+fn sample(importer: &dyn Importer, source: &Source, beside: &Beside) -> Result<String, PluginFault> {
     let manifest = importer.manifest();
-    let options = manifest.complete(&ImportOptions::default()).map_err(|e| e.to_string())?;
+    let options = manifest.complete(&ImportOptions::default())?;
     let import = |source: &Source| importer.import(source, beside, ImportScope::ALL, &options);
-    let asset = import(source).map_err(|e| with_hint(&e))?;
+    let asset = import(source).map_err(PluginFault::Import)?;
     let (mut refused, mut read) = (0, 0);
     for damaged in damaged(&source.bytes) {
         match import(&Source { name: source.name.clone(), bytes: Arc::new(damaged) }) {
@@ -179,7 +192,7 @@ fn sample(importer: &dyn Importer, source: &Source, beside: &Beside) -> Result<S
             Err(e)
                 if e.what.starts_with(&format!("the plugin {} {} has ", manifest.name, manifest.version)) =>
             {
-                return Err(format!("{} (of a damaged copy)", with_hint(&e)));
+                return Err(PluginFault::Damaged(e));
             }
             Err(_) => refused += 1,
         }
@@ -230,11 +243,11 @@ fn exporter(name: &str, registry: &Registry) -> Result<Vec<String>, Vec<String>>
     Ok(vec![format!("exporter {name}: {} bytes of a small scene, {beside} files beside", first.main.len())])
 }
 
-fn write(exporter: &dyn SceneExporter, scene: &ExportedScene) -> Result<MemoryFiles, String> {
+fn write(exporter: &dyn SceneExporter, scene: &ExportedScene) -> Result<MemoryFiles, PluginFault> {
     let mut files = MemoryFiles::default();
     let mut scene = scene.clone();
-    scene.options = exporter.manifest().complete(&scene.options).map_err(|e| e.to_string())?;
-    exporter.export(&scene, &mut files).map_err(|e| e.to_string())?;
+    scene.options = exporter.manifest().complete(&scene.options)?;
+    exporter.export(&scene, &mut files)?;
     Ok(files)
 }
 

@@ -1,0 +1,15 @@
+//! Holes of meshes whose back faces are not drawn, in images before magenta.
+
+use choreo_plugin::Frame;
+
+/// Pixels of a model, those that are empty without its back faces, and those that differ.
+pub fn lost(front: &Frame, both: &Frame) -> [usize; 3] {
+    let background = |p: &&[u8]| *p == [255, 0, 255, 255];
+    let mut counts = [0; 3];
+    for (front, both) in front.rgba.chunks_exact(4).zip(both.rgba.chunks_exact(4)) {
+        counts[0] += usize::from(!background(&both));
+        counts[1] += usize::from(background(&front) && !background(&both));
+        counts[2] += usize::from(front.iter().zip(both).any(|(a, b)| a.abs_diff(*b) > 2));
+    }
+    counts
+}
