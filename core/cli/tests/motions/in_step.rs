@@ -153,9 +153,12 @@ fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
                 "{file}, {from} to {to} at {start} s: a planted foot moves {} m",
                 own.moved
             );
-            // Nothing pops. A galloping paw is up for a twelfth of a second.
-            let most = if file.contains("Fox") { 2.0 * plain.step } else { 1.5 * plain.step + 0.004 };
-            assert!(own.step < most, "{file}, {from} to {to} at {start} s: {} m in a step", own.step);
+            // Nothing pops: a foot that is held longer than in the clips has to catch up, and gets time for it.
+            assert!(
+                own.step < 1.6 * plain.step,
+                "{file}, {from} to {to} at {start} s: {} m in a step",
+                own.step
+            );
             worst_without = worst_without.max(plain.moved);
         }
     }

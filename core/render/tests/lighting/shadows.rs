@@ -121,6 +121,45 @@ fn a_suns_shadow_is_where_rays_end() {
     }
 }
 
+/// A floor under a roof, seen from below it, as far as several maps of one sun reach.
+fn floor_under_a_roof() -> (Scene, usize) {
+    let camera = CameraState {
+        camera: None,
+        world_from_view: DAffine3::from_rotation_translation(
+            // Rolled, so that seams cross the blocks of four pixels that are looked up together.
+            DQuat::from_rotation_x(-0.3) * DQuat::from_rotation_z(0.4),
+            DVec3::new(0.0, 1.5, 0.0),
+        ),
+        projection: Projection::Perspective { yfov: 0.6, near: 0.05, far: None },
+    };
+    let mut scene = Scene::with_camera(camera);
+    let level = |half: f32| asset(vec![quad(half, half)], vec![white()], vec![]);
+    scene.add(&level(200.0), flat_down());
+    let roof = scene.add(&level(400.0), DAffine3::from_translation(DVec3::Y * 3.0) * flat_down());
+    scene.sun(Vec3::new(-0.1, -1.0, 0.05), Vec3::ONE, 0.7);
+    scene.snapshot.lights[0].shadow = Some(Shadow::default());
+    (scene, roof)
+}
+
+/// A place that one map does not show is looked up in the next one, whatever the places beside it do.
+fn no_light_under_a_roof(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
+    let (mut scene, roof) = floor_under_a_roof();
+    let (_, plan) = scene.plan(&PlanOptions::new([160, 120], 1));
+    let maps = plan.shadow_maps.as_ref().unwrap().views.len();
+    assert!(maps > 1, "{maps} map has no seam");
+    let lit = |frame: &choreo_plugin::Frame| frame.rgba.chunks_exact(4).filter(|p| p[0] > 0).count();
+    assert_eq!(lit(&draw(&scene)), 0, "pixels under the roof that light reaches");
+    scene.snapshot.actors[roof].visible = false;
+    assert!(lit(&draw(&scene)) > 10_000, "without the roof light reaches the floor");
+}
+
+#[test]
+fn no_light_comes_through_where_maps_meet() {
+    no_light_under_a_roof(&mut |scene| draw_at(scene, [160, 120], 1));
+    let Some(mut r) = vulkan(GpuOptions::default()) else { return };
+    no_light_under_a_roof(&mut |scene| draw_with(&mut r, scene, &PlanOptions::new([160, 120], 1)));
+}
+
 #[test]
 fn lamps_and_spots_cast_from_where_they_are() {
     let at = DVec3::new(0.8, 2.5, 0.5);

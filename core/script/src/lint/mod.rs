@@ -6,17 +6,18 @@
 //! Stage::survey ──────────┘
 //! ```
 
+mod counted;
 mod cues;
-mod steps;
 mod unused;
 
-pub(crate) use unused::declared;
-
 use crate::api_error::Place;
-use crate::build::Build;
+use crate::build::{Build, Declared};
+use crate::def::Defs;
 use crate::diagnostic::{Diagnostic, Severity, allows};
 use choreo_motion::{Clip, Time};
 use choreo_stage::{Finding, Subject};
+use counted::{Drafts, Lines, Source};
+use rhai::AST;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -66,8 +67,13 @@ impl PlacedFinding {
 pub(crate) fn script_findings(build: &Build) -> Vec<PlacedFinding> {
     let mut found = Vec::new();
     cues::look(build, &mut found);
-    unused::look(build, &mut found);
+    unused::look(&Drafts::new(build), &mut found);
     found
+}
+
+/// Variables of a file that nothing reads.
+pub(crate) fn declared(ast: &AST, file: &str, text: &str, defs: &Defs) -> Vec<Declared> {
+    unused::declared(&Source::new(ast, text), file, defs)
 }
 
 /// Named times of a clip that is played, seconds of the clip.
@@ -126,7 +132,7 @@ impl Places {
     /// Findings about the script and about its stage, which the caller gives, as diagnostics: sorted by place, equal rules at one
     /// place merged. Those that a comment `// allow: rule`, on the line or the one above it, marks as intended are left out.
     pub fn findings(&self, on_stage: &[Finding]) -> Vec<Diagnostic> {
-        let lines = self.lines();
+        let lines = Lines::of(&self.sources);
         let all = self.meant(on_stage, &lines);
         let mut found: Vec<Diagnostic> = Vec::new();
         let mut last: Option<(Place, &str, usize)> = None;
@@ -154,8 +160,10 @@ impl Places {
 
     /// The subject, time and rule of each warning, for a plot.
     pub fn marks(&self, on_stage: &[Finding]) -> Vec<(Subject, Time, &'static str)> {
-        let warnings =
-            self.meant(on_stage, &self.lines()).into_iter().filter(|r| r.severity == Severity::Warning);
+        let warnings = self
+            .meant(on_stage, &Lines::of(&self.sources))
+            .into_iter()
+            .filter(|r| r.severity == Severity::Warning);
         warnings.map(|r| (r.subject, r.at, r.rule)).collect()
     }
 
@@ -171,40 +179,31 @@ impl Places {
             at: Time::ZERO,
         });
         let mut all: Vec<PlacedFinding> = self.script_findings.iter().cloned().chain(from_stage).collect();
-        all.retain(|r| !allowed(r, lines.get(r.place.file.as_str()).map_or(&[], Vec::as_slice)));
+        all.retain(|finding| !allowed(finding, lines));
         all.sort_by(|a, b| a.place.cmp(&b.place).then(a.rule.cmp(b.rule)));
         all
     }
-
-    /// Cut once for all findings.
-    fn lines(&self) -> Lines<'_> {
-        self.sources.values().for_each(|text| steps::count(text.len()));
-        self.sources.iter().map(|(file, text)| (file.as_str(), text.lines().collect())).collect()
-    }
 }
-
-/// The lines of each file.
-type Lines<'a> = BTreeMap<&'a str, Vec<&'a str>>;
 
 fn diagnostic(finding: &PlacedFinding, lines: &Lines) -> Diagnostic {
     let place = &finding.place;
-    let line = |number: usize| lines.get(place.file.as_str())?.get(number);
     Diagnostic {
         severity: finding.severity,
         rule: finding.rule,
         file: place.file.clone(),
         line: place.line,
         column: place.column,
-        source_line: place.line.checked_sub(1).and_then(line).unwrap_or(&"").to_string(),
+        source_line: lines.get(&place.file, place.line).unwrap_or("").to_string(),
         message: finding.text.clone(),
         hint: finding.hint.clone(),
     }
 }
 
 /// Whether a comment on its line, or on the one above it, states that it is meant.
-fn allowed(finding: &PlacedFinding, lines: &[&str]) -> bool {
-    let numbers = [finding.place.line.checked_sub(1), finding.place.line.checked_sub(2)];
-    numbers.into_iter().flatten().filter_map(|n| lines.get(n)).any(|line| allows(line, finding.rule))
+fn allowed(finding: &PlacedFinding, lines: &Lines) -> bool {
+    let Place { file, line, .. } = &finding.place;
+    let numbers = [*line, line.saturating_sub(1)];
+    numbers.into_iter().filter_map(|n| lines.get(file, n)).any(|line| allows(line, finding.rule))
 }
 
 fn close(found: &mut [Diagnostic], last: Option<(Place, &str, usize)>) {

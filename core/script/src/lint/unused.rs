@@ -1,12 +1,12 @@
 //! Things that a script makes and never uses.
 
-use super::{PlacedFinding, steps};
+use super::PlacedFinding;
+use super::counted::{At, Drafts, Sorted, Source};
 use crate::api_error::Place;
-use crate::build::{Build, Declared};
+use crate::build::Declared;
 use crate::def::{Def, Defs, Gives};
 use crate::value::HandleKind;
-use rhai::{AST, ASTNode, Stmt};
-use std::collections::{BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 
 /// Calls that put something on stage, beside functions that give what stands there: a name for it is good for the reader, used or
@@ -24,84 +24,42 @@ fn staged(defs: &Defs) -> Vec<String> {
 }
 
 /// Variables whose name stands nowhere else in the file, not even in a comment. Takes time proportional to the file's length.
-pub fn declared(ast: &AST, file: &str, text: &str, defs: &Defs) -> Vec<Declared> {
-    let (words, statements) = (words(text), Statements::of(text, &staged(defs)));
+pub fn declared(source: &Source, file: &str, defs: &Defs) -> Vec<Declared> {
+    let (words, statements) = (source.words(), Statements::of(source, &staged(defs)));
     let mut found: Vec<Declared> = Vec::new();
-    ast.walk(&mut |nodes| {
-        steps::count(1);
-        if let Some(ASTNode::Stmt(Stmt::Var(variable, _, position))) = nodes.last()
-            && let (Some(line), Some(column)) = (position.line(), position.position())
-        {
-            let name = variable.0.name.as_str();
-            let unused = || !name.starts_with('_') && words.get(name) == Some(&1);
-            if unused() && !statements.stages((line, column)) {
-                found.push(Declared {
-                    name: name.to_string(),
-                    at: Place { file: file.to_string(), line, column },
-                });
-            }
+    source.for_variables(|name, (line, column)| {
+        let unused = || !name.starts_with('_') && words.get(name) == Some(&1);
+        if unused() && !statements.stages((line, column)) {
+            let at = Place { file: file.to_string(), line, column };
+            found.push(Declared { name: name.to_string(), at });
         }
-        true
     });
     found
 }
 
-/// How often each word stands in a text.
-fn words(text: &str) -> HashMap<&str, usize> {
-    let mut counts = HashMap::new();
-    steps::count(text.len());
-    for word in text.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|word| !word.is_empty()) {
-        *counts.entry(word).or_default() += 1;
-    }
-    counts
-}
-
-/// Line and column from 1, as Rhai counts them.
-type At = (usize, usize);
-
-/// Ends of the statements of a text, and beginnings of calls that put something on stage; sorted. Places and not bytes: finding the byte of
-/// each variable takes time proportional to the length of its line.
+/// Ends of the statements of a text, and beginnings of calls that put something on stage.
 struct Statements {
-    ends: Vec<At>,
-    staged: Vec<At>,
+    ends: Sorted,
+    staged: Sorted,
 }
 
 impl Statements {
-    fn of(text: &str, staged: &[String]) -> Statements {
-        let mut statements = Statements { ends: Vec::new(), staged: Vec::new() };
-        let (mut line, mut column) = (1, 1);
-        for (byte, c) in text.char_indices() {
-            if c == ';' {
-                statements.ends.push((line, column));
-            }
-            steps::count(1);
-            if staged.iter().any(|call| text[byte..].starts_with(call.as_str())) {
-                statements.staged.push((line, column));
-            }
-            (line, column) = if c == '\n' { (line + 1, 1) } else { (line, column + 1) };
-        }
-        statements
+    fn of(source: &Source, staged: &[String]) -> Statements {
+        let staged: Vec<&str> = staged.iter().map(String::as_str).collect();
+        Statements { ends: source.places_of(&[";"]), staged: source.places_of(&staged) }
     }
 
     /// Whether the statement that begins at a place puts something on stage.
     fn stages(&self, from: At) -> bool {
-        let next = |places: &[At]| {
-            let is_before = |at: &At| {
-                steps::count(1);
-                *at < from
-            };
-            places.get(places.partition_point(is_before)).copied()
-        };
-        next(&self.staged).is_some_and(|call| next(&self.ends).is_none_or(|end| call < end))
+        self.staged.next(from).is_some_and(|call| self.ends.next(from).is_none_or(|end| call < end))
     }
 }
 
-pub fn look(build: &Build, found: &mut Vec<PlacedFinding>) {
-    let used = || build.loads.iter().inspect(|_| steps::count(1)).filter(|load| load.used);
+pub fn look(drafts: &Drafts, found: &mut Vec<PlacedFinding>) {
+    let used = || drafts.loads().filter(|load| load.used);
     let used_assets: HashSet<_> = used().filter_map(|load| load.load.ready()).map(Arc::as_ptr).collect();
     let used_places: BTreeSet<&Place> = used().map(|load| &load.load.at).collect();
-    for load in build.loads.iter().filter(|l| !l.used) {
-        steps::count(1);
+    for load in drafts.loads().filter(|l| !l.used) {
         // Another call may have got the same asset and used it.
         let shared = load.load.ready().is_some_and(|asset| used_assets.contains(&Arc::as_ptr(asset)));
         if shared || used_places.contains(&load.load.at) {
@@ -127,7 +85,7 @@ pub fn look(build: &Build, found: &mut Vec<PlacedFinding>) {
     // A load that is not used is reported already.
     let reported: HashSet<usize> =
         found.iter().filter(|r| r.rule == "unused_load").map(|r| r.place.line).collect();
-    for variable in build.declared.iter().filter(|v| !reported.contains(&v.at.line)) {
+    for variable in drafts.declared().filter(|v| !reported.contains(&v.at.line)) {
         let text = format!("the variable \"{}\" is never used", variable.name);
         found.push(
             PlacedFinding::note("unused_variable", &variable.at, text)
@@ -138,25 +96,28 @@ pub fn look(build: &Build, found: &mut Vec<PlacedFinding>) {
 
 #[cfg(test)]
 mod tests {
-    use super::{Arc, Build, Place, PlacedFinding, Statements, declared, look, staged, words};
+    use super::{Arc, Drafts, Place, PlacedFinding, Source, Statements, declared, look, staged};
     use crate::api::defs;
-    use crate::build::LoadDraft;
-    use crate::lint::{Places, steps};
+    use crate::build::{Build, LoadDraft};
+    use crate::lint::{Places, counted};
     use crate::load::Load;
     use choreo_asset::Asset;
+    use rhai::AST;
 
     #[test]
     fn words_are_counted_whole() {
-        assert_eq!(words("let a = ab + a_b + a;\n// a")["a"], 3);
-        assert_eq!(words("läuft; auf; auf")["auf"], 2);
-        assert_eq!(words("läuft; auf; auf").get("uft"), None);
+        let count = |text: &str, word: &str| Source::new(&AST::empty(), text).words().get(word).copied();
+        assert_eq!(count("let a = ab + a_b + a;\n// a", "a"), Some(3));
+        assert_eq!(count("läuft; auf; auf", "auf"), Some(2));
+        assert_eq!(count("läuft; auf; auf", "uft"), None);
     }
 
     #[test]
     fn a_call_counts_until_the_statement_ends() {
         let text = "let a = 1; let b = cast(x); let c = 2";
-        let stages =
-            |part: &str| Statements::of(text, &staged(defs())).stages((1, 1 + text.find(part).unwrap()));
+        let ast = AST::empty();
+        let statements = Statements::of(&Source::new(&ast, text), &staged(defs()));
+        let stages = |part: &str| statements.stages((1, 1 + text.find(part).unwrap()));
         assert_eq!([stages("a ="), stages("b ="), stages("c =")], [false, true, false]);
     }
 
@@ -167,10 +128,8 @@ mod tests {
         let mut engine = rhai::Engine::new();
         engine.set_optimization_level(rhai::OptimizationLevel::None);
         let ast = engine.compile(text).unwrap();
-        let found: Vec<_> = declared(&ast, "f", text, defs())
-            .iter()
-            .map(|d| (d.name.clone(), d.at.line, d.at.column))
-            .collect();
+        let found = declared(&Source::new(&ast, text), "f", defs());
+        let found: Vec<_> = found.iter().map(|d| (d.name.clone(), d.at.line, d.at.column)).collect();
         assert_eq!(found, [("a".to_string(), 1, 10), ("c".to_string(), 3, 15)]);
     }
 
@@ -186,9 +145,9 @@ mod tests {
         let mut engine = rhai::Engine::new();
         engine.set_optimization_level(rhai::OptimizationLevel::None);
         let ast = engine.compile(text).unwrap();
-        steps::taken();
-        assert_eq!(declared(&ast, "f", text, defs()).len(), found);
-        steps::taken()
+        counted::taken();
+        assert_eq!(declared(&Source::new(&ast, text), "f", defs()).len(), found);
+        counted::taken()
     }
 
     /// Whether something takes no more than in proportion to its size, but for the logarithm of a search.
@@ -209,10 +168,10 @@ mod tests {
             let finding = |line| PlacedFinding::note("unused_variable", &place(line), "unused".into());
             let script_findings = (1..=n).map(finding).collect();
             let sources = Arc::new([("f".to_string(), text)].into());
-            steps::taken();
+            counted::taken();
             let found = Places { script_findings, sources, ..Places::default() }.findings(&[]);
             assert!(found.len() == n && found[n - 1].source_line.contains(&format!("variable_{:06}", n - 1)));
-            steps::taken()
+            counted::taken()
         });
         is_linear("loads", |n| {
             let load = |line| {
@@ -224,10 +183,10 @@ mod tests {
             let mut build = Build::default();
             build.loads.extend((0..n).map(load));
             let mut found = Vec::new();
-            steps::taken();
-            look(&build, &mut found);
+            counted::taken();
+            look(&Drafts::new(&build), &mut found);
             assert_eq!(found.len(), n / 2);
-            steps::taken()
+            counted::taken()
         });
     }
 }

@@ -60,6 +60,8 @@ const LOW: f64 = 0.01;
 /// Metres per second: a foot in the air that is as slow has come down.
 const SLOW: f64 = 0.3;
 const RATE: f64 = 240.0;
+/// Metres from where it stood within which a foot is still there.
+const STILL: f64 = 0.002;
 /// Metres by which a foot that does not rise may get higher in a 240th of a second.
 const STEADY: f64 = 1e-4;
 /// A foot that is so far from where it stood, in legs, has left it; before it stands again it must get as high as this.
@@ -104,12 +106,13 @@ fn balls(stage: &Stage, legs: &[Leg], from: f64, to: f64) -> Vec<Vec<DVec3>> {
 }
 
 /// A foot is on the ground from when it is low and slow until it is above its lowest place since then; meanwhile it must not get anywhere.
-/// `ground`: the height at which each foot stands, from somewhere else.
+/// One that goes up and down over the place where it stood has not left it. `ground`: the height at which each foot stands, from somewhere else.
 fn slide(feet: &[Vec<DVec3>], ground: &[f64], from: f64) -> Slide {
     let mut found = Slide::default();
     for (places, ground) in feet.iter().zip(ground) {
         // Where, and the lowest since.
         let mut stands: Option<(DVec3, f64)> = None;
+        let mut stood: Option<(DVec3, f64)> = None;
         for i in 1..places.len() {
             let (before, now) = (places[i - 1], places[i]);
             found.step = found.step.max((now - before).length());
@@ -124,10 +127,11 @@ fn slide(feet: &[Vec<DVec3>], ground: &[f64], from: f64) -> Slide {
                 }
                 // A foot that rises where it stood has not come down again.
                 None if now.y - ground < LOW && slow && now.y <= before.y + STEADY => {
-                    stands = Some((now, now.y));
+                    let still = |(first, _): &(DVec3, f64)| (now - *first).with_y(0.0).length() < STILL;
+                    stands = stood.filter(still).or(Some((now, now.y)));
                     found.stands += 1;
                 }
-                Some(_) => stands = None,
+                Some(_) => stood = stands.take(),
                 None => {}
             }
         }
@@ -583,10 +587,8 @@ const RUNS: [([&str; 2], [&str; 2]); 4] = [
 
 /// Seconds of a fade in step.
 const IN_STEP: f64 = 0.6;
-/// Metres that feet may slide in such a fade: 0.0227 in one of UV_Animation_Test.vrm, less than 0.013 in all others.
-const MOST_IN_STEP: f64 = 0.025;
-/// Metres per second of the fastest foot, above twice that of the clips: legs of different length step in different times.
-const FASTER: f64 = 4.0;
+/// Times the speed of the clips' fastest foot in the fade that a foot may have: one that is held longer than in the clips has to catch up.
+const FASTER: f64 = 1.6;
 
 /// A foot stays where it stands while one gait becomes another in step, or it is lifted.
 #[test]
@@ -620,15 +622,14 @@ fn feet_do_not_slide_while_a_walk_becomes_a_run() {
                     plain.step * RATE
                 );
                 worst_without = worst_without.max(plain.metres);
-                let fast = own.step * RATE >= 2.0 * plain.step * RATE + FASTER;
-                if own.metres >= MOST_IN_STEP || fast {
+                if own.metres >= MOST || own.step >= FASTER * plain.step {
                     faults.push(format!("{}, {from} to {to} at {at:.2} s: {own:?}", character.0));
                 }
             }
         }
     }
     assert!(faults.is_empty(), "{faults:#?}");
-    assert!(worst_without > 8.0 * MOST_IN_STEP, "without foot locking it must fail: {worst_without} m");
+    assert!(worst_without > 8.0 * MOST, "without foot locking it must fail: {worst_without} m");
 }
 
 /// The character goes on at a switch from a run to a stand, so that the legs need not bend for feet that are left behind.

@@ -166,20 +166,24 @@ pub(super) fn stand(
     Contact { from, to, at: Some(at), first, last, rolls: (from, to), lowered, by_step: false }
 }
 
-/// Extends the contacts of a leg to where the foot is higher than [`ROLLS`], in whole samples, except where a step leads on. `leg`: its length,
-/// metres.
-pub(super) fn roll(
-    samples: &FootSamples,
-    index: usize,
-    leg: f64,
-    steps: &[Footstep],
-    contacts: &mut [Contact],
-) {
+/// What a leg does between its contacts.
+pub(super) struct Between<'a> {
+    /// Length of the leg, metres.
+    pub leg: f64,
+    pub steps: &'a [Footstep],
+    pub gait_fades: &'a [GaitFade],
+}
+
+/// Extends the contacts of a leg to where the foot is higher than [`ROLLS`], in whole samples, except where a step leads on.
+pub(super) fn roll(samples: &FootSamples, index: usize, between: &Between, contacts: &mut [Contact]) {
+    let Between { leg, steps, gait_fades } = *between;
     let places = &samples.feet[index];
     // Between two contacts half of the time is left to get from one to the other. A contact of no length is a foot in the air that begins a
     // step: where it stood, or where its clip has it.
     let gap = |before: &Contact, after: &Contact| {
-        let quarter = Time((after.from - before.to).0 / 4);
+        let gap = after.from - before.to;
+        let least = GaitFade::least_gap(gait_fades, index, leg, [before, after]);
+        let quarter = Time(gap.0 / 4).min(Time((gap - least).0 / 2)).max(Time::ZERO);
         let way = after.at.unwrap_or_default() - before.at.unwrap_or_default();
         let in_air = before.from >= before.to || after.from >= after.to;
         match in_air && way.with_y(0.0).length() < 1e-9 {

@@ -3,7 +3,7 @@
 use crate::actors::Scratch;
 use crate::constraints::foot_contacts::{ClipContacts, FootContacts};
 use crate::constraints::foot_lock::{
-    Contact, ContactSpan, FADE, FootLockTrack, come_down, counts, roll, stand, unrest,
+    Between, Contact, ContactSpan, FADE, FootLockTrack, come_down, counts, roll, stand, unrest,
 };
 use crate::constraints::foot_samples::{FeetInMotion, FootSamples, leg_length};
 use crate::constraints::footsteps::Footstep;
@@ -209,7 +209,8 @@ fn plan_with(
     planner.hold(&places, &mut plan);
     let samples = &planner.samples;
     for (index, found) in plan.legs.iter_mut().enumerate() {
-        roll(samples, index, leg, &plan.steps[index], found);
+        let between = Between { leg, steps: &plan.steps[index], gait_fades: &plan.gait_fades };
+        roll(samples, index, &between, found);
     }
     let mut drops = if comes_down { come_down(samples, &plan.legs) } else { Vec::new() };
     window.taper(&mut drops);
@@ -285,6 +286,35 @@ impl Planner<'_> {
                     plan.legs[index].push(self.stand(index, &span, &mut plan.raised));
                 }
                 plan.steps[index].extend(long.steps(&plan.legs[index][first..]));
+            }
+            self.make_room(index, feet, plan)?;
+        }
+        Ok(())
+    }
+
+    /// Shortens contacts of a foot that leave it too little time to get from one to the other.
+    fn make_room(
+        &self,
+        index: usize,
+        feet: &mut FeetInMotion,
+        plan: &mut ContactPlan,
+    ) -> Result<(), StageError> {
+        let ContactPlan { legs, steps, gait_fades, .. } = plan;
+        for i in 1..legs[index].len() {
+            let [before, after] = [legs[index][i - 1], legs[index][i]];
+            if steps[index].iter().any(|step| step.from == before.to) {
+                continue;
+            }
+            let lacking = GaitFade::least_gap(gait_fades, index, self.leg, [&before, &after])
+                - (after.from - before.to);
+            // Each keeps half of its time.
+            let cut =
+                |contact: &Contact| Time(lacking.0 / 2).min(contact.from.middle(contact.to) - contact.from);
+            if let (true, Some(left), Some(reached)) = (lacking > Time::ZERO, before.at, after.at) {
+                let (to, from) = (before.to - cut(&before), after.from + cut(&after));
+                let (last, first) = (left - feet.place(index, to)?, reached - feet.place(index, from)?);
+                legs[index][i - 1] = Contact { to, last, rolls: (before.rolls.0, to), ..before };
+                legs[index][i] = Contact { from, first, rolls: (from, after.rolls.1), ..after };
             }
         }
         Ok(())

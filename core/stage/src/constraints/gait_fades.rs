@@ -3,8 +3,9 @@
 //! On four legs strides are matched as a whole, so that the mean of both gaits may have a foot in the air while it should stand, and near the
 //! ground while it should not. Each foot stands as high as in the gaits alone, and in the air it is higher than that.
 
-use crate::constraints::foot_lock::smooth;
+use crate::constraints::foot_lock::{Contact, smooth};
 use crate::constraints::foot_samples::FootSamples;
+use crate::constraints::footsteps::hurried_secs;
 use crate::stage::constraint::FootLock;
 use choreo_motion::Time;
 
@@ -56,6 +57,17 @@ impl GaitFade {
     pub fn highest(fades: &[GaitFade], leg: usize, (from, to): (Time, Time)) -> f64 {
         let fade = fades.iter().find(|fade| from <= fade.span.1 + BESIDE && to >= fade.span.0 - BESIDE);
         fade.and_then(|fade| fade.height(leg, from.middle(to))).unwrap_or(f64::INFINITY)
+    }
+
+    /// The least time that a foot gets in a fade to go from one contact to the next: that of a hurried step, or less for a short way. Where the
+    /// feet of two gaits come down in other orders, contacts may lie closer together.
+    pub fn least_gap(fades: &[GaitFade], leg: usize, leg_length: f64, ends: [&Contact; 2]) -> Time {
+        let [Some(start), Some(end)] = ends.map(|contact| contact.at) else { return Time::ZERO };
+        if GaitFade::ground(fades, leg, ends[0].to.middle(ends[1].from)).is_none() {
+            return Time::ZERO;
+        }
+        let way = (end - start).with_y(0.0).length();
+        Time::from_secs(hurried_secs(leg_length) * (way / leg_length).min(1.0))
     }
 
     /// World height of the ground under a foot, and how far it is to be above it, 0..=1.

@@ -1,0 +1,137 @@
+//! What rules read of a long script. Tests count the steps: characters read, nodes and loads visited, places compared. What a rule
+//! takes must grow with a script, not with its square.
+//!
+//! The texts, trees and lists are private here, so that no rule can read one without its steps being counted.
+
+use crate::build::{Build, Declared, LoadDraft};
+use rhai::{AST, ASTNode, Stmt};
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
+
+/// Adds to the count of this thread.
+#[cfg(not(test))]
+#[inline(always)]
+fn count(_: usize) {}
+
+#[cfg(test)]
+use steps::count;
+#[cfg(test)]
+pub(super) use steps::taken;
+
+#[cfg(test)]
+mod steps {
+    use std::cell::Cell;
+
+    thread_local! {
+        static STEPS: Cell<usize> = const { Cell::new(0) };
+    }
+
+    pub(super) fn count(steps: usize) {
+        STEPS.set(STEPS.get() + steps);
+    }
+
+    /// The steps since the last call.
+    pub(in super::super) fn taken() -> usize {
+        STEPS.take()
+    }
+}
+
+/// Line and column from 1, as Rhai counts them.
+pub(super) type At = (usize, usize);
+
+/// One file of a script.
+pub(super) struct Source<'a> {
+    ast: &'a AST,
+    text: &'a str,
+}
+
+impl<'a> Source<'a> {
+    pub fn new(ast: &'a AST, text: &'a str) -> Source<'a> {
+        Source { ast, text }
+    }
+
+    /// Each variable that the file makes, with its place.
+    pub fn for_variables(&self, mut visit: impl FnMut(&str, At)) {
+        self.ast.walk(&mut |nodes| {
+            count(1);
+            if let Some(ASTNode::Stmt(Stmt::Var(variable, _, position))) = nodes.last()
+                && let (Some(line), Some(column)) = (position.line(), position.position())
+            {
+                visit(variable.0.name.as_str(), (line, column));
+            }
+            true
+        });
+    }
+
+    /// How often each word stands in the text.
+    pub fn words(&self) -> HashMap<&'a str, usize> {
+        let mut counts = HashMap::new();
+        count(self.text.len());
+        let words = self.text.split(|c: char| !c.is_alphanumeric() && c != '_');
+        words.filter(|word| !word.is_empty()).for_each(|word| *counts.entry(word).or_default() += 1);
+        counts
+    }
+
+    /// The places at which the text begins with one of these, in the order of the text.
+    pub fn places_of(&self, parts: &[&str]) -> Sorted {
+        let mut found = Sorted(Vec::new());
+        let (mut line, mut column) = (1, 1);
+        for (byte, c) in self.text.char_indices() {
+            count(1);
+            if parts.iter().any(|part| self.text[byte..].starts_with(part)) {
+                found.0.push((line, column));
+            }
+            (line, column) = if c == '\n' { (line + 1, 1) } else { (line, column + 1) };
+        }
+        found
+    }
+}
+
+/// Places in the order of a text. Not bytes: finding the byte of a place takes time proportional to the length of its line.
+pub(super) struct Sorted(Vec<At>);
+
+impl Sorted {
+    /// The first one at a place or after it.
+    pub fn next(&self, from: At) -> Option<At> {
+        let is_before = |at: &At| {
+            count(1);
+            *at < from
+        };
+        self.0.get(self.0.partition_point(is_before)).copied()
+    }
+}
+
+/// Loads and variables of a script that has run.
+pub(super) struct Drafts<'a>(&'a Build);
+
+impl<'a> Drafts<'a> {
+    pub fn new(build: &'a Build) -> Drafts<'a> {
+        Drafts(build)
+    }
+
+    pub fn loads(&self) -> impl Iterator<Item = &'a LoadDraft> {
+        self.0.loads.iter().inspect(|_| count(1))
+    }
+
+    /// Variables that nothing reads.
+    pub fn declared(&self) -> impl Iterator<Item = &'a Declared> {
+        self.0.declared.iter().inspect(|_| count(1))
+    }
+}
+
+/// The lines of each file.
+pub(super) struct Lines<'a>(BTreeMap<&'a str, Vec<&'a str>>);
+
+impl<'a> Lines<'a> {
+    /// Cut once for all findings. `sources`: texts by file.
+    pub fn of(sources: &'a BTreeMap<String, Arc<str>>) -> Lines<'a> {
+        sources.values().for_each(|text| count(text.len()));
+        Lines(sources.iter().map(|(file, text)| (file.as_str(), text.lines().collect())).collect())
+    }
+
+    /// A line of a file, from 1.
+    pub fn get(&self, file: &str, number: usize) -> Option<&'a str> {
+        count(1);
+        self.0.get(file)?.get(number.checked_sub(1)?).copied()
+    }
+}
