@@ -5,6 +5,8 @@ mod casting;
 mod cues;
 mod key_easing;
 mod key_list;
+mod key_name;
+mod key_tangents;
 mod keys;
 mod object;
 mod reaching;
@@ -20,6 +22,7 @@ use std::ops::Range;
 
 pub use casting::cast_lines;
 pub use cues::{CueChange, delete_cue, has_end, set_times};
+pub use key_tangents::{KeyShape, KeySide};
 pub use keys::{KeyValue, WrittenKey, WrittenKeys, copied_keys, euler_degrees_near};
 pub use object::{ScriptObject, ScriptText, euler_degrees, rotation_of, set_call, set_marker};
 pub use refused::EditRefused;

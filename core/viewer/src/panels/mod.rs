@@ -34,6 +34,7 @@ mod sequencer;
 mod signs;
 mod start;
 mod strip;
+mod tangents;
 mod tests;
 mod trails;
 mod tree;
