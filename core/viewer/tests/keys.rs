@@ -831,3 +831,31 @@ fn the_sky_and_a_cue_have_curves_and_fields() {
     desk.run();
     assert!(desk.state().text().contains(".key(\"strength\", [[0.0, 0.5]])"), "{}", desk.state().text());
 }
+
+/// A key within a span with tangents leaves the curve as it is, weights included.
+#[test]
+fn a_new_key_splits_a_span_and_changes_no_curve() {
+    let script = SCRIPT.replace(
+        "[1.0, [1, 0, 0]], [2.0, [1, 2, 0], \"in_quad\"]",
+        "[1.0, [1, 0, 0], #{ tangent: [0, 3, -1] }], [2.0, [1, 2, 0], #{ in_tangent: -2, in_weight: [0.1, 0.6, 0.9] }]",
+    );
+    let mut place = Place::new(&script);
+    let before = property(&place, &ball(), "position");
+    place.viewer.set_keys_at(&ball(), &["position"], Time::from_secs(0.6)).unwrap();
+    place.reload();
+    place.viewer.set_keys_at(&ball(), &["position"], Time::from_secs(1.24)).unwrap();
+    place.reload();
+    let after = property(&place, &ball(), "position");
+    assert_eq!(after.keys.len(), 5, "{}", place.text());
+    for frame in 0..=100 {
+        let time = Time::from_secs(f64::from(frame) / 50.0);
+        for (a, b) in before.at(time).iter().zip(after.at(time)) {
+            // Numbers are written to the thousandth.
+            assert!((a - b).abs() < 2e-3, "{a} and {b} at {}: {}", time.as_secs(), place.text());
+        }
+    }
+    place.viewer.undo().unwrap();
+    place.reload();
+    place.viewer.undo().unwrap();
+    assert_eq!(place.text(), script);
+}

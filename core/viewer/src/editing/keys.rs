@@ -137,11 +137,16 @@ impl Viewer {
             })?;
             shapes.push((key.clone(), shape));
         }
-        self.set_key_shapes(shapes)
+        self.set_key_shapes(&shapes)
     }
 
     /// Sets easings and tangents of keys, as one change.
-    pub fn set_key_shapes(&mut self, shapes: Vec<(KeyRef, KeyShape)>) -> Result<(), EditError> {
+    pub fn set_key_shapes(&mut self, shapes: &[(KeyRef, KeyShape)]) -> Result<(), EditError> {
+        let steps = self.shape_steps(shapes)?;
+        self.change_all(steps)
+    }
+
+    fn shape_steps(&self, shapes: &[(KeyRef, KeyShape)]) -> Result<Vec<Step<'static>>, EditError> {
         let keys: Vec<KeyRef> = shapes.iter().map(|(key, _)| key.clone()).collect();
         let mut steps = Vec::new();
         for ((what, property), times) in by_property(&keys) {
@@ -160,7 +165,7 @@ impl Viewer {
             let keys: Vec<KeyRef> = times.iter().map(key).collect();
             steps.extend(self.key_steps(&keys, change, &|at| Some(at))?);
         }
-        self.change_all(steps)
+        Ok(steps)
     }
 
     /// Sets how all keys of properties are interpolated, as source text; `None`: linear.
@@ -239,6 +244,12 @@ impl Viewer {
             let keyed = self.keyed(what, property)?;
             let numbers = keyed.at(at);
             steps.push(self.value_step(&keyed, at, &numbers)?);
+            if let Some(split) = keyed.split(at) {
+                let times = [keyed.keys[split.before], at, keyed.keys[split.before + 1]];
+                let key = |at| KeyRef { what: what.clone(), property: property.to_string(), at };
+                let shapes: Vec<_> = times.map(key).into_iter().zip(split.shapes).collect();
+                steps.extend(self.shape_steps(&shapes)?);
+            }
         }
         self.change_all(steps)?;
         let key = |property: &&str| KeyRef { what: what.clone(), property: property.to_string(), at };

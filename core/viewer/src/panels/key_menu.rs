@@ -168,7 +168,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, act: KeyAct) {
         KeyAct::Time(key, secs) => viewer.edit(|v| v.set_key_time(&key, secs)),
         KeyAct::Value(key, numbers) => viewer.edit(|v| v.set_key_value(&key, &numbers)),
         KeyAct::Tangents(choice) => viewer.edit(|v| v.set_key_tangents(&keys, choice)),
-        KeyAct::Shape(key, shape) => viewer.edit(|v| v.set_key_shapes(vec![(key, shape)])),
+        KeyAct::Shape(key, shape) => viewer.edit(|v| v.set_key_shapes(&[(key, shape)])),
         KeyAct::Run(command) => run_command(ui, viewer, command, &keys),
     }
 }

@@ -1,7 +1,7 @@
 //! Tangents of keys, in the units in which curves are drawn: those that the script states, and those that follow from the interpolation.
 
 use crate::state::keyed::{KeyedProperty, ValueKind};
-use choreo_motion::Interpolation;
+use choreo_motion::{Interpolation, Time};
 use choreo_session::edit::{KeyShape, KeySide, WrittenKey, WrittenKeys};
 use choreo_stage::{Property, Tangents};
 
@@ -107,14 +107,11 @@ impl KeyedProperty {
         all
     }
 
-    /// The values at all keys.
-    fn values(&self) -> Vec<Vec<f64>> {
-        let value = |at: &choreo_motion::Time| {
-            let mut numbers = self.at(*at);
-            numbers.truncate(self.width());
-            numbers
-        };
-        self.keys.iter().map(value).collect()
+    /// The numbers at a time that have curves.
+    fn numbers(&self, at: &Time) -> Vec<f64> {
+        let mut numbers = self.at(*at);
+        numbers.truncate(self.width());
+        numbers
     }
 
     /// The tangent that the interpolation gives a key, where `span` are the ends of what is straight otherwise.
@@ -133,7 +130,11 @@ impl KeyedProperty {
 
     fn tangents(&self, tangents: Tangents, key: usize) -> Vec<f64> {
         let vector = self.property() == Some(Property::Translation);
-        tangents.of(&self.keys, &self.values(), vector).swap_remove(key)
+        // A tangent depends on the keys beside its own; those at the ends are flat.
+        let near = key.checked_sub(1).and_then(|before| self.keys.get(before..before + 3));
+        let Some(near) = near else { return vec![0.0; self.width()] };
+        let values: Vec<Vec<f64>> = near.iter().map(|at| self.numbers(at)).collect();
+        tangents.of(near, &values, vector).swap_remove(1)
     }
 
     fn straight(&self, [from, to]: [usize; 2]) -> Vec<f64> {
@@ -201,6 +202,82 @@ impl KeyedProperty {
         }
         Some(shape)
     }
+}
+
+/// How the keys around a new one and that itself are reached and left, so that the curves stay what they are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SplitSpan {
+    /// The index of the key before the new one.
+    pub before: usize,
+    /// The key before it, the new one, and the one behind it.
+    pub shapes: [KeyShape; 3],
+}
+
+impl KeyedProperty {
+    /// How a new key splits a span that has tangents of its own; `None` where there is no such span.
+    pub fn split(&self, at: Time) -> Option<SplitSpan> {
+        let next = self.keys.partition_point(|key| *key <= at);
+        let before = next.checked_sub(1)?;
+        let (mut first, mut last) = (self.shape(before)?, self.shape(next)?);
+        if self.keys[before] == at || !(first.outgoing.is_given() || last.incoming.is_given()) {
+            return None;
+        }
+        let [leaving, reaching] = [self.handle(before, 1)?, self.handle(next, 0)?];
+        let share = (at - self.keys[before]).as_secs() / leaving.span;
+        let [from, to] = [before, next].map(|key| self.at(self.keys[key]));
+        let part = |n: usize| -> Option<Halves> {
+            let (w0, w1, span) = (*leaving.weight.get(n)?, *reaching.weight.get(n)?, leaving.span);
+            let (m0, m1) = (leaving.tangent[n], reaching.tangent[n]);
+            let values = [from[n], from[n] + w0 * span * m0, to[n] - w1 * span * m1, to[n]];
+            Some(Halves::of([0.0, w0, 1.0 - w1, 1.0], values, share, span))
+        };
+        let parts: Vec<Halves> = (0..self.width()).map(part).collect::<Option<_>>()?;
+        let side = |tangent: Vec<f64>, weight: usize| {
+            let weight: Vec<f64> = parts.iter().map(|part| part.weights[weight]).collect();
+            let even = weight.iter().all(|weight| (weight - EVEN).abs() < 1e-6);
+            KeySide { tangent: Some(tangent), weight: (!even).then_some(weight) }
+        };
+        let tangent: Vec<f64> = parts.iter().map(|part| part.tangent).collect();
+        first.outgoing = side(leaving.tangent, 0);
+        last.incoming = side(reaching.tangent, 3);
+        let (incoming, outgoing) = (side(tangent.clone(), 1), side(tangent, 2));
+        let new = KeyShape { incoming, outgoing, ..KeyShape::default() };
+        Some(SplitSpan { before, shapes: [first, new, last] })
+    }
+}
+
+/// The two halves of a Bézier curve over the time, by de Casteljau's construction.
+struct Halves {
+    /// The change a second where they meet.
+    tangent: f64,
+    /// The lengths of the four handles, each as a share of its half.
+    weights: [f64; 4],
+}
+
+impl Halves {
+    /// `share`: where they meet, of a span of so many seconds; `times`: the control points' shares of it.
+    fn of(times: [f64; 4], values: [f64; 4], share: f64, span: f64) -> Halves {
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..60 {
+            let u = 0.5 * (low + high);
+            if construct(times, u)[2] < share { low = u } else { high = u }
+        }
+        let u = 0.5 * (low + high);
+        let [t0, ta, _, tb, t3] = construct(times, u);
+        let [_, va, _, vb, _] = construct(values, u);
+        let lengths = [t0 / share, (share - ta) / share, (tb - share) / (1.0 - share), t3 / (1.0 - share)];
+        let rise = if tb > ta { (vb - va) / ((tb - ta) * span) } else { 0.0 };
+        Halves { tangent: rise, weights: lengths.map(|length| length.clamp(0.0, 1.0)) }
+    }
+}
+
+/// Of the two halves of a Bézier curve: how far the first handle reaches, the points before, at and behind the place where they
+/// meet, and how far the last handle reaches.
+fn construct([a, b, c, d]: [f64; 4], u: f64) -> [f64; 5] {
+    let mix = |a: f64, b: f64| a + (b - a) * u;
+    let (ab, bc, cd) = (mix(a, b), mix(b, c), mix(c, d));
+    let (abc, bcd) = (mix(ab, bc), mix(bc, cd));
+    [ab - a, abc, mix(abc, bcd), bcd, d - cd]
 }
 
 /// A handle on its way.
