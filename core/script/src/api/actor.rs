@@ -87,6 +87,11 @@ api! {
     ///   name such as "in_out_sine" (see Cue.ease) or a Bézier curve [x1, y1, x2, y2].
     /// - Two keyframes at the same time are a jump from the first value to the second.
     /// - A keyframe [time, value, ease] has its own easing, into that keyframe only; `how` is then "linear".
+    /// - A keyframe [time, value, #{ tangent: … }] has its own tangent: the change a second, one number for all or one
+    ///   each, through which a cubic Hermite spline goes (tangent: 0 rests). A tangent that breaks has two sides, in_tangent and
+    ///   out_tangent. The other ends of such spans are as `how` says: straight for "linear". weight, in_weight and out_weight
+    ///   (0 to 1, default 1/3) set how far the handles of a Bézier curve reach into the spans. ease sets an
+    ///   easing, which then forms the whole span before the keyframe.
     Actor.key("property, keys, how? | property, name, keys, how?") = key;
     /// Plays a clip on the actor and returns its cue (an NLA strip), from time 0 or from Cue.from on. A clip of
     /// another asset is retargeted. Options as in Cue.then (from, until, fade, trim, speed, repeat and more).

@@ -62,7 +62,8 @@ api! {
     /// time on in which the image goes over from that of the camera before, a cross dissolve, default 0).
     Camera.cut("time, options?") = cut;
     /// Animates a property with keyframes [[time, value], …]: "position" (dolly, crane), "rotation" (pan, tilt,
-    /// roll), or "fov" in degrees or "focal_length" in millimetres (zoom). Values, `how` and easing as in Actor.key.
+    /// roll), or "fov" in degrees or "focal_length" in millimetres (zoom). Values, `how`, easing and
+    /// tangents as in Actor.key.
     Camera.key("property, keys, how?") = key;
 }
 

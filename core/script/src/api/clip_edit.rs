@@ -15,8 +15,8 @@ use rhai::Dynamic;
 api! {
     /// Returns an empty clip for the asset. Clip.key adds keyframes to it.
     Asset.new_clip("name") -> Clip = new_clip;
-    /// Returns the clip with keyframes [[time, value], …] for a property of a joint, in place of its own. `how` as
-    /// in Actor.key.
+    /// Returns the clip with keyframes [[time, value], …] for a property of a joint, in place of its own. `how`,
+    /// easing and tangents as in Actor.key.
     /// - Properties: "rotation" (degrees [x, y, z] about the axes of the joint, relative to the rest pose),
     ///   "position" (metres relative to the rest pose, along the axes of the model), "scale" (factor of the scale
     ///   at rest).

@@ -27,7 +27,7 @@ api! {
     /// Sets a parameter of the effect.
     Effect.set("parameter, value") = set, in_frames;
     /// Animates a parameter with keyframes [[time, value], …]: a number, a color, a vector, or a curve, whose samples
-    /// are interpolated. `how` and easing as in Actor.key. Whole numbers, flags and texts change at the keyframe.
+    /// are interpolated. `how`, easing and tangents as in Actor.key. Whole numbers, flags and texts change at the keyframe.
     Effect.key("parameter, keys, how?") = key;
     /// Sets the start time (default 0).
     Effect.from("time") = from;

@@ -20,8 +20,8 @@ api! {
     /// Rotates the joint about its own x, then y, then z axis, in degrees, on top of the clips. Only inside
     /// `on_frame`.
     Joint.rotate("x, y, z") = joint_rotate, in_frames;
-    /// Animates the joint with keyframes [[time, value], …] in stage time, added on top of its clips. `how` and the
-    /// easing of single keyframes as in Actor.key.
+    /// Animates the joint with keyframes [[time, value], …] in stage time, added on top of its clips. `how`, easing and
+    /// tangents as in Actor.key.
     /// - Properties: "rotation" (degrees [x, y, z] about the axes of the joint), "position" (metres along the axes
     ///   of the model), "scale" (a factor, or one per axis).
     Joint.key("property, keys, how?") = key;

@@ -1,5 +1,6 @@
 //! Keyframes of properties: `.key("position", [[t, value], …], how)`.
 
+use super::key_spline::{self, Form, KeyShape, Spline};
 use crate::call::fields::pair;
 use crate::call::{ApiError, Call, color, describe, euler, number, number_in, numbers, one_of, wrong};
 use crate::limits::raise_hint;
@@ -55,27 +56,35 @@ pub fn channel(c: &Call, keyed: Keyed, at: usize) -> Result<Channel, ApiError> {
     if at >= c.len() {
         return Err(ApiError::new(format!("key: write key(\"{}\", name, keys)", keyed.name)));
     }
-    let (how, ease) = if c.len() > at + 1 { how_or_ease(c, at + 1)? } else { ("linear", None) };
+    let given = given_how(c, at + 1)?;
     let keys = read_keys(c, &c.value(at), "key")?;
     let values = |read: &Reader| {
         let label = |i| format!("key: value of key {i}");
-        keys.iter().enumerate().map(|(i, (_, v))| read(v, &label(i))).collect::<Result<Vec<_>, _>>()
+        keys.iter().enumerate().map(|(i, key)| read(&key.value, &label(i))).collect::<Result<Vec<_>, _>>()
     };
-    let times: Vec<Time> = keys.iter().map(|(t, _)| *t).collect();
-    let eases = eases(&c.value(at), how, ease)?;
+    let times: Vec<Time> = keys.iter().map(|key| key.time).collect();
     let Keyed { of_type, property, .. } = keyed;
+    let is_quaternion = |key: &Key| numbers(&key.value).is_some_and(|n| n.len() == 4);
+    let of_quaternions = of_type == FieldType::Rotation && keys.iter().any(is_quaternion);
+    let shapes = shapes(c, &keys, "key", given, form(of_type, property, of_quaternions))?;
+    let how = given.how;
     match of_type {
-        FieldType::Rotation if keys.iter().any(|(_, v)| numbers(v).is_some_and(|n| n.len() == 4)) => {
+        FieldType::Rotation if of_quaternions => {
             let turns = values(&|v, l| Ok(quaternion(v, l)?.to_array().to_vec()))?;
-            quaternions(c, how, &times, turns, &eases)
+            quaternions(c, how, &times, turns, &shapes)
         }
         FieldType::Rotation => {
-            let (times, angles) = eased(c, &times, values(&angles)?, &eases, straight)?;
-            rotation(c, how, &times, &angles)
+            let angles = values(&angles)?;
+            if let Some(spline) = Spline::of(c, how, (&times, &angles), &shapes, false)? {
+                return rotation(c, how, &spline.times, &spline.values, Some(Turning::of_keys(&spline)));
+            }
+            let (times, angles) = eased(c, &times, angles, &shapes, straight)?;
+            let spline = tangents(how).map(|t| Spline::even(&times, &angles, t.of(&times, &angles, false)));
+            rotation(c, how, &times, &angles, spline.as_ref().map(Turning::of_all))
         }
         FieldType::Direction => {
             let ways = values(&|v, l| Ok(Call::direction(v, l)?.normalize().to_array().to_vec()))?;
-            quaternions(c, how, &times, turns_between(&ways), &eases)
+            quaternions(c, how, &times, turns_between(&ways), &shapes)
         }
         // What is visible appears at its keyframe, whatever `how` says.
         FieldType::Flag => {
@@ -86,9 +95,55 @@ pub fn channel(c: &Call, keyed: Keyed, at: usize) -> Result<Channel, ApiError> {
         }
         _ => {
             let values = values(&|v, l| components(v, l, of_type, property.width()))?;
-            let (times, values) = eased(c, &times, values, &eases, straight)?;
-            Ok(make_channel(property, how, &times, &values))
+            shaped_channel(c, property, how, &times, values, &shapes)
         }
+    }
+}
+
+/// The channel of keyframes that may have easings and tangents of their own.
+fn shaped_channel(
+    c: &Call,
+    property: Property,
+    how: &str,
+    times: &[Time],
+    values: Vec<Vec<f64>>,
+    shapes: &[KeyShape],
+) -> Result<Channel, ApiError> {
+    if let Some(spline) = Spline::of(c, how, (times, &values), shapes, property == Property::Translation)? {
+        return Ok(spline_channel(property, &spline, 0..property.width()));
+    }
+    let (times, values) = eased(c, times, values, shapes, straight)?;
+    Ok(make_channel(property, how, &times, &values))
+}
+
+/// Some of the numbers of a spline as a channel.
+fn spline_channel(property: Property, spline: &Spline, parts: std::ops::Range<usize>) -> Channel {
+    let Spline { times, values, incoming, outgoing } = spline;
+    let key = |i: usize| {
+        [&incoming[i], &values[i], &outgoing[i]].into_iter().flat_map(|of| of[parts.clone()].to_vec())
+    };
+    Channel {
+        property,
+        interpolation: Interpolation::CubicSpline,
+        times: times.clone(),
+        values: (0..times.len()).flat_map(key).collect(),
+    }
+}
+
+/// How the tangents of a property are written.
+fn form(of_type: FieldType, property: Property, of_quaternions: bool) -> Form {
+    let width = property.width();
+    let numbers = |least: usize, factor: f64| Form::Numbers { least, width, factor };
+    match of_type {
+        FieldType::Rotation if of_quaternions => Form::None("quaternions have no tangents; key degrees"),
+        FieldType::Rotation => Form::Angles,
+        FieldType::Direction => Form::None("directions have no tangents"),
+        FieldType::Flag => Form::None("true and false hold until the next key, so they have no tangents"),
+        FieldType::Kelvin => Form::None("a color temperature has no tangents; key the color"),
+        FieldType::Degrees(..) => numbers(1, 1f64.to_radians()),
+        FieldType::Pair => numbers(2, 1.0),
+        FieldType::Color => numbers(3, 1.0),
+        _ => numbers(width, 1.0),
     }
 }
 
@@ -123,16 +178,24 @@ fn turns_between(ways: &[Vec<f64>]) -> Vec<Vec<f64>> {
 /// Channels of a property whose value has several numbers, one channel each. The keyframes are the second argument, `how` the third.
 /// `step`: the value cannot be interpolated and holds until the next keyframe, whatever `how` says.
 pub fn parts(c: &Call, property: Property, step: bool, read: &Reader) -> Result<Vec<Channel>, ApiError> {
-    let (how, ease) = if c.len() > 2 { how_or_ease(c, 2)? } else { ("linear", None) };
-    let (how, ease) = if step { ("step", None) } else { (how, ease) };
+    let given = given_how(c, 2)?;
+    let given = if step { Given { how: "step", ease: None } } else { given };
     let keys = read_keys(c, &c.value(1), "key")?;
-    let times: Vec<Time> = keys.iter().map(|(t, _)| *t).collect();
-    let values = keys.iter().enumerate().map(|(i, (_, v))| read(v, &format!("key: value of key {i}")));
+    let times: Vec<Time> = keys.iter().map(|key| key.time).collect();
+    let values = keys.iter().enumerate().map(|(i, key)| read(&key.value, &format!("key: value of key {i}")));
     let values = values.collect::<Result<Vec<_>, _>>()?;
-    let (times, values) = eased(c, &times, values, &eases(&c.value(1), how, ease)?, straight)?;
-    let part = |n: usize| values.iter().map(|v| vec![v[n]]).collect::<Vec<_>>();
     let count = values.first().map_or(0, Vec::len);
-    Ok((0..count).map(|n| make_channel(property, how, &times, &part(n))).collect())
+    let form = match step {
+        true => Form::None("its values hold until the next key, so they have no tangents"),
+        false => Form::numbers(count),
+    };
+    let shapes = shapes(c, &keys, "key", given, form)?;
+    if let Some(spline) = Spline::of(c, given.how, (&times, &values), &shapes, false)? {
+        return Ok((0..count).map(|n| spline_channel(property, &spline, n..n + 1)).collect());
+    }
+    let (times, values) = eased(c, &times, values, &shapes, straight)?;
+    let part = |n: usize| values.iter().map(|v| vec![v[n]]).collect::<Vec<_>>();
+    Ok((0..count).map(|n| make_channel(property, given.how, &times, &part(n))).collect())
 }
 
 /// Adds channels; they replace those of the same property.
@@ -143,19 +206,30 @@ pub fn replace(channels: &mut Vec<Channel>, new: Vec<Channel>) {
     }
 }
 
-/// The interpolation between keyframes, read from argument `i`.
-pub fn how(c: &Call, i: usize) -> Result<&'static str, ApiError> {
-    one_of(&c.value(i), &format!("{}: how", c.def.name), HOW)
+/// What a script says about all keyframes of a property.
+#[derive(Clone, Copy)]
+pub struct Given {
+    /// The interpolation between them.
+    pub how: &'static str,
+    /// The easing into those that have none of their own.
+    pub ease: Option<Ease>,
 }
 
-/// The interpolation as in [`how`], or an easing into every keyframe that has none of its own: a name with in_ or out_, or the points
-/// of a Bézier curve.
-fn how_or_ease(c: &Call, i: usize) -> Result<(&'static str, Option<Ease>), ApiError> {
-    let value = c.value(i);
+impl Given {
+    pub const LINEAR: Given = Given { how: "linear", ease: None };
+}
+
+/// The interpolation that argument `i` names, linear where it is left out, or an easing: a name with in_ or out_, or the points of a
+/// Bézier curve.
+pub fn given_how(c: &Call, i: usize) -> Result<Given, ApiError> {
+    if i >= c.len() {
+        return Ok(Given::LINEAR);
+    }
+    let (value, label) = (c.value(i), format!("{}: how", c.def.name));
     let text = value.clone().into_string().unwrap_or_default();
     match value.is_array() || ["in_", "out_"].iter().any(|p| text.starts_with(p)) {
-        true => Ok(("linear", Some(super::cue::ease_of(&value, &format!("{}: how", c.def.name))?))),
-        false => Ok((how(c, i)?, None)),
+        true => Ok(Given { ease: Some(super::cue::ease_of(&value, &label)?), ..Given::LINEAR }),
+        false => Ok(Given { how: one_of(&value, &label, HOW)?, ease: None }),
     }
 }
 
@@ -164,19 +238,28 @@ pub fn scalars(
     c: &Call,
     value: &Dynamic,
     label: &str,
-    how: &str,
+    given: Given,
     property: Property,
     read: &dyn Fn(&Dynamic, &str) -> Result<f64, ApiError>,
 ) -> Result<Channel, ApiError> {
     let keys = read_keys(c, value, label)?;
-    let one = |(i, (_, v)): (usize, &(Time, Dynamic))| Ok(vec![read(v, &format!("{label}: key {i}"))?]);
+    let one = |(i, key): (usize, &Key)| Ok(vec![read(&key.value, &format!("{label}: key {i}"))?]);
     let values = keys.iter().enumerate().map(one).collect::<Result<Vec<_>, ApiError>>()?;
-    let times: Vec<Time> = keys.iter().map(|(t, _)| *t).collect();
-    Ok(make_channel(property, how, &times, &values))
+    let times: Vec<Time> = keys.iter().map(|key| key.time).collect();
+    let shapes = shapes(c, &keys, label, given, Form::numbers(1))?;
+    shaped_channel(c, property, given.how, &times, values, &shapes)
 }
 
-/// Time and value of each keyframe of an array; messages begin with `of`.
-fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<(Time, Dynamic)>, ApiError> {
+/// A keyframe as a script states it.
+struct Key {
+    time: Time,
+    value: Dynamic,
+    /// What follows the value: an easing, or a map with tangents.
+    shape: Option<Dynamic>,
+}
+
+/// The keyframes of an array; messages begin with `of`.
+fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<Key>, ApiError> {
     let Some(rows) = value.read_lock::<rhai::Array>() else {
         return Err(wrong(value, &format!("{of}: keys"), "an array of keys, [[time, value], …]"));
     };
@@ -184,9 +267,9 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<(Time, Dynamic)>
         return Err(ApiError::new(format!("{of}: there must be at least one key, [[time, value], …]")));
     }
     count(c, rows.len())?;
-    let mut keys: Vec<(Time, Dynamic)> = Vec::with_capacity(rows.len());
+    let mut keys: Vec<Key> = Vec::with_capacity(rows.len());
     for (n, row) in rows.iter().enumerate() {
-        // A third one is an ease, which is no number: [x, y, z] is a value without its time.
+        // A third one is an ease or a map, which is no number: [x, y, z] is a value without its time.
         let is_pair = |p: &rhai::Array| p.len() == 2 || p.len() == 3 && number(&p[2], "").is_err();
         let pair = row.flatten_clone().try_cast::<rhai::Array>().filter(is_pair);
         let Some(pair) = pair else {
@@ -194,43 +277,46 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<(Time, Dynamic)>
             return Err(ApiError::new(format!("{of}: key {n} must be [time, value], got {got}")));
         };
         let t = c.stage_time(&pair[0], &format!("{of}: time of key {n}"))?;
-        if keys.last().is_some_and(|(before, _)| *before > t) {
+        if keys.last().is_some_and(|before| before.time > t) {
             return Err(ApiError::new(format!(
                 "{of}: times must increase, but key {n} at {} s follows one at {} s",
                 t.as_secs(),
-                keys[n - 1].0.as_secs()
+                keys[n - 1].time.as_secs()
             )));
         }
-        if keys.last().is_some_and(|(before, _)| *before == t) {
+        if keys.last().is_some_and(|before| before.time == t) {
             // A jump: the value before it holds until the last tick.
-            keys[n - 1].0 = t - Time(1);
-            if n > 1 && keys[n - 2].0 >= keys[n - 1].0 {
+            keys[n - 1].time = t - Time(1);
+            if n > 1 && keys[n - 2].time >= keys[n - 1].time {
                 let text = format!("{of}: at most two keys can have the same time, but key {n} is the third");
                 return Err(ApiError::new(format!("{text} at {} s", t.as_secs())));
             }
         }
-        keys.push((t, pair[1].flatten_clone()));
+        let shape = pair.get(2).map(Dynamic::flatten_clone);
+        keys.push(Key { time: t, value: pair[1].flatten_clone(), shape });
     }
     Ok(keys)
 }
 
-/// The easing into each keyframe: its own, [time, value, ease], else the easing of all.
-fn eases(keys: &Dynamic, how: &str, all: Option<Ease>) -> Result<Vec<Option<Ease>>, ApiError> {
-    let Some(rows) = keys.read_lock::<rhai::Array>() else { return Ok(Vec::new()) };
-    let ease = |(n, row): (usize, &Dynamic)| {
-        let Some(given) = row.flatten_clone().try_cast::<rhai::Array>().and_then(|r| r.get(2).cloned())
-        else {
-            return Ok(all);
-        };
-        let label = format!("key: ease of key {n}");
-        if how != "linear" {
+/// How each keyframe is reached and left: as it says itself, else by the easing of all.
+fn shapes(c: &Call, keys: &[Key], of: &str, given: Given, form: Form) -> Result<Vec<KeyShape>, ApiError> {
+    let Given { how, ease: all } = given;
+    let shape = |(n, key): (usize, &Key)| {
+        let shape = key_spline::read(c, key.shape.as_ref(), of, n, form)?;
+        if shape.ease.is_some() && how != "linear" {
             return Err(ApiError::new(format!(
-                "{label}: keys with an ease of their own are linear, not \"{how}\""
+                "{of}: ease of key {n}: keys with an ease of their own are linear, not \"{how}\""
             )));
         }
-        super::cue::ease_of(&given.flatten_clone(), &label).map(Some)
+        Ok(shape)
     };
-    rows.iter().enumerate().map(ease).collect()
+    let mut shapes = keys.iter().enumerate().map(shape).collect::<Result<Vec<_>, ApiError>>()?;
+    for n in 1..shapes.len() {
+        if !shapes[n - 1].outgoing.is_given() && !shapes[n].incoming.is_given() {
+            shapes[n].ease = shapes[n].ease.or(all);
+        }
+    }
+    Ok(shapes)
 }
 
 fn straight(a: &[f64], b: &[f64], w: f64) -> Vec<f64> {
@@ -242,14 +328,14 @@ fn eased(
     c: &Call,
     times: &[Time],
     values: Vec<Vec<f64>>,
-    eases: &[Option<Ease>],
+    shapes: &[KeyShape],
     mix: fn(&[f64], &[f64], f64) -> Vec<f64>,
 ) -> Result<(Vec<Time>, Vec<Vec<f64>>), ApiError> {
     let (mut out_times, mut out) = (Vec::with_capacity(times.len()), Vec::with_capacity(times.len()));
     for (i, value) in values.iter().enumerate() {
-        if let (Some(Some(ease)), 1..) = (eases.get(i), i) {
+        if let (Some(KeyShape { ease: Some(ease), .. }), 1..) = (shapes.get(i), i) {
             let span = (times[i] - times[i - 1]).0;
-            let steps = (libm::ceil(Time(span).as_secs() * 60.0) as i64).max(16).min(span);
+            let steps = steps_of_ease(Time(span));
             count(c, steps as usize)?;
             for step in 1..steps {
                 let w = ease.at(step as f64 / steps as f64);
@@ -265,7 +351,12 @@ fn eased(
     Ok((out_times, out))
 }
 
-fn count(c: &Call, more: usize) -> Result<(), ApiError> {
+/// How many steps an easing takes within a span.
+pub(super) fn steps_of_ease(span: Time) -> i64 {
+    (libm::ceil(span.as_secs() * 60.0) as i64).max(16).min(span.0)
+}
+
+pub(super) fn count(c: &Call, more: usize) -> Result<(), ApiError> {
     let mut build = c.build();
     build.keys += more as u64;
     if build.keys > c.shared.limits.keys {
@@ -327,12 +418,12 @@ fn quaternions(
     how: &str,
     times: &[Time],
     values: Vec<Vec<f64>>,
-    eases: &[Option<Ease>],
+    shapes: &[KeyShape],
 ) -> Result<Channel, ApiError> {
-    let smooth = vec![Some(Ease::Smooth); values.len()];
-    let (how, eases) = match how {
+    let smooth = vec![KeyShape { ease: Some(Ease::Smooth), ..KeyShape::default() }; values.len()];
+    let (how, shapes) = match how {
         "smooth" => ("linear", &smooth[..]),
-        "linear" | "step" => (how, eases),
+        "linear" | "step" => (how, shapes),
         _ => {
             let text = format!(
                 "key: quaternions and directions are keyed \"linear\", \"smooth\" or \"step\", not \"{how}\""
@@ -342,12 +433,12 @@ fn quaternions(
     };
     let slerp =
         |a: &[f64], b: &[f64], w| DQuat::from_slice(a).slerp(DQuat::from_slice(b), w).to_array().to_vec();
-    let (times, values) = eased(c, times, values, eases, slerp)?;
+    let (times, values) = eased(c, times, values, shapes, slerp)?;
     Ok(make_channel(Property::Rotation, how, &times, &values))
 }
 
 /// The tangents between which a cubic `how` runs; `None` for the others.
-fn tangents(how: &str) -> Option<Tangents> {
+pub(super) fn tangents(how: &str) -> Option<Tangents> {
     match how {
         "smooth" => Some(Tangents::Flat),
         "cubic" => Some(Tangents::Limited),
@@ -371,7 +462,13 @@ fn make_channel(property: Property, how: &str, times: &[Time], values: &[Vec<f64
 
 /// Converts keyframes of Euler angles to quaternion keyframes, which are so close to each other that the shortest arc between two is
 /// the path of the angles: 0 to 360 degrees is a whole turn. About one axis that is exact; else there is a keyframe every 5 degrees.
-fn rotation(c: &Call, how: &str, times: &[Time], degrees: &[Vec<f64>]) -> Result<Channel, ApiError> {
+fn rotation(
+    c: &Call,
+    how: &str,
+    times: &[Time],
+    degrees: &[Vec<f64>],
+    turning: Option<Turning>,
+) -> Result<Channel, ApiError> {
     const LARGEST_STEP: f64 = 120.0;
     const SMALL_STEP: f64 = 5.0;
     if degrees.iter().flatten().any(|d| d.abs() > 1e9) {
@@ -381,23 +478,26 @@ fn rotation(c: &Call, how: &str, times: &[Time], degrees: &[Vec<f64>]) -> Result
     let one_axis = (0..3).filter(|n| degrees.iter().any(|d| d[*n] != 0.0)).count() <= 1;
     let mut out_times = vec![times[0]];
     let mut out = vec![quat([degrees[0][0], degrees[0][1], degrees[0][2]])];
-    let tangents = tangents(how).map(|tangents| tangents.of(times, degrees, false));
     for i in 1..times.len() {
-        let widest = (0..3).map(|n| (degrees[i][n] - degrees[i - 1][n]).abs()).fold(0.0, f64::max);
-        let step = if how == "linear" && one_axis { LARGEST_STEP } else { SMALL_STEP };
-        // Cubics may swing further than their ends are apart: at least a few keys.
-        let least = if tangents.is_some() { 16.0 } else { 1.0 };
         let span = times[i] - times[i - 1];
+        let widest = match &turning {
+            Some(turning) if turning.own => turning.widest(i, span),
+            _ => (0..3).map(|n| (degrees[i][n] - degrees[i - 1][n]).abs()).fold(0.0, f64::max),
+        };
+        let is_straight = turning.as_ref().is_none_or(|turning| turning.own && turning.is_straight(i, span));
+        let step = if how == "linear" && one_axis && is_straight { LARGEST_STEP } else { SMALL_STEP };
+        // Cubics may swing further than their ends are apart: at least a few keys.
+        let least = if is_straight { 1.0 } else { 16.0 };
         let steps = if how == "step" { 1.0 } else { libm::ceil(widest / step).max(least).min(span.0 as f64) };
         count(c, steps.min(1e9) as usize)?;
         for s in 1..=steps as i64 {
             let w = s as f64 / steps;
             let value = std::array::from_fn(|n| {
                 let (a, b) = (degrees[i - 1][n], degrees[i][n]);
-                match &tangents {
+                match &turning {
                     _ if how == "step" => b,
-                    None => a + (b - a) * w,
-                    Some(tangents) => hermite([a, b], [tangents[i - 1][n], tangents[i][n]], span, w),
+                    Some(turning) if !is_straight => hermite([a, b], turning.tangents(i, n), span, w),
+                    _ => a + (b - a) * w,
                 }
             });
             let t = if s as f64 == steps { times[i] } else { times[i - 1] + span.scaled(w) };
@@ -417,6 +517,47 @@ fn rotation(c: &Call, how: &str, times: &[Time], degrees: &[Vec<f64>]) -> Result
     let interpolation = if how == "step" { Interpolation::Step } else { Interpolation::Linear };
     let values = out.into_iter().flatten().collect();
     Ok(Channel { property: Property::Rotation, interpolation, times: out_times, values })
+}
+
+/// Angles that follow a spline, degrees.
+struct Turning<'a> {
+    spline: &'a Spline,
+    /// Keyframes have tangents of their own, so that it may swing any way beyond them.
+    own: bool,
+}
+
+impl Turning<'_> {
+    fn of_keys(spline: &Spline) -> Turning<'_> {
+        Turning { spline, own: true }
+    }
+
+    fn of_all(spline: &Spline) -> Turning<'_> {
+        Turning { spline, own: false }
+    }
+
+    /// The tangents of a number at the key before key `i` and at that.
+    fn tangents(&self, i: usize, n: usize) -> [f64; 2] {
+        [self.spline.outgoing[i - 1][n], self.spline.incoming[i][n]]
+    }
+
+    /// The longest way that a number goes before key `i`, at most: along its Bézier polygon.
+    fn widest(&self, i: usize, span: Time) -> f64 {
+        let third = span.as_secs() / 3.0;
+        let way = |n: usize| {
+            let [start, end] = self.tangents(i, n).map(|tangent| tangent * third);
+            let change = self.spline.values[i][n] - self.spline.values[i - 1][n];
+            start.abs() + (change - start - end).abs() + end.abs()
+        };
+        (0..3).map(way).fold(0.0, f64::max)
+    }
+
+    fn is_straight(&self, i: usize, span: Time) -> bool {
+        let is = |n: usize| {
+            let change = self.spline.values[i][n] - self.spline.values[i - 1][n];
+            self.tangents(i, n).iter().all(|tangent| *tangent == change / span.as_secs())
+        };
+        (0..3).all(is)
+    }
 }
 
 /// A cubic between two values with their tangents per second, at weight `w`.

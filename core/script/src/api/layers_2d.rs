@@ -59,7 +59,7 @@ api! {
     /// Moves it behind the scene, in front of the background. By default it is in front of everything.
     Flat.under("") = field;
     /// Animates a property with keyframes [[time, value], …]: "position" ([x, y] as in Flat.at), "scale" or
-    /// "opacity". `how` and easing as in Actor.key.
+    /// "opacity". `how`, easing and tangents as in Actor.key.
     Flat.key("property, keys, how?") = key;
 }
 

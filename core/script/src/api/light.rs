@@ -39,7 +39,8 @@ api! {
     /// parent.
     Light.attach("actor_or_joint") = attach;
     /// Animates a property with keyframes [[time, value], …]: "intensity", "color", "kelvin", "position",
-    /// "direction", "range" or "cone" (outer half angle in degrees). `how` and easing as in Actor.key.
+    /// "direction", "range" or "cone" (outer half angle in degrees). `how`, easing and tangents
+    /// as in Actor.key.
     Light.key("property, keys, how?") = key;
 }
 

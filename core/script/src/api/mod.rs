@@ -15,6 +15,7 @@ pub(crate) mod expected_values;
 pub mod expression;
 mod fade;
 pub mod joint;
+mod key_spline;
 pub mod keys;
 pub mod layers_2d;
 pub mod light;

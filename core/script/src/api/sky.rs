@@ -20,7 +20,8 @@ api! {
     Sky.turn("degrees") = change, in_frames;
     /// Sets the factor of its light (default 1).
     Sky.strength("value") = change, in_frames;
-    /// Animates "turn" or "strength" with keyframes [[time, value], …]. `how` and easing as in Actor.key.
+    /// Animates "turn" or "strength" with keyframes [[time, value], …]. `how`, easing and tangents
+    /// as in Actor.key.
     Sky.key("property, keys, how?") = key;
 }
 

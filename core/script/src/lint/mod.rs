@@ -99,6 +99,8 @@ pub struct Places {
     /// Markers of the clips that are played and have any.
     pub clip_markers: Vec<ClipMarkers>,
     pub lights: Vec<Place>,
+    /// The place of the sky, where there is one.
+    pub sky: Option<Place>,
     pub effects: Vec<Place>,
     /// Places of texts, images and panels, as in `Stage::layers_2d`.
     pub layers_2d: Vec<Place>,

@@ -72,7 +72,7 @@ pub fn delete_cue(
 }
 
 /// The first byte of the expression that a call of a method ends, `actor` in `actor.play(…)`; `None` where that is not a name.
-fn statement_start(text: &Source, call: &Call) -> Option<usize> {
+pub(super) fn statement_start(text: &Source, call: &Call) -> Option<usize> {
     let before = text[..call.name.start].trim_end().strip_suffix('.')?.trim_end();
     let name = before.rfind(|c: char| !c.is_alphanumeric() && c != '_').map_or(0, |at| at + 1);
     (name < before.len()).then_some(name)

@@ -1,6 +1,7 @@
 //! Easings of keys: `[time, value, "in_quad"]` for the way into one key, `.key(…, "smooth")` for all of a property.
 
 use super::key_list::{Key, arguments, leading};
+use super::key_tangents::{KeyShape, shape_of, shaped};
 use super::keys::keys_of;
 use super::object::ScriptObject;
 use super::scan::{Call, Source};
@@ -31,13 +32,17 @@ impl ScriptObject<'_> {
         }
         let how = self.how(property, &call);
         let of_all = how.as_ref().map_or("\"linear\"", |how| &self.text[how.clone()]);
-        let with_ease = |index: usize| eased(&keys[index], ease);
+        let with_ease = |index: usize| eased(&self.text, &keys[index], ease);
         if ease.is_none() || of_all == "\"linear\"" || is_easing(of_all) {
             return Ok(with_ease(index));
         }
         // Keys with an easing of their own are linear. "smooth" is an easing, too: the other keys keep what they have.
         let keep = (of_all == "\"smooth\"").then_some("\"smooth\"");
-        let others = |other: usize| eased(&keys[other], keep);
+        let others = |other: usize| match shape_of(&self.text, &keys[other]) {
+            // The span has tangents of its own.
+            Some(shape) if shape.incoming.is_given() => eased(&self.text, &keys[other], None),
+            _ => eased(&self.text, &keys[other], keep),
+        };
         let mut edits: Vec<Edit> =
             (1..keys.len()).map(|n| if n == index { with_ease(n) } else { others(n) }).collect();
         edits.extend(how.map(|how| self.without_how(how)));
@@ -71,31 +76,37 @@ impl ScriptObject<'_> {
                 Edit { range: end..end, text }
             }
         };
-        let has_own = keys.iter().any(|key| key.ease.is_some());
-        if !has_own || how.is_none_or(|how| how == "\"linear\"" || is_easing(how)) {
+        let shapes: Vec<KeyShape> =
+            keys.iter().map(|key| shape_of(&self.text, key).unwrap_or_default()).collect();
+        let has_eases = shapes.iter().any(|shape| shape.ease.is_some());
+        let holds = how == Some("\"step\"") && shapes.iter().any(KeyShape::has_tangents);
+        if !holds && (!has_eases || how.is_none_or(|how| how == "\"linear\"" || is_easing(how))) {
             return Ok(edit);
         }
         let mut after = edit.apply(&self.text);
         for index in (0..keys.len()).rev() {
             let text = Source::new(&after);
             if let Some((_, keys)) = keys_of(&text, call.name.start, property, fps) {
-                after = eased(&keys[index], None).apply(&text);
+                let kept = KeyShape { ease: None, ..shapes[index].clone() };
+                let kept = if holds { KeyShape::default() } else { kept };
+                after = shaped(&text, &keys[index], &kept).apply(&text);
             }
         }
-        let why = format!("keys of its {property} have easings of their own, which this would replace");
+        let own = if holds { "tangents" } else { "easings" };
+        let why = format!("keys of its {property} have {own} of their own, which this would replace");
         let over = Some(Edit::between(&self.text, &after));
         let line = self.line_of(call.name.start);
-        Err(EditRefused { over, agree: "Drop the easings", ..EditRefused::at(line, &why) })
+        Err(EditRefused { over, agree: "Drop them", ..EditRefused::at(line, &why) })
     }
 
     /// The argument behind the list of keys.
-    fn how(&self, property: &str, call: &Call) -> Option<Range<usize>> {
+    pub(super) fn how(&self, property: &str, call: &Call) -> Option<Range<usize>> {
         let how = arguments(&self.text, call).get(leading(property) + 1)?.clone();
         Some(self.text.trimmed(&how))
     }
 
     /// Takes the argument behind the list of keys away, with its comma.
-    fn without_how(&self, how: Range<usize>) -> Edit {
+    pub(super) fn without_how(&self, how: Range<usize>) -> Edit {
         let comma = self.text[..how.start].rfind(',').unwrap_or(how.start);
         Edit { range: comma..how.end, text: String::new() }
     }
@@ -106,10 +117,14 @@ fn is_easing(how: &str) -> bool {
     how.starts_with('[') || how.starts_with("\"in_") || how.starts_with("\"out_")
 }
 
-/// A key with another easing, or without one.
-fn eased(key: &Key, ease: Option<&str>) -> Edit {
+/// A key with another easing, which takes the place of a tangent into it, or without one.
+fn eased(text: &Source, key: &Key, ease: Option<&str>) -> Edit {
     let start = key.value.end;
-    match (&key.ease, ease) {
+    let old = shape_of(text, key).unwrap_or_default();
+    if old.has_tangents() {
+        return shaped(text, key, &KeyShape { ease: ease.map(str::to_string), ..old });
+    }
+    match (&key.shape, ease) {
         (Some(old), Some(ease)) => Edit { range: old.clone(), text: ease.to_string() },
         (Some(old), None) => Edit { range: start..old.end, text: String::new() },
         (None, Some(ease)) => Edit { range: start..start, text: format!(", {ease}") },

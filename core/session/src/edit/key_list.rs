@@ -1,7 +1,8 @@
-//! The list of keys of a `.key(…)` in the text, `[[time, value], [time, value, easing], …]`: read, and with keys added, taken away or
+//! The list of keys of a `.key(…)` in the text, `[[time, value], [time, value, easing or tangents], …]`: read, and with keys added, taken away or
 //! put elsewhere. Comments and blanks between keys stay; a comment behind a key on a line of its own belongs to that key.
 
 use super::Edit;
+use super::key_name::KeyName;
 use super::scan::{Call, Source};
 use super::times::{EditTime, TimeLiteral};
 use std::ops::Range;
@@ -15,13 +16,13 @@ pub(super) struct Key {
     /// Its time is written as `f(12)`.
     pub in_frames: bool,
     pub value: Range<usize>,
-    /// The easing into it, blanks excluded.
-    pub ease: Option<Range<usize>>,
+    /// The easing into it or the map of its tangents, blanks excluded.
+    pub shape: Option<Range<usize>>,
 }
 
-/// The arguments of a `.key(…)` before the list: a property, and for `"morph"` and `"expression"` a name.
+/// The number of arguments of a call before its list of keys.
 pub(super) fn leading(property: &str) -> usize {
-    1 + usize::from(property.contains(':'))
+    KeyName::of(property).leading()
 }
 
 /// The bytes of the arguments of a call.
@@ -46,8 +47,8 @@ pub(super) fn keys_in(text: &Source, bytes: Range<usize>, fps: f64) -> Option<Ve
         if keys.last().is_some_and(|before| before.secs > secs) {
             return None;
         }
-        let ease = rest.first().map(|ease| text.trimmed(ease));
-        keys.push(Key { all, secs, time: range, in_frames, value: text.trimmed(value), ease });
+        let shape = rest.first().map(|shape| text.trimmed(shape));
+        keys.push(Key { all, secs, time: range, in_frames, value: text.trimmed(value), shape });
     }
     (!keys.is_empty()).then_some(keys)
 }

@@ -3,7 +3,9 @@
 
 use super::cues::whole_statement;
 use super::key_list::{Key, arguments, inserted, key_at, keys_in, leading, removed, retimed};
-use super::object::{ScriptObject, euler_degrees, quoted, rotation_of};
+use super::key_name::{JointKey, KeyName, copied_call, is_keyed_method, property_of};
+use super::key_tangents::{KeyShape, shape_of};
+use super::object::{ScriptObject, euler_degrees, rotation_of};
 use super::refused::ADD;
 use super::scan::{Call, Source};
 use super::times::EditTime;
@@ -44,8 +46,8 @@ pub struct WrittenKey {
     pub frame: Option<f64>,
     /// Its numbers; `None` where the value is computed or is no number.
     pub numbers: Option<Vec<f64>>,
-    /// The easing into it, as it is written.
-    pub ease: Option<String>,
+    /// The easing into it and its tangents; `None` where those are computed.
+    pub shape: Option<KeyShape>,
 }
 
 impl ScriptObject<'_> {
@@ -61,7 +63,7 @@ impl ScriptObject<'_> {
             secs: key.secs,
             frame: key.in_frames.then(|| libm::round(key.secs * fps)),
             numbers: literals(&self.text, &key.value).map(|all| all.iter().map(|(_, v)| *v).collect()),
-            ease: key.ease.as_ref().map(shown),
+            shape: shape_of(&self.text, key),
         };
         let keys = keys.iter().map(written).collect();
         Ok(WrittenKeys { line: self.line_of(call.name.start), how: how.as_ref().map(shown), keys })
@@ -96,8 +98,9 @@ impl ScriptObject<'_> {
     /// The object has no name in the script, and something else follows it.
     pub fn add_keys(&self, property: &str, when: EditTime, value: KeyValue) -> Result<Edit, EditRefused> {
         let value = written_like(&[], &value);
-        let call = format!("key({}, [[{}, {value}]])", first_arguments(property), when.text(false));
-        self.add_call(&call, self.last_at())
+        let name = KeyName::of(property);
+        let call = format!("{}[[{}, {value}]])", name.opening(), when.text(false));
+        self.add_key_call(name, &call)
     }
 
     /// Moves the key of a property from a time to another, also past its neighbours.
@@ -155,7 +158,9 @@ impl ScriptObject<'_> {
         found.sort_unstable();
         found.dedup();
         if found.len() == keys.len() {
-            let range = whole_statement(&self.text, &call, call.end).unwrap_or_else(|| {
+            let joint = self.joint_key(property).and_then(|key| key.of.clone());
+            let first = joint.as_ref().unwrap_or(&call);
+            let range = whole_statement(&self.text, first, call.end).unwrap_or_else(|| {
                 let dot = self.text[..call.name.start].rfind('.').unwrap_or(call.name.start);
                 self.text[..dot].trim_end().len()..call.end
             });
@@ -189,7 +194,7 @@ impl ScriptObject<'_> {
         let copied: Vec<&str> = copied.iter().map(|key| &self.text[key.all.clone()]).collect();
         // The list is on one line, so that a line of the clipboard is one property.
         let copied = copied.join(", ").split_whitespace().collect::<Vec<_>>().join(" ");
-        Ok(format!(".key({}, [{copied}])", first_arguments(property)))
+        Ok(format!(".{}[{copied}])", KeyName::of(property).opening()))
     }
 
     /// Adds keys that were copied, later by a time; those that are there at such a time already get their values.
@@ -198,17 +203,18 @@ impl ScriptObject<'_> {
     /// The text is none that [`ScriptObject::copy_keys`] gives, or the keys of the property are computed or stand elsewhere.
     pub fn paste_keys(&self, copied: &str, by: EditTime) -> Result<Edit, EditRefused> {
         let none = || EditRefused::at(self.line, "the clipboard holds no keys");
-        let (property, _) = copied_keys(copied, by.fps).ok_or_else(none)?;
         let source = Source::new(copied);
-        let (_, pasted) = keys_of(&source, 0, &property, by.fps).ok_or_else(none)?;
+        let (call, property) = copied_call(&source).ok_or_else(none)?;
+        let (_, pasted) = keys_of(&source, call.name.start, &property, by.fps).ok_or_else(none)?;
         let entries = pasted.iter().map(|key| {
             let when = EditTime { secs: key.secs + by.secs, ..by };
             (when, when.text(key.in_frames), &source[key.time.end..key.all.end])
         });
         if self.key_call(&property).is_none() {
             let all: Vec<String> = entries.map(|(_, time, rest)| format!("[{time}{rest}")).collect();
-            let call = format!("key({}, [{}])", first_arguments(&property), all.join(", "));
-            return self.add_call(&call, self.last_at());
+            let name = KeyName::of(&property);
+            let call = format!("{}[{}])", name.opening(), all.join(", "));
+            return self.add_key_call(name, &call);
         }
         let (call, _) = self.keys(&property, by.fps)?;
         let mut after = self.text.to_string();
@@ -243,7 +249,7 @@ impl ScriptObject<'_> {
         let all =
             keys.iter().map(|(time, value)| format!("[{}, {}]", time.text(false), written_like(&[], value)));
         let all = all.collect::<Vec<_>>().join(", ");
-        let over = self.new_line(&format!("key({}, [{all}]{how})", first_arguments(property)));
+        let over = self.new_line(&format!("{}[{all}]{how})", KeyName::of(property).opening()));
         EditRefused { over, agree: ADD, ..refused }
     }
 
@@ -254,17 +260,47 @@ impl ScriptObject<'_> {
 
     /// The last `.key(…)` of a property.
     pub(super) fn key_call(&self, property: &str) -> Option<Call> {
-        let is_it = |call: &&Call| {
-            self.text[call.name.clone()] == *"key"
-                && property_of(&self.text, call).as_deref() == Some(property)
+        let name = KeyName::of(property);
+        if let KeyName::Joint { .. } = name {
+            return self.joint_key(property).map(|key| key.call.clone());
+        }
+        let is_it = |call: &&Call| match name {
+            KeyName::Method(method) => is_keyed_method(&self.text, call, method),
+            _ => {
+                self.text[call.name.clone()] == *"key"
+                    && property_of(&self.text, call).as_deref() == Some(property)
+            }
         };
         self.calls.iter().rev().find(is_it).cloned()
+    }
+
+    /// The last `.key(…)` of a property of a joint.
+    fn joint_key(&self, property: &str) -> Option<&JointKey> {
+        let KeyName::Joint { joint, property } = KeyName::of(property) else { return None };
+        let is_it = |key: &&JointKey| {
+            key.joint == joint && property_of(&self.text, &key.call).as_deref() == Some(property)
+        };
+        self.joints.iter().rev().find(is_it)
+    }
+
+    /// The names by which the script has joints with keys.
+    pub fn keyed_joints(&self) -> impl Iterator<Item = &str> {
+        self.joints.iter().map(|key| key.joint.as_str())
+    }
+
+    /// Adds a call that states keys: behind the call that makes a cue, else as [`ScriptObject::add_call`] does.
+    fn add_key_call(&self, name: KeyName, call: &str) -> Result<Edit, EditRefused> {
+        match name {
+            KeyName::Method(_) if self.variable.is_none() => Ok(self.behind(self.made.end, call)),
+            _ => self.add_call(call, self.last_at()),
+        }
     }
 
     /// The last `.key(…)` of a property, and its keys.
     pub(super) fn keys(&self, property: &str, fps: f64) -> Result<(Call, Vec<Key>), EditRefused> {
         let Some(call) = self.key_call(property) else {
-            let why = format!("its {property} has keys that are not written with it; change them there");
+            let shown = KeyName::of(property).shown();
+            let why = format!("its {shown} has keys that are not written with it; change them there");
             return Err(EditRefused::at(self.line, &why));
         };
         let keys = keys_of(&self.text, call.name.start, property, fps);
@@ -273,12 +309,14 @@ impl ScriptObject<'_> {
 
     pub(super) fn computed_keys(&self, property: &str, call: &Call) -> EditRefused {
         let line = self.line_of(call.name.start);
-        let why = format!("its {property} has keys that are computed; change them there");
+        let shown = KeyName::of(property).shown();
+        let why = format!("its {shown} has keys that are computed; change them there");
         EditRefused { is_computed: true, ..EditRefused::at(line, &why) }
     }
 
     pub(super) fn no_key(&self, property: &str, line: usize) -> EditRefused {
-        let why = format!("its {property} has no key of its own there; what is seen comes from an easing");
+        let shown = KeyName::of(property).shown();
+        let why = format!("its {shown} has no key of its own there; what is seen comes from an easing");
         EditRefused::at(line, &why)
     }
 }
@@ -286,9 +324,8 @@ impl ScriptObject<'_> {
 /// The property whose keys a copied text holds, and the time of the first in seconds.
 pub fn copied_keys(copied: &str, fps: f64) -> Option<(String, f64)> {
     let source = Source::new(copied);
-    let call = copied.starts_with(".key(").then(|| source.call_from(0)).flatten()?;
-    let property = property_of(&source, &call)?;
-    let (_, keys) = keys_of(&source, 0, &property, fps)?;
+    let (call, property) = copied_call(&source)?;
+    let (_, keys) = keys_of(&source, call.name.start, &property, fps)?;
     Some((property, keys.first()?.secs))
 }
 
@@ -297,28 +334,6 @@ pub(super) fn keys_of(text: &Source, at: usize, property: &str, fps: f64) -> Opt
     let call = text.call_from(at)?;
     let list = arguments(text, &call).get(leading(property))?.clone();
     Some((call, keys_in(text, list, fps)?))
-}
-
-/// The property of a `.key(…)`, with the name of a morph target or an expression.
-fn property_of(text: &Source, call: &Call) -> Option<String> {
-    let arguments = arguments(text, call);
-    let name = |index: usize| {
-        let argument = text[arguments.get(index)?.clone()].trim();
-        Some(argument.strip_prefix('"')?.strip_suffix('"')?.replace("\\\"", "\"").replace("\\\\", "\\"))
-    };
-    let property = name(0)?;
-    match property.as_str() {
-        "morph" | "expression" => Some(format!("{property}:{}", name(1)?)),
-        _ => Some(property),
-    }
-}
-
-/// The arguments of a `.key(…)` before the list.
-fn first_arguments(property: &str) -> String {
-    match property.split_once(':') {
-        Some((property, name)) => format!("{}, {}", quoted(property), quoted(name)),
-        None => quoted(property),
-    }
 }
 
 /// Keys `[[time, value], …]` at later times. `None` where a time is computed.

@@ -1,6 +1,8 @@
 //! The statements of a script about one object: `let anna = cast(…).at(…);` and, further on, `anna.turn(…);`. Each change here
 //! is one edit of one call; where the value is computed, a line is offered that states it anew.
 
+use super::cues::statement_start;
+use super::key_name::{JointKey, joint_keys};
 use super::refused::ADD;
 use super::scan::{Call, Source};
 use super::times::{EditTime, TimeLiteral};
@@ -16,6 +18,8 @@ pub struct ScriptObject<'a> {
     pub variable: Option<String>,
     /// Its own calls in the order of the text; the last of a name counts.
     pub(super) calls: Vec<Call>,
+    /// The keys of its joints in the order of the text.
+    pub(super) joints: Vec<JointKey>,
     /// Position of its last mention.
     last_at: usize,
 }
@@ -47,17 +51,21 @@ impl<'a> ScriptObject<'a> {
         let refuse = |why: &str| EditRefused::at(line, why);
         let at = text.byte_at(line, column).ok_or_else(|| refuse("the script has no such line"))?;
         let made = text.call_from(at).ok_or_else(|| refuse("there is no call to be changed"))?;
-        let variable = text.variable_before(made.name.start).map(str::to_string);
-        let mut calls = own(&text, text.chain_after(made.end));
+        let start = statement_start(&text, &made).filter(|_| text[made.name.clone()] == *"play");
+        let variable = text.variable_before(start.unwrap_or(made.name.start)).map(str::to_string);
+        let chain = text.chain_after(made.end);
+        let mut joints = joint_keys(&text, made.end, &chain);
+        let mut calls = own(&text, chain);
         let mut last_at = made.end;
         if let Some(name) = &variable {
             let later = text.chains_of(name, made.name.start).into_iter().filter(|(at, _)| *at > made.end);
             for (at, chain) in later {
                 last_at = at;
+                joints.extend(joint_keys(&text, at, &chain));
                 calls.extend(own(&text, chain));
             }
         }
-        Ok(ScriptObject { text, line, made, variable, calls, last_at })
+        Ok(ScriptObject { text, line, made, variable, calls, joints, last_at })
     }
 
     /// The line of the last call of a method, where there is one.

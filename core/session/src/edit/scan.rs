@@ -2,12 +2,13 @@
 
 use choreo_script::token_ranges;
 use std::ops::{Deref, Range};
+use std::sync::Arc;
 
 /// A script's text with the byte ranges of its tokens.
 #[derive(Clone)]
 pub(super) struct Source<'a> {
     text: &'a str,
-    tokens: Vec<Range<usize>>,
+    tokens: Arc<[Range<usize>]>,
 }
 
 impl Deref for Source<'_> {
@@ -46,7 +47,7 @@ fn is_close(token: &str) -> bool {
 
 impl<'a> Source<'a> {
     pub fn new(text: &'a str) -> Source<'a> {
-        Source { text, tokens: token_ranges(text) }
+        Source { text, tokens: token_ranges(text).into() }
     }
 
     /// The number of the first token that begins at a byte or after it.

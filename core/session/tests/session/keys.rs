@@ -1,6 +1,6 @@
 //! Keys in a script's text, changed and added.
 
-use choreo_session::edit::{Edit, EditTime, KeyValue, ScriptObject};
+use choreo_session::edit::{Edit, EditTime, KeyShape, KeySide, KeyValue, ScriptObject};
 use glam::{DQuat, DVec3};
 
 /// About x, then y, then z (fixed axes), degrees.
@@ -98,7 +98,7 @@ fn what_is_computed_is_refused_with_its_line() {
 
 #[test]
 fn no_text_makes_it_panic() {
-    let text = "cast(\"ü\").key(\"position\", [[0.0, [1, 2, 3]], // é\n [f(1), [`}`, '\\'']], [2, 3, \"in_sine\"],]).x()";
+    let text = "cast(\"ü\").key(\"position\", [[0.0, [1, 2, 3]], // é\n [f(1), [`}`, '\\'']], [2, 3, \"in_sine\"], [3, 1, #{ tangent: [1, 2], ease: é }]]).x()";
     let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).chain([text.len()]).collect();
     for to in &ends {
         if let Ok(object) = ScriptObject::at(&text[..*to], 1, 1) {
@@ -107,6 +107,9 @@ fn no_text_makes_it_panic() {
                 let _ = object.move_keys("position", &[(time(0.0), time(secs)), (time(2.0), time(0.5))]);
                 let _ = object.delete_keys("position", &[time(secs), time(2.0)]);
                 let _ = object.set_key_ease("position", time(secs), Some("\"in_sine\""));
+                let side = KeySide { tangent: Some(vec![1.0, 2.0]), weight: Some(vec![0.5]) };
+                let shape = KeyShape { incoming: side, ..KeyShape::default() };
+                let _ = object.set_key_shapes("position", &[(time(secs), shape)]);
                 let _ = object.paste_keys(&text[text.find(".key").unwrap()..*to.max(&11)], time(secs));
             }
             let _ = object.set_key_how("position", FPS, Some("\"step\""));
@@ -318,6 +321,110 @@ fn easings_of_keys_and_of_all() {
     let object = ScriptObject::at(text, 1, 9).unwrap();
     let refused = object.set_key_how("scale", FPS, Some("\"step\"")).unwrap_err();
     assert_eq!(refused.over.unwrap().apply(text), text.replace(", \"in_quad\"]]", "]], \"step\""));
+}
+
+#[test]
+fn tangents_are_written_into_their_key_alone() {
+    let text = "let a = cast(\"a\", m).key(\"position\", [[0.0, [0, 0, 0]], [1.0, [1, 0, 0] /* top */, \"in_quad\"], [2.0, [0, 0, 0], #{ out_tangent: [1,  2 , 3], in_tangent: 0 }]]);";
+    let side = |numbers: &[f64]| KeySide { tangent: Some(numbers.to_vec()), weight: None };
+    let even = |numbers: &[f64]| KeyShape {
+        incoming: side(numbers),
+        outgoing: side(numbers),
+        ..KeyShape::default()
+    };
+    let set = |text: &str, at: f64, shape: KeyShape| {
+        changed(text, |o| o.set_key_shapes("position", &[(time(at), shape.clone())]))
+    };
+    let first = set(text, 0.0, even(&[1.0, -0.5, 0.0])).unwrap();
+    assert_eq!(first, text.replace("[0.0, [0, 0, 0]]", "[0.0, [0, 0, 0], #{ tangent: [1.0, -0.5, 0.0] }]"));
+    // The numbers alone change where the options are the same.
+    let broken = KeyShape { broken: true, outgoing: side(&[1.0, 4.0, 3.0]), ..even(&[0.0]) };
+    assert_eq!(set(text, 2.0, broken.clone()).unwrap(), text.replace(" 2 ,", " 4.0 ,"));
+    let written = ScriptObject::at(text, 1, 9).unwrap().written_keys("position", FPS).unwrap();
+    let shapes: Vec<KeyShape> = written.keys.into_iter().map(|key| key.shape.unwrap()).collect();
+    assert_eq!(shapes[1], KeyShape { ease: Some("\"in_quad\"".into()), ..KeyShape::default() });
+    assert_eq!(shapes[2], KeyShape { outgoing: side(&[1.0, 2.0, 3.0]), ..broken });
+    // An easing forms the span before its key; the side behind it may have a tangent.
+    let eased = KeyShape { ease: Some("\"in_quad\"".into()), ..even(&[0.0, 0.0, 0.0]) };
+    let after = set(text, 1.0, eased).unwrap();
+    assert_eq!(after, text.replace("\"in_quad\"", "#{ ease: \"in_quad\", out_tangent: 0.0 }"));
+    let back = changed(&after, |o| o.set_key_ease("position", time(1.0), None)).unwrap();
+    assert!(back.contains("/* top */, #{ out_tangent: 0.0 }]"), "{back}");
+    assert_eq!(set(&first, 0.0, KeyShape::default()).unwrap(), text);
+    // Lengths of handles, and no second option where both sides are the same.
+    let long = KeySide { tangent: Some(vec![2.0]), weight: Some(vec![0.5]) };
+    let long = KeyShape { incoming: long.clone(), outgoing: long, ..KeyShape::default() };
+    assert!(set(text, 0.0, long).unwrap().contains("[0.0, [0, 0, 0], #{ tangent: 2.0, weight: 0.5 }]"));
+    // Keys that hold their values have no tangents.
+    let step = text.replace(", \"in_quad\"", "").replace("}]]);", "}]], \"step\");");
+    let object = ScriptObject::at(&step, 1, 9).unwrap();
+    let refused = object.set_key_shapes("position", &[(time(0.0), even(&[0.0]))]).unwrap_err();
+    assert!(refused.over.unwrap().apply(&step).contains("[0.0, [0, 0, 0], #{ tangent: 0.0 }]"));
+    let object = ScriptObject::at(text, 1, 9).unwrap();
+    let refused = object.set_key_how("position", FPS, Some("\"step\"")).unwrap_err();
+    assert!(refused.why.contains("keys of its position have tangents of their own"), "{}", refused.why);
+    assert!(refused.over.unwrap().apply(text).ends_with("[2.0, [0, 0, 0]]], \"step\");"));
+    let computed = text.replace("out_tangent: [1,", "out_tangent: [x,");
+    let why = set(&computed, 2.0, even(&[0.0])).unwrap_err();
+    assert!(why.contains("a key of its position has tangents that are computed"), "{why}");
+}
+
+#[test]
+fn keys_of_joints_are_edited_wherever_the_joint_is_named() {
+    let text = "let a = cast(\"a\", m);\na.joint(\"Head\").key(\"rotation\", [[0.0, 0], [1.0, [0, 40, 0]]]); // nods\nlet hand = a.joint(\"LeftHand\");\nhand.key(\"scale\", [[0.0, 1]]).key(\"rotation\", [[0.0, 10]]);\n";
+    let (head, hand) = ("joint:Head:rotation", "joint:LeftHand:rotation");
+    let turned = KeyValue::Turn(yaw(55.0));
+    let point = KeyValue::Point(DVec3::Y);
+    assert_eq!(set(text, head, 1.0, point).unwrap(), text.replace("[0, 40, 0]", "[0, 1.0, 0]"));
+    assert_eq!(set(text, hand, 0.0, turned).unwrap(), text.replace("[0.0, 10]", "[0.0, 55.0]"));
+    assert!(set(text, hand, 1.0, turned).unwrap().contains("[[0.0, 10], [1.0, 55.0]]"));
+    let moved = changed(text, |o| o.move_key(head, time(1.0), time(1.4))).unwrap();
+    assert_eq!(moved, text.replace("[1.0, [0, 40", "[1.4, [0, 40"));
+    let gone = changed(text, |o| o.delete_keys(head, &[time(0.0), time(1.0)])).unwrap();
+    let line = "a.joint(\"Head\").key(\"rotation\", [[0.0, 0], [1.0, [0, 40, 0]]]); // nods\n";
+    assert_eq!(gone, text.replace(line, ""));
+    let gone = changed(text, |o| o.delete_keys(hand, &[time(0.0)])).unwrap();
+    assert_eq!(gone, text.replace(".key(\"rotation\", [[0.0, 10]])", ""));
+    let copied = changed(text, |o| {
+        let copied = o.copy_keys(head, &[time(1.0)])?;
+        assert_eq!(copied, ".joint(\"Head\").key(\"rotation\", [[1.0, [0, 40, 0]]])");
+        o.paste_keys(&copied.replace("Head", "Hips"), time(1.0))
+    });
+    assert!(copied.unwrap().contains("\na.joint(\"Hips\").key(\"rotation\", [[2.0, [0, 40, 0]]]);\n"));
+    let why = set(text, "joint:Head:scale", 0.0, turned).unwrap_err();
+    assert_eq!(why, "line 1: its Head scale has keys that are not written with it; change them there");
+}
+
+/// The object is the call that plays the clip.
+#[test]
+fn keys_of_a_cue_are_those_of_its_methods() {
+    let text = "let a = cast(\"a\", m);\na.play(c).from(1.0).weight([[1.0, 0], [2.0, 1, \"in_quad\"]]).until(4.0)\n    .then(d).speed(2.0);\nlet walk = a.play(c);\nwalk.layer_weight([[0.0, 1]], \"smooth\");\n";
+    type Make<'m> = &'m dyn Fn(&ScriptObject) -> Result<Edit, choreo_session::edit::EditRefused>;
+    let made = |line: usize, name: &str, change: Make| {
+        let column = 1 + text.lines().nth(line - 1).unwrap().find(name).unwrap();
+        change(&ScriptObject::at(text, line, column).unwrap()).unwrap().apply(text)
+    };
+    let half = KeyValue::Text("0.5");
+    let set = made(2, "play", &|o| o.set_key(".weight", time(2.0), half));
+    assert_eq!(set, text.replace("[2.0, 1, ", "[2.0, 0.5, "));
+    let set = made(2, "play", &|o| o.set_key(".weight", time(3.0), half));
+    assert_eq!(set, text.replace("\"in_quad\"]]", "\"in_quad\"], [3.0, 0.5]]"));
+    let eased = made(2, "play", &|o| o.set_key_how(".weight", FPS, Some("\"in_sine\"")));
+    assert_eq!(eased, text.replace("\"in_quad\"]])", "\"in_quad\"]], \"in_sine\")"));
+    let gone = made(2, "play", &|o| o.delete_keys(".weight", &[time(1.0), time(2.0)]));
+    assert_eq!(gone, text.replace(".weight([[1.0, 0], [2.0, 1, \"in_quad\"]])", ""));
+    let moved = made(4, "play", &|o| o.move_key(".layer_weight", time(0.0), time(0.4)));
+    assert_eq!(moved, text.replace("[[0.0, 1]]", "[[0.4, 1]]"));
+    // A number is no list of keys, and the first key stands behind the call.
+    assert!(!ScriptObject::at(text, 3, 6).unwrap().has_keys(".speed"));
+    let added = made(3, "then", &|o| o.add_keys(".weight", time(2.0), half));
+    assert_eq!(added, text.replace(".then(d)", ".then(d).weight([[2.0, 0.5]])"));
+    let added = made(4, "play", &|o| o.add_keys(".weight", time(2.0), half));
+    assert_eq!(added, format!("{text}walk.weight([[2.0, 0.5]]);\n"));
+    let copied = ScriptObject::at(text, 2, 3).unwrap().copy_keys(".weight", &[time(2.0)]).unwrap();
+    assert_eq!(copied, ".weight([[2.0, 1, \"in_quad\"]])");
+    let pasted = made(3, "then", &|o| o.paste_keys(&copied, time(0.0)));
+    assert_eq!(pasted, text.replace(".then(d)", ".then(d).weight([[2.0, 1, \"in_quad\"]])"));
 }
 
 #[test]

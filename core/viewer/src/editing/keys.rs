@@ -7,9 +7,10 @@ use crate::state::curves::KnownProperties;
 use crate::state::events::{Event, KeyOf};
 use crate::state::keyed::{self, KeyRef, KeyedProperty, ValueKind, ValueText};
 use crate::state::selection::{Selected, actor};
+use crate::state::tangents::TangentChoice;
 use choreo_motion::Time;
 use choreo_script::Place;
-use choreo_session::edit::{Edit, EditRefused, EditTime, KeyValue, ScriptObject, copied_keys};
+use choreo_session::edit::{Edit, EditRefused, EditTime, KeyShape, KeyValue, ScriptObject, copied_keys};
 use std::collections::BTreeMap;
 
 /// Keys that a line may state anew; more would be samples of an easing.
@@ -123,6 +124,50 @@ impl Viewer {
         self.change_all(steps)
     }
 
+    /// Gives keys other tangents, as one change.
+    pub fn set_key_tangents(&mut self, keys: &[KeyRef], choice: TangentChoice) -> Result<(), EditError> {
+        let mut shapes = Vec::new();
+        for key in keys {
+            let keyed = self.keyed(&key.what, &key.property)?;
+            let index = keyed.keys.iter().position(|at| *at == key.at).ok_or(EditError::Gone)?;
+            let shape = keyed.chosen(index, choice).ok_or_else(|| {
+                let why = format!("keys of its {} have no tangents that could be written", keyed.name);
+                let place = self.place_of(&key.what).map(|(place, _)| place).unwrap_or_default();
+                EditError::refused_at(&place, &why)
+            })?;
+            shapes.push((key.clone(), shape));
+        }
+        self.set_key_shapes(&shapes)
+    }
+
+    /// Sets easings and tangents of keys, as one change.
+    pub fn set_key_shapes(&mut self, shapes: &[(KeyRef, KeyShape)]) -> Result<(), EditError> {
+        let steps = self.shape_steps(shapes)?;
+        self.change_all(steps)
+    }
+
+    fn shape_steps(&self, shapes: &[(KeyRef, KeyShape)]) -> Result<Vec<Step<'static>>, EditError> {
+        let keys: Vec<KeyRef> = shapes.iter().map(|(key, _)| key.clone()).collect();
+        let mut steps = Vec::new();
+        for ((what, property), times) in by_property(&keys) {
+            let of = |at: &Time| {
+                let is_it = |(key, _): &&(KeyRef, KeyShape)| {
+                    key.what == *what && key.property == property && key.at == *at
+                };
+                let (_, shape) = shapes.iter().find(is_it)?;
+                Some((self.edit_time(at.as_secs()), shape.clone()))
+            };
+            let all: Vec<(EditTime, KeyShape)> = times.iter().filter_map(of).collect();
+            let change = move |object: &ScriptObject, property: &str, _: &[EditTime]| {
+                object.set_key_shapes(property, &all)
+            };
+            let key = |at: &Time| KeyRef { what: what.clone(), property: property.to_string(), at: *at };
+            let keys: Vec<KeyRef> = times.iter().map(key).collect();
+            steps.extend(self.key_steps(&keys, change, &|at| Some(at))?);
+        }
+        Ok(steps)
+    }
+
     /// Sets how all keys of properties are interpolated, as source text; `None`: linear.
     pub fn set_key_how(&mut self, keys: &[KeyRef], how: Option<&str>) -> Result<(), EditError> {
         let how = how.map(str::to_string);
@@ -199,6 +244,12 @@ impl Viewer {
             let keyed = self.keyed(what, property)?;
             let numbers = keyed.at(at);
             steps.push(self.value_step(&keyed, at, &numbers)?);
+            if let Some(split) = keyed.split(at) {
+                let times = [keyed.keys[split.before], at, keyed.keys[split.before + 1]];
+                let key = |at| KeyRef { what: what.clone(), property: property.to_string(), at };
+                let shapes: Vec<_> = times.map(key).into_iter().zip(split.shapes).collect();
+                steps.extend(self.shape_steps(&shapes)?);
+            }
         }
         self.change_all(steps)?;
         let key = |property: &&str| KeyRef { what: what.clone(), property: property.to_string(), at };
@@ -210,7 +261,7 @@ impl Viewer {
     pub fn set_keys_of_selection(&mut self) -> Result<(), EditError> {
         let what = self.keyed_selection().ok_or_else(|| {
             EditError::refused(
-                "select what is to get a key: an actor, a camera, a light, an effect or a title",
+                "select what is to get a key: an actor, a clip, a camera, a light, the sky, an effect or a title",
             )
         })?;
         let all = self.keyed_properties(&what);
@@ -218,19 +269,25 @@ impl Viewer {
         if !keyed.is_empty() {
             return self.set_keys(&what, &keyed);
         }
-        let usual = ["intensity", "position", "fov", "opacity"];
+        let usual = ["intensity", "position", "fov", "opacity", "strength", ".weight"];
         let usual = usual.into_iter().find(|name| all.iter().any(|p| p.name == *name));
         let first = usual.or(all.first().map(|p| p.name.as_str()));
         let first = first.ok_or_else(|| EditError::refused("nothing of it can have keys"))?;
         self.set_keys(&what, &[first])
     }
 
-    /// The selection, or the actor of a selected clip: what has keys.
+    /// The selection, or the actor of a selected clip without keys of its own: what has keys.
     pub fn keyed_selection(&self) -> Option<Selected> {
-        Some(match self.selection.clone()? {
-            Selected::Cue { actor, .. } => Selected::Actor(actor),
-            what => what,
+        let what = self.selection.clone()?;
+        Some(match &what {
+            Selected::Cue { actor, .. } if !self.has_keys_of_cue(&what) => Selected::Actor(actor.clone()),
+            _ => what,
         })
+    }
+
+    fn has_keys_of_cue(&self, what: &Selected) -> bool {
+        let scene = self.scene.as_ref();
+        scene.is_some_and(|scene| keyed::of_cue(scene, what).iter().any(KeyedProperty::has_keys))
     }
 
     /// All properties of something that can have keys, and those that have some, found once a version.
@@ -246,7 +303,7 @@ impl Viewer {
         keyed::properties(scene, keyed::text_of(scene).as_ref(), what)
     }
 
-    fn keyed(&self, what: &Selected, property: &str) -> Result<KeyedProperty, EditError> {
+    pub(super) fn keyed(&self, what: &Selected, property: &str) -> Result<KeyedProperty, EditError> {
         if let (Selected::Actor(name), "position" | "rotation", Some(scene)) = (what, property, &self.scene)
             && let Some(found) = actor(&scene.stage, name).map(|index| &scene.stage.actors[index])
             && found.path_following.is_some()
@@ -298,7 +355,7 @@ impl Viewer {
         self.text_step(keyed, at, keyed.text(numbers))
     }
 
-    fn text_step(
+    pub(super) fn text_step(
         &self,
         keyed: &KeyedProperty,
         at: Time,
@@ -370,10 +427,7 @@ impl Viewer {
 
     /// Place in the script that makes something, and how many things that place makes.
     pub(crate) fn place_of(&self, what: &Selected) -> Option<(Place, usize)> {
-        let Selected::Cue { .. } = what else { return keyed::place_of(self.scene.as_ref()?, what) };
-        let place = self.bars().find(|bar| bar.what == *what)?.place.clone();
-        let siblings = self.bars().filter(|bar| bar.place == place).count();
-        Some((place, siblings))
+        keyed::place_of(self.scene.as_ref()?, what)
     }
 
     /// The mark at a time in the row of something.

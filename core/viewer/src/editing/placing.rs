@@ -5,6 +5,7 @@ use crate::app::Viewer;
 use crate::editing::EditError;
 use crate::geometry::gizmo::Change;
 use crate::state::history::ExpectedPlacement;
+use crate::state::keyed::ValueText;
 use crate::state::orbit::Orbit;
 use crate::state::selection::{Selected, actor};
 use choreo_motion::Time;
@@ -223,10 +224,12 @@ impl Viewer {
         })
     }
 
-    /// A parameter of an effect, or an option of a light; `value` as it is written. What is keyed gets it at the playhead.
+    /// A parameter of an effect, or an option of a light or the sky; `value` as it is written. What is keyed gets it at the playhead.
     pub fn set_value(&mut self, what: &Selected, name: &str, value: &str) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let sky_places = scene.places.sky.clone().into_iter().collect();
         let (places, index) = match what {
+            Selected::Sky => (&sky_places, 0),
             Selected::Effect(index) => (&scene.places.effects, *index),
             Selected::Light(index) => (&scene.places.lights, *index),
             _ => return Err(EditError::refused("it has no such value")),
@@ -246,14 +249,20 @@ impl Viewer {
             "direction" => Some(Property::Rotation),
             _ => None,
         };
+        let of_sky = (*what == Selected::Sky).then(|| self.keyed(what, name)).transpose()?;
+        if let Some(keyed) = of_sky.filter(|keyed| keyed.has_keys()) {
+            let value = ValueText::Text(value.to_string());
+            let step = self.text_step(&keyed, self.playhead.time(), value)?;
+            return self.change_all(vec![step]);
+        }
         let keyed = light.is_some_and(|l| l.channels.iter().any(|c| Some(c.property) == property));
         let when = self.edit_time(self.playhead.time().as_secs());
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match light {
                 Some(_) if keyed => object.set_key(name, when, KeyValue::Text(value)),
-                Some(_) => object.option(name, value),
-                None => object.parameter(name, value),
+                None if matches!(what, Selected::Effect(_)) => object.parameter(name, value),
+                _ => object.option(name, value),
             }
         })
     }

@@ -5,6 +5,7 @@ use super::key_menu::{self, KeyAct};
 use super::marks::SELECTED;
 use super::overlay::{X, Y, Z};
 use super::sequencer::{LABELS, RULER, over_all, scrub};
+use super::tangents;
 use crate::app::Viewer;
 use crate::editing::ValueDrag;
 use crate::state::curves::KeyDrag;
@@ -25,7 +26,7 @@ const HALF: f32 = 3.5;
 /// Points by which a key must be dragged along an axis before it moves along that axis.
 const SLACK: f32 = 4.0;
 /// Keys that can be pointed at.
-const MOST: usize = 1000;
+pub(super) const MOST: usize = 1000;
 const ROW: f32 = 20.0;
 /// Colors of curves with one number; those of axes are red, green and blue.
 const SINGLE: [Color32; 6] = [
@@ -38,28 +39,32 @@ const SINGLE: [Color32; 6] = [
 ];
 
 /// The part of the panel in which curves are drawn.
-struct Plot {
-    rect: Rect,
+pub(super) struct Plot {
+    pub rect: Rect,
     time: Span,
     values: Span,
 }
 
 impl Plot {
     fn x(&self, time: Time) -> f32 {
-        self.rect.left() + self.time.x_of(time.as_secs(), self.rect.width())
+        self.x_at(time.as_secs())
     }
 
-    fn y(&self, value: f64) -> f32 {
+    pub fn x_at(&self, secs: f64) -> f32 {
+        self.rect.left() + self.time.x_of(secs, self.rect.width())
+    }
+
+    pub fn y(&self, value: f64) -> f32 {
         let part = (value - self.values.from) / (self.values.to - self.values.from);
         self.rect.bottom() - (part.clamp(-1e4, 1e4) * f64::from(self.rect.height())) as f32
     }
 
     /// The difference of values that a height in points means.
-    fn value_of(&self, points: f32) -> f64 {
+    pub fn value_of(&self, points: f32) -> f64 {
         f64::from(points / self.rect.height().max(1.0)) * (self.values.to - self.values.from)
     }
 
-    fn secs(&self, x: f32) -> f64 {
+    pub fn secs(&self, x: f32) -> f64 {
         self.time.secs_at(x - self.rect.left(), self.rect.width())
     }
 }
@@ -95,6 +100,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let mut act = None;
     for (index, property) in all.iter().enumerate() {
         act = handles(ui, viewer, &plot, property, index).or(act);
+        let shaped = tangents::show(ui, viewer, &plot, property, index);
+        act = shaped.map(|(key, shape)| Act::Key(KeyAct::Shape(key, shape))).or(act);
         act = points(ui, viewer, &plot, property, index).or(act);
     }
     over_all(ui, viewer, area, ruler);
@@ -157,6 +164,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
             Selected::Effect(index) => format!("effect {}", index + 1),
             Selected::Title(index) => format!("title {}", index + 1),
             Selected::Cue { actor, .. } => actor.clone(),
+            Selected::Sky => "sky".to_string(),
         };
         ui.strong(name);
         if ui.button("Fit").on_hover_text("show all keys, or those that are selected (Home)").clicked() {
@@ -323,7 +331,7 @@ fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
 }
 
 /// Numbers of a color and of axes are red, green and blue.
-fn color(ui: &Ui, property: &KeyedProperty, index: usize, part: usize) -> Color32 {
+pub(super) fn color(ui: &Ui, property: &KeyedProperty, index: usize, part: usize) -> Color32 {
     let color = match (property.width(), part) {
         // A single angle turns about y.
         (1, _) if property.kind == ValueKind::Rotation => Y,
@@ -399,7 +407,7 @@ fn background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected, all: &
     viewer.select_keys(keys);
 }
 
-fn key_of(property: &KeyedProperty, at: Time) -> KeyRef {
+pub(super) fn key_of(property: &KeyedProperty, at: Time) -> KeyRef {
     KeyRef { what: property.what.clone(), property: property.name.clone(), at }
 }
 
@@ -570,7 +578,8 @@ fn handles(ui: &Ui, viewer: &Viewer, plot: &Plot, property: &KeyedProperty, inde
     for number in 1..property.keys.len().min(MOST) {
         let (before, at) = (property.keys[number - 1], property.keys[number]);
         let near = [before, at].map(|at| viewer.is_key_selected(&key_of(property, at)));
-        let ease = written.keys.get(number).and_then(|key| key.ease.as_deref()).and_then(bezier);
+        let ease = written.keys.get(number).and_then(|key| key.shape.as_ref()?.ease.as_deref());
+        let ease = ease.and_then(bezier);
         let Some(ease) = ease.filter(|_| near.contains(&true)) else { continue };
         let [from, to] = [before, at].map(|at| viewer.curves.drawn(property, at, scale));
         for part in

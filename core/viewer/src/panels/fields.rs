@@ -44,7 +44,7 @@ pub fn show(
         }
         Selected::Title(index) => title(ui, stated, what, stage.layers_2d.get(*index)?),
         Selected::Actor(name) => surface(ui, viewer, stage, what, name, stated),
-        Selected::Light(_) | Selected::Effect(_) => None,
+        Selected::Light(_) | Selected::Effect(_) | Selected::Sky => None,
     }
 }
 

@@ -5,18 +5,19 @@ use crate::app::Viewer;
 use crate::editing::FieldChange;
 use crate::editing::placing::{light_at, placement};
 use crate::geometry::gizmo::Change;
-use crate::state::keyed::{KeyRef, KeyedProperty};
+use crate::state::keyed::{self, KeyRef, KeyedProperty};
 use crate::state::selection::{Selected, actor};
 use choreo_asset::{Asset, Projection};
 use choreo_plugin::OptionKind;
 use choreo_script::Place;
 use choreo_session::Scene;
 use choreo_session::edit::format_number;
-use choreo_stage::{ActiveClip, ActorState, Described, FieldType, FieldValue, Rig, Stage, StageLight};
+use choreo_stage::{ActiveClip, ActorState, Described, FieldType, FieldValue, Rig, Sky, Stage, StageLight};
 use egui::{Grid, RichText, Ui};
 use glam::{DQuat, DVec3, Vec3};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A clip that is dragged onto the sequencer.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -67,6 +68,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             scene.stage.effects.get(*index).map_or_else(String::new, |e| e.plugin.clone())
         }
         Selected::Title(index) => format!("title {}", index + 1),
+        Selected::Sky => "sky".to_string(),
     };
     ui.label(RichText::new(title).heading());
     if let Some(line) = line {
@@ -80,7 +82,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let written = viewer.all_written(&selection);
     let mut wanted = None;
     let known = match &selection {
-        Selected::Cue { .. } => None,
+        what @ Selected::Cue { .. } => Some(Arc::new(keyed::of_cue(&scene, what))),
         what => viewer.known_properties(what).map(|(all, _)| all),
     };
     let known = known.unwrap_or_default();
@@ -90,6 +92,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         Selected::Light(index) => wanted = light(ui, viewer, (&scene.stage, *index), keyable, &written),
         Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, *index, keyable),
         Selected::Camera(name) => wanted = lens(ui, viewer, &scene.stage, name, keyable),
+        Selected::Sky => wanted = sky(ui, viewer, &scene.stage, keyable),
         Selected::Cue { .. } | Selected::Title(_) => {}
     }
     let field = stated::show(ui, viewer, &scene.stage, &selection, &written);
@@ -309,6 +312,30 @@ fn light(
     wanted
 }
 
+/// The sky at the playhead.
+fn sky(ui: &mut Ui, viewer: &Viewer, stage: &Stage, keyable: Keyable) -> Option<Wanted> {
+    let (sky, mut wanted) = (stage.sky.as_ref()?, None);
+    Grid::new("sky").num_columns(3).show(ui, |ui| {
+        for field in Sky::FIELDS.iter() {
+            let Some((key, _)) = field.keyed else { continue };
+            let keyed = keyable.iter().find(|keyed| keyed.name == key && keyed.has_keys());
+            let now = keyed.map(|keyed| keyed.at(viewer.playhead.time())[0]);
+            let (stated, [low, high], speed) = match ((field.get)(sky), field.of_type) {
+                (FieldValue::Number(n), FieldType::Degrees(low, high)) => (n.to_degrees(), [low, high], 0.25),
+                (FieldValue::Number(n), FieldType::Number(low, high, _)) => (n, [low, high], 0.01),
+                _ => continue,
+            };
+            ui.label(field.name);
+            let name = format!("sky {}", field.name);
+            let set = values::number(ui, &name, now.unwrap_or(stated), speed, low..=high);
+            wanted = set.map(|to| Wanted::Value(field.name, format_number(to))).or(wanted.take());
+            wanted = key_button(ui, viewer, keyable, key).or(wanted.take());
+            ui.end_row();
+        }
+    });
+    wanted
+}
+
 /// The name of a light's field, with a menu that takes the script's value away; strong where there is one.
 fn default_menu(ui: &mut Ui, written: &stated::Stated, name: &'static str) -> Option<Wanted> {
     let names: &[&'static str] = if name == "color" { &["color", "kelvin"] } else { &[name] };
@@ -520,6 +547,11 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
         Selected::Title(index) => {
             if let Some(title) = stage.layers_2d.get(*index) {
                 row("keys", title.channels.len().to_string());
+            }
+        }
+        Selected::Sky => {
+            if let Some(sky) = &stage.sky {
+                row("keys", sky.channels.len().to_string());
             }
         }
         Selected::Effect(index) => {

@@ -1,11 +1,13 @@
 //! Commands for the selected keys: the menu of the right mouse button on a key, and their keys on the keyboard.
 
-use super::values;
+use super::{tangents, values};
 use crate::app::Viewer;
 use crate::editing::EditError;
 use crate::state::keyed::{KeyRef, KeyedProperty};
 use crate::state::selection::Selected;
+use crate::state::tangents::TangentChoice;
 use choreo_script::{KEY_INTERPOLATIONS, easing_names};
+use choreo_session::edit::KeyShape;
 use egui::{Button, Event, Popup, PopupCloseBehavior, Response, ScrollArea, Ui};
 
 /// A change of keys by the user.
@@ -20,6 +22,9 @@ pub enum KeyAct {
     /// Seconds.
     Time(KeyRef, f64),
     Value(KeyRef, Vec<f64>),
+    /// The tangents of the selected keys.
+    Tangents(TangentChoice),
+    Shape(KeyRef, KeyShape),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,6 +71,7 @@ fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
         }
     }
     ui.separator();
+    act = tangents::menu(ui).or(act);
     ui.menu_button("Easing into the key", |ui| {
         act = choice(ui, "not its own: like all keys", &easing_names()).map(KeyAct::Ease).or(act.take());
     });
@@ -109,7 +115,8 @@ fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct
         }
         ui.weak(property.unit);
     });
-    act
+    let index = property.keys.iter().position(|at| *at == key.at);
+    index.and_then(|index| tangents::numbers(ui, property, index)).or(act)
 }
 
 /// A list of names to choose from, with one for none.
@@ -160,6 +167,8 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, act: KeyAct) {
         KeyAct::How(how) => viewer.edit(|v| v.set_key_how(&keys, how.as_deref())),
         KeyAct::Time(key, secs) => viewer.edit(|v| v.set_key_time(&key, secs)),
         KeyAct::Value(key, numbers) => viewer.edit(|v| v.set_key_value(&key, &numbers)),
+        KeyAct::Tangents(choice) => viewer.edit(|v| v.set_key_tangents(&keys, choice)),
+        KeyAct::Shape(key, shape) => viewer.edit(|v| v.set_key_shapes(&[(key, shape)])),
         KeyAct::Run(command) => run_command(ui, viewer, command, &keys),
     }
 }
@@ -196,14 +205,17 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, command: KeyCommand, keys: &[KeyRef
 
 /// Whether a text of the clipboard holds keys.
 pub fn are_keys(text: &str) -> bool {
-    text.starts_with(".key(")
+    [".key(", ".joint(", ".weight(", ".speed(", ".clip_time(", ".layer_weight("]
+        .iter()
+        .any(|k| text.starts_with(k))
 }
 
 /// Adds copied keys to the selection, at the playhead.
 pub fn paste(viewer: &mut Viewer, text: &str) {
     let at = viewer.playhead.time().as_secs();
+    let of_cue = [".weight(", ".speed(", ".clip_time(", ".layer_weight("].iter().any(|k| text.starts_with(k));
     let what = match viewer.selection.clone() {
-        Some(Selected::Cue { actor, .. }) => Some(Selected::Actor(actor)),
+        Some(Selected::Cue { actor, .. }) if !of_cue => Some(Selected::Actor(actor)),
         other => other,
     };
     viewer.edit(|v| match what {

@@ -108,7 +108,10 @@ const MOUSE: [(&str, &str); 23] = [
     ("Alt drag", "a clip's bar: slips its content; its start: trims or rolls it"),
     ("drag", "the corner or the line of the selected clip: speed, weight"),
     ("drag", "a bar's end or fade, a key, a cut, a marker: changes the script"),
-    ("drag", "curves: a key in time and value, with Shift along one of them; a handle of its easing"),
+    (
+        "drag",
+        "curves: a key in time and value, with Shift along one of them; a handle of its tangent (Alt: one side, Ctrl: its length) or easing",
+    ),
     ("double click", "curves: sets a key on a curve"),
     ("right click", "a bar, a key: all commands; of a key its time, value and easing"),
     ("drag", "a clip from the inspector onto a row: adds a line"),

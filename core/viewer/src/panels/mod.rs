@@ -37,6 +37,7 @@ mod signs;
 mod stage_fields;
 mod start;
 mod strip;
+mod tangents;
 mod tests;
 mod trails;
 mod tree;

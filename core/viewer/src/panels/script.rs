@@ -108,6 +108,7 @@ pub fn line_of(viewer: &Viewer, what: &Selected) -> Option<usize> {
         Selected::Light(index) => places.lights.get(*index)?,
         Selected::Effect(index) => places.effects.get(*index)?,
         Selected::Title(index) => places.layers_2d.get(*index)?,
+        Selected::Sky => places.sky.as_ref()?,
     };
     (place.file == places.main && place.line > 0).then_some(place.line)
 }

@@ -64,6 +64,9 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             select(ui, viewer, RichText::new(name), Selected::Light(index));
         }
     }
+    if stage.sky.is_some() && matches("sky") {
+        select(ui, viewer, RichText::new("sky"), Selected::Sky);
+    }
     section(ui, "effects", stage.effects.len());
     for (index, effect) in stage.effects.iter().enumerate().filter(|(_, e)| matches(&e.plugin)) {
         select(ui, viewer, RichText::new(&effect.plugin), Selected::Effect(index));

@@ -1,7 +1,9 @@
 //! Events at a time: keys, actors that appear and go, what an actor begins to do, named times of clips.
 
 use crate::state::keyed::{self, KeyedProperty};
+use crate::state::keyed_parts;
 use crate::state::selection::Selected;
+use crate::state::timeline::Bar;
 use choreo_motion::{Repeat, Time};
 use choreo_script::{ClipMarkers, Place};
 use choreo_session::Scene;
@@ -61,6 +63,11 @@ impl<'s> KeyText<'s> {
         KeyText { scene, text: OnceCell::new() }
     }
 
+    /// The keyed properties of something, whatever it has.
+    fn all_properties(&self, what: &Selected) -> Vec<KeyedProperty> {
+        keyed::properties(self.scene, self.text.get_or_init(|| keyed::text_of(self.scene)).as_ref(), what)
+    }
+
     /// The keyed properties of something that has these channels.
     fn properties<'c>(
         &self,
@@ -98,6 +105,7 @@ impl Gathered {
                 continue;
             };
             let label = match property {
+                _ if keyed.name.starts_with("joint:") => keyed.title(),
                 Property::Parameter | Property::Morph { .. } | Property::Expression { .. } => keyed.title(),
                 property => name(property).to_string(),
             };
@@ -106,9 +114,15 @@ impl Gathered {
         }
     }
 
-    /// Keys that no `.key(…)` states.
-    pub(crate) fn named_keys(&mut self, label: &str, channel: &Channel) {
-        channel.times.iter().for_each(|at| self.add_key(*at, label, None));
+    /// The keys of a layer's weight, by the cue of it that states them.
+    pub(crate) fn layer_weight(&mut self, keys: &Channel, cues: &[Bar], text: &KeyText) {
+        let of = |bar: &Bar| text.all_properties(&bar.what).into_iter().find(|k| k.name == ".layer_weight");
+        let mut all: Vec<KeyedProperty> = cues.iter().filter_map(of).collect();
+        all.sort_by_key(|keyed| keyed.written.is_none());
+        match all.first().filter(|keyed| keyed.written.is_some()) {
+            Some(keyed) => self.keys(std::slice::from_ref(keyed), "layer "),
+            None => keys.times.iter().for_each(|at| self.add_key(*at, "layer weight", None)),
+        }
     }
 
     fn spans(&mut self, what: &str, start: Time, end: Option<Time>) {
@@ -124,7 +138,11 @@ impl Gathered {
     /// Events of an actor, without its cues.
     pub fn actor(&mut self, actor: &Actor, text: &KeyText) {
         let what = Selected::Actor(actor.name.clone());
-        self.keys(&text.properties(&what, actor.channels.iter()), "");
+        let joints = keyed_parts::keys_of_joints(actor).is_some();
+        match joints {
+            true => self.keys(&text.all_properties(&what), ""),
+            false => self.keys(&text.properties(&what, actor.channels.iter()), ""),
+        }
         let mut seen = actor.visible;
         for channel in actor.channels.iter().filter(|c| c.property == Property::Visible) {
             for (at, value) in channel.times.iter().zip(&channel.values) {
@@ -141,11 +159,19 @@ impl Gathered {
         actor.look_at.iter().for_each(|look| self.spans("look", look.start, look.end));
     }
 
-    /// Named times of its clip, each time that it gets there until `end`.
-    pub fn cue(&mut self, cue: &Cue, end: Time, markers: &[ClipMarkers]) {
-        let weights = cue.weight_keys.as_deref();
-        let label = format!("{} weight", cue.clip.name);
-        weights.into_iter().for_each(|keys| self.named_keys(&label, keys));
+    /// The keys of a cue, and named times of its clip, each time that it gets there until `end`.
+    pub fn cue(
+        &mut self,
+        (cue, what): (&Cue, &Selected),
+        text: &KeyText,
+        end: Time,
+        markers: &[ClipMarkers],
+    ) {
+        if cue.weight_keys.is_some() || cue.time_remapping.is_some() {
+            let mut keyed = text.all_properties(what);
+            keyed.retain(|keyed| keyed.name != ".layer_weight");
+            self.keys(&keyed, &format!("{} ", cue.clip.name));
+        }
         let of = markers.iter().find(|of| Arc::ptr_eq(&of.clip, &cue.clip));
         let Some(ClipMarkers { markers, .. }) = of else { return };
         let (from, to) = cue.trim;
@@ -211,12 +237,11 @@ pub(crate) fn of_light(stage: &Stage, text: &KeyText, index: usize, place: &Plac
     gathered.events(stage.settings.length, Some(&what), place)
 }
 
-pub(crate) fn of_sky(stage: &Stage) -> Vec<Event> {
+pub(crate) fn of_sky(stage: &Stage, text: &KeyText, place: &Place) -> Vec<Event> {
     let mut gathered = Gathered::default();
-    for channel in stage.sky.iter().flat_map(|sky| &sky.channels) {
-        gathered.named_keys(&format!("sky {}", name(channel.property)), channel);
-    }
-    gathered.events(stage.settings.length, None, &Place::default())
+    let channels = stage.sky.iter().flat_map(|sky| &sky.channels);
+    gathered.keys(&text.properties(&Selected::Sky, channels), "sky ");
+    gathered.events(stage.settings.length, Some(&Selected::Sky), place)
 }
 
 /// Keys of texts, images and panels.

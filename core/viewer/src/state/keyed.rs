@@ -1,6 +1,7 @@
 //! Properties that keys animate, of what is on stage: their values over time as the stage has them, in the units of scripts, and their
 //! keys as the script states them.
 
+use crate::state::keyed_parts;
 use crate::state::selection::{Selected, actor};
 use choreo_asset::Asset;
 use choreo_motion::{FrameRate, Interpolation, Time};
@@ -17,7 +18,8 @@ use glam::{DQuat, DVec3};
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct KeyRef {
     pub what: Selected,
-    /// The script's name of the property; `morph:NAME` for a morph target.
+    /// The script's name of the property; `morph:NAME` for a morph target, `joint:NAME:PROPERTY` for a joint, `.weight` for what a method
+    /// of a cue states.
     pub property: String,
     pub at: Time,
 }
@@ -52,13 +54,13 @@ pub struct KeyedProperty {
     /// Smallest and largest number.
     pub range: [f64; 2],
     /// Its keys as the stage has them, easings sampled: one list, or one for each number of an effect; none where it has no keys.
-    channels: Vec<Channel>,
+    pub(super) channels: Vec<Channel>,
     /// Its value without keys.
-    rest: Vec<f64>,
+    pub(super) rest: Vec<f64>,
     /// Times of the keys that the script states.
     pub keys: Vec<Time>,
     /// Angles about x, y and z at `keys`, each near the one before.
-    angles: Vec<DVec3>,
+    pub(super) angles: Vec<DVec3>,
     /// The keys in the text; `None` where they are computed or stand elsewhere.
     pub written: Option<WrittenKeys>,
 }
@@ -113,12 +115,17 @@ impl KeyedProperty {
 
     /// The name as it is read: `morph smile`.
     pub fn title(&self) -> String {
-        self.name.replace([':', '_'], " ")
+        self.name.trim_start_matches('.').replace([':', '_'], " ")
     }
 
     /// The property of the stage that its keys animate.
     pub(crate) fn property(&self) -> Option<Property> {
         self.channels.first().map(|channel| channel.property)
+    }
+
+    /// How the stage interpolates its keys.
+    pub(crate) fn interpolation(&self) -> Option<Interpolation> {
+        self.channels.first().map(|channel| channel.interpolation)
     }
 
     fn is_upright(&self) -> bool {
@@ -297,16 +304,22 @@ fn color_text(linear: &[f64]) -> String {
     format!("\"#{r:02x}{g:02x}{b:02x}{alpha}\"")
 }
 
-/// The place in the script that makes something other than a clip, and how many things that place makes.
+/// The place in the script that makes something, and how many things that place makes.
 pub fn place_of(scene: &Scene, what: &Selected) -> Option<(Place, usize)> {
     let (stage, places) = (&scene.stage, &scene.places);
     let (all, index) = match what {
+        Selected::Sky => return places.sky.clone().map(|place| (place, 1)),
+        Selected::Cue { actor: name, layer, cue } => {
+            let place = places.cues.get(actor(stage, name)?)?.get(*layer)?.get(*cue)?.clone();
+            let all = places.cues.iter().flatten().flatten();
+            let siblings = all.filter(|other| **other == place).count();
+            return Some((place, siblings));
+        }
         Selected::Actor(name) => (&places.actors, actor(stage, name)?),
         Selected::Camera(name) => (&places.cameras, stage.cameras.iter().position(|c| c.name == *name)?),
         Selected::Light(index) => (&places.lights, *index),
         Selected::Effect(index) => (&places.effects, *index),
         Selected::Title(index) => (&places.layers_2d, *index),
-        Selected::Cue { .. } => return None,
     };
     let place = all.get(index)?.clone();
     let siblings = all.iter().filter(|other| **other == place).count();
@@ -329,6 +342,7 @@ pub fn properties(scene: &Scene, text: Option<&ScriptText>, what: &Selected) -> 
             let actor = &stage.actors[index];
             let mut all = described(what, actor, &actor.channels, object.as_ref());
             all.extend(morphs(what, &actor.asset, &actor.channels));
+            all.extend(keyed_parts::joints(what, actor, object.as_ref()));
             all
         }),
         Selected::Camera(name) => stage.cameras.iter().find(|camera| camera.name == *name).map(|camera| {
@@ -345,10 +359,21 @@ pub fn properties(scene: &Scene, text: Option<&ScriptText>, what: &Selected) -> 
             stage.layers_2d.get(*index).map(|layer| described(what, layer, &layer.channels, object.as_ref()))
         }
         Selected::Effect(index) => stage.effects.get(*index).map(|used| parameters(scene, what, used)),
-        Selected::Cue { .. } => None,
+        Selected::Sky => stage.sky.as_ref().map(|sky| described(what, sky, &sky.channels, object.as_ref())),
+        Selected::Cue { actor: name, layer, cue } => {
+            actor(stage, name).map(|index| keyed_parts::cue(what, &stage.actors[index], [*layer, *cue]))
+        }
     };
     let read = |property: KeyedProperty| property.read(object.as_ref(), stage.settings.fps);
     found.unwrap_or_default().into_iter().map(read).collect()
+}
+
+/// The properties of a cue that methods of it key, without the places of their keys in the text.
+pub fn of_cue(scene: &Scene, what: &Selected) -> Vec<KeyedProperty> {
+    let Selected::Cue { actor: name, layer, cue } = what else { return Vec::new() };
+    let Some(index) = actor(&scene.stage, name) else { return Vec::new() };
+    let all = keyed_parts::cue(what, &scene.stage.actors[index], [*layer, *cue]);
+    all.into_iter().map(|property| property.read(None, scene.stage.settings.fps)).collect()
 }
 
 fn described<T: Described>(
@@ -415,7 +440,7 @@ fn of_field<T>(
     Some(KeyedProperty { kind, unit, range, ..named(what, name, channels, rest) })
 }
 
-fn named(what: &Selected, name: &str, channels: Vec<Channel>, rest: Vec<f64>) -> KeyedProperty {
+pub(super) fn named(what: &Selected, name: &str, channels: Vec<Channel>, rest: Vec<f64>) -> KeyedProperty {
     KeyedProperty {
         what: what.clone(),
         name: name.to_string(),

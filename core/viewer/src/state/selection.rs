@@ -15,6 +15,8 @@ pub enum Selected {
     Effect(usize),
     /// A text, an image or a panel over the frame.
     Title(usize),
+    /// The light from all around.
+    Sky,
 }
 
 impl Selected {
@@ -30,6 +32,7 @@ impl Selected {
             Selected::Light(index) => *index < stage.lights.len(),
             Selected::Effect(index) => *index < stage.effects.len(),
             Selected::Title(index) => *index < stage.layers_2d.len(),
+            Selected::Sky => stage.sky.is_some(),
         }
     }
 

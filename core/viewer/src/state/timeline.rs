@@ -109,8 +109,11 @@ impl Timeline {
             let events = events::of_light(stage, text, index, &place);
             rows.push(Row { label, what: Some(what), layer: None, bars: Vec::new(), events, place });
         }
-        let sky = events::of_sky(stage);
-        rows.extend((!sky.is_empty()).then(|| plain("sky", Vec::new(), sky)));
+        let place = places.sky.clone().unwrap_or_default();
+        let sky = events::of_sky(stage, text, &place);
+        let what = Some(Selected::Sky);
+        let (label, bars) = ("sky".to_string(), Vec::new());
+        rows.extend((!sky.is_empty()).then(|| Row { label, what, layer: None, bars, events: sky, place }));
         if !stage.layers_2d.is_empty() {
             let bars = (0..stage.layers_2d.len()).map(|index| title(scene, index)).collect();
             rows.extend(lanes("titles", bars, events::of_titles(stage, text)));
@@ -170,10 +173,10 @@ fn actor_rows(scene: &Scene, text: &KeyText, kinds: &mut Vec<String>, index: usi
         });
         let bars: Vec<Bar> = cues.collect();
         if let Some(keys) = &layer.weight_keys {
-            gathered.named_keys("layer weight", keys);
+            gathered.layer_weight(keys, &bars, text);
         }
         for (cue, bar) in layer.cues.iter().zip(&bars) {
-            gathered.cue(cue, bar.end, &places.clip_markers);
+            gathered.cue((cue, &bar.what), text, bar.end, &places.clip_markers);
         }
         let events = std::mem::take(&mut gathered).events(length, what.as_ref(), &place);
         rows.push(Row { label, what: what.clone(), layer: Some(number), bars, events, place: place.clone() });

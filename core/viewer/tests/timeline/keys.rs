@@ -7,6 +7,7 @@ use choreo_viewer::editing::ValueDrag;
 use choreo_viewer::state::events::EventKind;
 use choreo_viewer::state::keyed::{KeyRef, KeyedProperty};
 use choreo_viewer::state::selection::Selected;
+use choreo_viewer::state::tangents::TangentChoice;
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, pos2, vec2};
 use egui_kittest::kittest::Queryable;
 
@@ -499,4 +500,334 @@ fn k_and_the_inspector_s_diamonds_set_keys() {
     // A keyed parameter of an effect is changed at the playhead.
     desk.state_mut().viewer.set_value(&Selected::Effect(0), "strength", "0.25").unwrap();
     assert_eq!(desk.state().text(), replaced(&[("[2.0, 0.9]", "[1.0, 0.25], [2.0, 0.9]")]));
+}
+
+/// The script with keys of every kind, interpolated in every way, some with tangents and easings.
+fn shaped(how: &str) -> String {
+    format!(
+        r##"stage(#{{ size: [64, 36], fps: 25, length: 4.0 }});
+let cube = shape("box", #{{ size: 1.0 }});
+let ball = cast("ball", cube).key("position", [[0.0, [0, 0, 0]], [1.0, [1, 3, 0], #{{ out_tangent: [1, -2, 4] }}], [2.0, [2, 4, 1]], [3.6, [0, 0, 0], #{{ tangent: 1 }}], [4.0, [0, 0, 0]]]{how});
+ball.key("rotation", [[0.0, [0, 0, 0]], [1.0, [20, 0, 0], #{{ tangent: [0, 30, 0], in_weight: 0.5 }}], [2.0, [30, 10, 0]], [4.0, [0, 0, 0]]]{how});
+ball.key("scale", [[0.0, 1], [1.0, 2, #{{ tangent: 0 }}], [4.0, 1]]{how});
+ball.key("tint", [[0.0, "black"], [2.0, "white", #{{ in_tangent: [1, 0, 0] }}], [4.0, "black"]]{how});
+camera("wide").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]).key("fov", [[0.0, 40], [2.0, 50, #{{ tangent: -8 }}], [4.0, 30]]{how});
+"##
+    )
+}
+
+/// Handles lie along the curve of the stage, whose slope beside a key is measured here.
+#[test]
+fn handles_are_the_slopes_of_the_curves() {
+    for how in ["", ", \"smooth\"", ", \"cubic\"", ", \"catmull_rom\""] {
+        let place = Place::new(&shaped(how));
+        let mut counted = 0;
+        for what in [ball(), Selected::Camera("wide".into())] {
+            for keyed in place.viewer.keyed_properties(&what).iter().filter(|keyed| keyed.has_keys()) {
+                for (key, at) in keyed.keys.iter().enumerate() {
+                    for (side, handle) in keyed.handles(key).iter().enumerate() {
+                        let Some(handle) = handle else { continue };
+                        let step = Time::from_secs(if side == 0 { -1e-4 } else { 1e-4 });
+                        let [now, then] = [*at, *at + step].map(|time| keyed.at(time));
+                        for (part, tangent) in handle.tangent.iter().enumerate() {
+                            let slope = (then[part] - now[part]) / step.as_secs();
+                            // Rotations are samples of the stage, a few degrees apart.
+                            let most = if keyed.name == "rotation" { 3.0 } else { 0.01 };
+                            let shown = format!("{how} {} {part} at {} {side}", keyed.name, at.as_secs());
+                            assert!((slope - tangent).abs() < most, "{shown}: {slope} for {tangent}");
+                            counted += 1;
+                        }
+                    }
+                }
+            }
+        }
+        assert_eq!(counted, 3 * 8 + 3 * 6 + 4 + 3 * 4 + 4, "{how}");
+    }
+}
+
+#[test]
+fn tangents_are_chosen_for_all_selected_keys() {
+    let keys = [key(ball(), "position", 1.0), key(ball(), "position", 2.0)];
+    let chosen = |choice| text_after(|place| place.viewer.edit(|v| v.set_key_tangents(&keys, choice)));
+    let both = |first: &str, second: &str| {
+        let of = |number: &str, more: &str| format!("[{number}, 0]{more}");
+        replaced(&[
+            ("[1.0, [1, 0, 0]]", &of("1.0, [1, 0", &format!(", #{{ {first} }}]"))),
+            (
+                "[2.0, [1, 2, 0], \"in_quad\"]",
+                &of("2.0, [1, 2", &format!(", #{{ ease: \"in_quad\", {second} }}]")),
+            ),
+        ])
+    };
+    assert_eq!(chosen(TangentChoice::Flat), both("tangent: 0.0", "out_tangent: 0.0"));
+    // Monotone: x rises to the key and stays, y stays and rises; a position keeps its direction.
+    let monotone = chosen(TangentChoice::Monotone);
+    assert_eq!(monotone, both("tangent: [0.5, 1.0, 0.0]", "out_tangent: 0.0"));
+    let linear = "in_tangent: [1.0, 0.0, 0.0], out_tangent: [0.0, 2.0, 0.0]";
+    assert_eq!(chosen(TangentChoice::Linear), both(linear, "out_tangent: [0.0, 2.0, 0.0]"));
+    let mut place = Place::new(&monotone);
+    place.viewer.set_key_tangents(&keys[..1], TangentChoice::Broken).unwrap();
+    assert!(place.text().contains("#{ in_tangent: [0.5, 1.0, 0.0], out_tangent: [0.5, 1.0, 0.0] }"));
+    place.reload();
+    place.viewer.set_key_tangents(&keys, TangentChoice::Automatic).unwrap();
+    assert_eq!(place.text(), SCRIPT);
+    let kelvin = [key(Selected::Light(0), "kelvin", 0.0)];
+    let refused = place.viewer.set_key_tangents(&kelvin, TangentChoice::Flat).unwrap_err().to_string();
+    assert!(refused.contains("a.rhai:12: keys of its kelvin have no tangents"), "{refused}");
+}
+
+/// A drag with keys held.
+fn drag_with(desk: &mut Desk, modifiers: Modifiers, from: Pos2, to: Pos2) {
+    desk.hover_at(from);
+    desk.run();
+    for (pos, pressed) in
+        [(from, Some(true)), (from + (to - from) * 0.5, None), (to, None), (to, Some(false))]
+    {
+        desk.event_modifiers(Event::PointerMoved(pos), modifiers);
+        desk.run();
+        if let Some(pressed) = pressed {
+            let button = PointerButton::Primary;
+            desk.event_modifiers(Event::PointerButton { pos, button, pressed, modifiers }, modifiers);
+            desk.run();
+        }
+    }
+}
+
+/// The numbers behind a name in a text.
+fn numbers_after(text: &str, name: &str) -> Vec<f64> {
+    let start = text.find(name).unwrap_or_else(|| panic!("{name} in {text}")) + name.len();
+    let inside = text[start..].trim_start().trim_start_matches('[').split([']', '}', '#']).next().unwrap();
+    inside.split(',').map_while(|number| number.trim().parse().ok()).collect()
+}
+
+#[test]
+fn handles_of_tangents_are_dragged_aligned_broken_and_longer() {
+    let mut desk = curves();
+    let straight = SCRIPT.replace(", \"in_quad\"", "");
+    desk.state_mut().reload_with(&straight);
+    desk.state_mut().viewer.select_keys(vec![key(ball(), "position", 1.0)]);
+    desk.run();
+    let center = |desk: &Desk, name: &str| desk.get_by_label(name).rect().center();
+    let [before, here, after] = ["key position y at 0", "key position y at 25", "key position y at 50"]
+        .map(|name| center(&desk, name));
+    // A third of each span, straight to the next key.
+    let tip = center(&desk, "tangent of position y out of 25");
+    assert!((tip - (here + (after - here) / 3.0)).length() < 1.5, "{tip:?}");
+    let tip_before = center(&desk, "tangent of position y into 25");
+    assert!((tip_before - (here + (before - here) / 3.0)).length() < 1.5, "{tip_before:?}");
+    // One second and two metres are so many points.
+    let (second, metre) = (here.x - before.x, (here.y - after.y) / 2.0);
+    let slope = |to: Pos2| f64::from((here.y - to.y) / metre) / f64::from((to.x - here.x) / second);
+    let reloaded = |desk: &mut Desk| {
+        assert_eq!(desk.state().viewer.message, None);
+        desk.state_mut().reload();
+        desk.run();
+    };
+    let to = tip + vec2(6.0, -15.0);
+    drag(&mut desk, tip, to);
+    let text = desk.state().text();
+    // The others keep the slope that they had on each side.
+    let [into, out] = ["in_tangent:", "out_tangent:"].map(|name| numbers_after(&text, name));
+    assert!((out[1] - slope(to)).abs() < 0.05 && out[1] > 2.1, "{text}");
+    assert_eq!((into, out.clone()), (vec![1.0, out[1], 0.0], vec![0.0, out[1], 0.0]));
+    reloaded(&mut desk);
+    // Sides of different numbers are broken: the other side stays. With Ctrl the handle gets longer.
+    let tip = center(&desk, "tangent of position y out of 25");
+    let to = tip + vec2(second * 0.2, 4.0);
+    drag_with(&mut desk, Modifiers::COMMAND, tip, to);
+    let text = desk.state().text();
+    let [into, now] = ["in_tangent:", "out_tangent:"].map(|name| numbers_after(&text, name));
+    let weight = numbers_after(&text, "out_weight:");
+    assert_eq!(into[1], out[1], "{text}");
+    assert!((now[1] - slope(to)).abs() < 0.05, "{text}");
+    assert!((weight[1] - (1.0 / 3.0 + 0.2)).abs() < 0.02 && weight[0] == 0.333, "{text}");
+    reloaded(&mut desk);
+    for _ in 0..2 {
+        press(&mut desk, Modifiers::COMMAND, Key::Z);
+        reloaded(&mut desk);
+    }
+    assert_eq!(desk.state().text(), straight);
+    // With Alt only one side gets a tangent.
+    let tip = center(&desk, "tangent of position y into 25");
+    drag_with(&mut desk, Modifiers::ALT, tip, tip + vec2(0.0, 12.0));
+    let text = desk.state().text();
+    assert!(text.contains("[1.0, [1, 0, 0], #{ in_tangent: [") && !text.contains("out_tangent"), "{text}");
+    reloaded(&mut desk);
+    press(&mut desk, Modifiers::COMMAND, Key::Z);
+    reloaded(&mut desk);
+    // From the menu, and as a number.
+    let at = center(&desk, "key position y at 25");
+    secondary_click(&mut desk, at);
+    desk.get_by_label_contains("Tangents").click();
+    desk.run();
+    desk.get_by_label("Flat").click();
+    desk.run();
+    assert_eq!(
+        desk.state().text(),
+        straight.replace("[1.0, [1, 0, 0]]", "[1.0, [1, 0, 0], #{ tangent: 0.0 }]")
+    );
+    reloaded(&mut desk);
+    secondary_click(&mut desk, at);
+    let field = desk.get_by_label("tangent into it y of position").rect().center();
+    drag(&mut desk, field, field + vec2(40.0, 0.0));
+    let typed = numbers_after(&desk.state().text(), "tangent:");
+    assert!(typed[1] > 0.5 && typed[0] == 0.0, "{}", desk.state().text());
+}
+
+const PARTS: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", moves);
+ada.play(moves.clip("Walk")).weight([[0.0, 1], [2.0, 0.4]]).speed([[0.0, 1], [4.0, 2]]);
+let wave = ada.play(moves.clip("Wave")).from(1.0).until(4.0).on("RightShoulder..");
+wave.layer_weight([[1.0, 0], [2.0, 1]], "smooth");
+ada.joint("Head").key("rotation", [[0.0, [0, 0, 0]], [1.0, [0, 40, 10], "in_quad"], [2.0, [0, 0, 0]]]); // no
+ada.joint("Hips").key("position", [[0.0, [0, 0, 0]], [2.0, [0, 0.2, 0.1], #{ tangent: 0 }]]);
+sky("studio", #{ strength: 0.5 }).key("turn", [[0.0, 0], [2.0, 90]]);
+camera("wide").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
+"##;
+
+fn part(place: &Place, what: &Selected, name: &str) -> KeyedProperty {
+    place
+        .viewer
+        .keyed_properties(what)
+        .into_iter()
+        .find(|p| p.name == name)
+        .unwrap_or_else(|| panic!("{name}"))
+}
+
+/// Joints, cues and the sky have the keys of the script, and the values that a snapshot has.
+#[test]
+fn keys_of_joints_cues_and_the_sky_are_those_of_the_script() {
+    let place = Place::new(PARTS);
+    let (ada, cue) = (Selected::Actor("ada".into()), Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
+    let head = part(&place, &ada, "joint:Head:rotation");
+    let hips = part(&place, &ada, "joint:Hips:position");
+    let weight = part(&place, &cue, ".weight");
+    let turn = part(&place, &Selected::Sky, "turn");
+    let secs = |keyed: &KeyedProperty| keyed.keys.iter().map(|at| at.as_secs()).collect::<Vec<_>>();
+    assert_eq!((secs(&head), secs(&hips)), (vec![0.0, 1.0, 2.0], vec![0.0, 2.0]));
+    assert_eq!((secs(&weight), secs(&turn)), (vec![0.0, 2.0], vec![0.0, 2.0]));
+    assert!([&head, &hips, &weight, &turn].iter().all(|keyed| keyed.written.is_some()));
+    // What a script without these keys shows, with the joint moved by what the curve has.
+    let plain =
+        Place::new(&PARTS.lines().filter(|line| !line.contains(".joint(")).collect::<Vec<_>>().join("\n"));
+    for frame in 0..75 {
+        let time = Time::from_secs(f64::from(frame) / 25.0);
+        let of = |place: &Place| place.viewer.scene.as_ref().unwrap().evaluator.clone().at(time).unwrap();
+        let (with, without) = (of(&place), of(&plain));
+        let at = |snapshot: &choreo_stage::Snapshot, name: &str| {
+            let scene = place.viewer.scene.as_ref().unwrap();
+            let joint = scene.stage.actors[0].asset.skeleton.find(name).unwrap();
+            snapshot.actors[0].model_from_joint[joint]
+        };
+        let moved = at(&with, "Hips").translation - at(&without, "Hips").translation;
+        let shown = hips.at(time);
+        for axis in 0..3 {
+            assert!((f64::from(moved[axis]) - shown[axis]).abs() < 1e-5, "{moved} for {shown:?}");
+        }
+        assert!((with.sky.as_ref().unwrap().turn - turn.at(time)[0].to_radians()).abs() < 1e-9);
+        assert!((weight.at(time)[0] - (1.0 - 0.3 * time.as_secs().min(2.0))).abs() < 1e-9);
+    }
+    assert!((head.at(Time::from_secs(0.5))[1] - 10.0).abs() < 0.05, "{:?}", head.at(Time::from_secs(0.5)));
+    let row = |label: &str| place.viewer.timeline.rows.iter().find(|row| row.label == label).unwrap();
+    let labels: Vec<&str> = row("ada").events.iter().map(|event| event.label.as_str()).collect();
+    assert!(labels[0].contains("Walk weight") && labels[0].contains("joint Head rotation"), "{labels:?}");
+    assert!(row("sky").events.iter().all(|event| event.key_refs()[0].what == Selected::Sky));
+    let layer = row("ada +1").events.iter().find(|event| event.label == "layer weight").unwrap();
+    assert_eq!(layer.key_refs()[0].property, ".layer_weight");
+}
+
+#[test]
+fn keys_of_joints_cues_and_the_sky_are_edited_as_others() {
+    let (ada, walk) =
+        (Selected::Actor("ada".into()), Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
+    let wave = Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 };
+    let changed = |change: &dyn Fn(&mut Place)| {
+        let mut place = Place::new(PARTS);
+        change(&mut place);
+        assert_eq!(place.viewer.message, None);
+        let text = place.text();
+        place.reload();
+        place.viewer.undo().unwrap();
+        assert_eq!(place.text(), PARTS);
+        text
+    };
+    let all = [
+        key(ada.clone(), "joint:Head:rotation", 1.0),
+        key(walk.clone(), ".weight", 2.0),
+        key(wave, ".layer_weight", 2.0),
+        key(Selected::Sky, "turn", 2.0),
+    ];
+    let moved = changed(&|place| place.viewer.edit(|v| v.drag_keys(&all, 0.4, None)));
+    let expected = PARTS
+        .replace("[1.0, [0, 40, 10]", "[1.4, [0, 40, 10]")
+        .replace("[2.0, 0.4]", "[2.4, 0.4]")
+        .replace("[2.0, 1]], \"smooth\"", "[2.4, 1]], \"smooth\"")
+        .replace("[2.0, 90]", "[2.4, 90]");
+    assert_eq!(moved, expected);
+    let flat = changed(&|place| place.viewer.edit(|v| v.set_key_tangents(&all[1..], TangentChoice::Flat)));
+    assert!(
+        flat.contains("[2.0, 0.4, #{ tangent: 0.0 }]") && flat.contains("[2.0, 90, #{ tangent: 0.0 }]"),
+        "{flat}"
+    );
+    let gone = changed(&|place| {
+        place.viewer.edit(|v| v.delete_keys(&[key(ada.clone(), "joint:Hips:position", 2.0)]))
+    });
+    assert_eq!(gone, PARTS.replace(", [2.0, [0, 0.2, 0.1], #{ tangent: 0 }]", ""));
+    let set = changed(&|place| {
+        place.viewer.playhead.seek(Time::from_secs(1.0));
+        place.viewer.edit(|v| v.set_keys(&walk, &[".weight"]));
+    });
+    assert_eq!(set, PARTS.replace("[2.0, 0.4]", "[1.0, 0.7], [2.0, 0.4]"));
+    let set = changed(&|place| place.viewer.edit(|v| v.set_keys(&Selected::Sky, &["strength"])));
+    assert!(set.contains(".key(\"turn\", [[0.0, 0], [2.0, 90]]).key(\"strength\", [[0.0, 0.5]]);"), "{set}");
+    let set = changed(&|place| place.viewer.edit(|v| v.set_value(&Selected::Sky, "turn", "30.0")));
+    assert_eq!(set, PARTS.replace("[0.0, 0], [2.0, 90]", "[0.0, 30.0], [2.0, 90]"));
+    let value = ValueDrag { property: "joint:Head:rotation".into(), part: 1, by: 5.0 };
+    let turned = changed(&|place| place.viewer.edit(|v| v.drag_keys(&all[..1], 0.0, Some(&value))));
+    assert_eq!(turned, PARTS.replace("[0, 40, 10]", "[0, 45.0, 10]"));
+}
+
+/// They have curves, and the sky is shown and keyed in the inspector.
+#[test]
+fn the_sky_and_a_cue_have_curves_and_fields() {
+    let mut desk = Place::new(PARTS).harness(vec2(1500.0, 1000.0));
+    desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
+    press(&mut desk, Modifiers::COMMAND, Key::Num9);
+    desk.get_by_label("curve weight");
+    desk.get_by_label("curve speed");
+    desk.state_mut().viewer.selection = Some(Selected::Sky);
+    desk.run();
+    desk.get_by_label("curve turn");
+    desk.get_by_label("key of strength").click();
+    desk.run();
+    assert!(desk.state().text().contains(".key(\"strength\", [[0.0, 0.5]])"), "{}", desk.state().text());
+}
+
+/// A key within a span with tangents leaves the curve as it is, weights included.
+#[test]
+fn a_new_key_splits_a_span_and_changes_no_curve() {
+    let script = SCRIPT.replace(
+        "[1.0, [1, 0, 0]], [2.0, [1, 2, 0], \"in_quad\"]",
+        "[1.0, [1, 0, 0], #{ tangent: [0, 3, -1] }], [2.0, [1, 2, 0], #{ in_tangent: -2, in_weight: [0.1, 0.6, 0.9] }]",
+    );
+    let mut place = Place::new(&script);
+    let before = property(&place, &ball(), "position");
+    place.viewer.set_keys_at(&ball(), &["position"], Time::from_secs(0.6)).unwrap();
+    place.reload();
+    place.viewer.set_keys_at(&ball(), &["position"], Time::from_secs(1.24)).unwrap();
+    place.reload();
+    let after = property(&place, &ball(), "position");
+    assert_eq!(after.keys.len(), 5, "{}", place.text());
+    for frame in 0..=100 {
+        let time = Time::from_secs(f64::from(frame) / 50.0);
+        for (a, b) in before.at(time).iter().zip(after.at(time)) {
+            // Numbers are written to the thousandth.
+            assert!((a - b).abs() < 2e-3, "{a} and {b} at {}: {}", time.as_secs(), place.text());
+        }
+    }
+    place.viewer.undo().unwrap();
+    place.reload();
+    place.viewer.undo().unwrap();
+    assert_eq!(place.text(), script);
 }

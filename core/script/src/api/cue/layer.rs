@@ -87,7 +87,7 @@ pub fn reference(c: &Call, clip: &Clip) -> Result<Reference, ApiError> {
 }
 
 pub(crate) fn layer_weight(c: &mut Call) -> Reply {
-    let how = if c.len() > 1 { keys::how(c, 1)? } else { "linear" };
+    let how = keys::given_how(c, 1)?;
     let within = |v: &Dynamic, label: &str| crate::call::number_in(v, label, 0.0, 1.0);
     let value = c.value(0);
     let weights = match value.is_array() {

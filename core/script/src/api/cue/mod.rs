@@ -30,7 +30,8 @@ api! {
     ///   with full weight, and the offset from the pose before decays to zero in that time.
     Cue.then("clip, options?") -> Cue = then;
     /// Remaps time: keyframes [[time, seconds of the clip], …] say which time of the clip is shown when. Beyond its
-    /// ends the clip repeats as set by .once, .loop or .ping_pong. `how` as in Actor.key.
+    /// ends the clip repeats as set by .once, .loop or .ping_pong. `how`, easing and
+    /// tangents as in Actor.key.
     Cue.clip_time("keys, how?") = clip_time;
     /// Stops the clip at a time for a number of seconds, then goes on from there.
     Cue.freeze("time, seconds") = freeze;
@@ -108,12 +109,8 @@ fn then(c: &mut Call) -> Reply {
     Ok(Dynamic::from(CueRef(build.cues.len() - 1)))
 }
 
-fn how(c: &Call) -> Result<&'static str, ApiError> {
-    if c.len() > 1 { super::keys::how(c, 1) } else { Ok("linear") }
-}
-
 fn clip_time(c: &mut Call) -> Reply {
-    let how = how(c)?;
+    let how = super::keys::given_how(c, 1)?;
     change_copy(c, |cue| {
         let end = cue.cue.clip.duration.as_secs();
         let within = |v: &Dynamic, label: &str| crate::call::number_in(v, label, -1e6, 1e6);

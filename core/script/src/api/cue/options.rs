@@ -22,7 +22,7 @@ struct Given {
     value: Dynamic,
     label: String,
     /// The interpolation of keyframes.
-    how: &'static str,
+    how: keys::Given,
 }
 
 impl Given {
@@ -88,7 +88,7 @@ options! {
         Ok(())
     };
     /// Sets the playback speed: clip seconds per second (default 1, 0.001 to 1000; negative plays backwards). Or
-    /// keyframes of it, [[time, factor], …]; `how` as in Actor.key.
+    /// keyframes of it, [[time, factor], …]; `how`, easing and tangents as in Actor.key.
     speed("factor | keys, how?") = speed;
     /// Plays only this part of the clip, in seconds of the clip.
     trim("start, end") = trim;
@@ -98,7 +98,7 @@ options! {
         Ok(())
     };
     /// Sets the weight of the cue: 0 not at all, 1 fully (default 1). Or keyframes of it, [[time, weight], …];
-    /// `how` as in Actor.key.
+    /// `how`, easing and tangents as in Actor.key.
     weight("weight | keys, how?") = |c, cue, given| {
         if given.value.is_array() {
             cue.cue.weight_keys = Some(Arc::new(weight_keys(c, given)?));
@@ -132,7 +132,7 @@ pub(crate) fn read_options(c: &Call, i: usize, cue: &mut CueDraft) -> Result<(),
     let o = c.options(i, &names)?;
     for option in OPTIONS {
         if let Some(value) = o.get(option.name) {
-            (option.set)(c, cue, &Given { value, label: o.label(option.name), how: "linear" })?;
+            (option.set)(c, cue, &Given { value, label: o.label(option.name), how: keys::Given::LINEAR })?;
         }
     }
     Ok(())
@@ -141,7 +141,10 @@ pub(crate) fn read_options(c: &Call, i: usize, cue: &mut CueDraft) -> Result<(),
 /// The method of the same name as an option.
 fn method(c: &mut Call) -> Reply {
     let Some(option) = OPTIONS.iter().find(|option| option.name == c.def.name) else { return c.itself() };
-    let how = if c.len() > 1 && c.def.args.ends_with("how?") { keys::how(c, 1)? } else { "linear" };
+    let how = match c.def.args.ends_with("how?") {
+        true => keys::given_how(c, 1)?,
+        false => keys::Given::LINEAR,
+    };
     let (value, label) = match c.len() {
         0 => (Dynamic::TRUE, option.name.to_string()),
         2 if c.def.args == "start, end" => (vec![c.value(0), c.value(1)].into(), option.name.to_string()),
@@ -170,7 +173,7 @@ fn speed(c: &Call, cue: &mut CueDraft, given: &Given) -> Result<(), ApiError> {
     let Given { value, label, how } = given;
     if value.is_array() {
         let within = |v: &Dynamic, label: &str| number_in(v, label, -1000.0, 1000.0);
-        let keys = keys::scalars(c, value, label, how, Property::Speed, &within)?;
+        let keys = keys::scalars(c, value, label, *how, Property::Speed, &within)?;
         cue.cue.time_remapping = Some(Arc::new(TimeRemapping::Speed(SpeedCurve::new(keys))));
         return Ok(());
     }

@@ -1,0 +1,366 @@
+//! Tangents of single keyframes, `[time, value, #{ in_tangent: …, out_tangent: … }]`: values run as cubic Hermite splines where an end
+//! of a span has one, as Bézier curves in time and value where it has a weight, too.
+
+use super::keys::{count, steps_of_ease, tangents};
+use crate::call::{ApiError, Call, Options, number, number_in, numbers, wrong};
+use choreo_motion::{Ease, Time};
+use rhai::Dynamic;
+
+/// The length of a handle without a weight, as a share of the span: then the time is linear along the curve.
+const EVEN: f64 = 1.0 / 3.0;
+/// Parts of a span whose handles have weights, evenly along the curve. For weights of 0.8 the largest error is 1e-5 of the change.
+const PIECES: usize = 32;
+/// As far as points may be from the origin, a second.
+const STEEPEST: f64 = 1e15;
+const OPTIONS: [&str; 7] =
+    ["ease", "tangent", "in_tangent", "out_tangent", "weight", "in_weight", "out_weight"];
+
+/// How a keyframe is reached and left.
+#[derive(Clone, Debug, Default)]
+pub(super) struct KeyShape {
+    /// The easing of the whole span before it.
+    pub ease: Option<Ease>,
+    pub incoming: Side,
+    pub outgoing: Side,
+}
+
+/// One side of a keyframe.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Side {
+    /// The change of each number a second; that of the interpolation if it is not given.
+    tangent: Option<Vec<f64>>,
+    /// The length of the handle of each number, as a share of the span.
+    weight: Option<Vec<f64>>,
+}
+
+impl Side {
+    pub fn is_given(&self) -> bool {
+        self.tangent.is_some() || self.weight.is_some()
+    }
+}
+
+/// How the tangents of a property are written.
+#[derive(Clone, Copy)]
+pub(super) enum Form {
+    /// One number for all, or one each.
+    Numbers {
+        /// Numbers that a script gives at least; further ones are zero.
+        least: usize,
+        /// Numbers of the value.
+        width: usize,
+        /// Of the stage's unit.
+        factor: f64,
+    },
+    /// Degrees a second about y, or about x, y and z.
+    Angles,
+    /// The reason why there are none.
+    None(&'static str),
+}
+
+impl Form {
+    pub fn numbers(width: usize) -> Form {
+        Form::Numbers { least: width, width, factor: 1.0 }
+    }
+
+    fn read(self, v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
+        let read = match (self, numbers(v)) {
+            (Form::None(why), _) => return Err(ApiError::new(format!("{label}: {why}"))),
+            (Form::Angles, Some(three)) if three.len() == 3 => three,
+            (Form::Angles, None) => number(v, label)
+                .map(|y| vec![0.0, y, 0.0])
+                .map_err(|_| wrong(v, label, "degrees a second about y, or [x, y, z]"))?,
+            (Form::Angles, Some(_)) => {
+                return Err(wrong(v, label, "degrees a second about y, or [x, y, z]"));
+            }
+            (Form::Numbers { least, width, factor }, Some(mut all))
+                if (least..=width).contains(&all.len()) =>
+            {
+                all.resize(width, 0.0);
+                all.iter().map(|n| n * factor).collect()
+            }
+            (Form::Numbers { width, factor, .. }, None) if v.is_int() || v.is_float() => {
+                vec![number(v, label)? * factor; width]
+            }
+            (Form::Numbers { least: 1, .. }, _) => {
+                return Err(wrong(v, label, "a number, the change a second"));
+            }
+            (Form::Numbers { least, .. }, _) => {
+                let allowed = format!("{least} numbers, the change of each a second, or one for all");
+                return Err(wrong(v, label, &allowed));
+            }
+        };
+        match read.iter().all(|n| n.abs() <= STEEPEST) {
+            true => Ok(read),
+            false => Err(wrong(v, label, "within ±1e15 a second")),
+        }
+    }
+
+    fn weights(self, v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
+        let (least, width) = match self {
+            Form::Numbers { least, width, .. } => (least, width),
+            Form::Angles => (3, 3),
+            Form::None(why) => return Err(ApiError::new(format!("{label}: {why}"))),
+        };
+        match v.read_lock::<rhai::Array>() {
+            Some(all) if (least..=width).contains(&all.len()) => {
+                let mut weights: Vec<f64> =
+                    all.iter().map(|w| number_in(w, label, 0.0, 1.0)).collect::<Result<_, _>>()?;
+                weights.resize(width, EVEN);
+                Ok(weights)
+            }
+            Some(_) => Err(wrong(v, label, &format!("a number from 0 to 1, or {least} of them"))),
+            None => Ok(vec![number_in(v, label, 0.0, 1.0)?; width]),
+        }
+    }
+}
+
+/// What follows the value of a keyframe: an easing, or a map with tangents.
+pub(super) fn read(
+    c: &Call,
+    given: Option<&Dynamic>,
+    of: &str,
+    n: usize,
+    form: Form,
+) -> Result<KeyShape, ApiError> {
+    let Some(given) = given else { return Ok(KeyShape::default()) };
+    let ease = |v: &Dynamic| super::cue::ease_of(v, &format!("{of}: ease of key {n}"));
+    let Some(map) = given.clone().try_cast::<rhai::Map>() else {
+        return Ok(KeyShape { ease: Some(ease(given)?), ..KeyShape::default() });
+    };
+    let o = Options { function: format!("{of}: key {n}"), map };
+    o.check(c, &OPTIONS)?;
+    let ease = o.get("ease").map(|v| ease(&v)).transpose()?;
+    let side = |way: &str| -> Result<Side, ApiError> {
+        let [tangent, weight] = ["tangent", "weight"].map(|what| format!("{way}_{what}"));
+        let tangent = o.read(&tangent, |v, label| form.read(v, label))?;
+        let weight = o.read(&weight, |v, label| form.weights(v, label))?;
+        Ok(Side { tangent, weight })
+    };
+    let tangent = o.read("tangent", |v, label| form.read(v, label))?;
+    let weight = o.read("weight", |v, label| form.weights(v, label))?;
+    let [mut incoming, mut outgoing]: [Side; 2] = [side("in")?, side("out")?];
+    if ease.is_some() && incoming.is_given() {
+        let text = format!("{of}: key {n} has both an ease and a tangent into it: give one of them");
+        return Err(ApiError::new(text));
+    }
+    for side in [&mut incoming, &mut outgoing] {
+        side.tangent = side.tangent.take().or(tangent.clone());
+        side.weight = side.weight.take().or(weight.clone());
+    }
+    Ok(KeyShape { ease, incoming, outgoing })
+}
+
+/// Keys of cubic Hermite splines: the numbers of each with their tangents before and after it, a second.
+pub(super) struct Spline {
+    pub times: Vec<Time>,
+    pub values: Vec<Vec<f64>>,
+    pub incoming: Vec<Vec<f64>>,
+    pub outgoing: Vec<Vec<f64>>,
+}
+
+impl Spline {
+    /// The same tangent on both sides of each key.
+    pub fn even(times: &[Time], values: &[Vec<f64>], tangents: Vec<Vec<f64>>) -> Spline {
+        let (times, values) = (times.to_vec(), values.to_vec());
+        Spline { times, values, incoming: tangents.clone(), outgoing: tangents }
+    }
+
+    /// The spline through keyframes of which some have tangents of their own. `None` where none has. `vector`: their numbers are those of
+    /// one position.
+    pub fn of(
+        c: &Call,
+        how: &str,
+        (times, values): (&[Time], &[Vec<f64>]),
+        shapes: &[KeyShape],
+        vector: bool,
+    ) -> Result<Option<Spline>, ApiError> {
+        if !shapes.iter().any(|shape| shape.incoming.is_given() || shape.outgoing.is_given()) {
+            return Ok(None);
+        }
+        if how == "step" {
+            let text = "key: keys of \"step\" hold until the next one, so they have no tangents";
+            return Err(ApiError::new(text));
+        }
+        let automatic = tangents(how).map(|tangents| tangents.of(times, values, vector));
+        let zero = vec![0.0; values[0].len()];
+        let mut spline = Spline {
+            times: vec![times[0]],
+            values: vec![values[0].clone()],
+            incoming: vec![zero.clone()],
+            outgoing: Vec::new(),
+        };
+        for next in 1..times.len() {
+            let span = Span::new([next - 1, next], times, values, shapes, automatic.as_deref());
+            match &shapes[next].ease {
+                Some(ease) => {
+                    let steps = steps_of_ease(span.ticks);
+                    count(c, steps as usize)?;
+                    for step in 1..=steps {
+                        let share = step as f64 / steps as f64;
+                        let weight = if step == steps { 1.0 } else { ease.at(share) };
+                        spline.straight_to(span.time_at(step, steps), span.mixed(weight));
+                    }
+                }
+                None if span.is_even() => {
+                    spline.outgoing.push(span.tangents[0].clone());
+                    spline.push(times[next], values[next].clone(), span.tangents[1].clone());
+                }
+                None => {
+                    count(c, PIECES * values[0].len())?;
+                    span.pieces(&mut spline);
+                }
+            }
+        }
+        spline.outgoing.push(zero);
+        Ok(Some(spline))
+    }
+
+    fn push(&mut self, time: Time, value: Vec<f64>, incoming: Vec<f64>) {
+        self.times.push(time);
+        self.values.push(value);
+        self.incoming.push(incoming);
+    }
+
+    /// A key on a straight line from the last one.
+    fn straight_to(&mut self, time: Time, value: Vec<f64>) {
+        let last = self.times.len() - 1;
+        let chord = slopes(&self.values[last], &value, time - self.times[last]);
+        self.outgoing.push(chord.clone());
+        self.push(time, value, chord);
+    }
+}
+
+fn slopes(from: &[f64], to: &[f64], span: Time) -> Vec<f64> {
+    from.iter().zip(to).map(|(a, b)| (b - a) / span.as_secs()).collect()
+}
+
+/// What lies between two keyframes.
+struct Span<'a> {
+    from: Time,
+    ticks: Time,
+    ends: [&'a [f64]; 2],
+    tangents: [Vec<f64>; 2],
+    weights: [Option<&'a [f64]>; 2],
+}
+
+impl<'a> Span<'a> {
+    fn new(
+        keys: [usize; 2],
+        times: &[Time],
+        values: &'a [Vec<f64>],
+        shapes: &'a [KeyShape],
+        automatic: Option<&[Vec<f64>]>,
+    ) -> Span<'a> {
+        let ends = keys.map(|key| values[key].as_slice());
+        let ticks = times[keys[1]] - times[keys[0]];
+        let sides = [&shapes[keys[0]].outgoing, &shapes[keys[1]].incoming];
+        let tangents = [0, 1].map(|end| match (&sides[end].tangent, automatic) {
+            (Some(own), _) => own.clone(),
+            (None, Some(automatic)) => automatic[keys[end]].clone(),
+            (None, None) => slopes(ends[0], ends[1], ticks),
+        });
+        Span {
+            from: times[keys[0]],
+            ticks,
+            ends,
+            tangents,
+            weights: sides.map(|side| side.weight.as_deref()),
+        }
+    }
+
+    fn is_even(&self) -> bool {
+        self.weights == [None, None]
+    }
+
+    fn time_at(&self, step: i64, steps: i64) -> Time {
+        self.from + Time((i128::from(self.ticks.0) * i128::from(step) / i128::from(steps)) as i64)
+    }
+
+    fn mixed(&self, weight: f64) -> Vec<f64> {
+        self.ends[0].iter().zip(self.ends[1]).map(|(a, b)| a + (b - a) * weight).collect()
+    }
+
+    fn number(&self, part: usize) -> Bezier {
+        let secs = self.ticks.as_secs();
+        let weight = |end: usize| self.weights[end].map_or(EVEN, |all| all[part]);
+        let (a, b) = (self.ends[0][part], self.ends[1][part]);
+        Bezier {
+            secs,
+            weights: [weight(0), weight(1)],
+            values: [
+                a,
+                a + weight(0) * secs * self.tangents[0][part],
+                b - weight(1) * secs * self.tangents[1][part],
+                b,
+            ],
+        }
+    }
+
+    /// Appends short Hermite spans that follow the Bézier curves of all numbers, the end of this one included.
+    fn pieces(&self, spline: &mut Spline) {
+        let curves: Vec<Bezier> = (0..self.ends[0].len()).map(|part| self.number(part)).collect();
+        // Evenly along each curve, so that keys are close where one is steep.
+        let inner = (1..PIECES).flat_map(|n| {
+            let parameter = n as f64 / PIECES as f64;
+            curves.iter().map(move |curve| curve.time(parameter))
+        });
+        let mut times: Vec<Time> = inner.map(|share| self.ticks.scaled(share)).collect();
+        times.extend([Time::ZERO, self.ticks]);
+        times.retain(|time| (Time::ZERO..=self.ticks).contains(time));
+        times.sort_unstable();
+        times.dedup();
+        let shares: Vec<f64> = times.iter().map(|time| time.0 as f64 / self.ticks.0 as f64).collect();
+        let found: Vec<Vec<[f64; 2]>> = curves.iter().map(|curve| curve.sampled(&shares)).collect();
+        let of = |key: usize, what: usize| found.iter().map(|all| all[key][what]).collect::<Vec<f64>>();
+        spline.outgoing.push(of(0, 1));
+        for key in 1..times.len() {
+            let is_last = key + 1 == times.len();
+            let value = if is_last { self.ends[1].to_vec() } else { of(key, 0) };
+            spline.push(self.from + times[key], value, of(key, 1));
+            if !is_last {
+                spline.outgoing.push(of(key, 1));
+            }
+        }
+    }
+}
+
+/// One number as a Bézier curve over the time, whose control points stand at 0, the first weight, 1 − the second weight and 1.
+struct Bezier {
+    secs: f64,
+    weights: [f64; 2],
+    values: [f64; 4],
+}
+
+impl Bezier {
+    /// The share of the span at a parameter.
+    fn time(&self, u: f64) -> f64 {
+        let r = 1.0 - u;
+        3.0 * r * r * u * self.weights[0] + 3.0 * r * u * u * (1.0 - self.weights[1]) + u * u * u
+    }
+
+    /// Value and change a second at shares of the span.
+    fn sampled(&self, shares: &[f64]) -> Vec<[f64; 2]> {
+        // A curve whose value is its parameter.
+        let [start, end] = self.weights;
+        let parameter = Ease::Bezier([start, EVEN, 1.0 - end, 2.0 * EVEN]);
+        let at = |share: &f64| {
+            let u = parameter.at(*share);
+            let (r, [a, b, c, d]) = (1.0 - u, self.values);
+            let value = r * r * r * a + 3.0 * r * r * u * b + 3.0 * r * u * u * c + u * u * u * d;
+            let rise = r * r * (b - a) + 2.0 * r * u * (c - b) + u * u * (d - c);
+            let run = r * r * start + 2.0 * r * u * (1.0 - end - start) + u * u * end;
+            [value, rise / (run * self.secs)]
+        };
+        let mut all: Vec<[f64; 2]> = shares.iter().map(at).collect();
+        // Where the curve is upright the slope has no bound: that of the keys beside it is followed instead.
+        let chord = |i: usize| (all[i + 1][0] - all[i][0]) / ((shares[i + 1] - shares[i]) * self.secs);
+        let chords: Vec<f64> = (0..all.len() - 1).map(chord).collect();
+        for (i, [_, slope]) in all.iter_mut().enumerate() {
+            let sides = [i.checked_sub(1).map(|i| chords[i]), chords.get(i).copied()];
+            let most = 3.0 * sides.iter().flatten().fold(0.0, |most: f64, chord| most.max(chord.abs()));
+            let chord = sides.iter().flatten().next().copied().unwrap_or(0.0);
+            *slope = if slope.is_nan() { chord } else { slope.clamp(-most, most) };
+        }
+        all
+    }
+}

@@ -1,0 +1,140 @@
+//! Names of keyed properties, and the calls that state their keys.
+
+use super::key_list::arguments;
+use super::object::quoted;
+use super::scan::{Call, Source};
+
+/// The methods of a cue that state keys, and of its layer.
+const METHODS: [&str; 4] = ["weight", "speed", "clip_time", "layer_weight"];
+
+/// A property by its name: `position`, `morph:smile`, `joint:Head:rotation`, or `.weight`, which is a method of a cue.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum KeyName<'p> {
+    Property(&'p str),
+    /// Of a morph target or an expression.
+    Weight {
+        of: &'p str,
+        name: &'p str,
+    },
+    Joint {
+        joint: &'p str,
+        property: &'p str,
+    },
+    Method(&'p str),
+}
+
+impl<'p> KeyName<'p> {
+    pub fn of(name: &'p str) -> KeyName<'p> {
+        if let Some(method) = name.strip_prefix('.') {
+            return KeyName::Method(method);
+        }
+        match name.split_once(':') {
+            Some(("joint", rest)) => match rest.rsplit_once(':') {
+                Some((joint, property)) => KeyName::Joint { joint, property },
+                None => KeyName::Property(name),
+            },
+            Some((of, name)) => KeyName::Weight { of, name },
+            None => KeyName::Property(name),
+        }
+    }
+
+    /// The number of arguments before the list of keys.
+    pub fn leading(self) -> usize {
+        match self {
+            KeyName::Method(_) => 0,
+            KeyName::Property(_) | KeyName::Joint { .. } => 1,
+            KeyName::Weight { .. } => 2,
+        }
+    }
+
+    /// The text of its call up to the list of keys.
+    pub fn opening(self) -> String {
+        match self {
+            KeyName::Property(property) => format!("key({}, ", quoted(property)),
+            KeyName::Weight { of, name } => format!("key({}, {}, ", quoted(of), quoted(name)),
+            KeyName::Joint { joint, property } => {
+                format!("joint({}).key({}, ", quoted(joint), quoted(property))
+            }
+            KeyName::Method(method) => format!("{method}("),
+        }
+    }
+
+    /// The name as it is read in messages.
+    pub fn shown(self) -> String {
+        match self {
+            KeyName::Property(name) => name.to_string(),
+            KeyName::Method(name) => name.replace('_', " "),
+            KeyName::Weight { of, name } => format!("{of}:{name}"),
+            KeyName::Joint { joint, property } => format!("{joint} {property}"),
+        }
+    }
+}
+
+/// The text of an argument that is a text literal.
+fn text_of(text: &Source, call: &Call, index: usize) -> Option<String> {
+    let arguments = arguments(text, call);
+    let argument = text[arguments.get(index)?.clone()].trim();
+    Some(argument.strip_prefix('"')?.strip_suffix('"')?.replace("\\\"", "\"").replace("\\\\", "\\"))
+}
+
+/// The property of a `.key(…)`, with the name of a morph target or an expression.
+pub(super) fn property_of(text: &Source, call: &Call) -> Option<String> {
+    let property = text_of(text, call, 0)?;
+    match property.as_str() {
+        "morph" | "expression" => Some(format!("{property}:{}", text_of(text, call, 1)?)),
+        _ => Some(property),
+    }
+}
+
+/// Whether a call states keys as a method of a cue: `.weight([[…]])`.
+pub(super) fn is_keyed_method(text: &Source, call: &Call, method: &str) -> bool {
+    text[call.name.clone()] == *method && text[text.skip(call.inside.start)..].starts_with('[')
+}
+
+/// The call in copied text that holds the keys, and the name of its property.
+pub(super) fn copied_call(text: &Source) -> Option<(Call, String)> {
+    let call = text.starts_with('.').then(|| text.call_from(0)).flatten()?;
+    match &text[call.name.clone()] {
+        "key" => property_of(text, &call).map(|property| (call, property)),
+        "joint" => {
+            let joint = text_of(text, &call, 0)?;
+            let call = text.call_from(call.end).filter(|call| text[call.name.clone()] == *"key")?;
+            let property = property_of(text, &call)?;
+            Some((call, format!("joint:{joint}:{property}")))
+        }
+        method if METHODS.contains(&method) => {
+            let name = format!(".{method}");
+            Some((call, name))
+        }
+        _ => None,
+    }
+}
+
+/// A `.key(…)` of a joint of an actor.
+#[derive(Clone)]
+pub(super) struct JointKey {
+    /// The joint's name as the script has it.
+    pub joint: String,
+    pub call: Call,
+    /// The `joint(…)` right before it.
+    pub of: Option<Call>,
+}
+
+/// The keys of joints in a chain of an actor that begins at a byte, and of the variables that hold its joints.
+pub(super) fn joint_keys(text: &Source, at: usize, chain: &[Call]) -> Vec<JointKey> {
+    let Some(index) = chain.iter().position(|call| text[call.name.clone()] == *"joint") else {
+        return Vec::new();
+    };
+    let Some(joint) = text_of(text, &chain[index], 0) else { return Vec::new() };
+    let of = |chain: &[Call], before: Option<&Call>| -> Vec<JointKey> {
+        let keys = chain.iter().filter(|call| text[call.name.clone()] == *"key");
+        let is_next = |call: &Call| before.filter(|of| text[of.end..call.name.start].trim() == ".").cloned();
+        keys.map(|call| JointKey { joint: joint.clone(), call: call.clone(), of: is_next(call) }).collect()
+    };
+    let mut all = of(&chain[index + 1..], Some(&chain[index]));
+    if let Some(variable) = text.variable_before(at) {
+        let later = text.chains_of(variable, at).into_iter().filter(|(later, _)| *later > at);
+        all.extend(later.flat_map(|(_, chain)| of(&chain, None)));
+    }
+    all
+}

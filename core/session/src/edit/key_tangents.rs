@@ -1,0 +1,206 @@
+//! Tangents of single keys in the text: `[time, value, #{ in_tangent: …, out_tangent: … }]`.
+
+use super::key_list::{Key, key_at, parts};
+use super::object::ScriptObject;
+use super::scan::Source;
+use super::times::EditTime;
+use super::values::{format_number, literals, rewritten};
+use super::{Edit, EditRefused};
+use std::ops::Range;
+
+/// How a key is reached and left, as it is written.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct KeyShape {
+    /// The easing of the whole span before it, as source text.
+    pub ease: Option<String>,
+    pub incoming: KeySide,
+    pub outgoing: KeySide,
+    /// Both sides are written each by itself, whatever their numbers are.
+    pub broken: bool,
+}
+
+/// One side of a key.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct KeySide {
+    /// The change of each number a second; a single one holds for all.
+    pub tangent: Option<Vec<f64>>,
+    /// The length of the handle as a share of the span; a single one holds for all numbers.
+    pub weight: Option<Vec<f64>>,
+}
+
+impl KeySide {
+    pub fn is_given(&self) -> bool {
+        self.tangent.is_some() || self.weight.is_some()
+    }
+}
+
+impl KeyShape {
+    pub fn has_tangents(&self) -> bool {
+        self.incoming.is_given() || self.outgoing.is_given()
+    }
+
+    /// The side before it, which has no tangent where an easing forms the span.
+    fn into(&self) -> KeySide {
+        if self.ease.is_some() { KeySide::default() } else { self.incoming.clone() }
+    }
+
+    /// Its options with their numbers, in the order in which they are written.
+    fn entries(&self) -> Vec<(&'static str, Entry)> {
+        let mut all: Vec<(&'static str, Entry)> = Vec::new();
+        let into = self.into();
+        all.extend(self.ease.clone().map(|ease| ("ease", Entry::Text(ease))));
+        let mut add = |both: &'static str, ways: [&'static str; 2], sides: [Option<Vec<f64>>; 2]| match sides
+        {
+            [Some(a), Some(b)] if a == b && !self.broken => all.push((both, Entry::Numbers(a))),
+            sides => {
+                let given = ways.into_iter().zip(sides).filter_map(|(way, side)| Some((way, side?)));
+                all.extend(given.map(|(way, side)| (way, Entry::Numbers(side))));
+            }
+        };
+        add("tangent", ["in_tangent", "out_tangent"], [into.tangent, self.outgoing.tangent.clone()]);
+        add("weight", ["in_weight", "out_weight"], [into.weight, self.outgoing.weight.clone()]);
+        all
+    }
+
+    /// Its text behind the value of a key; empty where all keys are alike.
+    fn text(&self) -> String {
+        if !self.into().is_given() && !self.outgoing.is_given() {
+            return self.ease.as_ref().map_or(String::new(), |ease| format!(", {ease}"));
+        }
+        let entries: Vec<String> =
+            self.entries().iter().map(|(name, entry)| format!("{name}: {}", entry.text())).collect();
+        format!(", #{{ {} }}", entries.join(", "))
+    }
+}
+
+enum Entry {
+    Numbers(Vec<f64>),
+    Text(String),
+}
+
+impl Entry {
+    fn text(&self) -> String {
+        match self {
+            Entry::Text(text) => text.clone(),
+            Entry::Numbers(all) => match all.as_slice() {
+                [first, rest @ ..] if rest.is_empty() || all.iter().all(|n| *n == 0.0) => {
+                    format_number(*first)
+                }
+                _ => {
+                    let all: Vec<String> = all.iter().map(|number| format_number(*number)).collect();
+                    format!("[{}]", all.join(", "))
+                }
+            },
+        }
+    }
+}
+
+/// The entries of a map, `#{ name: value, … }`: names and the bytes of their values.
+fn map_entries(text: &Source, bytes: &Range<usize>) -> Option<Vec<(String, Range<usize>)>> {
+    let inside = text[bytes.clone()].strip_prefix("#{")?.strip_suffix('}')?;
+    let start = bytes.start + 2;
+    let entry = |part: Range<usize>| {
+        let part = text.trimmed(&part);
+        let colon = text[part.clone()].find(':')?;
+        let name = text[part.start..part.start + colon].trim();
+        Some((name.to_string(), text.trimmed(&(part.start + colon + 1..part.end))))
+    };
+    parts(text, start, start + inside.len()).map(entry).collect()
+}
+
+/// What follows the value of a key; `None` where it is computed.
+pub(super) fn shape_of(text: &Source, key: &Key) -> Option<KeyShape> {
+    let Some(bytes) = &key.shape else { return Some(KeyShape::default()) };
+    if !text[bytes.clone()].starts_with("#{") {
+        return Some(KeyShape { ease: Some(text[bytes.clone()].to_string()), ..KeyShape::default() });
+    }
+    let mut shape = KeyShape::default();
+    let entries = map_entries(text, bytes)?;
+    let numbers = |name: &str| -> Option<Option<Vec<f64>>> {
+        let Some((_, value)) = entries.iter().find(|(known, _)| known == name) else { return Some(None) };
+        let all = literals(text, value).filter(|all| !all.is_empty())?;
+        Some(Some(all.iter().map(|(_, number)| *number).collect()))
+    };
+    for (side, way) in [(&mut shape.incoming, "in"), (&mut shape.outgoing, "out")] {
+        side.tangent = numbers(&format!("{way}_tangent"))?.or(numbers("tangent")?);
+        side.weight = numbers(&format!("{way}_weight"))?.or(numbers("weight")?);
+    }
+    shape.broken = entries.iter().any(|(name, _)| name.ends_with("_tangent"));
+    let ease = entries.iter().find(|(name, _)| name == "ease");
+    shape.ease = ease.map(|(_, value)| text[value.clone()].to_string());
+    if shape.ease.is_some() {
+        shape.incoming = KeySide::default();
+    }
+    Some(shape)
+}
+
+/// A key with another easing and other tangents. Where it has the same options their numbers alone change.
+pub(super) fn shaped(text: &Source, key: &Key, shape: &KeyShape) -> Edit {
+    let end = key.value.end;
+    let Some(bytes) = &key.shape else { return Edit { range: end..end, text: shape.text() } };
+    // A comment before it stays where something is written.
+    let new = shape.text();
+    let whole = match new.strip_prefix(", ") {
+        Some(new) => Edit { range: bytes.clone(), text: new.to_string() },
+        None => Edit { range: end..bytes.end, text: new },
+    };
+    let (Some(old), new) = (map_entries(text, bytes), shape.entries()) else { return whole };
+    let names = |a: &str| old.iter().any(|(name, _)| name == a);
+    if old.len() != new.len() || !new.iter().all(|(name, _)| names(name)) {
+        return whole;
+    }
+    let mut after = text.to_string();
+    for (name, value) in old.iter().rev() {
+        let Some((_, entry)) = new.iter().find(|(known, _)| known == name) else { continue };
+        let kept = match entry {
+            Entry::Numbers(new) => {
+                let old = literals(text, value).filter(|old| old.len() == new.len());
+                old.and_then(|old| rewritten(text, &old, new))
+            }
+            Entry::Text(_) => None,
+        };
+        after = kept.unwrap_or_else(|| Edit { range: value.clone(), text: entry.text() }).apply(&after);
+    }
+    Edit::between(text, &after)
+}
+
+impl ScriptObject<'_> {
+    /// Gives keys of a property other tangents and easings.
+    ///
+    /// # Errors
+    /// The keys are computed or stand elsewhere, there is none at that time, or all keys hold their values; then a change is
+    /// offered that makes the others linear.
+    pub fn set_key_shapes(
+        &self,
+        property: &str,
+        shapes: &[(EditTime, KeyShape)],
+    ) -> Result<Edit, EditRefused> {
+        let fps = shapes.first().map_or(1.0, |(at, _)| at.fps);
+        let (call, keys) = self.keys(property, fps)?;
+        let line = self.line_of(call.name.start);
+        let mut edits = Vec::new();
+        for (at, shape) in shapes {
+            let index = key_at(&keys, *at).ok_or_else(|| self.no_key(property, line))?;
+            if shape_of(&self.text, &keys[index]).is_none() {
+                return Err(EditRefused::at(
+                    line,
+                    &format!("a key of its {property} has tangents that are computed; change them there"),
+                ));
+            }
+            edits.push(shaped(&self.text, &keys[index], shape));
+        }
+        let how = self.how(property, &call);
+        let holds = how.as_ref().filter(|how| self.text[(*how).clone()] == *"\"step\"").cloned();
+        let holds = holds.filter(|_| shapes.iter().any(|(_, shape)| shape.has_tangents()));
+        edits.extend(holds.clone().map(|how| self.without_how(how)));
+        edits.sort_by_key(|edit| std::cmp::Reverse(edit.range.start));
+        let after = edits.iter().fold(self.text.to_string(), |text, edit| edit.apply(&text));
+        let edit = Edit::between(&self.text, &after);
+        if holds.is_none() {
+            return Ok(edit);
+        }
+        let why = format!("all keys of its {property} hold their values; with a tangent they are linear");
+        let agree = "Make the keys linear";
+        Err(EditRefused { over: Some(edit), agree, ..EditRefused::at(line, &why) })
+    }
+}

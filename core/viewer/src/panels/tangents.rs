@@ -1,0 +1,214 @@
+//! Handles of the tangents of selected keys in the curve editor: drawn, dragged, chosen from a menu, or stated as numbers.
+
+use super::curves::{MOST, Plot, color, key_of};
+use super::key_menu::KeyAct;
+use super::values;
+use crate::app::Viewer;
+use crate::state::keyed::{KeyRef, KeyedProperty};
+use crate::state::tangents::{HandleDrag, KeyHandle, TangentChoice};
+use choreo_session::edit::KeyShape;
+use egui::epaint::CubicBezierShape;
+use egui::{Color32, CursorIcon, Id, Pos2, Rect, Response, Sense, Stroke, Ui, pos2, vec2};
+
+/// The part of a span from its key that a dragged handle has at least.
+const SHORTEST: f64 = 0.02;
+
+/// The place of one handle: which key, which number, which side.
+struct Place<'p> {
+    property: &'p KeyedProperty,
+    key: usize,
+    part: usize,
+    side: usize,
+    color: Color32,
+    /// Value and offset of the common scale.
+    scale: (f64, f64),
+}
+
+/// The handles at the selected keys of one property; gives a key with its new tangents once one is let go.
+pub fn show(
+    ui: &Ui,
+    viewer: &Viewer,
+    plot: &Plot,
+    property: &KeyedProperty,
+    index: usize,
+) -> Option<(KeyRef, KeyShape)> {
+    if viewer.curves.speed {
+        return None;
+    }
+    let (mut done, scale) = (None, viewer.curves.scale(property));
+    for (key, at) in property.keys.iter().enumerate().take(MOST) {
+        if !viewer.is_key_selected(&key_of(property, *at)) {
+            continue;
+        }
+        let handles = property.handles(key);
+        for part in (0..property.width()).filter(|part| viewer.curves.is_shown(property, *part)) {
+            for (side, handle) in handles.iter().enumerate() {
+                let Some(handle) = handle else { continue };
+                let color = color(ui, property, index, part);
+                let place = Place { property, key, part, side, color, scale };
+                let shape = place.handle(ui, viewer, plot, handle);
+                done = shape.map(|shape| (key_of(property, *at), shape)).or(done);
+            }
+        }
+    }
+    done
+}
+
+impl Place<'_> {
+    fn sign(&self) -> f64 {
+        if self.side == 0 { -1.0 } else { 1.0 }
+    }
+
+    /// A point of the plot beside the key, by seconds and the change of the value.
+    fn point(&self, plot: &Plot, key: usize, secs: f64, change: f64) -> Pos2 {
+        let at = self.property.keys[key];
+        let value = self.property.at(at).get(self.part).copied().unwrap_or_default() + change;
+        let (add, divide) = self.scale;
+        pos2(plot.x_at(at.as_secs() + secs), plot.y((value + add) / divide))
+    }
+
+    fn tip(&self, plot: &Plot, tangent: f64, weight: f64, span: f64) -> Pos2 {
+        let secs = self.sign() * weight * span;
+        self.point(plot, self.key, secs, secs * tangent)
+    }
+
+    fn handle(&self, ui: &Ui, viewer: &Viewer, plot: &Plot, handle: &KeyHandle) -> Option<KeyShape> {
+        let (part, span) = (self.part, handle.span);
+        let (tangent, weight) = (*handle.tangent.get(part)?, *handle.weight.get(part)?);
+        let tip = self.tip(plot, tangent, weight, span);
+        let hit = Rect::from_center_size(tip, vec2(11.0, 11.0)).intersect(plot.rect);
+        let id = ui.id().with(("tangent", &self.property.name, part, self.key, self.side));
+        let response = ui.interact(hit, id, Sense::drag()).on_hover_cursor(CursorIcon::Grab);
+        let name = format!("{} {}", self.property.title(), self.property.part(part));
+        let frame = viewer.playhead.fps().frames_in(self.property.keys[self.key]);
+        let way = ["into", "out of"][self.side];
+        let label = format!("tangent of {} {way} {frame}", name.trim_end());
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
+        let drag = self.drag(ui, plot, &response, [tangent, weight, span]);
+        let (now, length) = drag.map_or((tangent, weight), |d| (d.tangent, d.weight.unwrap_or(weight)));
+        let painter = ui.painter_at(plot.rect);
+        let (from, tip) = (self.point(plot, self.key, 0.0, 0.0), self.tip(plot, now, length, span));
+        painter.line_segment([from, tip], Stroke::new(1.0, self.color));
+        let fill =
+            if response.hovered() || drag.is_some() { self.color } else { ui.visuals().extreme_bg_color };
+        painter.circle(tip, 4.0, fill, Stroke::new(1.5, self.color));
+        let shape = drag.and_then(|drag| self.property.dragged_handle(self.key, &drag));
+        if let Some(shape) = &shape {
+            self.preview(ui, plot, shape);
+            let text = format!("{now:.3} {}/s   {length:.2} of the span", self.property.unit);
+            super::bars::beside(ui, response.interact_pointer_pos().unwrap_or(tip), &text);
+        }
+        if !response.drag_stopped() {
+            let hint = "drag: the direction; with Ctrl the length, too; with Alt this side alone";
+            response.on_hover_text(format!("{tangent:.3} {}/s\n{hint}", self.property.unit));
+            return None;
+        }
+        shape.filter(|_| now != tangent || length != weight)
+    }
+
+    /// Where the pointer has the handle; with Ctrl its length changes, too, with Alt the other side stays.
+    fn drag(
+        &self,
+        ui: &Ui,
+        plot: &Plot,
+        response: &Response,
+        [tangent, weight, span]: [f64; 3],
+    ) -> Option<HandleDrag> {
+        let pointer = response.interact_pointer_pos();
+        let at = pointer.filter(|_| response.dragged() || response.drag_stopped())?;
+        let id: Id = response.id.with("from");
+        if response.drag_started() {
+            let from = ui.input(|i| i.pointer.press_origin()).unwrap_or(at);
+            ui.data_mut(|d| d.insert_temp(id, from));
+        }
+        let from: Pos2 = ui.data(|d| d.get_temp(id)).unwrap_or(at);
+        // The handle goes as far as the pointer, wherever it was taken.
+        let by = at - from;
+        let secs = self.sign() * weight * span + plot.secs(by.x) - plot.secs(0.0);
+        let change = self.sign() * weight * span * tangent - plot.value_of(by.y) * self.scale.1;
+        let length = (self.sign() * secs / span).clamp(SHORTEST, 1.0);
+        let slope = change / (self.sign() * length * span);
+        let modifiers = ui.input(|i| i.modifiers);
+        let weight = modifiers.command.then_some((length * 100.0).round() / 100.0);
+        let (side, part) = (self.side, self.part);
+        Some(HandleDrag { side, part, tangent: super::rounded(slope, 1e3), weight, breaks: modifiers.alt })
+    }
+
+    /// The spans beside the key as they will be.
+    fn preview(&self, ui: &Ui, plot: &Plot, shape: &KeyShape) {
+        let handles = self.property.handles(self.key);
+        let sides = [(&shape.incoming, self.key.checked_sub(1)), (&shape.outgoing, Some(self.key + 1))];
+        for (side, (new, other)) in sides.into_iter().enumerate() {
+            let (Some(other), Some(own)) = (other, &handles[side]) else { continue };
+            let there = self.property.handles(other.min(self.property.keys.len() - 1));
+            let Some(there) = &there[1 - side] else { continue };
+            let one = |all: &Option<Vec<f64>>, else_: &[f64]| {
+                let all = all.as_deref().unwrap_or(else_);
+                all.get(self.part).or(all.first()).copied().unwrap_or_default()
+            };
+            let sign = if side == 0 { -1.0 } else { 1.0 };
+            let near = sign * own.span * one(&new.weight, &own.weight);
+            let far = -sign * own.span * there.weight[self.part];
+            let points = [
+                self.point(plot, self.key, 0.0, 0.0),
+                self.point(plot, self.key, near, near * one(&new.tangent, &own.tangent)),
+                self.point(plot, other, far, far * there.tangent[self.part]),
+                self.point(plot, other, 0.0, 0.0),
+            ];
+            let stroke = Stroke::new(2.0, self.color.gamma_multiply(0.7));
+            let curve = CubicBezierShape::from_points_stroke(points, false, Color32::TRANSPARENT, stroke);
+            ui.painter_at(plot.rect).add(curve);
+        }
+    }
+}
+
+/// The choices for the selected keys.
+pub fn menu(ui: &mut Ui) -> Option<KeyAct> {
+    let mut act = None;
+    ui.menu_button("Tangents", |ui| {
+        for (choice, name) in TangentChoice::ALL {
+            if ui.button(name).clicked() {
+                act = Some(KeyAct::Tangents(choice));
+            }
+        }
+    });
+    act
+}
+
+/// The tangents of a key as numbers, to be typed or dragged.
+pub fn numbers(ui: &mut Ui, property: &KeyedProperty, key: usize) -> Option<KeyAct> {
+    let mut act = None;
+    for (side, handle) in property.handles(key).iter().enumerate() {
+        let Some(handle) = handle else { continue };
+        let way = ["into it", "out of it"][side];
+        ui.horizontal(|ui| {
+            ui.weak(format!("tangent {way}"));
+            for (part, tangent) in handle.tangent.iter().enumerate() {
+                let part_name = property.part(part);
+                ui.weak(part_name);
+                let breaks = property.shape(key).is_some_and(|shape| shape.broken);
+                let drag = |tangent, weight| HandleDrag { side, part, tangent, weight, breaks };
+                let name = format!("tangent {way} {part_name} of {}", property.name);
+                let typed = values::number(ui, &name, *tangent, 0.05, -1e15..=1e15);
+                let name = format!("length {way} {part_name} of {}", property.name);
+                let length = values::number(ui, &name, handle.weight[part], 0.01, 0.0..=1.0);
+                let drag = match (typed, length) {
+                    (Some(tangent), _) => drag(tangent, None),
+                    (None, Some(length)) => drag(*tangent, Some(length)),
+                    (None, None) => continue,
+                };
+                let what = KeyRef {
+                    what: property.what.clone(),
+                    property: property.name.clone(),
+                    at: property.keys[key],
+                };
+                act = property
+                    .dragged_handle(key, &drag)
+                    .map(|shape| KeyAct::Shape(what, shape))
+                    .or(act.take());
+            }
+            ui.weak(format!("{}/s, length", property.unit));
+        });
+    }
+    act
+}

@@ -1,0 +1,97 @@
+//! Keys of parts: of an actor's joints, and of the weight, the speed and the time of a cue.
+
+use crate::state::keyed::{KeyedProperty, ValueKind, named};
+use crate::state::selection::Selected;
+use choreo_motion::edit::offset_in_parent;
+use choreo_motion::{Curve, Interpolation, Path, Skeleton, Time};
+use choreo_session::edit::ScriptObject;
+use choreo_stage::{Actor, Channel, Cue, Property, TimeRemapping};
+use glam::{DMat3, DQuat, DVec3};
+
+/// Joints of an actor that have keys, as the script states them: relative to the rest pose.
+pub(super) fn joints(what: &Selected, actor: &Actor, object: Option<&ScriptObject>) -> Vec<KeyedProperty> {
+    let Some(cue) = keys_of_joints(actor) else { return Vec::new() };
+    let skeleton = &actor.asset.skeleton;
+    let stated: Vec<&str> = object.into_iter().flat_map(ScriptObject::keyed_joints).collect();
+    let of = |curve: &Curve| {
+        // By the name that the script uses, which may be a short one.
+        let joint = curve.joint as usize;
+        let short = stated.iter().find(|name| skeleton.find(name) == Some(joint));
+        let name =
+            short.map_or_else(|| skeleton.names().get(joint).cloned(), |name| Some(name.to_string()))?;
+        let channel = relative(skeleton, curve)?;
+        let (property, kind, unit) = match channel.property {
+            Property::Rotation => ("rotation", ValueKind::Rotation, "°"),
+            Property::Scale => ("scale", ValueKind::Scale, ""),
+            _ => ("position", ValueKind::Numbers(3), "m"),
+        };
+        let name = format!("joint:{name}:{property}");
+        Some(KeyedProperty { kind, unit, ..named(what, &name, vec![channel], Vec::new()) })
+    };
+    cue.clip.curves().iter().filter_map(of).collect()
+}
+
+/// The clip of an actor that holds the keys of its joints.
+pub(super) fn keys_of_joints(actor: &Actor) -> Option<&Cue> {
+    let layer = actor.layers.iter().find(|layer| layer.rank == u32::MAX)?;
+    layer.cues.first()
+}
+
+/// A curve in the space of a joint's parent as keys relative to the rest pose.
+fn relative(skeleton: &Skeleton, curve: &Curve) -> Option<Channel> {
+    let rest = skeleton.rest().get(curve.joint as usize)?;
+    let cubic = curve.interpolation == Interpolation::CubicSpline;
+    let values: Vec<f64> = curve.values.iter().map(|value| f64::from(*value)).collect();
+    let (property, values) = match curve.path {
+        Path::Rotation => {
+            let back = rest.rotation.as_dquat().inverse();
+            let of = |q: &[f64]| (back * DQuat::from_slice(q)).to_array();
+            (Property::Rotation, values.chunks_exact(4).flat_map(of).collect())
+        }
+        Path::Scale => {
+            let rest = rest.scale.as_dvec3();
+            let of = |v: &[f64]| (DVec3::from_slice(v) / rest).to_array();
+            (Property::Scale, values.chunks_exact(3).flat_map(of).collect())
+        }
+        Path::Translation => {
+            let along = |axis| offset_in_parent(skeleton, curve.joint, axis);
+            let back = DMat3::from_cols(along(DVec3::X), along(DVec3::Y), along(DVec3::Z)).inverse();
+            let rest = rest.translation.as_dvec3();
+            let of = |(part, v): (usize, &[f64])| {
+                let from = if cubic && part % 3 != 1 { DVec3::ZERO } else { rest };
+                (back * (DVec3::from_slice(v) - from)).to_array()
+            };
+            (Property::Translation, values.chunks_exact(3).enumerate().flat_map(of).collect())
+        }
+        _ => return None,
+    };
+    let times: Vec<Time> = curve.times.to_vec();
+    Some(Channel { property, interpolation: curve.interpolation, times, values })
+}
+
+/// The weight, the speed and the time of a cue, and the weight of its layer.
+pub(super) fn cue(what: &Selected, actor: &Actor, [layer, cue]: [usize; 2]) -> Vec<KeyedProperty> {
+    let Some(layer) = actor.layers.get(layer).filter(|layer| layer.rank != u32::MAX) else {
+        return Vec::new();
+    };
+    let Some(cue) = layer.cues.get(cue) else { return Vec::new() };
+    let property = |name: &str, unit, range, keys: Option<&Channel>, rest: f64| {
+        let channels = keys.cloned().into_iter().collect();
+        KeyedProperty { unit, range, ..named(what, name, channels, vec![rest]) }
+    };
+    let (mut speed, mut time) = (None, None);
+    match cue.time_remapping.as_deref() {
+        Some(TimeRemapping::Speed(curve)) => speed = Some(&curve.keys),
+        Some(TimeRemapping::ClipTime(keys)) => time = Some(keys),
+        None => {}
+    }
+    let of_layer = layer.weight_keys.as_deref();
+    let mut all = vec![
+        property(".weight", "", [0.0, 1.0], cue.weight_keys.as_deref(), f64::from(cue.weight)),
+        property(".speed", "", [-1000.0, 1000.0], speed, cue.speed),
+        property(".layer_weight", "", [0.0, 1.0], of_layer, 1.0),
+    ];
+    // Which time of the clip is shown is known where it has keys.
+    all.extend(time.map(|time| property(".clip_time", "s", [-1e6, 1e6], Some(time), 0.0)));
+    all
+}

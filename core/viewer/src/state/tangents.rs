@@ -1,0 +1,296 @@
+//! Tangents of keys, in the units in which curves are drawn: those that the script states, and those that follow from the interpolation.
+
+use crate::state::keyed::{KeyedProperty, ValueKind};
+use choreo_motion::{Interpolation, Time};
+use choreo_session::edit::{KeyShape, KeySide, WrittenKey, WrittenKeys};
+use choreo_stage::{Property, Tangents};
+
+/// The length of a handle that states none, as a share of the span.
+pub const EVEN: f64 = 1.0 / 3.0;
+
+/// A handle of a key: how its curves leave it on one side.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KeyHandle {
+    /// The change of each number a second.
+    pub tangent: Vec<f64>,
+    /// Its length for each number, as a share of the span.
+    pub weight: Vec<f64>,
+    /// The length of the span in seconds.
+    pub span: f64,
+}
+
+/// What the tangents of a key become.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TangentChoice {
+    /// As the interpolation of all keys has them.
+    Automatic,
+    /// Those of a curve that leaves the range of no span.
+    Monotone,
+    Flat,
+    /// Straight to the keys beside it.
+    Linear,
+    /// One direction on both sides, to be dragged.
+    Aligned,
+    /// A direction for each side.
+    Broken,
+}
+
+impl TangentChoice {
+    pub const ALL: [(TangentChoice, &'static str); 6] = [
+        (TangentChoice::Automatic, "Automatic: like all keys"),
+        (TangentChoice::Monotone, "Monotone: no overshoot"),
+        (TangentChoice::Flat, "Flat"),
+        (TangentChoice::Linear, "Linear: straight to its neighbors"),
+        (TangentChoice::Aligned, "Free, both sides aligned"),
+        (TangentChoice::Broken, "Free, broken"),
+    ];
+}
+
+impl KeyedProperty {
+    /// The keys of the text, where they can have tangents.
+    fn with_tangents(&self) -> Option<&WrittenKeys> {
+        let written = self.written.as_ref()?;
+        let is_quaternion = |key: &WrittenKey| key.numbers.as_ref().is_some_and(|all| all.len() == 4);
+        let can = match self.kind {
+            ValueKind::Numbers(_) | ValueKind::Degrees | ValueKind::Scale | ValueKind::Color => true,
+            ValueKind::Rotation => !written.keys.iter().any(is_quaternion),
+            ValueKind::Direction | ValueKind::Kelvin | ValueKind::Flag => false,
+        };
+        (can && self.interpolation() != Some(Interpolation::Step)).then_some(written)
+    }
+
+    /// How a key is reached and left, as the script states it; `None` where it can have no tangents.
+    pub fn shape(&self, key: usize) -> Option<KeyShape> {
+        self.with_tangents()?.keys.get(key)?.shape.clone()
+    }
+
+    /// The handles of a key before and after it; none where nothing is there, or an easing forms the span.
+    pub fn handles(&self, key: usize) -> [Option<KeyHandle>; 2] {
+        [self.handle(key, 0), self.handle(key, 1)]
+    }
+
+    fn handle(&self, key: usize, side: usize) -> Option<KeyHandle> {
+        let written = self.with_tangents()?;
+        let next = if side == 0 { key } else { key + 1 };
+        let before = next.checked_sub(1)?;
+        let [from, to] = [written.keys.get(before)?, written.keys.get(next)?];
+        let [leaving, reaching] = [from.shape.as_ref()?, to.shape.as_ref()?];
+        let has_tangents = leaving.outgoing.is_given() || reaching.incoming.is_given();
+        let how = written.how.as_deref().unwrap_or("\"linear\"");
+        let eased_by_all = how.starts_with('[') || how.starts_with("\"in_") || how.starts_with("\"out_");
+        if reaching.ease.is_some() || eased_by_all && !has_tangents {
+            return None;
+        }
+        let own = if side == 0 { &reaching.incoming } else { &leaving.outgoing };
+        let span = (self.keys[next] - self.keys[before]).as_secs();
+        let tangent = match &own.tangent {
+            Some(own) => self.all_numbers(own),
+            None => self.automatic(how, key, [before, next]),
+        };
+        let weight = own.weight.as_ref().map_or(vec![EVEN; self.width()], |own| match own.as_slice() {
+            [one] => vec![*one; self.width()],
+            all => all.to_vec(),
+        });
+        Some(KeyHandle { tangent, weight, span })
+    }
+
+    /// A tangent as the script states it, with as many numbers as the value has.
+    fn all_numbers(&self, stated: &[f64]) -> Vec<f64> {
+        let mut all = match (stated, self.kind) {
+            ([y], ValueKind::Rotation) if self.width() == 3 => vec![0.0, *y, 0.0],
+            // The only angle that is shown is the one about y.
+            ([_, y, _], ValueKind::Rotation) if self.width() == 1 => vec![*y],
+            ([one], _) => vec![*one; self.width()],
+            (all, _) => all.to_vec(),
+        };
+        all.resize(self.width(), 0.0);
+        all
+    }
+
+    /// The numbers at a time that have curves.
+    fn numbers(&self, at: &Time) -> Vec<f64> {
+        let mut numbers = self.at(*at);
+        numbers.truncate(self.width());
+        numbers
+    }
+
+    /// The tangent that the interpolation gives a key, where `span` are the ends of what is straight otherwise.
+    fn automatic(&self, how: &str, key: usize, span: [usize; 2]) -> Vec<f64> {
+        let tangents = match how {
+            "\"smooth\"" => Some(Tangents::Flat),
+            "\"cubic\"" => Some(Tangents::Limited),
+            "\"catmull_rom\"" => Some(Tangents::CatmullRom),
+            _ => None,
+        };
+        match tangents {
+            Some(tangents) => self.tangents(tangents, key),
+            None => self.straight(span),
+        }
+    }
+
+    fn tangents(&self, tangents: Tangents, key: usize) -> Vec<f64> {
+        let vector = self.property() == Some(Property::Translation);
+        // A tangent depends on the keys beside its own; those at the ends are flat.
+        let near = key.checked_sub(1).and_then(|before| self.keys.get(before..before + 3));
+        let Some(near) = near else { return vec![0.0; self.width()] };
+        let values: Vec<Vec<f64>> = near.iter().map(|at| self.numbers(at)).collect();
+        tangents.of(near, &values, vector).swap_remove(1)
+    }
+
+    fn straight(&self, [from, to]: [usize; 2]) -> Vec<f64> {
+        let secs = (self.keys[to] - self.keys[from]).as_secs();
+        let [a, b] = [from, to].map(|key| self.at(self.keys[key]));
+        a.iter().zip(&b).take(self.width()).map(|(a, b)| (b - a) / secs).collect()
+    }
+
+    /// How a key is reached and left after a choice; `None` where it can have no tangents.
+    pub fn chosen(&self, key: usize, choice: TangentChoice) -> Option<KeyShape> {
+        let now = self.shape(key)?;
+        let [before, after] = self.handles(key);
+        let both = |tangent: Vec<f64>| {
+            let side = |old: &KeySide| KeySide { tangent: Some(tangent.clone()), weight: old.weight.clone() };
+            let (incoming, outgoing) = (side(&now.incoming), side(&now.outgoing));
+            KeyShape { ease: now.ease.clone(), incoming, outgoing, broken: false }
+        };
+        let sides = [&before, &after].map(|handle| handle.as_ref().map(|handle| handle.tangent.clone()));
+        let each = |sides: [Option<Vec<f64>>; 2], broken: bool| {
+            let [first, second] = sides;
+            let rest = || vec![0.0; self.width()];
+            let incoming = first.clone().or(second.clone()).unwrap_or_else(rest);
+            let outgoing = second.or(first).unwrap_or_else(rest);
+            let mut shape = both(incoming);
+            (shape.outgoing.tangent, shape.broken) = (Some(outgoing), broken);
+            shape
+        };
+        let spans = [key.checked_sub(1).map(|before| [before, key]), Some([key, key + 1])];
+        let spans = spans.map(|span| span.filter(|[_, to]| *to < self.keys.len()));
+        Some(match choice {
+            TangentChoice::Automatic => KeyShape { ease: now.ease.clone(), ..KeyShape::default() },
+            TangentChoice::Monotone => both(self.tangents(Tangents::Limited, key)),
+            TangentChoice::Flat => both(vec![0.0; self.width()]),
+            TangentChoice::Linear => each(spans.map(|span| span.map(|span| self.straight(span))), false),
+            TangentChoice::Broken => each(sides, true),
+            TangentChoice::Aligned => {
+                let KeyShape { incoming, outgoing, .. } = each(sides, false);
+                let [a, b] = [incoming.tangent.unwrap_or_default(), outgoing.tangent.unwrap_or_default()];
+                both(a.iter().zip(&b).map(|(a, b)| (a + b) / 2.0).collect())
+            }
+        })
+    }
+
+    /// How a key is reached and left after the handle of one number was put elsewhere; the other side is aligned unless the key is
+    /// broken. `None` where it can have no tangents.
+    pub fn dragged_handle(&self, key: usize, drag: &HandleDrag) -> Option<KeyShape> {
+        let mut shape = self.shape(key)?;
+        let handles = self.handles(key);
+        shape.broken |= drag.breaks;
+        for side in 0..2 {
+            let of = if side == 0 { &mut shape.incoming } else { &mut shape.outgoing };
+            if side != drag.side && shape.broken {
+                continue;
+            }
+            let Some(handle) = handles[side].as_ref().or(handles[drag.side].as_ref()) else { continue };
+            let mut tangent = handle.tangent.clone();
+            *tangent.get_mut(drag.part)? = drag.tangent;
+            of.tangent = Some(tangent);
+            if let Some(length) = drag.weight.filter(|_| side == drag.side) {
+                let mut weight = handle.weight.clone();
+                *weight.get_mut(drag.part)? = length;
+                let even = weight.iter().all(|w| *w == weight[0]);
+                of.weight = Some(if even { vec![weight[0]] } else { weight });
+            }
+        }
+        Some(shape)
+    }
+}
+
+/// How the keys around a new one and that itself are reached and left, so that the curves stay what they are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SplitSpan {
+    /// The index of the key before the new one.
+    pub before: usize,
+    /// The key before it, the new one, and the one behind it.
+    pub shapes: [KeyShape; 3],
+}
+
+impl KeyedProperty {
+    /// How a new key splits a span that has tangents of its own; `None` where there is no such span.
+    pub fn split(&self, at: Time) -> Option<SplitSpan> {
+        let next = self.keys.partition_point(|key| *key <= at);
+        let before = next.checked_sub(1)?;
+        let (mut first, mut last) = (self.shape(before)?, self.shape(next)?);
+        if self.keys[before] == at || !(first.outgoing.is_given() || last.incoming.is_given()) {
+            return None;
+        }
+        let [leaving, reaching] = [self.handle(before, 1)?, self.handle(next, 0)?];
+        let share = (at - self.keys[before]).as_secs() / leaving.span;
+        let [from, to] = [before, next].map(|key| self.at(self.keys[key]));
+        let part = |n: usize| -> Option<Halves> {
+            let (w0, w1, span) = (*leaving.weight.get(n)?, *reaching.weight.get(n)?, leaving.span);
+            let (m0, m1) = (leaving.tangent[n], reaching.tangent[n]);
+            let values = [from[n], from[n] + w0 * span * m0, to[n] - w1 * span * m1, to[n]];
+            Some(Halves::of([0.0, w0, 1.0 - w1, 1.0], values, share, span))
+        };
+        let parts: Vec<Halves> = (0..self.width()).map(part).collect::<Option<_>>()?;
+        let side = |tangent: Vec<f64>, weight: usize| {
+            let weight: Vec<f64> = parts.iter().map(|part| part.weights[weight]).collect();
+            let even = weight.iter().all(|weight| (weight - EVEN).abs() < 1e-6);
+            KeySide { tangent: Some(tangent), weight: (!even).then_some(weight) }
+        };
+        let tangent: Vec<f64> = parts.iter().map(|part| part.tangent).collect();
+        first.outgoing = side(leaving.tangent, 0);
+        last.incoming = side(reaching.tangent, 3);
+        let (incoming, outgoing) = (side(tangent.clone(), 1), side(tangent, 2));
+        let new = KeyShape { incoming, outgoing, ..KeyShape::default() };
+        Some(SplitSpan { before, shapes: [first, new, last] })
+    }
+}
+
+/// The two halves of a Bézier curve over the time, by de Casteljau's construction.
+struct Halves {
+    /// The change a second where they meet.
+    tangent: f64,
+    /// The lengths of the four handles, each as a share of its half.
+    weights: [f64; 4],
+}
+
+impl Halves {
+    /// `share`: where they meet, of a span of so many seconds; `times`: the control points' shares of it.
+    fn of(times: [f64; 4], values: [f64; 4], share: f64, span: f64) -> Halves {
+        let (mut low, mut high) = (0.0, 1.0);
+        for _ in 0..60 {
+            let u = 0.5 * (low + high);
+            if construct(times, u)[2] < share { low = u } else { high = u }
+        }
+        let u = 0.5 * (low + high);
+        let [t0, ta, _, tb, t3] = construct(times, u);
+        let [_, va, _, vb, _] = construct(values, u);
+        let lengths = [t0 / share, (share - ta) / share, (tb - share) / (1.0 - share), t3 / (1.0 - share)];
+        let rise = if tb > ta { (vb - va) / ((tb - ta) * span) } else { 0.0 };
+        Halves { tangent: rise, weights: lengths.map(|length| length.clamp(0.0, 1.0)) }
+    }
+}
+
+/// Of the two halves of a Bézier curve: how far the first handle reaches, the points before, at and behind the place where they
+/// meet, and how far the last handle reaches.
+fn construct([a, b, c, d]: [f64; 4], u: f64) -> [f64; 5] {
+    let mix = |a: f64, b: f64| a + (b - a) * u;
+    let (ab, bc, cd) = (mix(a, b), mix(b, c), mix(c, d));
+    let (abc, bcd) = (mix(ab, bc), mix(bc, cd));
+    [ab - a, abc, mix(abc, bcd), bcd, d - cd]
+}
+
+/// A handle on its way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HandleDrag {
+    /// 0: before the key, 1: after it.
+    pub side: usize,
+    /// Which number of the value.
+    pub part: usize,
+    /// The change of that number a second.
+    pub tangent: f64,
+    /// The length as a share of the span, if that changes, too.
+    pub weight: Option<f64>,
+    /// The other side stays.
+    pub breaks: bool,
+}
