@@ -195,12 +195,12 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, command: KeyCommand, keys: &[KeyRef
 }
 
 /// Whether a text of the clipboard holds keys.
-pub fn are_keys(text: &str) -> bool {
+pub(crate) fn are_keys(text: &str) -> bool {
     text.starts_with(".key(")
 }
 
 /// Adds copied keys to the selection, at the playhead.
-pub fn paste(viewer: &mut Viewer, text: &str) {
+pub(crate) fn paste(viewer: &mut Viewer, text: &str) {
     let at = viewer.playhead.time().as_secs();
     let what = match viewer.selection.clone() {
         Some(Selected::Cue { actor, .. }) => Some(Selected::Actor(actor)),
