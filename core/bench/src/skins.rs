@@ -55,7 +55,7 @@ pub fn dual(parts: &[Parted], influences: &[Influence], point: DVec3) -> DVec3 {
 
 /// After the sum of the stretches, the mean of the motions on their group: the motion from which the weighted sum of the screws that lead to
 /// all of them is nothing, found by steps along that sum ("dual quaternion iterative blending" of the same paper, §5).
-pub fn mean_motion(parts: &[Parted], influences: &[Influence], point: DVec3) -> DVec3 {
+pub(crate) fn mean_motion(parts: &[Parted], influences: &[Influence], point: DVec3) -> DVec3 {
     let stretched = stretched(parts, influences, point);
     let Some(mut mean) = blended(parts, influences) else { return stretched };
     for _ in 0..50 {

@@ -60,7 +60,7 @@ impl Nanos {
 
     /// Whether it takes less time than another, and not by chance: by more than 5 %, and three quarters of its rounds less than three quarters
     /// of the other's.
-    pub fn is_less(&self, other: &Nanos) -> bool {
+    pub(crate) fn is_less(&self, other: &Nanos) -> bool {
         self.median * 1.05 < other.median && self.quartiles[1] < other.quartiles[0]
     }
 }

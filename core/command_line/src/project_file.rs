@@ -139,7 +139,7 @@ fn folder_of(input: &Path) -> Option<PathBuf> {
 }
 
 /// The folder of the project that a script or folder belongs to: the nearest one with a `choreo.toml`.
-pub fn root_of(input: &Path) -> Option<PathBuf> {
+pub(crate) fn root_of(input: &Path) -> Option<PathBuf> {
     find(&folder_of(input)?)?.parent().map(Path::to_path_buf)
 }
 

@@ -11,8 +11,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, OnceLock};
 
-pub const MAX_IMAGE_SIDE: u32 = 16384;
-pub const MAX_IMAGE_PIXELS: u64 = 64 << 20;
+pub(crate) const MAX_IMAGE_SIDE: u32 = 16384;
+pub(crate) const MAX_IMAGE_PIXELS: u64 = 64 << 20;
 /// Images decoded at once; each can take a gigabyte while it is decoded.
 const MAX_WORKERS: usize = 4;
 

@@ -9,7 +9,7 @@ use image::{ImageFormat, ImageReader};
 use std::io::Cursor;
 
 /// Pixels of an equirectangular panorama at most: 8192 × 4096.
-pub const MAX_PANORAMA_PIXELS: u64 = 32 << 20;
+pub(crate) const MAX_PANORAMA_PIXELS: u64 = 32 << 20;
 
 /// Reads a panorama from the bytes of a Radiance or OpenEXR file.
 ///

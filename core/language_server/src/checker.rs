@@ -200,7 +200,7 @@ fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> b
 }
 
 /// The folder in which the tests of a script may read: the project's, else the one that is open in the editor.
-pub fn tests_root(script: &Path, open: &Path, project: &Project) -> Option<PathBuf> {
+pub(crate) fn tests_root(script: &Path, open: &Path, project: &Project) -> Option<PathBuf> {
     let open = || script.starts_with(open.canonicalize().ok()?).then(|| open.to_path_buf());
     project.root.clone().or_else(open)
 }

@@ -32,7 +32,7 @@ pub fn colors(view: &View) -> Value {
 }
 
 /// A picked color as `"#rrggbb"`, and by its name if it has one.
-pub fn presentations(color: &Value) -> Value {
+pub(crate) fn presentations(color: &Value) -> Value {
     let byte = |name: &str| (color[name].as_f64().unwrap_or(1.0).clamp(0.0, 1.0) * 255.0).round() as u32;
     let (r, g, b, a) = (byte("red"), byte("green"), byte("blue"), byte("alpha"));
     let rgb = (r << 16) | (g << 8) | b;

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 pub const RENDER: &str = "choreo.renderFrame";
 pub const TEST: &str = "choreo.runTest";
-pub const VIEW: &str = "choreo.openViewer";
+pub(crate) const VIEW: &str = "choreo.openViewer";
 pub const NAMES: [&str; 3] = [RENDER, TEST, VIEW];
 
 /// Time in which a viewer that cannot show the script has ended.

@@ -37,7 +37,7 @@ impl CallSite {
     }
 
     /// The name of the argument; where forms differ, that of the one with as many arguments, else the longest.
-    pub fn argument_name(&self, source: &Source) -> Option<&'static str> {
+    pub(crate) fn argument_name(&self, source: &Source) -> Option<&'static str> {
         let entry = self.entry(source)?;
         let count = source.arguments(self.open).len();
         let given = source.arguments(self.open).into_iter().nth(self.argument);
@@ -54,14 +54,14 @@ impl CallSite {
     }
 
     /// The text of the first argument, as in `.key("morph", "smile", …)`.
-    pub fn first_text(&self, source: &Source) -> Option<String> {
+    pub(crate) fn first_text(&self, source: &Source) -> Option<String> {
         let first = source.arguments(self.open).into_iter().next()?;
         source.string(first.start)
     }
 }
 
 /// The call around a byte, none outside of calls and in the blocks of closures.
-pub fn call_around(types: Types, byte: usize) -> Option<CallSite> {
+pub(crate) fn call_around(types: Types, byte: usize) -> Option<CallSite> {
     let source = types.source;
     let mut maps: Vec<(usize, Option<String>)> = Vec::new();
     let (mut in_list, mut at_key, mut commas) = (false, false, 0);

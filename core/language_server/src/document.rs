@@ -51,7 +51,7 @@ fn resolved(path: PathBuf) -> PathBuf {
 }
 
 /// The path of a `file:` URI, or of a new file that VS Code has not saved yet, `untitled:/…`; `None` for other schemes and other machines.
-pub fn path_of(uri: &str) -> Option<PathBuf> {
+pub(crate) fn path_of(uri: &str) -> Option<PathBuf> {
     let new = uri.strip_prefix("untitled:").filter(|path| path.starts_with('/'));
     let rest = new.or_else(|| uri.strip_prefix("file://"))?;
     let path = &rest[rest.find('/')?..];
@@ -75,7 +75,7 @@ pub fn path_of(uri: &str) -> Option<PathBuf> {
 }
 
 /// The URI of a path.
-pub fn uri_of(path: &Path) -> String {
+pub(crate) fn uri_of(path: &Path) -> String {
     let text = path.to_string_lossy().replace('\\', "/");
     let mut uri = String::from(if text.starts_with('/') { "file://" } else { "file:///" });
     for byte in text.bytes() {

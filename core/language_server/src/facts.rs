@@ -80,7 +80,7 @@ pub fn morphs(asset: &Asset) -> Vec<String> {
 
 /// The short name that scripts may write for each joint in place of the file's, if it has one: `RightHand` for `mixamorig:RightHand`
 /// and for `hand.r_Armature`.
-pub fn short_joints(skeleton: &Skeleton) -> Vec<Option<String>> {
+pub(crate) fn short_joints(skeleton: &Skeleton) -> Vec<Option<String>> {
     let own = skeleton.names();
     let mut short: Vec<Option<String>> = vec![None; own.len()];
     let without_prefix = |name: &String| name.rsplit([':', '|']).next().unwrap_or(name).to_string();
@@ -144,6 +144,6 @@ pub fn option(entry: &Entry, option: &OptionEntry) -> String {
 }
 
 /// The option of a plugin: "strength: how bright (0 to 10, default 1)".
-pub fn plugin_option(option: &OptionSpec) -> String {
+pub(crate) fn plugin_option(option: &OptionSpec) -> String {
     format!("{} ({}, default {})", option.about, option.allowed(), option.default())
 }

@@ -134,7 +134,7 @@ pub fn names(project: &Project, folder: &Path, extensions: &[String]) -> Vec<Str
 }
 
 /// Whether `choreo export` has written a file of these names: glTF and USD state that in their first bytes.
-pub fn is_exported(project: &Project, folder: &Path, name: &str) -> bool {
+pub(crate) fn is_exported(project: &Project, folder: &Path, name: &str) -> bool {
     const MARK: &[u8] = b"choreo export-";
     let mut roots = std::iter::once(folder).chain(project.search.iter().map(PathBuf::as_path));
     let file = roots.find_map(|root| choreo_files::open_file(&root.join(name)).ok());

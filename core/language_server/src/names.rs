@@ -112,7 +112,7 @@ pub fn names(source: &Source, site: &CallSite) -> Option<Names> {
 }
 
 /// The file whose contents are named: that of the receiver, or of a value given.
-pub fn file_of(on: Option<&Value>) -> Option<String> {
+pub(crate) fn file_of(on: Option<&Value>) -> Option<String> {
     on.and_then(|value| value.file.clone())
 }
 

@@ -68,7 +68,7 @@ impl Lines {
     }
 
     /// The byte of a line and a column of a diagnostic, both from 1 and the column in characters.
-    pub fn byte_of_diagnostic(&self, text: &str, line: usize, column: usize) -> usize {
+    pub(crate) fn byte_of_diagnostic(&self, text: &str, line: usize, column: usize) -> usize {
         let range = self.line(text, line.saturating_sub(1));
         let skipped: usize =
             text[range.clone()].chars().take(column.saturating_sub(1)).map(char::len_utf8).sum();

@@ -201,7 +201,7 @@ pub fn references(request: &Request) -> Result<Value, ResponseError> {
     Ok(all.filter(|place| with_declaration || Some(place) != declared.as_ref()).collect::<Vec<_>>().into())
 }
 
-pub fn prepare_rename(request: &Request) -> Result<Value, ResponseError> {
+pub(crate) fn prepare_rename(request: &Request) -> Result<Value, ResponseError> {
     let view = request.view;
     let Some(named) = named_at(view, request.byte()) else {
         return Err(refused("only variables, parameters, functions and names of modules can be renamed"));

@@ -3,7 +3,7 @@
 use choreo_script::describe::Entry;
 
 /// Beginnings for the start of a statement: label, description, text.
-pub const STARTERS: &[(&str, &str, &str)] = &[
+pub(crate) const STARTERS: &[(&str, &str, &str)] = &[
     (
         "character",
         "A model on stage that plays a clip",

@@ -117,7 +117,7 @@ impl Source {
     }
 
     /// The number of tokens that begin before a byte.
-    pub fn count_before(&self, byte: usize) -> usize {
+    pub(crate) fn count_before(&self, byte: usize) -> usize {
         self.tokens.partition_point(|token| token.start < byte)
     }
 
@@ -131,7 +131,7 @@ impl Source {
     }
 
     /// The code inside an interpolated string.
-    pub fn inner_code(&self, token: usize) -> &[InnerCode] {
+    pub(crate) fn inner_code(&self, token: usize) -> &[InnerCode] {
         let range = self.tokens[token].clone();
         let first = self.inner.partition_point(|code| code.range.start < range.start);
         let end = self.inner.partition_point(|code| code.range.start < range.end);
@@ -140,7 +140,7 @@ impl Source {
 
     /// The text with the code around a byte in the place of the interpolated string that holds it, each byte in its place: `` `a ${b.c}` `` as
     /// ``     (b.c) ``. `None` where the byte is in no such code.
-    pub fn with_code_of_string(&self, byte: usize) -> Option<Source> {
+    pub(crate) fn with_code_of_string(&self, byte: usize) -> Option<Source> {
         let string = self.token_at(byte).filter(|token| self.get(*token).starts_with('`'))?;
         let token = self.tokens[string].clone();
         // Depths of braces: code of an interpolation may have blocks.
@@ -178,7 +178,7 @@ impl Source {
     }
 
     /// The words of the code inside all interpolated strings.
-    pub fn inner_words(&self) -> impl Iterator<Item = InnerWord<'_>> {
+    pub(crate) fn inner_words(&self) -> impl Iterator<Item = InnerWord<'_>> {
         self.inner.iter().flat_map(move |code| {
             let words = (0..code.tokens.len()).filter(|at| is_word(&self.text[code.tokens[*at].clone()]));
             words.map(move |at| InnerWord::new(self, code, at))
@@ -186,13 +186,13 @@ impl Source {
     }
 
     /// Whether a test is declared at any place.
-    pub fn has_tests(&self) -> bool {
+    pub(crate) fn has_tests(&self) -> bool {
         let is_test = |at: &usize| self.get(*at) == "test" && self.get(at + 1) == "(";
         (0..self.tokens.len()).any(|at| is_test(&at) && self.before(at, 1) != ".")
     }
 
     /// Whether a byte lies in a comment: between two tokens, behind `//` or inside `/* */`.
-    pub fn in_comment(&self, byte: usize) -> bool {
+    pub(crate) fn in_comment(&self, byte: usize) -> bool {
         let count = self.count_before(byte);
         let start = count.checked_sub(1).map_or(0, |last| self.tokens[last].end);
         if start >= byte {

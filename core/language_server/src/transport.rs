@@ -107,12 +107,12 @@ pub struct ResponseError {
 }
 
 impl ResponseError {
-    pub const PARSE: i32 = -32700;
-    pub const INVALID: i32 = -32600;
+    pub(crate) const PARSE: i32 = -32700;
+    pub(crate) const INVALID: i32 = -32600;
     pub const UNKNOWN: i32 = -32601;
     pub const PARAMETERS: i32 = -32602;
-    pub const INTERNAL: i32 = -32603;
-    pub const NOT_INITIALIZED: i32 = -32002;
+    pub(crate) const INTERNAL: i32 = -32603;
+    pub(crate) const NOT_INITIALIZED: i32 = -32002;
     pub const CANCELLED: i32 = -32800;
     /// The request is understood and cannot be done.
     pub const FAILED: i32 = -32803;

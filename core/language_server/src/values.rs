@@ -36,7 +36,7 @@ impl Value {
         Value { item, maps: Vec::new(), ..self }
     }
 
-    pub fn is_handle(&self) -> bool {
+    pub(crate) fn is_handle(&self) -> bool {
         self.kind.starts_with(char::is_uppercase)
     }
 }
@@ -105,7 +105,7 @@ impl<'a> Types<'a> {
     }
 
     /// The value of the expression that ends before a token, such as the dot of a method call.
-    pub fn ending_at(self, end: usize) -> Value {
+    pub(crate) fn ending_at(self, end: usize) -> Value {
         let Some(start) = self.chain_start(end) else { return Value::default() };
         self.value(start..end)
     }
@@ -538,7 +538,7 @@ pub const KEYWORDS: [&str; 27] = [
     "this", "global", "is",
 ];
 
-pub fn is_keyword(word: &str) -> bool {
+pub(crate) fn is_keyword(word: &str) -> bool {
     KEYWORDS.contains(&word)
 }
 

@@ -47,29 +47,29 @@ impl View<'_> {
     }
 
     /// Names of files that the script can read.
-    pub fn files_named(&self, extensions: &[String]) -> Vec<String> {
+    pub(crate) fn files_named(&self, extensions: &[String]) -> Vec<String> {
         self.folder.map(|folder| files::names(self.project, folder, extensions)).unwrap_or_default()
     }
 
     /// Whether `choreo export` has written a file.
-    pub fn is_exported(&self, name: &str) -> bool {
+    pub(crate) fn is_exported(&self, name: &str) -> bool {
         self.folder.is_some_and(|folder| files::is_exported(self.project, folder, name))
     }
 
     /// Extensions of the files that the importers read.
-    pub fn model_extensions(&self) -> Vec<String> {
+    pub(crate) fn model_extensions(&self) -> Vec<String> {
         let importers = self.project.registry.importers().iter();
         importers.flat_map(|importer| importer.manifest().extensions.clone()).collect()
     }
 
     /// The file of the first argument that comes from one.
-    pub fn file_of_arguments(&self, site: &CallSite) -> Option<String> {
+    pub(crate) fn file_of_arguments(&self, site: &CallSite) -> Option<String> {
         let arguments = self.source.arguments(site.open).into_iter();
         arguments.map(|argument| self.types().value(argument)).find_map(|value| value.file)
     }
 
     /// The options of the plugin that a call uses: the parameters of an effect, or the options of the importer of a file.
-    pub fn plugin_options(&self, site: &CallSite) -> Vec<OptionSpec> {
+    pub(crate) fn plugin_options(&self, site: &CallSite) -> Vec<OptionSpec> {
         let registry = &self.project.registry;
         let name = self.source.get(site.name);
         let of_effect = |effect: &str| match registry.use_effect(effect) {
@@ -102,7 +102,7 @@ impl View<'_> {
 }
 
 /// The modules of a script: as they are open in the editor, else as their files are.
-pub struct OpenModules<'m> {
+pub(crate) struct OpenModules<'m> {
     pub documents: &'m BTreeMap<String, Document>,
     pub folder: Option<&'m Path>,
     /// The folder in all of which a script with tests may read.

@@ -126,7 +126,7 @@ impl EffectFaults {
     }
 
     /// A vertex whose displacement is faulty stays in its place.
-    pub fn checked_offset(&self, effect: &Effect, offset: Vec3) -> Vec3 {
+    pub(crate) fn checked_offset(&self, effect: &Effect, offset: Vec3) -> Vec3 {
         let Some(fault) = Fault::of(offset.extend(0.0)) else { return offset };
         self.record(effect, fault, FaultPlace::Vertex);
         Vec3::ZERO

@@ -7,10 +7,10 @@ use rhai::{Engine, OptimizationLevel};
 use std::time::{Duration, Instant};
 
 /// Elements of a script's own array or map, those inside included. Numbers in bulk are no script values and do not count.
-pub const MOST_IN_ARRAY: usize = 1_000_000;
+pub(crate) const MOST_IN_ARRAY: usize = 1_000_000;
 
 /// Calls within one another, and bytes of a text.
-pub const MOST_CALLS: usize = 48;
+pub(crate) const MOST_CALLS: usize = 48;
 pub const MOST_TEXT: usize = 64 << 20;
 
 /// Steps of the interpreter for one file: some seconds.
@@ -57,7 +57,7 @@ pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
 }
 
 /// The engine for `fn manifest()`, which runs for every listed file: fewer steps, small texts and arrays.
-pub fn manifest_engine() -> Engine {
+pub(crate) fn manifest_engine() -> Engine {
     let mut engine = engine(&Budget::for_file(0), Some(MANIFEST_STEPS));
     SizeLimits { string: 64 << 10, array: 1000, map: 1000 }.install(&mut engine);
     engine

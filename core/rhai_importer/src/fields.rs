@@ -177,7 +177,7 @@ impl<'a> Fields<'a> {
 }
 
 /// The options of `mesh(#{ … })`, `lines(#{ … })` and `points(#{ … })`.
-pub const MESH: &[&str] = &[
+pub(crate) const MESH: &[&str] = &[
     "name",
     "joint",
     "positions",
@@ -194,7 +194,7 @@ pub const MESH: &[&str] = &[
 ];
 
 /// The arrays of a `mesh(#{ … })`, `lines(#{ … })` or `points(#{ … })` call.
-pub fn mesh_data(f: &Fields<'_>, topology: Topology) -> Result<MeshData> {
+pub(crate) fn mesh_data(f: &Fields<'_>, topology: Topology) -> Result<MeshData> {
     Ok(MeshData {
         topology,
         name: f.text("name")?.unwrap_or_default(),

@@ -357,7 +357,7 @@ fn curve(what: &str, map: &Map) -> fields::Result<Curve> {
 }
 
 /// The map of `file.needs`, for scripts with `if file.needs.geometry { … }`.
-pub fn needs_map(needs: ImportScope) -> Map {
+pub(crate) fn needs_map(needs: ImportScope) -> Map {
     let flag = |name: &str, on: bool| (name.into(), Dynamic::from(on));
     [flag("geometry", needs.geometry), flag("clips", needs.clips), flag("textures", needs.textures)].into()
 }

@@ -379,7 +379,7 @@ pub struct ParentDraft {
 
 impl ActorDraft {
     /// An error where `walk_to` has set position and rotation for the whole time.
-    pub fn not_walking(&self, what: &str) -> Result<(), ApiError> {
+    pub(crate) fn not_walking(&self, what: &str) -> Result<(), ApiError> {
         let Some(walk) = self.walks.last() else { return Ok(()) };
         let after = walk.turned.as_secs();
         Err(ApiError::new(format!("{what}: walk_to sets position and rotation of the actor already")).hint(format!(

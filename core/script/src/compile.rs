@@ -42,7 +42,7 @@ const MOST_UNKNOWN: usize = 20;
 
 /// Reads a script as [`compile`] does, and finds all its unknown variables: each name counts as known once it is found. In a text that cannot
 /// be read for another reason they are found up to there.
-pub fn compile_all(
+pub(crate) fn compile_all(
     engine: &Engine,
     shared: &Shared,
     text: &str,
@@ -68,7 +68,7 @@ pub fn compile_all(
 }
 
 /// Puts values of failed statements in the place of unknown variables.
-pub fn stand_in(unknown: &[UnknownVariable], scope: &mut Scope) {
+pub(crate) fn stand_in(unknown: &[UnknownVariable], scope: &mut Scope) {
     for variable in unknown {
         if !scope.contains(&variable.name) {
             scope.push(variable.name.clone(), Poison);

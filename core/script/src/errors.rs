@@ -258,7 +258,7 @@ fn quote(token: &str) -> String {
 }
 
 /// Reports the unknown variables of a file.
-pub fn note_unknown(unknown: &[UnknownVariable], file: &str, shared: &Shared) {
+pub(crate) fn note_unknown(unknown: &[UnknownVariable], file: &str, shared: &Shared) {
     for variable in unknown {
         let (line, column) = (variable.at.line().unwrap_or(0), variable.at.position().unwrap_or(0));
         let place = Place { file: file.to_string(), line, column };
@@ -267,13 +267,13 @@ pub fn note_unknown(unknown: &[UnknownVariable], file: &str, shared: &Shared) {
 }
 
 /// Errors that these variables cause at run time are reported already.
-pub fn take_as_known(unknown: &[UnknownVariable], shared: &Shared) {
+pub(crate) fn take_as_known(unknown: &[UnknownVariable], shared: &Shared) {
     let names = unknown.iter().map(|variable| variable.name.clone());
     shared.unknown.lock().unwrap_or_else(PoisonError::into_inner).extend(names);
 }
 
 /// Whether a message is that of an error which another one has caused.
-pub fn is_follow_up(message: &str) -> bool {
+pub(crate) fn is_follow_up(message: &str) -> bool {
     message.is_empty() || message.contains(POISON)
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 /// Actors of the same asset that hide the same parts share one asset.
 #[derive(Default)]
-pub struct HiddenParts {
+pub(crate) struct HiddenParts {
     /// Pairs of the whole asset, kept alive, and the one without parts, by the address of the whole.
     made: BTreeMap<(usize, BTreeSet<u32>), [Arc<Asset>; 2]>,
 }

@@ -174,7 +174,7 @@ impl Version {
     }
 
     /// The version of this program's plugin interface, which is choreo's.
-    pub fn of_choreo() -> Version {
+    pub(crate) fn of_choreo() -> Version {
         Version::parse(env!("CARGO_PKG_VERSION")).unwrap_or(Version([0; 3]))
     }
 }

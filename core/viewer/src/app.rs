@@ -218,7 +218,7 @@ impl Viewer {
     }
 
     /// The viewer of another file in the same window.
-    pub fn succeeded_by(&mut self, name: impl Into<String>) -> Viewer {
+    pub(crate) fn succeeded_by(&mut self, name: impl Into<String>) -> Viewer {
         let performance = Performance { cap: self.performance.cap, ..Performance::default() };
         Viewer {
             documents: std::mem::take(&mut self.documents),
@@ -476,7 +476,7 @@ impl Viewer {
     }
 
     /// Selects one more, or one less.
-    pub fn select_more(&mut self, what: Selected) {
+    pub(crate) fn select_more(&mut self, what: Selected) {
         let mut all = self.selected_bars();
         match all.iter().position(|other| *other == what) {
             Some(at) => drop(all.remove(at)),
@@ -485,7 +485,7 @@ impl Viewer {
         self.select_all(all);
     }
 
-    pub fn select_all(&mut self, all: Vec<Selected>) {
+    pub(crate) fn select_all(&mut self, all: Vec<Selected>) {
         let mut all = all.into_iter();
         self.selection = all.next();
         self.more = (self.selection.clone(), all.collect());
@@ -526,7 +526,7 @@ impl Viewer {
     }
 
     /// Selects more keys; those that are selected all of them already, no longer.
-    pub fn select_more_keys(&mut self, keys: &[KeyRef]) {
+    pub(crate) fn select_more_keys(&mut self, keys: &[KeyRef]) {
         let mut all = self.selected_keys().to_vec();
         match keys.iter().all(|key| all.contains(key)) {
             true => all.retain(|key| !keys.contains(key)),
@@ -561,7 +561,7 @@ impl Viewer {
     }
 
     /// The rows of the timeline that are not collapsed, by number.
-    pub fn shown_rows(&self) -> Vec<usize> {
+    pub(crate) fn shown_rows(&self) -> Vec<usize> {
         let is_shown = |index: &usize| {
             let row = &self.timeline.rows[*index];
             let actor = row.what.as_ref().and_then(Selected::actor);

@@ -138,7 +138,7 @@ impl SceneCalls {
     }
 
     /// The functions that the renderers supply below them: name, a declaration that stands for it, and the code that runs in its place.
-    pub fn supplied(&self) -> Vec<(String, String, Host)> {
+    pub(crate) fn supplied(&self) -> Vec<(String, String, Host)> {
         let image = |name: &str, host: Host| {
             let text = format!("fn {name}(at: vec2<i32>) -> vec4<f32> {{ return vec4(f32(at.x)); }}\n");
             (name.to_string(), text, host)

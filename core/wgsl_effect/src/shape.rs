@@ -27,7 +27,7 @@ impl ComponentKind {
 }
 
 /// The types of the components of a type, one after the other.
-pub fn component_kinds(inner: &TypeInner, types: &UniqueArena<naga::Type>) -> Vec<ComponentKind> {
+pub(crate) fn component_kinds(inner: &TypeInner, types: &UniqueArena<naga::Type>) -> Vec<ComponentKind> {
     match inner {
         TypeInner::Struct { members, .. } => {
             members.iter().flat_map(|m| component_kinds(&types[m.ty].inner, types)).collect()

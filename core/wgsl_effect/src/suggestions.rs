@@ -13,7 +13,7 @@ fn not_found(message: &str) -> Option<&str> {
 }
 
 /// The line of the head comment that an unknown name needs: it is a function or a type of another hook, or of a history.
-pub fn of_other_hook(message: &str, head: &Head, declared: &[Declared]) -> Option<String> {
+pub(crate) fn of_other_hook(message: &str, head: &Head, declared: &[Declared]) -> Option<String> {
     let wanted = not_found(message)?;
     if declared.iter().any(|(name, ..)| name == wanted) {
         return None;

@@ -10,10 +10,10 @@ use choreo_plugin::{Hook, ImagePass, Manifest, OptionKind, OptionSpec};
 const RENAMED: &str = "effect_of_author";
 
 /// Names that are declared around a text with the struct.
-pub const DECLARED: [&str; 4] = [PARAMETERS, RENAMED, "parameters_of", "curve_at"];
+pub(crate) const DECLARED: [&str; 4] = [PARAMETERS, RENAMED, "parameters_of", "curve_at"];
 
 /// Whether a text takes its parameters as the struct.
-pub fn is_typed(text: &str) -> bool {
+pub(crate) fn is_typed(text: &str) -> bool {
     Tokens::of(text).any(|(_, token)| token == PARAMETERS)
 }
 
@@ -69,7 +69,7 @@ pub fn adapted(text: &str, manifest: &Manifest, signature: &Signature) -> String
 }
 
 /// The text as shaders have it where passes have textures: the function `effect` of an effect on images calls that of the pass that runs.
-pub fn adapted_passes(text: &str, manifest: &Manifest, passes: &[ImagePass]) -> String {
+pub(crate) fn adapted_passes(text: &str, manifest: &Manifest, passes: &[ImagePass]) -> String {
     let head = signature(Hook::Image).text.replace(PARAMETERS, &array(manifest));
     let before = &passes[..passes.len().saturating_sub(1)];
     let call = |(number, pass): (u32, &ImagePass)| {

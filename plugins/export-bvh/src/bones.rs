@@ -76,7 +76,7 @@ impl Bones {
         self.moving.push(parent.is_none());
     }
 
-    pub fn is_leaf(&self, bone: usize) -> bool {
+    pub(crate) fn is_leaf(&self, bone: usize) -> bool {
         self.children[bone].is_empty()
     }
 
@@ -86,7 +86,7 @@ impl Bones {
     }
 
     /// The bones and their depths, each before its children: the order of the file, whose frames follow it.
-    pub fn depth_first(&self) -> Vec<(usize, usize)> {
+    pub(crate) fn depth_first(&self) -> Vec<(usize, usize)> {
         let mut order = Vec::with_capacity(self.names.len());
         let mut open = vec![(0, 0)];
         while let Some((bone, depth)) = open.pop() {
@@ -110,21 +110,21 @@ impl Bones {
     }
 
     /// Notes which bones do not keep their offset in this pose.
-    pub fn find_moving(&mut self, pose: &Pose, tolerance: f64) {
+    pub(crate) fn find_moving(&mut self, pose: &Pose, tolerance: f64) {
         for bone in 0..self.names.len() {
             self.moving[bone] |= (self.local_position(pose, bone) - self.offsets[bone]).length() > tolerance;
         }
     }
 
     /// Position from the parent, in its axes; a root's in the world.
-    pub fn local_position(&self, pose: &Pose, bone: usize) -> DVec3 {
+    pub(crate) fn local_position(&self, pose: &Pose, bone: usize) -> DVec3 {
         self.parents[bone].map_or(pose.positions[bone], |parent| {
             pose.rotations[parent].inverse() * (pose.positions[bone] - pose.positions[parent])
         })
     }
 
     /// Rotation from the parent's; a root's in the world.
-    pub fn local_rotation(&self, pose: &Pose, bone: usize) -> DQuat {
+    pub(crate) fn local_rotation(&self, pose: &Pose, bone: usize) -> DQuat {
         self.parents[bone].map_or(pose.rotations[bone], |parent| {
             (pose.rotations[parent].inverse() * pose.rotations[bone]).normalize()
         })

@@ -56,7 +56,7 @@ impl Quantizer {
     }
 
     /// Mean squared error of the palette on the frame that it was made for.
-    pub fn made_for(&self) -> f64 {
+    pub(crate) fn made_for(&self) -> f64 {
         self.made_for
     }
 

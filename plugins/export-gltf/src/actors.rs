@@ -54,7 +54,7 @@ impl<'a> Parts<'a> {
         self.document.nodes.len() as Index - 1
     }
 
-    pub fn at_root(&mut self, node: Index) {
+    pub(crate) fn at_root(&mut self, node: Index) {
         self.document.scenes[0].nodes.push(node);
     }
 
@@ -322,7 +322,7 @@ fn weighted(node: Node, instance: &MeshInstance) -> Node {
 }
 
 /// A node with a transform; what has its default is left out.
-pub fn node_at(t: &Transform) -> Node {
+pub(crate) fn node_at(t: &Transform) -> Node {
     Node {
         translation: (t.translation != Vec3::ZERO).then(|| t.translation.to_array()),
         // Rounding may be beyond 1, which the schema forbids.

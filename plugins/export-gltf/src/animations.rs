@@ -88,7 +88,7 @@ pub fn add<'a>(parts: &mut Parts<'a>, stage: &Stage, mut baked: Baked<'a>, nodes
 }
 
 /// Puts a set's times and numbers into the buffer; the numbers are made as it is written.
-pub fn write_set<'a>(parts: &mut Parts<'a>, set: TrackSet<'a>, start: Time) -> WrittenSet {
+pub(crate) fn write_set<'a>(parts: &mut Parts<'a>, set: TrackSet<'a>, start: Time) -> WrittenSet {
     let times: Vec<Vec<f32>> = set.times.iter().map(|times| seconds(times, start)).collect();
     let of_times: u64 = times.iter().map(|times| times.len() as u64 * 4).sum();
     let of_values: u64 = (0..set.tracks.len()).map(|track| set.numbers(track) as u64 * 4).sum();
@@ -140,7 +140,7 @@ pub fn write_set<'a>(parts: &mut Parts<'a>, set: TrackSet<'a>, start: Time) -> W
     out
 }
 
-pub fn actor_channel(
+pub(crate) fn actor_channel(
     builder: &mut Builder,
     instances: &[choreo_plugin::asset::MeshInstance],
     nodes: &ActorNodes,
@@ -187,7 +187,7 @@ fn sampler(parts: &mut Parts<'_>, series: &Series, start: Time, change: impl Fn(
     Sampler { input, interpolation: "LINEAR", output }
 }
 
-pub fn weight_channels(
+pub(crate) fn weight_channels(
     parts: &mut Parts<'_>,
     builder: &mut Builder,
     baked: &Baked<'_>,
@@ -304,7 +304,7 @@ fn light_channels(parts: &mut Parts<'_>, builder: &mut Builder, baked: &Baked<'_
 }
 
 /// One key for each joint that a clip holds elsewhere than at rest.
-pub fn still_channels(
+pub(crate) fn still_channels(
     parts: &mut Parts<'_>,
     builder: &mut Builder,
     of: &ActorNodes,

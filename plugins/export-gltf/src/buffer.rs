@@ -41,7 +41,7 @@ macro_rules! rows {
 rows!(f32, u32, u16, u8);
 
 /// Hands over the bytes of rows, chunk by chunk.
-pub fn each_chunk<R: Row>(
+pub(crate) fn each_chunk<R: Row>(
     count: usize,
     row: impl Fn(usize) -> R,
     mut each: impl FnMut(&[u8]) -> Result<()>,

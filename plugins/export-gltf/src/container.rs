@@ -7,7 +7,7 @@ use serde_json::json;
 use std::io::{BufWriter, Write};
 
 /// Writes all in one file.
-pub fn write_glb(
+pub(crate) fn write_glb(
     mut document: Document,
     mut buffer: Buffer<'_>,
     files: &mut dyn SceneFiles,
@@ -40,7 +40,7 @@ pub fn write_glb(
 }
 
 /// Writes the JSON, and the buffer beside it.
-pub fn write_gltf(
+pub(crate) fn write_gltf(
     mut document: Document,
     mut buffer: Buffer<'_>,
     stem: &str,
@@ -64,7 +64,7 @@ fn json_of(mut document: Document, buffer: &mut Buffer<'_>) -> Result<Vec<u8>, E
 }
 
 /// A file name as a relative reference (RFC 3986, §2).
-pub fn percent_encoded(name: &str) -> String {
+pub(crate) fn percent_encoded(name: &str) -> String {
     let mut out = String::new();
     for byte in name.bytes() {
         match byte {

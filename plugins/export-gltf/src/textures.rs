@@ -86,7 +86,7 @@ impl Textures {
     ///
     /// # Errors
     /// An image that cannot be written as PNG.
-    pub fn in_buffer(&self, buffer: &mut Buffer<'_>) -> Result<Vec<Value>, ExportError> {
+    pub(crate) fn in_buffer(&self, buffer: &mut Buffer<'_>) -> Result<Vec<Value>, ExportError> {
         let json = |(number, file): (usize, choreo_plugin::asset::ImageFile)| {
             let media_type = file.format.media_type();
             let view = buffer.bytes(file.bytes);

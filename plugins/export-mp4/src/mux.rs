@@ -66,7 +66,7 @@ impl Muxer {
     }
 
     /// Ends the image; false where it had nothing to show.
-    pub fn end_picture(&mut self) -> bool {
+    pub(crate) fn end_picture(&mut self) -> bool {
         let size = std::mem::take(&mut self.size);
         self.sizes.push(size);
         if std::mem::take(&mut self.key) {
@@ -76,7 +76,7 @@ impl Muxer {
     }
 
     /// State that the index needs of the frames since the last call: the parameter sets, each with its length, and the sizes.
-    pub fn take_state(&mut self) -> Vec<u8> {
+    pub(crate) fn take_state(&mut self) -> Vec<u8> {
         let mut state = Vec::new();
         for set in [&self.sps, &self.pps] {
             state.extend((set.len() as u32).to_le_bytes());
@@ -91,7 +91,7 @@ impl Muxer {
     }
 
     /// Takes back what `take_state` gave.
-    pub fn add_state(&mut self, state: &[u8]) -> io::Result<()> {
+    pub(crate) fn add_state(&mut self, state: &[u8]) -> io::Result<()> {
         let cut = || io::Error::other("what is kept of the video's index is cut");
         let mut rest = state;
         for set in [&mut self.sps, &mut self.pps] {

@@ -15,7 +15,7 @@ impl Frames {
     }
 
     /// Frames of a duration.
-    pub fn lasting(&self, duration: Time) -> f64 {
+    pub(crate) fn lasting(&self, duration: Time) -> f64 {
         duration.0 as f64 * f64::from(self.rate.num)
             / (f64::from(self.rate.den) * Time::TICKS_PER_SECOND as f64)
     }

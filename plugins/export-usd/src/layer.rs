@@ -32,30 +32,30 @@ const fn of(name: &'static str, code: u8, component: Component, width: usize) ->
     Type { name, code, component, width }
 }
 
-pub const BOOL: Type = of("bool", 1, Component::Bool, 1);
+pub(crate) const BOOL: Type = of("bool", 1, Component::Bool, 1);
 pub const INT: Type = of("int", 3, Component::Int, 1);
 pub const FLOAT: Type = of("float", 8, Component::Float, 1);
 pub const DOUBLE: Type = of("double", 9, Component::Double, 1);
 pub const STRING: Type = of("string", 10, Component::Text, 1);
-pub const TOKEN: Type = of("token", 11, Component::Text, 1);
-pub const ASSET: Type = of("asset", 12, Component::Text, 1);
-pub const MATRIX4D: Type = of("matrix4d", 15, Component::Double, 16);
-pub const QUATF: Type = of("quatf", 17, Component::Float, 4);
-pub const QUATH: Type = of("quath", 18, Component::Half, 4);
-pub const FLOAT2: Type = of("float2", 20, Component::Float, 2);
-pub const TEXCOORD2F: Type = of("texCoord2f", 20, Component::Float, 2);
-pub const DOUBLE3: Type = of("double3", 23, Component::Double, 3);
-pub const FLOAT3: Type = of("float3", 24, Component::Float, 3);
-pub const COLOR3F: Type = of("color3f", 24, Component::Float, 3);
-pub const POINT3F: Type = of("point3f", 24, Component::Float, 3);
-pub const NORMAL3F: Type = of("normal3f", 24, Component::Float, 3);
-pub const VECTOR3F: Type = of("vector3f", 24, Component::Float, 3);
-pub const HALF3: Type = of("half3", 25, Component::Half, 3);
-pub const FLOAT4: Type = of("float4", 28, Component::Float, 4);
+pub(crate) const TOKEN: Type = of("token", 11, Component::Text, 1);
+pub(crate) const ASSET: Type = of("asset", 12, Component::Text, 1);
+pub(crate) const MATRIX4D: Type = of("matrix4d", 15, Component::Double, 16);
+pub(crate) const QUATF: Type = of("quatf", 17, Component::Float, 4);
+pub(crate) const QUATH: Type = of("quath", 18, Component::Half, 4);
+pub(crate) const FLOAT2: Type = of("float2", 20, Component::Float, 2);
+pub(crate) const TEXCOORD2F: Type = of("texCoord2f", 20, Component::Float, 2);
+pub(crate) const DOUBLE3: Type = of("double3", 23, Component::Double, 3);
+pub(crate) const FLOAT3: Type = of("float3", 24, Component::Float, 3);
+pub(crate) const COLOR3F: Type = of("color3f", 24, Component::Float, 3);
+pub(crate) const POINT3F: Type = of("point3f", 24, Component::Float, 3);
+pub(crate) const NORMAL3F: Type = of("normal3f", 24, Component::Float, 3);
+pub(crate) const VECTOR3F: Type = of("vector3f", 24, Component::Float, 3);
+pub(crate) const HALF3: Type = of("half3", 25, Component::Half, 3);
+pub(crate) const FLOAT4: Type = of("float4", 28, Component::Float, 4);
 
 impl Type {
     /// Quaternions are x, y, z, w in memory and in crate files, and w, x, y, z in text.
-    pub fn is_quaternion(&self) -> bool {
+    pub(crate) fn is_quaternion(&self) -> bool {
         matches!(self.name, "quatf" | "quath")
     }
 }
@@ -213,23 +213,23 @@ impl<'a> Prim<'a> {
     }
 
     /// A token that does not change.
-    pub fn uniform_token(&mut self, name: &str, token: &str) {
+    pub(crate) fn uniform_token(&mut self, name: &str, token: &str) {
         self.set(TOKEN, name, Value::text(token)).uniform = true;
     }
 
     /// A list of tokens that does not change.
-    pub fn uniform_tokens(&mut self, name: &str, tokens: Vec<String>) {
+    pub(crate) fn uniform_tokens(&mut self, name: &str, tokens: Vec<String>) {
         self.set(TOKEN, name, Value::Texts(tokens)).uniform = true;
     }
 
-    pub fn relate(&mut self, name: &'static str, targets: Vec<String>) {
+    pub(crate) fn relate(&mut self, name: &'static str, targets: Vec<String>) {
         self.properties.push(Property::Relationship { name, targets });
     }
 }
 
 impl<'a> Attribute<'a> {
     /// No schema has it: a property of the user's own, which other programs show as such.
-    pub fn is_custom(&self) -> bool {
+    pub(crate) fn is_custom(&self) -> bool {
         self.name.starts_with("userProperties:")
     }
 

@@ -301,7 +301,7 @@ impl Network {
     }
 
     /// Whether another one has the same shaders, inputs and connections.
-    pub fn is_alike(&self, other: &Network) -> bool {
+    pub(crate) fn is_alike(&self, other: &Network) -> bool {
         let is_of_numbers = |a: &InputValue, b: &InputValue| matches!((a, b), (InputValue::Numbers(a), InputValue::Numbers(b)) if a.len() == b.len());
         self.shaders.len() == other.shaders.len()
             && self.shaders.iter().zip(&other.shaders).all(|(a, b)| {

@@ -143,7 +143,7 @@ pub fn bind<'a>(out: &mut Prim<'a>, p: &'a Primitive, binding: Binding<'_>, skel
 }
 
 /// A morph target: the vertices that it moves, and how far.
-pub fn blend_shape<'a>(name: &str, p: &'a Primitive, target: Option<&'a MorphTarget>) -> Prim<'a> {
+pub(crate) fn blend_shape<'a>(name: &str, p: &'a Primitive, target: Option<&'a MorphTarget>) -> Prim<'a> {
     let mut out = Prim::new("BlendShape", name);
     let count = p.positions.len();
     let list = |list: &'a Vec<Vec3>| (list.len() == count).then_some(list.as_slice());
@@ -167,7 +167,7 @@ pub fn blend_shape<'a>(name: &str, p: &'a Primitive, target: Option<&'a MorphTar
 }
 
 /// Names of a mesh's morph targets.
-pub fn target_names(mesh: &Mesh) -> Vec<String> {
+pub(crate) fn target_names(mesh: &Mesh) -> Vec<String> {
     let name = |index: usize| match mesh.morph_names.get(index) {
         Some(name) if !name.is_empty() => name.clone(),
         _ => format!("{} {index}", mesh.name),

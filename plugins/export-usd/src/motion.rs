@@ -33,13 +33,17 @@ fn track_samples<'a>(set: &Rc<TrackSet<'a>>, track: usize, frames: Frames) -> Sa
 }
 
 /// The keys of a series, each number changed by a function.
-pub fn series_samples<'a>(series: &Series, frames: Frames, change: impl Fn(f32) -> f64) -> Samples<'a> {
+pub(crate) fn series_samples<'a>(
+    series: &Series,
+    frames: Frames,
+    change: impl Fn(f32) -> f64,
+) -> Samples<'a> {
     let numbers = series.values.iter().map(|v| change(*v)).collect();
     Samples::of(frames.list(&series.times), None, series.width, numbers)
 }
 
 /// Adds the operations that place a prim: translation, rotation and scale.
-pub fn place_by_parts<'a>(prim: &mut Prim<'a>, at: &Transform) -> [usize; 3] {
+pub(crate) fn place_by_parts<'a>(prim: &mut Prim<'a>, at: &Transform) -> [usize; 3] {
     let first = prim.properties.len();
     prim.number(DOUBLE3, "xformOp:translate", &at.translation.to_array());
     prim.number(QUATF, "xformOp:orient", &at.rotation.to_array());
@@ -98,7 +102,7 @@ fn visibility<'a>(prim: &mut Prim<'a>, set: &Rc<TrackSet<'a>>, track: usize, fra
 }
 
 /// The set that moves an actor's joints.
-pub fn joint_set(baked: &Baked<'_>, sets: &Sets<'_>, actor: usize) -> Option<usize> {
+pub(crate) fn joint_set(baked: &Baked<'_>, sets: &Sets<'_>, actor: usize) -> Option<usize> {
     let moves = |set: &usize| sets[*set].tracks.iter().any(is_of_joint);
     baked.motions[actor].sets.iter().copied().find(moves)
 }

@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
 /// 46 hours at 60 Hz.
-pub const MAX_FRAMES: i64 = 10_000_000;
+pub(crate) const MAX_FRAMES: i64 = 10_000_000;
 /// Limit of key times, the same in all importers: about 115 days.
 pub const MAX_SECS: f64 = 1e7;
 

@@ -273,7 +273,7 @@ impl<'a> Reader<'_, 'a> {
 }
 
 /// The name of the program that wrote the file.
-pub fn authoring_tool<'a>(xml: &Xml<'a>) -> &'a str {
+pub(crate) fn authoring_tool<'a>(xml: &Xml<'a>) -> &'a str {
     let tool = child(xml.root(), "asset").and_then(|a| descendant(a, "authoring_tool"));
     tool.map_or("", crate::xml::text_of)
 }

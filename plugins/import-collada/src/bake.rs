@@ -20,7 +20,7 @@ pub const TOLERANCE: f64 = 5e-5;
 /// Halvings of an interval between two keys.
 pub const MAX_DEPTH: u32 = 9;
 /// Keys one node may come to.
-pub const MAX_KEYS: usize = 1_000_000;
+pub(crate) const MAX_KEYS: usize = 1_000_000;
 
 /// The values of a transform that a channel drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -246,7 +246,10 @@ pub fn key_times<'s>(samplers: impl Iterator<Item = &'s Sampler>, start: Time, e
 }
 
 /// Key times, with the tick before each at which a value jumps: it is held until then.
-pub fn held_keys<'s, I: Iterator<Item = &'s Sampler>>(times: &[Time], samplers: impl Fn() -> I) -> Vec<Time> {
+pub(crate) fn held_keys<'s, I: Iterator<Item = &'s Sampler>>(
+    times: &[Time],
+    samplers: impl Fn() -> I,
+) -> Vec<Time> {
     let mut out: Vec<Time> = Vec::with_capacity(times.len());
     for time in times {
         let jumps = |s: &Sampler| {

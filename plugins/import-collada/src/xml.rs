@@ -14,7 +14,7 @@ pub use roxmltree::NodeId;
 pub type Node<'a> = roxmltree::Node<'a, 'a>;
 
 /// The end of the warning for an instance that refers to nothing.
-pub const LEFT_OUT: &str = "it is left out";
+pub(crate) const LEFT_OUT: &str = "it is left out";
 /// Limits the memory of a file that is all tags.
 const MAX_NODES: u32 = 4_000_000;
 /// The parser compares each attribute of an element with all others.
@@ -141,12 +141,12 @@ impl<'a> Xml<'a> {
     }
 
     /// The element with this id; a node only where nothing else has it.
-    pub fn by_id(&self, id: &str) -> Option<Node<'a>> {
+    pub(crate) fn by_id(&self, id: &str) -> Option<Node<'a>> {
         self.ids.get(id).or(self.nodes.get(id)).copied()
     }
 
     /// The `<node>` with this id.
-    pub fn node_by_id(&self, id: &str) -> Option<Node<'a>> {
+    pub(crate) fn node_by_id(&self, id: &str) -> Option<Node<'a>> {
         self.nodes.get(id).copied()
     }
 
@@ -242,7 +242,7 @@ impl<'a> Xml<'a> {
     }
 
     /// The number in a child element, if there is one.
-    pub fn child_number(&self, node: Node<'_>, name: &'static str) -> Result<Option<f64>> {
+    pub(crate) fn child_number(&self, node: Node<'_>, name: &'static str) -> Result<Option<f64>> {
         child(node, name).map(|n| self.number(n)).transpose()
     }
 
@@ -275,7 +275,7 @@ pub fn name_of(node: Node<'_>) -> &str {
 }
 
 /// The `name` of an element, else its `id`.
-pub fn label_of(node: Node<'_>) -> Option<&str> {
+pub(crate) fn label_of(node: Node<'_>) -> Option<&str> {
     node.attribute("name").or(node.attribute("id"))
 }
 

@@ -72,7 +72,7 @@ impl<'a> Driven<'a> {
     }
 
     /// Seconds of the first and the last key.
-    pub fn key_range(&self) -> Option<(f64, f64)> {
+    pub(crate) fn key_range(&self) -> Option<(f64, f64)> {
         let times = || self.all_curves().flat_map(|c| &c.keyframes).map(|k| k.time);
         let first = times().min_by(f64::total_cmp)?;
         Some((first, times().max_by(f64::total_cmp)?))
@@ -149,7 +149,7 @@ impl<'a> Driven<'a> {
     }
 
     /// All curves that a node's transform depends on.
-    pub fn curves_of(&self, node: &Node) -> impl Iterator<Item = &'a AnimCurve> {
+    pub(crate) fn curves_of(&self, node: &Node) -> impl Iterator<Item = &'a AnimCurve> {
         let own = [node.element.element_id];
         let ids: BTreeSet<u32> = helpers(node).iter().map(|h| h.element.element_id).chain(own).collect();
         let of_node = move |id: &u32| ids.contains(id);

@@ -22,11 +22,11 @@ pub struct Accuracy {
 }
 
 /// Degrees, if nothing is said: what README.md's table shows to cost nothing.
-pub const TOLERANCE_DEG: f64 = 0.05;
+pub(crate) const TOLERANCE_DEG: f64 = 0.05;
 
 impl Accuracy {
     /// Limits in proportion to that of rotations: at 0.05° they are 0.1 mm, 1e-4 and 1e-3.
-    pub fn of_degrees(degrees: f64, rate: Option<f64>) -> Accuracy {
+    pub(crate) fn of_degrees(degrees: f64, rate: Option<f64>) -> Accuracy {
         let share = degrees / 0.05;
         let radians = degrees * (std::f64::consts::PI / 180.0);
         Accuracy { rate, radians, metres: 1e-4 * share, scale: 1e-4 * share, weight: 1e-3 * share }
@@ -78,7 +78,7 @@ impl<'a> File<'a> {
     }
 
     /// Blender writes its own units of light into FBX.
-    pub fn is_from_blender(&self) -> bool {
+    pub(crate) fn is_from_blender(&self) -> bool {
         matches!(self.scene.metadata.exporter, Exporter::BlenderBinary | Exporter::BlenderAscii)
     }
 

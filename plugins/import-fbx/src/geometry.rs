@@ -49,7 +49,7 @@ impl Geometry {
         self.place.transform_vector3(v.as_dvec3()).as_vec3()
     }
 
-    pub fn normal_offset(&self, v: Vec3) -> Vec3 {
+    pub(crate) fn normal_offset(&self, v: Vec3) -> Vec3 {
         (self.normals * v.as_dvec3()).as_vec3()
     }
 }

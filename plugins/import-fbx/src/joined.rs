@@ -207,7 +207,7 @@ impl Member<'_> {
     }
 
     /// Values of curves that never change.
-    pub fn at_start(&self) -> ([f64; 4], [f64; 4]) {
+    pub(crate) fn at_start(&self) -> ([f64; 4], [f64; 4]) {
         self.at(0, 0.0, &mut Latest::default())
     }
 
@@ -217,7 +217,7 @@ impl Member<'_> {
 
     /// Radians or metres by which a cubic Hermite curve with this member's values and slopes at both ends of an interval can
     /// be off between them: f⁗/384. Cut into n, it falls by n⁴.
-    pub fn cubic_error(&self, interval: usize) -> f64 {
+    pub(crate) fn cubic_error(&self, interval: usize) -> f64 {
         match self.path {
             // A quaternion's chord is half the angle.
             Path::Rotation => 2.0 * bell(self.curves.bounds(interval, 0, HALF_RAD))[3] / 384.0,

@@ -16,11 +16,11 @@ use ufbx::{
 pub const MAX_DEPTH: u32 = 4096;
 /// Each of three: what ufbx works with, what it hands over, what the importer makes of that. The first is free again before
 /// the third grows, so that together they stay within 16 times the file and 64 MiB.
-pub const MEMORY_OF_FILE: usize = 8;
-pub const MEMORY_BESIDE: usize = 32 << 20;
+pub(crate) const MEMORY_OF_FILE: usize = 8;
+pub(crate) const MEMORY_BESIDE: usize = 32 << 20;
 
 /// Bytes that one of the three may take for a file of this size.
-pub fn memory_limit(file_size: usize) -> usize {
+pub(crate) fn memory_limit(file_size: usize) -> usize {
     file_size.saturating_mul(MEMORY_OF_FILE).saturating_add(MEMORY_BESIDE)
 }
 
@@ -139,7 +139,7 @@ fn problem(error: &ufbx::Error, reached: u64, size: usize) -> Problem {
 }
 
 /// Passes on the guesses of ufbx as warnings.
-pub fn pass_warnings(file: &File<'_>) {
+pub(crate) fn pass_warnings(file: &File<'_>) {
     let element = |w: &ufbx::Warning| file.scene.elements.as_ref().get(w.element_id as usize);
     let mut names = 0;
     for warning in &file.scene.metadata.warnings {

@@ -7,7 +7,7 @@ use ufbx::{MirrorAxis, Node, PropFlags, RotationOrder};
 
 pub const TRANSLATION: &str = "Lcl Translation";
 pub const ROTATION: &str = "Lcl Rotation";
-pub const SCALING: &str = "Lcl Scaling";
+pub(crate) const SCALING: &str = "Lcl Scaling";
 /// All that a node's place depends on.
 pub const ALL: [&str; 10] = [
     TRANSLATION,
@@ -147,7 +147,7 @@ impl Local {
     }
 
     /// Its change a unit of time where the angles change by `rates`, degrees a unit of time.
-    pub fn rotation_rate(&self, turn: &Turn, rates: DVec3) -> DQuat {
+    pub(crate) fn rotation_rate(&self, turn: &Turn, rates: DVec3) -> DQuat {
         self.mirrored(self.between(self.euler_rate(turn, rates)))
     }
 
@@ -177,7 +177,7 @@ impl Local {
     }
 
     /// Metres.
-    pub fn translation_at(&self, translation: DVec3, turn: &Turn, scaling: DVec3) -> DVec3 {
+    pub(crate) fn translation_at(&self, translation: DVec3, turn: &Turn, scaling: DVec3) -> DVec3 {
         let swing = self.swing_at(scaling);
         let turned = if swing == DVec3::ZERO { swing } else { self.before * turn.all * self.post * swing };
         self.to_metres(turned + self.offset + translation)
@@ -188,7 +188,7 @@ impl Local {
     }
 
     /// Its change where all three change.
-    pub fn translation_rate(&self, at: (&Turn, DVec3), rates: (DVec3, DVec3, DVec3)) -> DVec3 {
+    pub(crate) fn translation_rate(&self, at: (&Turn, DVec3), rates: (DVec3, DVec3, DVec3)) -> DVec3 {
         let ((turn, scaling), (translation, rotation, scale)) = (at, rates);
         let (swing, swing_rate) = (self.swing_at(scaling), scale * self.scaled_swing);
         if swing == DVec3::ZERO && swing_rate == DVec3::ZERO {
@@ -214,20 +214,20 @@ impl Local {
     }
 
     /// The greatest distance, in metres, at which a rotation swings the node's origin about its pivot.
-    pub fn swing_metres(&self, scaling: DVec3) -> f64 {
+    pub(crate) fn swing_metres(&self, scaling: DVec3) -> f64 {
         self.swing_at(scaling).length() * self.metres()
     }
 
-    pub fn scaled_swing_metres(&self) -> f64 {
+    pub(crate) fn scaled_swing_metres(&self) -> f64 {
         self.scaled_swing.length() * self.metres()
     }
 
-    pub fn scale_at(&self, scaling: DVec3) -> DVec3 {
+    pub(crate) fn scale_at(&self, scaling: DVec3) -> DVec3 {
         scaling * self.resize
     }
 
     /// Parent-from-node where nothing moves.
-    pub fn matrix_at_rest(&self) -> DAffine3 {
+    pub(crate) fn matrix_at_rest(&self) -> DAffine3 {
         let turn = self.turn(self.rotation);
         let translation = self.translation_at(self.translation * self.factors[0], &turn, self.scaling);
         let scale = self.scale_at(self.scaling) * self.factors[1];
@@ -251,7 +251,7 @@ impl Local {
 }
 
 /// Half a degree's radians: quaternions hold half angles.
-pub const HALF_RAD: f64 = std::f64::consts::PI / 360.0;
+pub(crate) const HALF_RAD: f64 = std::f64::consts::PI / 360.0;
 const AXES: [DVec3; 3] = [DVec3::X, DVec3::Y, DVec3::Z];
 
 /// `None`: ufbx turns nothing for the spheric order, nor do we.

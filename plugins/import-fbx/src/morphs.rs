@@ -61,7 +61,7 @@ pub fn rest_weights(mesh: &Mesh) -> Vec<f32> {
 /// falling to 0 at its neighbours' and at 0, which is the mesh without shapes. Past the outermost shape the last two go on as
 /// before. On a side of 0 that has no shape, the first shape of the other side goes on through 0: a negative weight of a
 /// channel with positive shapes moves the vertices the other way, as in ufbx (`ufbxi_update_blend_channel`) and in Maya.
-pub fn shape_weights(channel: &BlendChannel, weight: f64, out: &mut Vec<f32>) {
+pub(crate) fn shape_weights(channel: &BlendChannel, weight: f64, out: &mut Vec<f32>) {
     let places = || channel.keyframes.as_ref().iter().map(|k| k.target_weight);
     for (index, place) in places().enumerate() {
         if place == 0.0 {

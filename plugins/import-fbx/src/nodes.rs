@@ -102,7 +102,7 @@ fn child_of<T>(child: &ufbx::Ref<T>) -> &T {
 }
 
 /// A helper for a geometric transform that needs no joint: the meshes on it are nowhere else, and take it in.
-pub fn is_folded(node: &Node) -> bool {
+pub(crate) fn is_folded(node: &Node) -> bool {
     let alone = |a: &ufbx::Element| match a.type_ {
         ElementType::Camera | ElementType::Light => false,
         ElementType::Mesh => a.instances.len() <= 1,

@@ -42,7 +42,7 @@ pub struct Object<'a> {
 }
 
 impl Object<'_> {
-    pub fn element_id(&self) -> Option<u32> {
+    pub(crate) fn element_id(&self) -> Option<u32> {
         let camera = self.camera.map(|c| c.element.element_id);
         camera.or(self.light.map(|l| l.element.element_id))
     }

@@ -6,15 +6,15 @@ use crate::problem::{Problem, Result};
 use crate::repair;
 use gltf::json::Root;
 
-pub const GLB_MAGIC: &[u8] = b"glTF";
+pub(crate) const GLB_MAGIC: &[u8] = b"glTF";
 const HEADER_BYTES: usize = 12;
 const CHUNK_HEADER_BYTES: usize = 8;
 const CHUNK_JSON: u32 = 0x4E4F_534A;
 const CHUNK_BIN: u32 = 0x004E_4942;
 
 /// A few bytes of JSON can become hundreds in memory: `{}` is a whole node.
-pub const MAX_JSON_OBJECTS: usize = 2 << 20;
-pub const MAX_JSON_VALUES: usize = 32 << 20;
+pub(crate) const MAX_JSON_OBJECTS: usize = 2 << 20;
+pub(crate) const MAX_JSON_VALUES: usize = 32 << 20;
 
 pub struct Container<'a> {
     pub json: &'a [u8],
@@ -25,7 +25,7 @@ pub struct Container<'a> {
 }
 
 /// The JSON of a GLB, as far as it is there; empty where the first chunk is none.
-pub fn json_chunk(glb: &[u8]) -> &[u8] {
+pub(crate) fn json_chunk(glb: &[u8]) -> &[u8] {
     let word =
         |at: usize| glb.get(at..at + 4).and_then(|b| b.first_chunk::<4>()).map(|b| u32::from_le_bytes(*b));
     match (word(HEADER_BYTES), word(HEADER_BYTES + 4)) {

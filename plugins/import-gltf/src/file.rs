@@ -97,7 +97,7 @@ impl<'a> File<'a> {
     }
 
     /// Bytes that may still be decoded.
-    pub fn budget_left(&self) -> u64 {
+    pub(crate) fn budget_left(&self) -> u64 {
         self.budget.left()
     }
 

@@ -6,7 +6,7 @@ enum Level {
 }
 
 /// The path of the innermost value at or before `offset`. Works on broken JSON too: only strings and brackets count.
-pub fn element_at(json: &[u8], offset: usize) -> String {
+pub(crate) fn element_at(json: &[u8], offset: usize) -> String {
     let mut levels: Vec<Level> = Vec::new();
     let mut at = 0;
     let mut last_string = String::new();

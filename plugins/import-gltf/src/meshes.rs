@@ -15,7 +15,7 @@ use gltf::json::validation::Checked;
 use std::sync::Arc;
 
 /// Number of morph targets of each mesh, from the JSON alone.
-pub fn morph_counts(file: &File<'_>) -> Vec<usize> {
+pub(crate) fn morph_counts(file: &File<'_>) -> Vec<usize> {
     let targets = |p: &json::mesh::Primitive| p.targets.as_ref().map_or(0, Vec::len);
     file.root.meshes.iter().map(|m| m.primitives.iter().map(targets).max().unwrap_or(0)).collect()
 }

@@ -176,7 +176,7 @@ fn scene_roots(file: &File<'_>, scene: Option<usize>, parents: &[Option<usize>])
 
 /// Whether a file that shows no mesh has something that bones can show: a skin, or a clip that moves a node which is no part of
 /// what carries a camera or a light.
-pub fn has_skeleton(file: &File<'_>, tree: &Tree, asset: &Asset) -> bool {
+pub(crate) fn has_skeleton(file: &File<'_>, tree: &Tree, asset: &Asset) -> bool {
     let mut carries = vec![false; asset.skeleton.len()];
     let on = asset.cameras.iter().map(|c| c.joint).chain(asset.lights.iter().map(|l| l.joint));
     on.for_each(|joint| carries[joint as usize] = true);

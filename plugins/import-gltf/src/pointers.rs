@@ -10,13 +10,13 @@ use std::collections::BTreeMap;
 pub const NAME: &str = "KHR_animation_pointer";
 
 /// Stands for "no node" in channels that have a pointer instead: the typed form wants a number.
-pub const NO_NODE: u32 = u32::MAX;
+pub(crate) const NO_NODE: u32 = u32::MAX;
 
 /// Pointers by (animation, channel).
 pub type Pointers = BTreeMap<(usize, usize), String>;
 
 /// Gives every channel without a node the mark above, and takes its pointer out; `None` where every channel has a node.
-pub fn mark_channels(root: &mut Value) -> Option<Pointers> {
+pub(crate) fn mark_channels(root: &mut Value) -> Option<Pointers> {
     let mut pointers = Pointers::new();
     let mut any = false;
     let animations = root.get_mut("animations").and_then(Value::as_array_mut);

@@ -62,7 +62,7 @@ fn write_whole_numbers(root: &mut Value) -> bool {
 }
 
 /// Refuses glTF 1.0 by name: its elements are in objects, not in lists, which the typed form calls an invalid type.
-pub fn refuse_version_1(root: &Value) -> Result<(), Problem> {
+pub(crate) fn refuse_version_1(root: &Value) -> Result<(), Problem> {
     let version = root.get("asset").and_then(|a| a.get("version")).and_then(Value::as_str);
     match version {
         Some(version) if version.split('.').next() == Some("1") => Err(unsupported_version(version)),
@@ -71,7 +71,7 @@ pub fn refuse_version_1(root: &Value) -> Result<(), Problem> {
 }
 
 /// The error for a version that is not read, with what to do about it.
-pub fn unsupported_version(version: &str) -> Problem {
+pub(crate) fn unsupported_version(version: &str) -> Problem {
     let problem = Problem::new("asset.version", format!("glTF {version} is not supported, only 2.0"));
     problem.hint(match version.split('.').next() {
         Some("1") => CONVERT_1,
@@ -80,7 +80,7 @@ pub fn unsupported_version(version: &str) -> Problem {
 }
 
 /// Hint for files of glTF 1.0.
-pub const CONVERT_1: &str =
+pub(crate) const CONVERT_1: &str =
     "convert the file to glTF 2.0, for example with `gltf-pipeline -i old.gltf -o new.glb`";
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use choreo_asset::Topology;
 use gltf::json::mesh::Mode;
 
 /// The list form, and how many indices at the end were left over.
-pub fn to_list(mode: Mode, i: Vec<u32>) -> (Topology, Vec<u32>, usize) {
+pub(crate) fn to_list(mode: Mode, i: Vec<u32>) -> (Topology, Vec<u32>, usize) {
     let n = i.len();
     match mode {
         Mode::Points => (Topology::Points, i, 0),

@@ -7,7 +7,7 @@ use choreo_importer_kit::Result;
 use choreo_importer_kit::text::percent_decoded;
 
 /// The bytes of a `data:` URI; `None` where the URI is not one.
-pub fn data_uri(uri: &str) -> Option<Result<Vec<u8>>> {
+pub(crate) fn data_uri(uri: &str) -> Option<Result<Vec<u8>>> {
     let scheme = uri.get(..5)?;
     if !scheme.eq_ignore_ascii_case("data:") {
         return None;

@@ -11,7 +11,7 @@ pub fn sphere(p: Vec3, at: Vec3, radius: f32) -> f32 {
 
 /// First-order distance `k0 (k0 − 1) / k1` (Quilez, "Ellipsoid SDF"): right sign everywhere, near the surface right
 /// to second order.
-pub fn ellipsoid(p: Vec3, at: Vec3, radii: Vec3) -> f32 {
+pub(crate) fn ellipsoid(p: Vec3, at: Vec3, radii: Vec3) -> f32 {
     let q = p - at;
     let k0 = (q / radii).length();
     let k1 = (q / (radii * radii)).length();
@@ -27,7 +27,7 @@ pub fn taper(p: Vec3, a: Vec3, ra: f32, b: Vec3, rb: f32) -> f32 {
 }
 
 /// A box with rounded edges; `half` includes the rounding.
-pub fn rounded_box(p: Vec3, at: Vec3, half: Vec3, rounding: f32) -> f32 {
+pub(crate) fn rounded_box(p: Vec3, at: Vec3, half: Vec3, rounding: f32) -> f32 {
     let q = (p - at).abs() - (half - rounding);
     q.max(Vec3::ZERO).length() + q.max_element().min(0.0) - rounding
 }

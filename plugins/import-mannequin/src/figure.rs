@@ -10,8 +10,8 @@ use glam::{Vec3, vec2, vec3};
 
 pub const SHELL: u32 = 0;
 pub const JOINTS: u32 = 1;
-pub const VISOR: u32 = 2;
-pub const EYES: u32 = 3;
+pub(crate) const VISOR: u32 = 2;
+pub(crate) const EYES: u32 = 3;
 
 /// Weight ramps from one joint to the next along a direction.
 #[derive(Clone, Copy)]
@@ -215,7 +215,7 @@ pub struct Inlay {
 }
 
 /// The visor, and the eyes in it: all rigid with the head.
-pub fn inlays() -> [Inlay; 2] {
+pub(crate) fn inlays() -> [Inlay; 2] {
     let lens = |center, half, power, rise, sectors| Lens { center, half, power, rise, sectors };
     [
         Inlay {

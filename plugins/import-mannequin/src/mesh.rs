@@ -7,7 +7,7 @@ use crate::skin::influences;
 use choreo_asset::{Mesh, Primitive, Skin};
 use glam::{Mat4, Quat};
 
-pub const MATERIALS: u32 = 4;
+pub(crate) const MATERIALS: u32 = 4;
 
 fn append(primitive: &mut Primitive, skinning: &Skinning, side: Side, surface: &Surface, scale: f32) {
     let first = primitive.positions.len() as u32;

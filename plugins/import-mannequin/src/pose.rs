@@ -274,7 +274,7 @@ impl Arm {
 }
 
 /// Converts authored axes to the rig's: `parent_axes⁻¹ · authored · axes`.
-pub fn joint_rotations(joints: &[Joint], authored: &Authored) -> Vec<Quat> {
+pub(crate) fn joint_rotations(joints: &[Joint], authored: &Authored) -> Vec<Quat> {
     joints
         .iter()
         .zip(&authored.rotations)

@@ -8,26 +8,26 @@ use glam::{Mat3, Quat, Vec3, vec3};
 
 pub const HIPS: usize = 0;
 pub const SPINE: usize = 1;
-pub const SPINE1: usize = 2;
-pub const SPINE2: usize = 3;
+pub(crate) const SPINE1: usize = 2;
+pub(crate) const SPINE2: usize = 3;
 pub const NECK: usize = 4;
 pub const HEAD: usize = 5;
 const ARMS: usize = 7;
 const JOINTS_PER_ARM: usize = 19;
 const LEGS: usize = ARMS + 2 * JOINTS_PER_ARM;
 const JOINTS_PER_LEG: usize = 5;
-pub const JOINT_COUNT: usize = LEGS + 2 * JOINTS_PER_LEG;
+pub(crate) const JOINT_COUNT: usize = LEGS + 2 * JOINTS_PER_LEG;
 
 /// Length of the thigh and of the shin, metres.
-pub const LEG_SEGMENT: f32 = 0.415;
-pub const ANKLE_HEIGHT: f32 = 0.085;
+pub(crate) const LEG_SEGMENT: f32 = 0.415;
+pub(crate) const ANKLE_HEIGHT: f32 = 0.085;
 /// Height of the toe joint, and of its distance in front of the ankle.
-pub const BALL_HEIGHT: f32 = 0.022;
-pub const BALL_AHEAD: f32 = 0.125;
+pub(crate) const BALL_HEIGHT: f32 = 0.022;
+pub(crate) const BALL_AHEAD: f32 = 0.125;
 /// Distance behind the ankle at which the heel touches the floor.
-pub const HEEL_BEHIND: f32 = 0.045;
-pub const HIP_WIDTH: f32 = 0.095;
-pub const REST_HEIGHT: f32 = 1.75;
+pub(crate) const HEEL_BEHIND: f32 = 0.045;
+pub(crate) const HIP_WIDTH: f32 = 0.095;
+pub(crate) const REST_HEIGHT: f32 = 1.75;
 
 /// Side 0 is the left, at +X.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +37,7 @@ pub enum Side {
 }
 
 impl Side {
-    pub const BOTH: [Side; 2] = [Side::Left, Side::Right];
+    pub(crate) const BOTH: [Side; 2] = [Side::Left, Side::Right];
     /// +1 left, −1 right.
     pub fn sign(self) -> f32 {
         if self == Side::Left { 1.0 } else { -1.0 }
@@ -48,7 +48,7 @@ impl Side {
     pub fn arm(self) -> usize {
         self.shoulder() + 1
     }
-    pub fn fore_arm(self) -> usize {
+    pub(crate) fn fore_arm(self) -> usize {
         self.shoulder() + 2
     }
     pub fn hand(self) -> usize {
@@ -58,7 +58,7 @@ impl Side {
     pub fn finger(self, finger: usize, segment: usize) -> usize {
         self.shoulder() + 4 + 3 * finger + segment
     }
-    pub fn up_leg(self) -> usize {
+    pub(crate) fn up_leg(self) -> usize {
         LEGS + JOINTS_PER_LEG * self as usize
     }
     pub fn leg(self) -> usize {
@@ -67,7 +67,7 @@ impl Side {
     pub fn foot(self) -> usize {
         self.up_leg() + 2
     }
-    pub fn toe_base(self) -> usize {
+    pub(crate) fn toe_base(self) -> usize {
         self.up_leg() + 3
     }
 }
@@ -82,7 +82,7 @@ pub struct Joint {
 }
 
 /// Knuckle, direction and segment lengths of the left fingers, thumb first.
-pub const FINGERS: [(&str, Vec3, Vec3, [f32; 3]); 5] = [
+pub(crate) const FINGERS: [(&str, Vec3, Vec3, [f32; 3]); 5] = [
     ("Thumb", vec3(0.747, 1.411, 0.020), vec3(0.72, -0.22, 0.66), [0.038, 0.032, 0.027]),
     ("Index", vec3(0.812, 1.421, 0.020), vec3(0.997, 0.0, 0.07), [0.038, 0.025, 0.021]),
     ("Middle", vec3(0.817, 1.423, -0.002), vec3(1.0, 0.0, 0.0), [0.042, 0.028, 0.022]),

@@ -13,7 +13,7 @@ pub struct Archive {
     pub first: String,
 }
 
-pub fn is_archive(bytes: &[u8]) -> bool {
+pub(crate) fn is_archive(bytes: &[u8]) -> bool {
     bytes.starts_with(b"PK\x03\x04")
 }
 

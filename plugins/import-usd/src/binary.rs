@@ -17,7 +17,7 @@ const MOST_RATIO: usize = 256;
 /// Prims within each other, at most.
 const MOST_DEPTH: usize = 96;
 
-pub fn is_crate(bytes: &[u8]) -> bool {
+pub(crate) fn is_crate(bytes: &[u8]) -> bool {
     bytes.starts_with(b"PXR-USDC")
 }
 

@@ -35,7 +35,7 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) {
 }
 
 /// VRM 0.x, "VRM extension: Model information".
-pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) {
+pub(crate) fn read_v0(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) {
     let mut about = About::new();
     if let Some(meta) = vrm.get("meta") {
         about.text(&meta, "title", "title");
@@ -58,7 +58,7 @@ pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) {
 }
 
 /// A VRM animation states nothing about itself but its writer.
-pub fn read_animation(document: &Document<'_>, asset: &mut Asset) {
+pub(crate) fn read_animation(document: &Document<'_>, asset: &mut Asset) {
     asset.origin = origin(document, "VRM Animation 1.0", About::new());
 }
 

@@ -62,7 +62,7 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &m
 }
 
 /// A character whose file says how its eyes move can be given a direction to look in: see [`GAZE`].
-pub fn add_gaze(asset: &mut Asset) {
+pub(crate) fn add_gaze(asset: &mut Asset) {
     if asset.eyes.is_none() {
         return;
     }
@@ -75,7 +75,12 @@ pub fn add_gaze(asset: &mut Asset) {
 }
 
 /// VRM 0.x, "Morph setting": binds name meshes, weights go to 100.
-pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &mut Asset) -> Result<()> {
+pub(crate) fn read_v0(
+    document: &Document<'_>,
+    vrm: &At<'_>,
+    needs: ImportScope,
+    asset: &mut Asset,
+) -> Result<()> {
     let Some(master) = vrm.get("blendShapeMaster") else { return Ok(()) };
     let mut faces = Faces::new(document, needs, asset);
     for at in master.list("blendShapeGroups")? {

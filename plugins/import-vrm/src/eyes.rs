@@ -16,7 +16,7 @@ pub fn read(vrm: &At<'_>) -> Result<Option<Eyes>> {
 }
 
 /// Curves other than straight lines are taken as straight lines: 1.0 has no others either.
-pub fn read_v0(vrm: &At<'_>) -> Result<Option<Eyes>> {
+pub(crate) fn read_v0(vrm: &At<'_>) -> Result<Option<Eyes>> {
     let Some(person) = vrm.get("firstPerson").filter(|p| p.text("lookAtTypeName").is_some()) else {
         return Ok(None);
     };

@@ -18,7 +18,7 @@ const HALF_TURN: Quat = Quat::from_xyzw(0.0, 1.0, 0.0, 0.0);
 
 /// A vector that VRM 0.x wrote as Unity has it (left-handed, the model looks along +Z, +X is its right), in the axes of the turned
 /// model. UniVRM 0.x converts nodes and vertices to glTF by −z, but writes the vectors of its own extension as they are.
-pub fn from_unity(v: Vec3) -> Vec3 {
+pub(crate) fn from_unity(v: Vec3) -> Vec3 {
     Vec3::new(-v.x, v.y, v.z)
 }
 

@@ -19,7 +19,7 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) -> Result<
 }
 
 /// An array: `[{ "bone": "hips", "node": 0 }, …]`.
-pub fn read_v0(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) -> Result<()> {
+pub(crate) fn read_v0(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) -> Result<()> {
     bones(document, vrm, asset, |humanoid, bones| {
         for at in humanoid.list("humanBones")? {
             let name = at.text("bone").unwrap_or_default();

@@ -75,7 +75,7 @@ impl<'a> At<'a> {
         }
     }
 
-    pub fn number_or(&self, key: &str, default: f32) -> Result<f32> {
+    pub(crate) fn number_or(&self, key: &str, default: f32) -> Result<f32> {
         Ok(self.number(key)?.unwrap_or(default))
     }
 
@@ -89,7 +89,7 @@ impl<'a> At<'a> {
     }
 
     /// The texts of this array; `None` for anything else.
-    pub fn as_texts(&self) -> Option<Vec<&'a str>> {
+    pub(crate) fn as_texts(&self) -> Option<Vec<&'a str>> {
         self.value.as_array().map(|list| list.iter().take(1000).filter_map(Value::as_str).collect())
     }
 
@@ -111,7 +111,7 @@ impl<'a> At<'a> {
     }
 
     /// This value as an index.
-    pub fn own_index(&self) -> Result<Option<usize>> {
+    pub(crate) fn own_index(&self) -> Result<Option<usize>> {
         self.as_index(self.value, || self.place())
     }
 
@@ -124,7 +124,7 @@ impl<'a> At<'a> {
         }
     }
 
-    pub fn needed_index(&self, key: &str) -> Result<usize> {
+    pub(crate) fn needed_index(&self, key: &str) -> Result<usize> {
         self.index(key)?.ok_or_else(|| self.wrong(key, "is missing"))
     }
 
@@ -146,7 +146,7 @@ impl<'a> At<'a> {
         if v.is_finite() { Ok(Some(v)) } else { Err(self.wrong(key, "must be finite")) }
     }
 
-    pub fn vec3_or(&self, key: &str, default: Vec3) -> Result<Vec3> {
+    pub(crate) fn vec3_or(&self, key: &str, default: Vec3) -> Result<Vec3> {
         Ok(self.vec3(key)?.unwrap_or(default))
     }
 }

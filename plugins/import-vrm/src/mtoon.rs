@@ -82,7 +82,11 @@ pub fn read(
 }
 
 /// VRM 0.x. Colors there are sRGB; shift and toony mean other lines, converted as UniVRM and three-vrm do on migration to 1.0.
-pub fn read_v0(at: &At<'_>, textures: &mut dyn MaterialTextures, material: &mut Material) -> Result<()> {
+pub(crate) fn read_v0(
+    at: &At<'_>,
+    textures: &mut dyn MaterialTextures,
+    material: &mut Material,
+) -> Result<()> {
     let d = Toon::default();
     let (floats, vectors) = (at.part("floatProperties"), at.part("vectorProperties"));
     let images = at.part("textureProperties");

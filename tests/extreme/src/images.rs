@@ -396,7 +396,7 @@ pub fn leaf() -> Stage {
 }
 
 /// A wall that a sun and a lamp light.
-pub fn lit_wall() -> Stage {
+pub(crate) fn lit_wall() -> Stage {
     let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
     stage.lights.push(sun());
     let lamp = Light { kind: LightKind::Point, color: Vec3::X, intensity: PI, range: Some(3.0) };

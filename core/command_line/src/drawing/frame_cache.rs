@@ -57,7 +57,7 @@ impl Remembering {
     }
 
     /// One that is shared by renders of different films, whose frames are not kept.
-    pub fn shared_only(renderer: Box<dyn Renderer>) -> Remembering {
+    pub(crate) fn shared_only(renderer: Box<dyn Renderer>) -> Remembering {
         let shared = Remembering::new(renderer);
         shared.shared().keeps = false;
         shared

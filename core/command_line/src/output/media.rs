@@ -70,7 +70,7 @@ fn read_png(mut rest: &[u8]) -> Media {
 }
 
 /// The provenance of an image of which every byte is there, and every checksum right where the format has any; `None` of others.
-pub fn whole_image(bytes: &[u8]) -> Option<Media> {
+pub(crate) fn whole_image(bytes: &[u8]) -> Option<Media> {
     match bytes.starts_with(EXR) {
         true => whole_exr(bytes),
         false => whole_png(bytes),

@@ -28,7 +28,7 @@ pub fn of(
 }
 
 /// Provenance of a scene exported by `exporter`, which it names with its version.
-pub fn of_export(
+pub(crate) fn of_export(
     scene: &OpenedScene,
     rate: FrameRate,
     options: &ExportOptions,

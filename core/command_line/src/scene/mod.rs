@@ -25,7 +25,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Warning about a model without clips, after its name.
-pub const ONE_FRAME: &str = "no clips: one frame";
+pub(crate) const ONE_FRAME: &str = "no clips: one frame";
 
 pub struct OpenedScene {
     /// The file's name without folders.

@@ -48,7 +48,7 @@ pub fn find(app: &App, term: &str) -> Vec<Call> {
 }
 
 /// A page with the scripts that it includes (`{{#include ../../scenes/crowd.rhai}}`), as far as they are pages.
-pub fn with_scripts(app: &App, text: &str) -> String {
+pub(crate) fn with_scripts(app: &App, text: &str) -> String {
     let line = |line: &str| {
         let path = line.strip_prefix("{{#include ").and_then(|rest| rest.strip_suffix("}}"));
         let included = path.and_then(|path| self::text(app, path.trim_start_matches("../")));

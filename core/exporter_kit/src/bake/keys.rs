@@ -32,7 +32,7 @@ struct KeyTrack<'a> {
 }
 
 /// Whether an actor's joints and morph weights are those of its clips, one at a time, and nothing else.
-pub fn plays_unchanged(stage: &Stage, actor: &Actor) -> bool {
+pub(crate) fn plays_unchanged(stage: &Stage, actor: &Actor) -> bool {
     let weights = |p: &Property| matches!(p, Property::Morph { .. } | Property::Expression { .. });
     let plain = stage.hooks.is_empty()
         && actor.constraints.is_empty()
@@ -338,7 +338,7 @@ fn value_at(curve: &Curve, time: Time, out: &mut Vec<f32>) {
 }
 
 /// Adds the stage times of the keys of an actor's clips: there the slope of LINEAR curves jumps. Clips whose time is keyed are left out.
-pub fn add_key_times(actor: &Actor, start: Time, end: Time, out: &mut Vec<Time>) {
+pub(crate) fn add_key_times(actor: &Actor, start: Time, end: Time, out: &mut Vec<Time>) {
     for (number, layer) in actor.layers.iter().enumerate() {
         for (index, cue) in layer.cues.iter().enumerate() {
             let is_straight = cue.in_step.iter().all(Option::is_none)

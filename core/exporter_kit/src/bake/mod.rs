@@ -233,4 +233,5 @@ impl Baked<'_> {
 }
 
 /// The parts of a camera's signals.
-pub const CAMERA_PARTS: [CameraPart; 3] = [CameraPart::Position, CameraPart::Rotation, CameraPart::Lens];
+pub(crate) const CAMERA_PARTS: [CameraPart; 3] =
+    [CameraPart::Position, CameraPart::Rotation, CameraPart::Lens];

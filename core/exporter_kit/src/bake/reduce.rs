@@ -11,7 +11,12 @@ use choreo_plugin::stage::Actor;
 use std::sync::Arc;
 
 /// Curves of an actor. `tolerance`: metres in the world.
-pub fn actor_tracks(actor: &Actor, sampled: &Sampled, rows: &[Row], tolerance: f64) -> TrackSet<'static> {
+pub(crate) fn actor_tracks(
+    actor: &Actor,
+    sampled: &Sampled,
+    rows: &[Row],
+    tolerance: f64,
+) -> TrackSet<'static> {
     let rows: Vec<&Row> = rows.iter().collect();
     let mut out = none();
     let curves = curves(sampled, &rows, 0.0, &mut out.still);
@@ -28,7 +33,12 @@ pub fn actor_tracks(actor: &Actor, sampled: &Sampled, rows: &[Row], tolerance: f
 }
 
 /// Curves of an actor that all have the same key times: whole rows go, where all joints stay within the tolerance in the world.
-pub fn common_tracks(actor: &Actor, sampled: &Sampled, rows: &[Row], tolerance: f64) -> TrackSet<'static> {
+pub(crate) fn common_tracks(
+    actor: &Actor,
+    sampled: &Sampled,
+    rows: &[Row],
+    tolerance: f64,
+) -> TrackSet<'static> {
     let row = |index: usize| &rows[index].values[sampled.offset..][..sampled.joints * STRIDE];
     let parents = actor.asset.skeleton.parents();
     let mut spaces = rig::Spaces::default();

@@ -211,7 +211,7 @@ fn without_others(stage: &Stage, signals: &[Signal], sampled: &[Sampled]) -> Opt
 
 /// Times at which something begins, ends or jumps, each with the tick before it, the frames, and the keys of the clips of these actors,
 /// where the slope of curves jumps; increasing, from start to end.
-pub fn first_times(scene: &ExportedScene, start: Time, end: Time, posed: &[usize]) -> Vec<Time> {
+pub(crate) fn first_times(scene: &ExportedScene, start: Time, end: Time, posed: &[usize]) -> Vec<Time> {
     let stage = &scene.stage;
     let mut jumps: Vec<Time> = stage.cuts.iter().map(|cut| cut.at).collect();
     let mut out: Vec<Time> = Vec::new();

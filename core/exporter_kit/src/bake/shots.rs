@@ -57,7 +57,7 @@ fn shot(stage: &Stage, from: Time, camera: Option<usize>) -> Shot {
 }
 
 /// Takes the moves of shots from the rows of a sampler that has the signals of cameras.
-pub fn take_moves(signals: &[Signal], rows: &[Row], shots: &mut [Shot]) {
+pub(crate) fn take_moves(signals: &[Signal], rows: &[Row], shots: &mut [Shot]) {
     let find = |dissolving: bool, part: CameraPart| {
         let quantity = Quantity::Camera { dissolving, part };
         signals.iter().find(|signal| signal.quantity == quantity)
@@ -82,7 +82,7 @@ pub fn take_moves(signals: &[Signal], rows: &[Row], shots: &mut [Shot]) {
 }
 
 /// Finds out how the shots begin: the projection of all, and the place of those that stand still.
-pub fn place_still(scene: &ExportedScene, baked: &mut Baked<'_>) -> Result<(), StageError> {
+pub(crate) fn place_still(scene: &ExportedScene, baked: &mut Baked<'_>) -> Result<(), StageError> {
     let mut evaluator = Evaluator::new(scene.stage.clone());
     for shot in &mut baked.shots {
         let state: CameraState = match shot.from == baked.start {

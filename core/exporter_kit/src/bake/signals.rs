@@ -77,7 +77,7 @@ pub struct Signal {
 }
 
 impl Signal {
-    pub fn is_rotation(&self) -> bool {
+    pub(crate) fn is_rotation(&self) -> bool {
         matches!(
             self.quantity,
             Quantity::Camera { part: CameraPart::Rotation, .. }

@@ -135,7 +135,7 @@ pub fn seconds(times: &[Time], start: Time) -> Vec<f32> {
 }
 
 /// Times that are no farther apart are a jump.
-pub const JUMP_TICKS: i64 = 2;
+pub(crate) const JUMP_TICKS: i64 = 2;
 
 fn not_after(secs: f64) -> f32 {
     let near = secs as f32;

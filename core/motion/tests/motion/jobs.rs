@@ -1,5 +1,6 @@
 //! Blend, crossfade, local-to-model, skinning, morphing: closed forms, f64, equal bits, named errors.
 
+use crate::support::skinned_mesh::SkinnedMesh;
 use crate::support::*;
 use choreo_motion::{
     Blend, BlendOnto, Clip, Crossfade, InputError, Interpolation, Level, LinearSkinning, LocalToModel, Morph,

@@ -1,6 +1,7 @@
 //! Dual-quaternion skinning against the same formulas in f64, which the unit tests hold to closed forms.
 
-use crate::support::{Random, SkinnedMesh};
+use crate::support::Random;
+use crate::support::skinned_mesh::SkinnedMesh;
 use choreo_motion::{DualQuaternion, DualQuaternionSkinning, Level, StretchedDualQuaternion, stretch_matrix};
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Vec3};
 

@@ -2,12 +2,11 @@
 #![allow(dead_code, reason = "each test file uses a part")]
 
 mod random;
-mod skinned_mesh;
+pub mod skinned_mesh;
 
 use choreo_motion::{Curve, Interpolation, Path, Skeleton, Time, Transform};
 use glam::{DAffine3, DQuat, DVec3, Quat, Vec3};
 pub use random::Random;
-pub use skinned_mesh::SkinnedMesh;
 
 pub fn times(secs: &[f64]) -> std::sync::Arc<[Time]> {
     secs.iter().map(|s| Time::from_secs(*s)).collect()

@@ -5,7 +5,7 @@ use crate::plan::{Features, Plan};
 use glam::Vec3;
 
 /// Light of the sky as a display shows it.
-pub fn displayed(plan: &Plan, light: Vec3) -> Vec3 {
+pub(crate) fn displayed(plan: &Plan, light: Vec3) -> Vec3 {
     if plan.display.is_empty() {
         return light;
     }

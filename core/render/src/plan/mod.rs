@@ -149,7 +149,7 @@ pub struct Plan {
 
 impl Plan {
     /// Row of the first four parameters of each effect in the scene's shaders, in their common uniform buffer.
-    pub fn first_rows(&self) -> impl Iterator<Item = u32> {
+    pub(crate) fn first_rows(&self) -> impl Iterator<Item = u32> {
         self.scene_effects.iter().scan(REACH_ROWS, |next, used| {
             let first = *next;
             *next += used.rows() as u32;

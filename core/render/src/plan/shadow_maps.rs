@@ -4,7 +4,7 @@ use crate::plan::Draw;
 use glam::Mat4;
 
 /// The widest penumbra in texels; shaders/shadow.wgsl has the same constant.
-pub const MAX_PENUMBRA: f32 = 12.0;
+pub(crate) const MAX_PENUMBRA: f32 = 12.0;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShadowMaps {

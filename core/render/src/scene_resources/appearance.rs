@@ -94,7 +94,7 @@ impl Appearance {
     }
 
     /// The smallest size of pixels in metres from which other shapes of the parts look like the model; `None` if none does.
-    pub fn smallest_pixel(&self, model: &Model, shapes: &[Shape]) -> Option<f32> {
+    pub(crate) fn smallest_pixel(&self, model: &Model, shapes: &[Shape]) -> Option<f32> {
         let drawn: Vec<Drawn> = model
             .parts
             .iter()

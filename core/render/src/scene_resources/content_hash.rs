@@ -24,7 +24,7 @@ pub(crate) fn material_hash(m: &MaterialResource) -> [u8; 16] {
 }
 
 /// Hash of a material with its textures by content: equal materials of different stages.
-pub fn material_content(m: &MaterialResource, textures: &[TextureResource]) -> [u8; 16] {
+pub(crate) fn material_content(m: &MaterialResource, textures: &[TextureResource]) -> [u8; 16] {
     hash_with(m, &|texture| match textures.get(texture as usize) {
         Some(t) => [&t.hash[..], &[u8::from(t.srgb), u8::from(t.mipmaps)]].concat(),
         None => Vec::new(),

@@ -57,7 +57,7 @@ impl ParameterRows {
     }
 
     /// The functions with the numbers of the frame; nothing where the effect does not read them.
-    pub fn frame_functions(self, rows: &str) -> String {
+    pub(crate) fn frame_functions(self, rows: &str) -> String {
         let function = |row: u32| {
             format!("fn effect_frame_row_{}() -> vec4<f32> {{ return {rows}[{row}]; }}\n", row - self.frame())
         };

@@ -291,7 +291,7 @@ impl FrameInFlight {
     }
 
     /// Faults of effects as the frame's shaders recorded them; the frame must be done.
-    pub fn fault_records(&self) -> &[u8] {
+    pub(crate) fn fault_records(&self) -> &[u8] {
         let Block { at, bytes } = self.faults;
         let mapped = self.ring.as_ref().map_or(&[][..], |ring| ring.mapped());
         mapped.get(at as usize..(at + bytes) as usize).unwrap_or(&[])

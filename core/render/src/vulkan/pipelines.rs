@@ -337,7 +337,7 @@ impl Pipelines {
     }
 
     /// Bytes of the records of faults.
-    pub fn fault_bytes(&self) -> usize {
+    pub(crate) fn fault_bytes(&self) -> usize {
         if self.records_faults { self.effects.len() * RECORDS as usize * size_of::<u32>() } else { 0 }
     }
 

@@ -394,7 +394,7 @@ fn angles(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
 
 /// Reads a quaternion [x, y, z, w] and normalizes it.
 /// The arguments of `rotate`: three angles about x, then y, then z, or a quaternion.
-pub fn angles_or_quaternion(c: &mut Call) -> Result<DQuat, ApiError> {
+pub(crate) fn angles_or_quaternion(c: &mut Call) -> Result<DQuat, ApiError> {
     if c.len() > 1 {
         return Ok(euler(DVec3::new(c.number(0)?, c.number(1)?, c.number(2)?)));
     }

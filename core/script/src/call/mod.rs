@@ -88,7 +88,7 @@ pub fn unknown<'a>(
 }
 
 /// The same, with all names that are taken, of which `known` are shown.
-pub fn unknown_of<'a>(
+pub(crate) fn unknown_of<'a>(
     what: &str,
     name: &str,
     place: &str,

@@ -4,7 +4,7 @@ use super::formatted;
 use crate::tokens::tokens_with_inner;
 
 /// A string with its code formatted; code of several lines stays.
-pub fn formatted_string(string: &str) -> String {
+pub(crate) fn formatted_string(string: &str) -> String {
     let (mut new, mut behind) = (String::with_capacity(string.len()), 0);
     for code in tokens_with_inner(string).1 {
         let inside = code.range.start + 1..code.range.end - 1;
@@ -24,7 +24,7 @@ fn on_one_line(code: &str) -> Option<String> {
 }
 
 /// Whether two strings have the same letters, and code of the same tokens.
-pub fn is_same_string(old: &str, new: &str) -> bool {
+pub(crate) fn is_same_string(old: &str, new: &str) -> bool {
     let parts = |string: &str| {
         let (mut letters, mut tokens, mut behind) = (Vec::new(), Vec::new(), 0);
         for code in tokens_with_inner(string).1 {

@@ -142,7 +142,7 @@ pub(crate) struct Suggestion {
 }
 
 /// The function or method to use in place of the unknown `name`, called on a value of this kind.
-pub fn of_function(defs: &Defs, name: &str, on: HandleKind) -> Option<Suggestion> {
+pub(crate) fn of_function(defs: &Defs, name: &str, on: HandleKind) -> Option<Suggestion> {
     let topic = topic(name)?;
     let callable = |target: &Target| target.entry(defs).filter(|_| target.option().is_none());
     let own = topic.calls.iter().find(|target| callable(target).is_some_and(|(_, def)| def.on == on));

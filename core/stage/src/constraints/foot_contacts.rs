@@ -117,7 +117,7 @@ impl<'a> FootContacts<'a> {
 
     /// Seconds until a leg's foot comes down as the clip has it that plays at a time with most weight; 0: it stands. `backwards`: since it
     /// went up. At most `most`.
-    pub fn lands_secs(&self, leg: usize, time: Time, backwards: bool, most: f64) -> f64 {
+    pub(crate) fn lands_secs(&self, leg: usize, time: Time, backwards: bool, most: f64) -> f64 {
         let leg = self.leg_in_clips(leg, time);
         let playing = self.actor.active_clips(time);
         let Some(cue) = playing.iter().rev().find(|c| c.layer == 0 && c.weight >= 0.5).map(|c| c.cue) else {

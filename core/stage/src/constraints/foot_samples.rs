@@ -107,7 +107,7 @@ impl FootSamples {
     }
 
     /// Index of the last sample at or before a time, and the share of the way to the next one, 0..=1.
-    pub fn index_at(&self, time: Time) -> (usize, f64) {
+    pub(crate) fn index_at(&self, time: Time) -> (usize, f64) {
         let last = self.transforms.len() - 1;
         let at = ((time - self.from).0 as f64 / STEP.0 as f64).clamp(0.0, last as f64);
         let low = (at as usize).min(last.saturating_sub(1));

@@ -194,7 +194,7 @@ impl Footstep {
     }
 
     /// Whether it leads from a stand to a walk.
-    pub fn leads_to_walk(&self) -> bool {
+    pub(crate) fn leads_to_walk(&self) -> bool {
         self.backwards
     }
 

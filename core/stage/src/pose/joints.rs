@@ -20,7 +20,7 @@ impl PosedSkeleton<'_> {
     }
 
     /// Whether a joint is below another.
-    pub fn hangs_on(&self, joint: u32, above: u32) -> bool {
+    pub(crate) fn hangs_on(&self, joint: u32, above: u32) -> bool {
         let parents = self.skeleton.parents();
         std::iter::successors(parents[joint as usize], |j| parents[*j as usize]).any(|j| j == above)
     }

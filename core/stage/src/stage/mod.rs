@@ -100,7 +100,7 @@ pub struct Settings {
 
 impl Settings {
     /// Allowed exposures, stops.
-    pub const EXPOSURES: std::ops::RangeInclusive<f32> = -20.0..=20.0;
+    pub(crate) const EXPOSURES: std::ops::RangeInclusive<f32> = -20.0..=20.0;
 }
 
 /// The curve from scene-linear light to the colors of a display, for lit surfaces and the sky. Unlit and toon surfaces, 2D layers

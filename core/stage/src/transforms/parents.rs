@@ -41,7 +41,7 @@ impl ActiveParent {
         Placement { scale: own.scale, ..local }
     }
 
-    pub fn find_space(&mut self, stage: &Stage, actors: &[ActorState]) {
+    pub(crate) fn find_space(&mut self, stage: &Stage, actors: &[ActorState]) {
         let frame =
             self.to.map_or(DAffine3::IDENTITY, |to| world_from_parent(stage, actors, &to, self.scale));
         self.world_from_parent = frame * self.offset;
@@ -102,7 +102,7 @@ impl ActiveParents {
         &self.all[self.range(actor)]
     }
 
-    pub fn of_mut(&mut self, actor: usize) -> &mut [ActiveParent] {
+    pub(crate) fn of_mut(&mut self, actor: usize) -> &mut [ActiveParent] {
         let range = self.range(actor);
         &mut self.all[range]
     }
@@ -114,7 +114,7 @@ impl ActiveParents {
     }
 
     /// Whether anything is attached to a joint of an actor.
-    pub fn has_on_joints(&self, actor: usize) -> bool {
+    pub(crate) fn has_on_joints(&self, actor: usize) -> bool {
         self.all.iter().any(|p| p.to.is_some_and(|to| to.actor == actor && to.joint.is_some()))
     }
 }

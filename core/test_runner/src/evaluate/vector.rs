@@ -112,7 +112,11 @@ fn is_own_camera(
 }
 
 /// Why a quantity has no value at a time.
-pub fn why_unknown(looks: &mut Looks, quantity: &VectorQuantity, time: Time) -> Result<String, Unjudged> {
+pub(crate) fn why_unknown(
+    looks: &mut Looks,
+    quantity: &VectorQuantity,
+    time: Time,
+) -> Result<String, Unjudged> {
     if let VectorQuantity::InPicture(subject, camera) = quantity {
         if is_own_camera(looks, *subject, *camera, time)? {
             return Ok(format!(

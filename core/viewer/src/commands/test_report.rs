@@ -53,7 +53,7 @@ pub struct Images {
 
 impl Section {
     /// The sections of a report.
-    pub fn of_report(report: &Value) -> Vec<Section> {
+    pub(crate) fn of_report(report: &Value) -> Vec<Section> {
         report["sections"].as_array().into_iter().flatten().map(Section::new).collect()
     }
 

@@ -43,7 +43,7 @@ impl TestRun {
         locked(&self.0).sections.clone()
     }
 
-    pub fn is_running(&self) -> bool {
+    pub(crate) fn is_running(&self) -> bool {
         locked(&self.0).running.is_some()
     }
 

@@ -59,7 +59,13 @@ impl Viewer {
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed.
-    pub fn add_file_clip(&mut self, name: &str, file: &Path, clip: &str, secs: f64) -> Result<(), EditError> {
+    pub(crate) fn add_file_clip(
+        &mut self,
+        name: &str,
+        file: &Path,
+        clip: &str,
+        secs: f64,
+    ) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
@@ -127,7 +133,7 @@ impl Viewer {
     }
 
     /// How many of the joints that a clip of one actor moves are followed by another actor, and how many it moves; `None` for its own.
-    pub fn joints_that_follow(&self, of: &str, clip: &str, on: &str) -> Option<(usize, usize)> {
+    pub(crate) fn joints_that_follow(&self, of: &str, clip: &str, on: &str) -> Option<(usize, usize)> {
         let stage = &self.scene.as_ref()?.stage;
         let asset = |name: &str| Some(&stage.actors[actor(stage, name)?].asset);
         let (from, to) = (asset(of)?, asset(on)?);

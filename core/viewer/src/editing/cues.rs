@@ -35,7 +35,7 @@ impl Viewer {
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed.
-    pub fn move_selected(&mut self, by: f64) -> Result<(), EditError> {
+    pub(crate) fn move_selected(&mut self, by: f64) -> Result<(), EditError> {
         let (bars, keys) = (self.selected_bars(), self.selected_keys().to_vec());
         let mut steps = self.key_drag_steps(&keys, by, None)?;
         steps.extend(self.bar_move_steps(&bars, by)?);
@@ -124,7 +124,7 @@ impl Viewer {
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed.
-    pub fn delete_cues(&mut self, all: &[Selected]) -> Result<(), EditError> {
+    pub(crate) fn delete_cues(&mut self, all: &[Selected]) -> Result<(), EditError> {
         let steps = self.cue_delete_steps(all)?;
         self.change_all(steps)?;
         self.selection = None;

@@ -42,7 +42,7 @@ impl Viewer {
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed.
-    pub fn change_field(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
+    pub(crate) fn change_field(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
         match change {
             FieldChange::Time(part, secs) => self.set_cue(what, *part, *secs),
             FieldChange::FocalLength(length) => self.set_focal_length(what, *length),
@@ -123,7 +123,11 @@ impl Viewer {
     }
 
     /// The options of the shape that an actor is cast from, as they are written; `None` where it is no shape.
-    pub fn written_material(&self, what: &Selected, names: &[&'static str]) -> Option<Vec<Option<String>>> {
+    pub(crate) fn written_material(
+        &self,
+        what: &Selected,
+        names: &[&'static str],
+    ) -> Option<Vec<Option<String>>> {
         let (place, siblings) = self.place_of(what)?;
         self.check_place(&place, siblings).ok()?;
         let known = self.known()?;

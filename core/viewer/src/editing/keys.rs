@@ -78,12 +78,12 @@ impl Viewer {
     }
 
     /// Moves a key to a time.
-    pub fn set_key_time(&mut self, key: &KeyRef, secs: f64) -> Result<(), EditError> {
+    pub(crate) fn set_key_time(&mut self, key: &KeyRef, secs: f64) -> Result<(), EditError> {
         self.drag_keys(std::slice::from_ref(key), secs - key.at.as_secs(), None)
     }
 
     /// Gives a key other numbers, in the script's units.
-    pub fn set_key_value(&mut self, key: &KeyRef, numbers: &[f64]) -> Result<(), EditError> {
+    pub(crate) fn set_key_value(&mut self, key: &KeyRef, numbers: &[f64]) -> Result<(), EditError> {
         let keyed = self.keyed(&key.what, &key.property)?;
         let step = self.value_step(&keyed, key.at, numbers)?;
         self.change_all(vec![step])
@@ -102,7 +102,7 @@ impl Viewer {
     }
 
     /// Deletes the selected clips and keys, as one change.
-    pub fn delete_selected(&mut self) -> Result<(), EditError> {
+    pub(crate) fn delete_selected(&mut self) -> Result<(), EditError> {
         let mut steps = self.key_delete_steps(self.selected_keys())?;
         steps.extend(self.cue_delete_steps(&self.selected_bars())?);
         self.change_all(steps)?;
@@ -238,7 +238,12 @@ impl Viewer {
     }
 
     /// Sets keys of properties at a time, with the values that they have then.
-    pub fn set_keys_at(&mut self, what: &Selected, properties: &[&str], at: Time) -> Result<(), EditError> {
+    pub(crate) fn set_keys_at(
+        &mut self,
+        what: &Selected,
+        properties: &[&str],
+        at: Time,
+    ) -> Result<(), EditError> {
         let mut steps = Vec::new();
         for property in properties {
             let keyed = self.keyed(what, property)?;
@@ -258,7 +263,7 @@ impl Viewer {
     }
 
     /// Sets keys at the playhead: of all properties of the selection that have keys, else of the one that is keyed most.
-    pub fn set_keys_of_selection(&mut self) -> Result<(), EditError> {
+    pub(crate) fn set_keys_of_selection(&mut self) -> Result<(), EditError> {
         let what = self.keyed_selection().ok_or_else(|| {
             EditError::refused(
                 "select what is to get a key: an actor, a clip, a camera, a light, the sky, an effect or a title",
@@ -277,7 +282,7 @@ impl Viewer {
     }
 
     /// The selection, or the actor of a selected clip without keys of its own: what has keys.
-    pub fn keyed_selection(&self) -> Option<Selected> {
+    pub(crate) fn keyed_selection(&self) -> Option<Selected> {
         let what = self.selection.clone()?;
         Some(match &what {
             Selected::Cue { actor, .. } if !self.has_keys_of_cue(&what) => Selected::Actor(actor.clone()),
@@ -428,12 +433,6 @@ impl Viewer {
     /// Place in the script that makes something, and how many things that place makes.
     pub(crate) fn place_of(&self, what: &Selected) -> Option<(Place, usize)> {
         keyed::place_of(self.scene.as_ref()?, what)
-    }
-
-    /// The mark at a time in the row of something.
-    pub fn event_at(&self, what: &Selected, at: Time) -> Option<Event> {
-        let is_it = |event: &&Event| event.at == at && event.keys.iter().any(|key| key.what == *what);
-        self.timeline.rows.iter().flat_map(|row| &row.events).find(is_it).cloned()
     }
 }
 

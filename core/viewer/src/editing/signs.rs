@@ -13,7 +13,7 @@ impl Viewer {
     ///
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
-    pub fn move_camera(&mut self, name: &str, at: DVec3) -> Result<(), EditError> {
+    pub(crate) fn move_camera(&mut self, name: &str, at: DVec3) -> Result<(), EditError> {
         let ScriptCamera { camera, place, siblings } = self.camera_that_stands(name)?;
         let keyed = camera.channels.iter().any(|c| c.property == Property::Translation);
         let when = self.edit_time(self.playhead.time().as_secs());
@@ -30,7 +30,7 @@ impl Viewer {
     ///
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
-    pub fn move_target(&mut self, name: &str, constraint: usize, to: DVec3) -> Result<(), EditError> {
+    pub(crate) fn move_target(&mut self, name: &str, constraint: usize, to: DVec3) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
         let constraint = scene.stage.actors[index].constraints.get(constraint).ok_or(EditError::Gone)?;

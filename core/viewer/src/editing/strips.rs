@@ -190,7 +190,7 @@ impl Viewer {
         self.change_all(steps)
     }
 
-    pub fn set_weight(&mut self, what: &Selected, weight: f64) -> Result<(), EditError> {
+    pub(crate) fn set_weight(&mut self, what: &Selected, weight: f64) -> Result<(), EditError> {
         let (bar, _) = self.strip(what)?;
         let weight = weight.clamp(0.0, 1.0);
         let steps =

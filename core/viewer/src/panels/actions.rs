@@ -53,7 +53,7 @@ const fn free(id: &'static str, title: &'static str, keys: &'static str, run: fn
     Action { id, title, keys, scope: Scope::Free, run }
 }
 
-pub const ACTIONS: &[Action] = &[
+pub(crate) const ACTIONS: &[Action] = &[
     free("play", "play, pause", "Space", |c| c.viewer.playhead.toggle(c.now)),
     free("previous_frame", "one frame back", "Left", |c| c.viewer.playhead.step(-1)),
     free("next_frame", "one frame on", "Right", |c| c.viewer.playhead.step(1)),
@@ -154,12 +154,12 @@ pub fn keys_of(viewer: &Viewer, id: &str) -> String {
 }
 
 /// Name of a panel in the file of shortcuts: `panel_curves`.
-pub fn panel_id(tab: Tab) -> String {
+pub(crate) fn panel_id(tab: Tab) -> String {
     format!("panel_{}", tab.title().to_lowercase().replace(' ', "_"))
 }
 
 /// The keys that open a panel.
-pub fn panel_keys(viewer: &Viewer, tab: Tab) -> Vec<Chord> {
+pub(crate) fn panel_keys(viewer: &Viewer, tab: Tab) -> Vec<Chord> {
     let number = Tab::ALL.iter().position(|other| *other == tab);
     let usual = number.and_then(|number| PANEL_KEYS.get(number)).unwrap_or(&"");
     viewer.shortcuts.of(&panel_id(tab), usual)
@@ -261,7 +261,7 @@ pub fn problem(viewer: &Viewer) -> Option<String> {
 }
 
 /// Whether a letter that walks in a viewport is the key of an action: walking then needs the right mouse button, as in Unity.
-pub fn takes_walking_keys(viewer: &Viewer) -> bool {
+pub(crate) fn takes_walking_keys(viewer: &Viewer) -> bool {
     let walks = |chord: &Chord| {
         chord.held() == 0 && ["W", "A", "S", "D", "Q", "E"].contains(&chord.key.to_uppercase().as_str())
     };

@@ -48,7 +48,7 @@ pub fn menu(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// The open list of files, and what is asked about a missing script.
-pub fn dialogs(ui: &mut Ui, viewer: &mut Viewer) {
+pub(crate) fn dialogs(ui: &mut Ui, viewer: &mut Viewer) {
     missing(ui, viewer);
     let Some(mut dialog) = viewer.documents.dialog.take() else { return };
     match list(ui, &mut dialog) {

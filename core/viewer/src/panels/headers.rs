@@ -26,7 +26,7 @@ fn has_layers(timeline: &Timeline, index: usize) -> bool {
 }
 
 /// The room that is left for the name.
-pub fn name_place(timeline: &Timeline, index: usize, label: Rect) -> Rect {
+pub(crate) fn name_place(timeline: &Timeline, index: usize, label: Rect) -> Rect {
     let row = &timeline.rows[index];
     let left = if has_layers(timeline, index) || row.layer > Some(0) { FOLD - 4.0 } else { 0.0 };
     let buttons = match (&row.what, row.layer) {
@@ -79,7 +79,7 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
     toggled
 }
 
-pub fn toggle(viewer: &mut Viewer, toggle: Toggle) {
+pub(crate) fn toggle(viewer: &mut Viewer, toggle: Toggle) {
     let shelf = &mut viewer.shelf;
     let (set, name) = match toggle {
         Toggle::Mute(name, layer) => {

@@ -204,14 +204,14 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, command: KeyCommand, keys: &[KeyRef
 }
 
 /// Whether a text of the clipboard holds keys.
-pub fn are_keys(text: &str) -> bool {
+pub(crate) fn are_keys(text: &str) -> bool {
     [".key(", ".joint(", ".weight(", ".speed(", ".clip_time(", ".layer_weight("]
         .iter()
         .any(|k| text.starts_with(k))
 }
 
 /// Adds copied keys to the selection, at the playhead.
-pub fn paste(viewer: &mut Viewer, text: &str) {
+pub(crate) fn paste(viewer: &mut Viewer, text: &str) {
     let at = viewer.playhead.time().as_secs();
     let of_cue = [".weight(", ".speed(", ".clip_time(", ".layer_weight("].iter().any(|k| text.starts_with(k));
     let what = match viewer.selection.clone() {

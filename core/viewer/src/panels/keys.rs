@@ -32,7 +32,7 @@ pub fn handle(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
 }
 
 /// The selected cue, effect or cut begins, or ends, this number of frames later.
-pub fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
+pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
     let Some(what) = viewer.selection.clone() else { return };
     let bar = viewer.timeline.rows.iter().flat_map(|r| &r.bars).find(|b| b.what == what);
     let Some((time, cut)) = bar.map(|b| (if part == CueTime::End { b.until } else { b.start }, b.cut)) else {
@@ -68,7 +68,7 @@ pub fn hide(viewer: &mut Viewer) {
     }
 }
 
-pub fn next_selection(viewer: &mut Viewer, back: bool) {
+pub(crate) fn next_selection(viewer: &mut Viewer, back: bool) {
     let Some(scene) = viewer.scene.clone() else { return };
     let actors = scene.stage.actors.iter().map(|a| Selected::Actor(a.name.clone()));
     let cameras = scene.stage.cameras.iter().map(|c| Selected::Camera(c.name.clone()));

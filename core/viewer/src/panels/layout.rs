@@ -11,7 +11,7 @@ const DEEPEST: usize = 12;
 
 /// The fractions of splits that the user chose. The dock clamps its own where the window is small, and does not take that back.
 #[derive(Default)]
-pub struct SplitFractions {
+pub(crate) struct SplitFractions {
     /// One for each node of the main surface; `None` for leaves.
     chosen: Vec<Option<f32>>,
     /// Size of the window, points.

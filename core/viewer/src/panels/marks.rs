@@ -108,7 +108,7 @@ fn key_height(row: &Row, lane: Rect) -> f32 {
 }
 
 /// The keys of a row whose marks lie in a rectangle.
-pub fn keys_within(viewer: &Viewer, row: &Row, lane: Rect, area: Rect) -> Vec<KeyRef> {
+pub(crate) fn keys_within(viewer: &Viewer, row: &Row, lane: Rect, area: Rect) -> Vec<KeyRef> {
     let y = key_height(row, lane);
     if area.bottom() < y - HALF || area.top() > y + HALF {
         return Vec::new();

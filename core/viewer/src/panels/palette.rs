@@ -53,7 +53,7 @@ impl Palette {
         self.open
     }
 
-    pub fn toggle(&mut self) {
+    pub(crate) fn toggle(&mut self) {
         *self = Palette { open: !self.open, fresh: true, ..Palette::default() };
     }
 

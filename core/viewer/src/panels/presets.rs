@@ -27,7 +27,7 @@ impl Preset {
         }
     }
 
-    pub fn dock(self) -> DockState<Tab> {
+    pub(crate) fn dock(self) -> DockState<Tab> {
         use Tab::{
             Assets, Curves, Explain, Inspector, Messages, Performance, Render, Script, Sequencer, Tests,
             Tree, Viewport,

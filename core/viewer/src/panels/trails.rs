@@ -13,7 +13,7 @@ use glam::{DVec2, DVec3};
 const REACH: f64 = 7.0;
 /// Frames from the playhead to the skins of an onion.
 const SKINS: [i64; 4] = [-10, -5, 5, 10];
-pub const BEFORE: Color32 = Color32::from_rgb(0x5a, 0xa9, 0xf0);
+pub(crate) const BEFORE: Color32 = Color32::from_rgb(0x5a, 0xa9, 0xf0);
 pub const AFTER: Color32 = Color32::from_rgb(0xf0, 0x9a, 0x4a);
 const NOW: Color32 = Color32::from_rgb(0xff, 0xe0, 0x70);
 

@@ -16,7 +16,7 @@ pub struct Number<'n> {
 }
 
 /// Frames a second, for what is typed as frames.
-pub fn set_rate(ui: &Ui, fps: f64) {
+pub(crate) fn set_rate(ui: &Ui, fps: f64) {
     ui.data_mut(|d| d.insert_temp(rate_id(), fps));
 }
 

@@ -90,12 +90,17 @@ impl Curves {
         (all, keyed)
     }
 
-    pub fn is_shown(&self, property: &KeyedProperty, part: usize) -> bool {
+    pub(crate) fn is_shown(&self, property: &KeyedProperty, part: usize) -> bool {
         !self.hidden.contains(&(property.name.clone(), part))
     }
 
     /// Fits the values to the curves from the first to the last key, or in a span of time.
-    pub fn fit_values(&mut self, properties: &[KeyedProperty], at_least: Time, span: Option<(Time, Time)>) {
+    pub(crate) fn fit_values(
+        &mut self,
+        properties: &[KeyedProperty],
+        at_least: Time,
+        span: Option<(Time, Time)>,
+    ) {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for property in properties {
             let (Some(first), Some(last)) = (property.keys.first(), property.keys.last()) else { continue };
@@ -169,13 +174,13 @@ fn speed(property: &KeyedProperty, time: Time) -> Vec<f64> {
 
 impl Span {
     /// A factor above 1 shows less; the value at a part of the height stays there.
-    pub fn zoom_values(&mut self, factor: f64, part: f64) {
+    pub(crate) fn zoom_values(&mut self, factor: f64, part: f64) {
         let at = self.from + (self.to - self.from) * part;
         let size = ((self.to - self.from) / factor.max(1e-6)).clamp(1e-6, 1e9);
         *self = Span { from: at - size * part, to: at + size * (1.0 - part) };
     }
 
-    pub fn pan_values(&mut self, part: f64) {
+    pub(crate) fn pan_values(&mut self, part: f64) {
         let by = (self.to - self.from) * part;
         *self = Span { from: self.from + by, to: self.to + by };
     }

@@ -93,7 +93,7 @@ impl RenderForm {
     }
 
     /// The file that is proposed: beside the script, with its name; images in a folder.
-    pub fn proposed(&self, scene: &FormScene, format: &Format) -> PathBuf {
+    pub(crate) fn proposed(&self, scene: &FormScene, format: &Format) -> PathBuf {
         let stem = scene.input.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let extension = &format.extension;
         let name = match format.kind {

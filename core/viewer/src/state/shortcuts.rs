@@ -77,7 +77,7 @@ fn chords(text: &str) -> Vec<Chord> {
 /// Name in the file, title, and keys in place of the usual ones.
 pub type Preset = (&'static str, &'static str, &'static [(&'static str, &'static str)]);
 
-pub const PRESETS: [Preset; 3] = [
+pub(crate) const PRESETS: [Preset; 3] = [
     ("choreo", "choreo", &[]),
     (
         "blender",

@@ -84,7 +84,7 @@ impl Orbit {
     }
 
     /// Has perspective again.
-    pub fn look_in_perspective(&mut self) {
+    pub(crate) fn look_in_perspective(&mut self) {
         if matches!(self.projection, Projection::Orthographic { .. }) {
             self.projection = Projection::default();
         }

@@ -13,7 +13,7 @@ use choreo_session::SceneSource;
 use std::path::Path;
 
 /// The viewer of the first file, else of the start page, with what the window could show beside it.
-pub fn first_viewer(
+pub(crate) fn first_viewer(
     source: Option<&SceneSource>,
     registry: &Registry,
     options: &FileOptions,
@@ -35,7 +35,7 @@ pub fn first_viewer(
 }
 
 /// The user's keys; says what is wrong with them.
-pub fn read_shortcuts(viewer: &mut Viewer, file: Option<&Path>) -> Option<String> {
+pub(crate) fn read_shortcuts(viewer: &mut Viewer, file: Option<&Path>) -> Option<String> {
     let (shortcuts, problem) = file.map(Shortcuts::read).unwrap_or_default();
     viewer.shortcuts = shortcuts;
     problem.or_else(|| crate::panels::shortcut_problem(viewer))

@@ -9,7 +9,7 @@ use choreo_plugin::Frame;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator};
 
-pub struct WindowImage {
+pub(crate) struct WindowImage {
     pub size: [u32; 2],
     image: vk::Image,
     view: vk::ImageView,

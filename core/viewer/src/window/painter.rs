@@ -46,7 +46,7 @@ impl Painter {
     }
 
     /// Pixels of the largest texture's side.
-    pub fn largest_texture(&self) -> usize {
+    pub(crate) fn largest_texture(&self) -> usize {
         match self {
             Painter::Vulkan(gpu) => gpu.largest_texture(),
             Painter::Software(_) => LARGEST_TEXTURE,

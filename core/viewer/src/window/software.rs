@@ -11,7 +11,7 @@ use std::sync::Arc;
 use winit::window::Window;
 
 /// Pixels of the largest texture's side: that of egui's letters.
-pub const LARGEST_TEXTURE: usize = 4096;
+pub(crate) const LARGEST_TEXTURE: usize = 4096;
 
 pub struct Software {
     surface: Surface<Arc<Window>, Arc<Window>>,

@@ -128,7 +128,7 @@ pub fn renderer(
             GpuOptions { cache_dir, shader_dir: shaders, effects: effects.clone(), ..GpuOptions::default() };
         let renderer: (Box<dyn Renderer>, Option<String>) = match SteadyRenderer::new(options) {
             Ok(renderer) => (Box::new(renderer), None),
-            Err(error) if device == Device::Vulkan => return Err(error.to_string()),
+            Err(error) if device == Device::Vulkan => return Err(error),
             Err(error) => {
                 let note = format!("images are drawn on the CPU: {error}");
                 (Box::new(CpuRenderer::new(&effects)), Some(note))

@@ -26,24 +26,24 @@ impl<'w> Out<'w> {
     }
 
     /// Positions count from here on.
-    pub fn begin_file(&mut self) {
+    pub(crate) fn begin_file(&mut self) {
         self.origin = self.position;
     }
 
     /// Positions count from the start of the package again.
-    pub fn end_file(&mut self) {
+    pub(crate) fn end_file(&mut self) {
         self.origin = 0;
     }
 
     /// Begins a CRC-32 of what follows.
-    pub fn begin_sum(&mut self) -> Result<()> {
+    pub(crate) fn begin_sum(&mut self) -> Result<()> {
         self.send()?;
         self.sum = Some(crc32fast::Hasher::new());
         Ok(())
     }
 
     /// The CRC-32 of all bytes since it has begun.
-    pub fn end_sum(&mut self) -> Result<crc32fast::Hasher> {
+    pub(crate) fn end_sum(&mut self) -> Result<crc32fast::Hasher> {
         self.send()?;
         Ok(self.sum.take().unwrap_or_default())
     }

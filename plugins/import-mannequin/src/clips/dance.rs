@@ -28,7 +28,7 @@ fn touch(beat: f32, beats: &[f32]) -> f32 {
 
 /// Sixteen beats in eight seconds: four two-steps to the sides with swinging arms, then hips: four beats with the
 /// hands overhead, four pointing up and down.
-pub fn groove(t: f32) -> Pose {
+pub(crate) fn groove(t: f32) -> Pose {
     let beat = t * BEATS_PER_SECOND;
     // Beats 8 to 16 are danced on the spot.
     let spot = ease(beat, 7.7, 8.6) * (1.0 - ease(beat, 15.1, 16.0));

@@ -36,7 +36,7 @@ pub const WALK: Gait = Gait {
     carry: 1.0,
 };
 
-pub const RUN: Gait = Gait {
+pub(crate) const RUN: Gait = Gait {
     period: 2.0 / 3.0,
     speed: 2.7,
     stance: 0.36,

@@ -18,7 +18,7 @@ pub struct Movement {
     pub pose: fn(f32) -> Pose,
 }
 
-pub const KEYS_PER_SECOND: f32 = 30.0;
+pub(crate) const KEYS_PER_SECOND: f32 = 30.0;
 
 pub fn movements() -> Vec<Movement> {
     let at = |name, duration_secs, pose| Movement { name, duration_secs, pose };

@@ -147,7 +147,7 @@ const INSET: DMat3 = rows([
 ]);
 
 /// Linear sRGB to parts of 16.5 stops, of which 10 are below middle gray.
-pub fn agx_stops(light: DVec3) -> DVec3 {
+pub(crate) fn agx_stops(light: DVec3) -> DVec3 {
     let v = INSET * light;
     let stops = |v: f64| ((libm::log2(v.max(1e-10)) + 12.47393) / 16.5).clamp(0.0, 1.0);
     DVec3::new(stops(v.x), stops(v.y), stops(v.z))
@@ -167,7 +167,7 @@ pub fn sigmoid(x: f64) -> f64 {
 }
 
 /// The linear sRGB that a screen of gamma 2.2 shows for the curve's result.
-pub fn agx_shown(curve: DVec3) -> DVec3 {
+pub(crate) fn agx_shown(curve: DVec3) -> DVec3 {
     each(INSET.inverse() * curve, |v| libm::pow(v.clamp(0.0, 1.0), 2.2))
 }
 

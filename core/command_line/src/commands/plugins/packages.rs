@@ -23,7 +23,7 @@ const MOST_LEVELS: usize = 16;
 const EXAMPLE: &str = "name = \"my_plugin\"\nversion = \"1.0.0\"\nchoreo = \"0.1.0\"\nlicense = \"MIT\"\n[[plugin]]\nfile = \"NAME.wgsl\"\nkind = \"effect\"\nhook = \"pixel\"";
 
 /// The package at a path, or the installed one of a name.
-pub fn open_or_installed(path: &Path) -> Result<(PathBuf, Package), Failure> {
+pub(crate) fn open_or_installed(path: &Path) -> Result<(PathBuf, Package), Failure> {
     let name = path.to_str().filter(|name| is_name(name) && !path.exists());
     match name.and_then(|name| user_folder().map(|folder| folder.join(name))).filter(|place| place.is_dir()) {
         Some(place) => open(&place),

@@ -79,7 +79,7 @@ fn unpacked(args: &mut TestArgs) -> Result<Vec<Unpacked>, Failure> {
 
 /// Runs the test scripts of a package with its plugins; tests may read in its folder. Gives the effects of plugin files that no test
 /// used.
-pub fn run_package(args: TestArgs, folder: &Path, plugins: &Registry) -> Result<Vec<String>, Failure> {
+pub(crate) fn run_package(args: TestArgs, folder: &Path, plugins: &Registry) -> Result<Vec<String>, Failure> {
     let folder = vec![folder.to_path_buf()];
     let args = TestArgs { search: folder.clone(), plugins: folder, ..args };
     let job = Job::new(&args)?;

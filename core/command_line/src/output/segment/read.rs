@@ -80,7 +80,7 @@ impl Segment {
     }
 
     /// Whether a whole segment with these frames of the film of `info` is at `path`: an earlier run of the same command made it.
-    pub fn is_made(path: &Path, exporter: &SegmentExporter, info: &VideoInfo) -> bool {
+    pub(crate) fn is_made(path: &Path, exporter: &SegmentExporter, info: &VideoInfo) -> bool {
         Segment::open(path).is_ok_and(|made| {
             let next = made.records.iter().try_fold(exporter.first, |next, place| {
                 (place.record.first == next).then_some(next + place.record.frames)

@@ -66,7 +66,7 @@ impl Unpacked {
     }
 
     /// Copies the folder form of an archive, under the rules of the archive: links in it are refused, also those that stay in it.
-    pub fn of_folder(folder: &Path, largest: u64) -> Result<Unpacked, Failure> {
+    pub(crate) fn of_folder(folder: &Path, largest: u64) -> Result<Unpacked, Failure> {
         let shown = folder.display().to_string();
         let damaged = |what: &str| Failure::input(format!("{shown}: it is damaged: {what}"));
         let open = Folder::open(folder).map_err(|e| damaged(&choreo_files::words(&e)))?;

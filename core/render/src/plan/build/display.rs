@@ -44,7 +44,7 @@ impl Display {
     }
 
     /// Inserts the pass of the view transform after the last effect that works on light.
-    pub fn add_pass(&self, passes: &mut Vec<PostPass>, options: &PlanOptions) {
+    pub(crate) fn add_pass(&self, passes: &mut Vec<PostPass>, options: &PlanOptions) {
         let Some((effect, parameters)) = self.pass.and_then(|curve| view_effect(options.effects, curve))
         else {
             return;
