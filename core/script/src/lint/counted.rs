@@ -1,5 +1,5 @@
-//! What rules read of a long script. Tests count the steps: characters read, nodes and loads visited, places compared. What a rule
-//! takes must grow with a script, not with its square.
+//! The parts of a long script that rules read. Tests count the steps: characters read, nodes and loads visited, places compared. The steps of a
+//! rule must grow with a script, not with its square.
 //!
 //! The texts, trees and lists are private here, so that no rule can read one without its steps being counted.
 
@@ -17,24 +17,6 @@ fn count(_: usize) {}
 use steps::count;
 #[cfg(test)]
 pub(super) use steps::taken;
-
-#[cfg(test)]
-mod steps {
-    use std::cell::Cell;
-
-    thread_local! {
-        static STEPS: Cell<usize> = const { Cell::new(0) };
-    }
-
-    pub(super) fn count(steps: usize) {
-        STEPS.set(STEPS.get() + steps);
-    }
-
-    /// The steps since the last call.
-    pub(in super::super) fn taken() -> usize {
-        STEPS.take()
-    }
-}
 
 /// Line and column from 1, as Rhai counts them.
 pub(super) type At = (usize, usize);
@@ -133,5 +115,23 @@ impl<'a> Lines<'a> {
     pub fn get(&self, file: &str, number: usize) -> Option<&'a str> {
         count(1);
         self.0.get(file)?.get(number.checked_sub(1)?).copied()
+    }
+}
+
+#[cfg(test)]
+mod steps {
+    use std::cell::Cell;
+
+    thread_local! {
+        static STEPS: Cell<usize> = const { Cell::new(0) };
+    }
+
+    pub(super) fn count(steps: usize) {
+        STEPS.set(STEPS.get() + steps);
+    }
+
+    /// The steps since the last call.
+    pub(in super::super) fn taken() -> usize {
+        STEPS.take()
     }
 }

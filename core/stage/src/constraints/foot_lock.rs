@@ -166,7 +166,7 @@ pub(super) fn stand(
     Contact { from, to, at: Some(at), first, last, rolls: (from, to), lowered, by_step: false }
 }
 
-/// What a leg does between its contacts.
+/// A leg between its contacts.
 pub(super) struct Between<'a> {
     /// Length of the leg, metres.
     pub leg: f64,
