@@ -14,7 +14,8 @@ mod scene;
 mod terminal;
 
 pub use app::App;
-pub use drawing::device::cache_dir;
+pub use args::Device;
+pub use drawing::device::{cache_dir, slower_than_the_cpu};
 pub use process::panics::exit_code_of_abort;
 
 use args::{Cli, Command, PluginsAction, PluginsArgs, RenderArgs, values};

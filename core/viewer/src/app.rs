@@ -100,6 +100,8 @@ pub struct Viewer {
     pub trouble: Vec<String>,
     /// Why the window itself is drawn on the CPU, where it is.
     pub without_vulkan: Option<String>,
+    /// What draws the window, and why it is not Vulkan.
+    pub window_device: String,
     pub playhead: Playhead,
     /// The views; at least one.
     pub views: Vec<View>,
@@ -177,6 +179,7 @@ impl Viewer {
             faulty: false,
             trouble: Vec::new(),
             without_vulkan: None,
+            window_device: String::new(),
             playhead: Playhead::default(),
             views: vec![View::default()],
             active: 0,
@@ -225,6 +228,7 @@ impl Viewer {
             commands: std::mem::take(&mut self.commands),
             renders: std::mem::take(&mut self.renders),
             without_vulkan: self.without_vulkan.take(),
+            window_device: std::mem::take(&mut self.window_device),
             // Frames that are still being drawn belong to none of its views.
             ticket: self.ticket,
             first_ticket: self.ticket,

@@ -2,6 +2,7 @@
 
 use crate::commands::{AS_PROGRAM, Commands};
 use choreo::App;
+use choreo_command_line::Device;
 use choreo_script::{ImportChoice, Limits};
 use choreo_session::SceneSource;
 use clap::{CommandFactory, FromArgMatches, Parser};
@@ -37,6 +38,9 @@ struct Args {
     /// The program's own WGSL modules are read from here, and again when they change
     #[arg(long = "shaders", value_name = "DIR")]
     shaders: Option<PathBuf>,
+    /// What draws images and window: Vulkan, the CPU, or the faster of them (with --shaders: Vulkan)
+    #[arg(long, value_enum, value_name = "DEVICE", default_value = "auto")]
+    device: Device,
     /// Begin at this time, in seconds
     #[arg(long, value_name = "SECS", default_value_t = 0.0)]
     at: f64,
@@ -59,6 +63,7 @@ pub(crate) struct ViewerOptions {
     /// The first file; `None`: the start page.
     pub first: Option<PathBuf>,
     pub files: FileOptions,
+    pub device: Device,
     pub at: f64,
     pub play: bool,
     /// Images have the size that `render` uses.
@@ -173,8 +178,8 @@ pub fn parse(args: impl IntoIterator<Item = OsString>, app: &App) -> Result<View
         ..SceneSource::new("")
     };
     let files = FileOptions { like, project_file: !args.no_project_file, app: app.clone() };
-    let Args { input: first, at, play, full_size, lose, event_log, .. } = args;
-    Ok(ViewerOptions { first, files, at, play, full_size, lose, event_log, commands })
+    let Args { input: first, device, at, play, full_size, lose, event_log, .. } = args;
+    Ok(ViewerOptions { first, files, device, at, play, full_size, lose, event_log, commands })
 }
 
 #[cfg(test)]

@@ -254,3 +254,78 @@ fn from_save_to_pixel() {
     }
     println!("\n{EDITS} edits each, 640×360, 4 samples, on {}, load {}", first["device"], load());
 }
+
+/// Five hundred actors with ten clips each, every one a line of its own.
+fn crowd() -> String {
+    let mut script = String::from(
+        "stage(#{ size: [320, 180], fps: 30, length: 60.0, samples: 1 });\nlet moves = load(\"choreo:mannequin\");\n",
+    );
+    for actor in 0..500 {
+        let (x, z) = (actor % 25, actor / 25);
+        script += &format!("let a{actor} = cast(\"a{actor}\", moves).at({x}.0, 0.0, -{z}.0);\n");
+        for clip in 0..10 {
+            let name = ["Walk", "Wave", "Run", "Dance_Groove"][(actor + clip) % 4];
+            let (from, until) = (clip * 6, clip * 6 + 5);
+            script += &format!("a{actor}.play(moves.clip(\"{name}\")).from({from}.0).until({until}.0);\n");
+        }
+    }
+    script
+        + "camera(\"wide\").at(12.0, 6.0, 14.0).look_at([12.0, 0.9, -5.0]);\nsun(#{ direction: [-0.6, -1.0, -0.9] });\n"
+}
+
+/// The sequencer of a large scene is scrolled and zoomed by the wheel and dragged by the middle button: what each frame of the window takes.
+#[test]
+#[ignore = "takes a minute, and is a measurement"]
+fn five_thousand_bars_are_scrolled_and_zoomed() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let script = folder.path().join("a.rhai");
+    fs::write(&script, crowd()).unwrap();
+    let viewer = ViewerProcess::start(screen.command(&[script.to_str().unwrap()], folder.path()));
+    let (_, shown) = viewer.shown(1);
+    let window = screen.window();
+    screen.rest(viewer.process.0.id());
+    println!(
+        "| wheel over the sequencer | frames | panels, median ms | 95 % below | worst | with drawing, median ms | 95 % below |"
+    );
+    println!("|---|---|---|---|---|---|---|");
+    for (name, x, key) in [
+        ("over names: other rows", "60", None),
+        ("with Shift: pans", "600", Some("shift")),
+        ("zooms", "600", None),
+    ] {
+        screen.xdotool(&["mousemove", "--window", &window, x, "760"]);
+        screen.rest(viewer.process.0.id());
+        viewer.painted();
+        key.map(|key| screen.xdotool(&["keydown", key]));
+        for turn in 0..60 {
+            screen.xdotool(&["click", if turn % 20 < 12 { "5" } else { "4" }]);
+            std::thread::sleep(Duration::from_millis(40));
+        }
+        key.map(|key| screen.xdotool(&["keyup", key]));
+        screen.save(&window, &format!("crowd_{name}.png"));
+        let paints = viewer.painted();
+        let of = |what: &str| {
+            let mut all: Vec<f64> = paints.iter().map(|p| p[what].as_f64().unwrap()).collect();
+            all.sort_by(f64::total_cmp);
+            all
+        };
+        let (panels, whole) = (of("panels_ms"), of("whole_ms"));
+        println!(
+            "| {name} | {} | {:.1} | {:.1} | {:.1} | {:.1} | {:.1} |",
+            panels.len(),
+            part(&panels, 50),
+            part(&panels, 95),
+            part(&panels, 100),
+            part(&whole, 50),
+            part(&whole, 95)
+        );
+    }
+    println!(
+        "\nmemory {:.0} MB, of it {:.0} MB in files that are mapped; on {}, load {}",
+        viewer.status("VmRSS") as f64 / 1e3,
+        viewer.status("RssFile") as f64 / 1e3,
+        shown["device"],
+        load()
+    );
+}

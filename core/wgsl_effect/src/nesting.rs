@@ -4,7 +4,7 @@
 use crate::tokens::Tokens;
 
 /// Levels of nesting of an expression or statement: brackets, operators (of `a + b + c` each is one level more), members,
-/// `else if`s. In builds for tests `else if`s overflow 2 MiB of stack at 1,500 levels, the others at 4,000 (`tests/deep.rs`).
+/// `else if`s. In builds for tests `else if`s overflow 2 MiB of stack at 1,500 levels, the others at 4,000 (`tests/effects/deep.rs`).
 pub(crate) const MOST_LEVELS: usize = 350;
 /// Levels of a bracket, and of a `<`, which can be one: the parser goes down a dozen functions for each. At its own limit of 200 it
 /// takes up to 1 MiB.

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// (Debian and Ubuntu package, what is missing without it, a file that shows it is there)
-const NEEDED: [(&str, &str, &[&str]); 13] = [
+const NEEDED: [(&str, &str, &[&str]); 15] = [
     ("libvulkan1", "Vulkan loader", &["libvulkan.so.1"]),
     (
         "mesa-vulkan-drivers",
@@ -26,6 +26,8 @@ const NEEDED: [(&str, &str, &[&str]); 13] = [
     ("xvfb", "window system without a screen", &["/usr/bin/Xvfb"]),
     ("xdotool", "hands for the windows' tests", &["/usr/bin/xdotool"]),
     ("imagemagick", "images of those windows", &["/usr/bin/convert"]),
+    ("sway", "Wayland compositor without a screen", &["/usr/bin/sway"]),
+    ("grim", "images of its output", &["/usr/bin/grim"]),
     ("libx11-xcb1", "library of windows", &["libX11-xcb.so.1"]),
     ("libxcursor1", "library of windows", &["libXcursor.so.1"]),
     ("libxi6", "library of windows", &["libXi.so.6"]),

@@ -147,7 +147,7 @@ fn planted_feet_stay_where_they_are_while_walk_becomes_run() {
                 plain.step * 240.0
             );
             assert!(own.stands > 0, "{file}: no foot is planted from {start} s on");
-            // Paws of the fox take a step where a contact lasts longer than a leg reaches; `core/script/tests/footsteps.rs` watches them.
+            // Paws of the fox take a step where a contact lasts longer than a leg reaches; `core/script/tests/footsteps/footsteps.rs` watches them.
             assert!(
                 own.moved < 1e-4 || file.contains("Fox"),
                 "{file}, {from} to {to} at {start} s: a planted foot moves {} m",

@@ -94,8 +94,7 @@ fn open(wanted: Wanted, effects: Vec<Effect>) -> Result<Started, Failure> {
     let auto = device == Device::Auto && wanted.gpu.is_none();
     let found = auto.then(chosen_device).and_then(Result::ok);
     if let Some(found) = found.as_ref().filter(|found| found.kind == DeviceKind::VulkanCpu) {
-        let name = found.name.split(" (").next().unwrap_or_default();
-        return cpu(None, Some(format!("the only Vulkan device, {name}, draws on the CPU and is slower")));
+        return cpu(None, Some(slower_than_the_cpu(&found.name)));
     }
     let time = wanted.timings.then(Arc::<DeviceTime>::default);
     let options = GpuOptions {
@@ -116,6 +115,12 @@ fn open(wanted: Wanted, effects: Vec<Effect>) -> Result<Started, Failure> {
         Err(RenderError::NoVulkan { why }) => cpu(Some(on_the_cpu(&why)), None),
         Err(error) => cpu(Some(on_the_cpu(&error.to_string())), None),
     }
+}
+
+/// Why a Vulkan driver that draws on the CPU is not taken where no device is named. `name`: its device.
+pub fn slower_than_the_cpu(name: &str) -> String {
+    let name = name.split(" (").next().unwrap_or_default();
+    format!("the only Vulkan device, {name}, draws on the CPU and is slower")
 }
 
 /// The note about drawing on the CPU: why, and the packages that make it faster.

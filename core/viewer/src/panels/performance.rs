@@ -42,6 +42,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         ("memory objects, blocks", format!("{}, {}", viewer.held.memory_objects, viewer.held.memory_blocks)),
         ("memory on the device", format!("{:.1} MB", viewer.held.bytes as f64 / 1e6)),
         ("device", shown.device.name.clone()),
+        ("window drawn by", viewer.window_device.clone()),
     ];
     Grid::new("performance").num_columns(2).striped(true).show(ui, |ui| {
         for (name, value) in rows {

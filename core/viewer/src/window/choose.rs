@@ -2,12 +2,14 @@
 
 use super::gpu_error::{GpuError, Named};
 use ash::{khr, vk};
+use choreo_command_line::slower_than_the_cpu;
 
-/// A device that can show images in the window; a GPU before a driver that draws on the CPU.
+/// A device that can show images in the window; a GPU before a driver that draws on the CPU, which is refused where none is named.
 pub fn choose(
     instance: &ash::Instance,
     surfaces: &khr::surface::Instance,
     surface: vk::SurfaceKHR,
+    named: bool,
 ) -> Result<(vk::PhysicalDevice, u32), GpuError> {
     let mut best: Option<(u32, vk::PhysicalDevice, u32)> = None;
     // SAFETY: the instance is alive.
@@ -37,8 +39,15 @@ pub fn choose(
             best = Some((rank, physical, family));
         }
     }
-    best.map(|(_, physical, family)| (physical, family)).ok_or_else(|| {
+    let (_, physical, family) = best.ok_or_else(|| {
         let why = "no device with Vulkan 1.3 can show images in this window";
         GpuError::Missing(format!("{why}\n    hint: apt install mesa-vulkan-drivers"))
-    })
+    })?;
+    // SAFETY: the instance is alive, and the device one of those that it lists.
+    let properties = unsafe { instance.get_physical_device_properties(physical) };
+    if !named && properties.device_type == vk::PhysicalDeviceType::CPU {
+        let name = properties.device_name_as_c_str().unwrap_or_default().to_string_lossy();
+        return Err(GpuError::Slower(slower_than_the_cpu(&name)));
+    }
+    Ok((physical, family))
 }

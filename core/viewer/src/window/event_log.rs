@@ -5,7 +5,7 @@ use choreo_render::DeviceUsage;
 use choreo_session::{FrameInfo, SceneVersion};
 use serde_json::{Value, json};
 use std::io::Write;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Prints nothing unless it is switched on.
 #[derive(Clone, Copy)]
@@ -45,6 +45,17 @@ impl EventLog {
                 "blocks": held.memory_blocks,
                 "bytes": held.bytes,
                 "device": shown.device.name,
+            })
+        });
+    }
+
+    /// A frame of the window: what its panels took on the CPU, and the whole of it with what draws them.
+    pub fn painted(&self, panels: Duration, whole: Duration) {
+        self.say(|| {
+            json!({
+                "event": "painted",
+                "panels_ms": panels.as_secs_f64() * 1e3,
+                "whole_ms": whole.as_secs_f64() * 1e3,
             })
         });
     }

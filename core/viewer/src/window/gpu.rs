@@ -22,7 +22,8 @@ pub(crate) struct Gpu {
 }
 
 impl Gpu {
-    pub fn new(window: &Window) -> Result<Gpu, GpuError> {
+    /// `named`: a driver that draws on the CPU is taken, too.
+    pub fn new(window: &Window, named: bool) -> Result<Gpu, GpuError> {
         let other = |object: &'static str, text: String| GpuError::Other { object, text };
         // SAFETY: loading libvulkan runs its own initialisers, as every Vulkan program does.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| {
@@ -55,7 +56,7 @@ impl Gpu {
         gpu.surface =
             unsafe { ash_window::create_surface(&gpu._entry, &gpu.instance, display, handle, None) }
                 .named("surface of the window")?;
-        let (physical, family) = choose(&gpu.instance, &gpu.surfaces, gpu.surface)?;
+        let (physical, family) = choose(&gpu.instance, &gpu.surfaces, gpu.surface, named)?;
         gpu.physical = physical;
         let device = gpu.open(family)?;
         gpu.device = Some(device);

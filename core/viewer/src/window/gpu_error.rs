@@ -7,6 +7,9 @@ use thiserror::Error;
 pub(crate) enum GpuError {
     #[error("Vulkan is not available: {0}")]
     Missing(String),
+    /// A driver that draws on the CPU, where none is named.
+    #[error("{0}")]
+    Slower(String),
     #[error("Vulkan: {object}: {result:?}")]
     Vulkan { object: &'static str, result: vk::Result },
     #[error("Vulkan: {object}: {text}")]

@@ -26,11 +26,14 @@ use crate::state::settings::Settings;
 use crate::state::shortcuts::Shortcuts;
 use crate::state::view::Resolution;
 use choreo::App;
+use choreo_command_line::Device;
 use choreo_plugin::{Frame, Registry};
 use choreo_session::{FrameRenderer, FrameReply, SceneSource, SceneVersion, SessionThread};
 use error::ViewerError;
 use event_log::EventLog;
+use gpu_error::GpuError;
 use open::Open;
+use painter::Painter;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -39,6 +42,8 @@ use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalPosition};
 use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoopProxy};
+#[cfg(target_os = "linux")]
+use winit::platform::wayland::WindowAttributesExtWayland;
 use winit::window::{Window, WindowId};
 
 /// Messages of other threads to the window.
@@ -69,7 +74,8 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         let proxy = proxy.clone();
         // A window that has gone needs no image; here and below.
         let report = move |reply| drop(proxy.send_event(News::Frame(Box::new(reply))));
-        FrameRenderer::start(start::renderer(registry.effects().to_vec(), shaders, event_log), report)
+        let renderer = start::renderer(registry.effects().to_vec(), shaders, asked.device, event_log);
+        FrameRenderer::start(renderer, report)
     };
     let frame_renderer = frame_renderer.map_err(ViewerError::Thread)?;
     let live = source.clone().map(|source| watched(source, &registry, &proxy, FIRST)).transpose()?;
@@ -95,6 +101,7 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         frame_renderer,
         source: source.unwrap_or_else(|| asked.files.like().clone()),
         options: asked.files,
+        device: asked.device,
         registry,
         live,
         own_number: FIRST,
@@ -157,6 +164,7 @@ struct ViewerWindow {
     frame_renderer: FrameRenderer,
     source: SceneSource,
     options: FileOptions,
+    device: Device,
     registry: Registry,
     /// The session of the file that is shown; `None` on the start page.
     live: Option<SessionThread>,
@@ -273,6 +281,7 @@ impl ViewerWindow {
             return;
         }
         self.pressed = false;
+        let begin = Instant::now();
         let input = open.taken();
         let textures = open.painter.pictures();
         let (panels, viewer) = (&mut self.panels, &mut self.viewer);
@@ -280,12 +289,14 @@ impl ViewerWindow {
         open.input.handle_platform_output(&open.window, output.platform_output);
         let pixels_per_point = output.pixels_per_point;
         let primitives = open.egui.tessellate(output.shapes, pixels_per_point);
+        let panels_took = begin.elapsed();
         let window = open.window.clone();
         let (size, frames) = ([size.width, size.height], &self.frames);
         let drawn =
             open.painter.draw(size, &primitives, pixels_per_point, output.textures_delta, frames, || {
                 window.pre_present_notify()
             });
+        self.event_log.painted(panels_took, begin.elapsed());
         self.drawn += 1;
         let lost =
             self.lose.contains(&self.drawn).then(|| "the device was lost, as the test has it".to_string());
@@ -404,7 +415,14 @@ impl ViewerWindow {
     /// Takes a window that has just been opened, and says so where its panels are drawn on the CPU.
     fn opened(&mut self, open: Open) {
         let why = open.no_vulkan.as_ref();
-        self.viewer.without_vulkan = why.map(|why| format!("the window is drawn on the CPU: {why}"));
+        // A driver that draws on the CPU is not missed.
+        let missed = why.filter(|why| !matches!(why, GpuError::Slower(_)));
+        self.viewer.without_vulkan = missed.map(|why| format!("the window is drawn on the CPU: {why}"));
+        self.viewer.window_device = match (&open.painter, why) {
+            (Painter::Vulkan(_), _) => "Vulkan".to_string(),
+            (Painter::Software(_), None) => "CPU".to_string(),
+            (Painter::Software(_), Some(why)) => format!("CPU: {why}"),
+        };
         self.open = Some(open);
     }
 
@@ -414,7 +432,9 @@ impl ViewerWindow {
         // A window has one surface at a time: the old one goes here.
         let window = self.open.take().map(|open| open.window);
         let again = match window {
-            Some(window) if self.failures < 3 => Open::new(window, &self.proxy).map_err(|e| e.to_string()),
+            Some(window) if self.failures < 3 => {
+                Open::new(window, self.device, &self.proxy).map_err(|e| e.to_string())
+            }
             _ => Err("tried again".to_string()),
         };
         match again {
@@ -449,9 +469,13 @@ impl ApplicationHandler<News> for ViewerWindow {
             .with_title(format!("{} – {}", self.viewer.name, self.program))
             .with_inner_size(LogicalSize::new(1280.0, 860.0))
             .with_min_inner_size(LogicalSize::new(320.0, 200.0));
+        // The name of the desktop entry, by which desktops find the window's icon.
+        #[cfg(target_os = "linux")]
+        let attributes = attributes.with_name(format!("{}-view", self.program), self.program);
         let window = events.create_window(attributes).map_err(|e| e.to_string());
         self.event_log.done("window");
-        let opened = window.and_then(|w| Open::new(Arc::new(w), &self.proxy).map_err(|e| e.to_string()));
+        let opened =
+            window.and_then(|w| Open::new(Arc::new(w), self.device, &self.proxy).map_err(|e| e.to_string()));
         match opened {
             Ok(open) => {
                 self.event_log.done("device of the window");

@@ -1,7 +1,9 @@
 //! The window with what belongs to it; its scale, which can change while it is open.
 
 use super::News;
+use super::gpu_error::GpuError;
 use super::painter::{PaintError, Painter};
+use choreo_command_line::Device;
 use std::sync::Arc;
 use winit::event::InnerSizeWriter;
 use winit::event_loop::EventLoopProxy;
@@ -16,13 +18,17 @@ pub struct Open {
     pub window: Arc<Window>,
     /// Pixels a point of the screen, as reported last: on X11 `Window::scale_factor` may know it only after the window was moved.
     pub scale: f64,
-    /// Why Vulkan does not draw the window, where it does not.
-    pub no_vulkan: Option<String>,
+    /// Why Vulkan does not draw the window, where it was wanted and does not.
+    pub no_vulkan: Option<GpuError>,
 }
 
 impl Open {
-    pub fn new(window: Arc<Window>, proxy: &EventLoopProxy<News>) -> Result<Open, PaintError> {
-        let (painter, no_vulkan) = Painter::new(&window)?;
+    pub fn new(
+        window: Arc<Window>,
+        device: Device,
+        proxy: &EventLoopProxy<News>,
+    ) -> Result<Open, PaintError> {
+        let (painter, no_vulkan) = Painter::new(&window, device)?;
         let egui = egui::Context::default();
         let proxy = std::sync::Mutex::new(proxy.clone());
         egui.set_request_repaint_callback(move |info| {
@@ -38,7 +44,6 @@ impl Open {
             Some(painter.largest_texture()),
         );
         let scale = window.scale_factor();
-        let no_vulkan = no_vulkan.map(|error| error.to_string());
         Ok(Open { egui, input, painter, window, scale, no_vulkan })
     }
 

@@ -3,6 +3,7 @@
 use super::gpu::Gpu;
 use super::gpu_error::GpuError;
 use super::software::{LARGEST_TEXTURE, Software};
+use choreo_command_line::Device;
 use choreo_plugin::Frame;
 use egui::{ClippedPrimitive, TextureId, TexturesDelta};
 use softbuffer::SoftBufferError;
@@ -27,10 +28,16 @@ pub(crate) enum Painter {
 }
 
 impl Painter {
-    /// Gives it with the reason, where it is not Vulkan that draws.
-    pub fn new(window: &Arc<Window>) -> Result<(Painter, Option<GpuError>), PaintError> {
-        match Gpu::new(window) {
+    /// Gives it with the reason, where Vulkan was wanted and does not draw.
+    pub fn new(window: &Arc<Window>, device: Device) -> Result<(Painter, Option<GpuError>), PaintError> {
+        if device == Device::Cpu {
+            return Ok((Painter::Software(Box::new(Software::new(window)?)), None));
+        }
+        let named = device == Device::Vulkan;
+        match Gpu::new(window, named) {
             Ok(gpu) => Ok((Painter::Vulkan(Box::new(gpu)), None)),
+            // A device that is named is the only one wanted.
+            Err(gpu) if named => Err(gpu.into()),
             Err(gpu) => match Software::new(window) {
                 Ok(software) => Ok((Painter::Software(Box::new(software)), Some(gpu))),
                 Err(software) => Err(PaintError::Neither { gpu, software }),

@@ -3,9 +3,10 @@
 use super::News;
 use super::error::ViewerError;
 use super::event_log::EventLog;
+use choreo_command_line::Device;
 use choreo_plugin::Effect;
-use choreo_render::vulkan::{GpuOptions, SteadyRenderer};
-use choreo_render::{CpuRenderer, Renderer};
+use choreo_render::vulkan::{GpuOptions, SteadyRenderer, chosen_device};
+use choreo_render::{CpuRenderer, DeviceKind, Renderer};
 use choreo_session::StartRenderer;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind, set_hook, take_hook};
@@ -108,14 +109,26 @@ fn without_place(why: &str) -> &str {
     place.and_then(|(_, rest)| rest.split_once(": ")).map_or(why, |(_, words)| words)
 }
 
-/// The renderer that `choreo render` would use: Vulkan where a driver works, else the CPU renderer.
-pub fn renderer(effects: Vec<Effect>, shaders: Option<PathBuf>, event_log: EventLog) -> StartRenderer {
+/// The renderer that `choreo render` would use. Own shaders are Vulkan's, so that they take its software driver, too.
+pub fn renderer(
+    effects: Vec<Effect>,
+    shaders: Option<PathBuf>,
+    device: Device,
+    event_log: EventLog,
+) -> StartRenderer {
+    let auto = device == Device::Auto && shaders.is_none();
     Box::new(move || {
+        let slower = || chosen_device().is_ok_and(|found| found.kind == DeviceKind::VulkanCpu);
+        if device == Device::Cpu || auto && slower() {
+            event_log.done("renderer");
+            return Ok((Box::new(CpuRenderer::new(&effects)), None));
+        }
         let cache_dir = choreo_command_line::cache_dir();
         let options =
             GpuOptions { cache_dir, shader_dir: shaders, effects: effects.clone(), ..GpuOptions::default() };
         let renderer: (Box<dyn Renderer>, Option<String>) = match SteadyRenderer::new(options) {
             Ok(renderer) => (Box::new(renderer), None),
+            Err(error) if device == Device::Vulkan => return Err(error.to_string()),
             Err(error) => {
                 let note = format!("images are drawn on the CPU: {error}");
                 (Box::new(CpuRenderer::new(&effects)), Some(note))

@@ -4,6 +4,7 @@
 pub mod chance;
 pub mod kept;
 pub mod viewer_process;
+pub mod wayland;
 
 use std::fs;
 use std::path::Path;
@@ -87,11 +88,20 @@ impl Screen {
         String::from_utf8_lossy(&output.stdout).trim().to_string()
     }
 
+    /// The viewer on this display, drawn by Vulkan.
+    pub fn command(&self, args: &[&str], folder: &Path) -> Command {
+        self.command_on("vulkan", args, folder)
+    }
+
     /// The viewer on this display, with images of the script's own size; its settings lie in a folder of their own, and
     /// nothing is laid over the images.
-    pub fn command(&self, args: &[&str], folder: &Path) -> Command {
+    pub fn command_on(&self, device: &str, args: &[&str], folder: &Path) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_choreo-view"));
-        command.args(args).arg("--full-size").env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
+        command
+            .args(args)
+            .args(["--full-size", "--device", device])
+            .env("DISPLAY", &self.display)
+            .env_remove("WAYLAND_DISPLAY");
         command.env("XDG_STATE_HOME", folder.join("state"));
         let settings = folder.join("state/choreo/view.json");
         if !settings.exists() {
@@ -148,17 +158,22 @@ impl Screen {
         self.xdotool(&["key", key]);
     }
 
-    /// Waits until a viewer has dealt with all that hands have done: neither it nor the display has anything to compute. On a busy
-    /// machine that takes seconds, and what is done meanwhile would all be seen at once. A viewer that plays is never so: it is
-    /// waited for ten seconds.
+    /// [`rest`] of a viewer on this display.
     pub fn rest(&self, viewer: u32) {
-        let end = Instant::now() + Duration::from_secs(10);
-        let mut still = 0;
-        while still < 3 && Instant::now() < end {
-            std::thread::sleep(Duration::from_millis(10));
-            let works = [viewer, self.server.0.id()].into_iter().any(computes);
-            still = if works { 0 } else { still + 1 };
-        }
+        rest(&[viewer, self.server.0.id()]);
+    }
+}
+
+/// Waits until a viewer and its display have dealt with all that hands have done: neither has anything to compute. On a busy machine
+/// that takes seconds, and what is done meanwhile would all be seen at once. A viewer that plays is never so: it is waited for ten
+/// seconds.
+pub fn rest(processes: &[u32]) {
+    let end = Instant::now() + Duration::from_secs(10);
+    let mut still = 0;
+    while still < 3 && Instant::now() < end {
+        std::thread::sleep(Duration::from_millis(10));
+        let works = processes.iter().any(|process| computes(*process));
+        still = if works { 0 } else { still + 1 };
     }
 }
 

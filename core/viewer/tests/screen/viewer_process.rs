@@ -12,20 +12,31 @@ const PATIENCE: Duration = Duration::from_secs(600);
 pub struct ViewerProcess {
     pub process: Running,
     lines: Receiver<(Instant, Value)>,
+    /// What each frame of the window took, apart from the other events: there is one whenever the mouse moves.
+    paints: Receiver<Value>,
 }
 
 impl ViewerProcess {
     /// `command` without `--event-log`.
     pub fn start(mut command: Command) -> ViewerProcess {
         let mut child = command.arg("--event-log").stdout(Stdio::piped()).spawn().unwrap();
-        let (to, lines) = channel();
+        let ((to, lines), (to_paints, paints)) = (channel(), channel());
         let from = BufReader::new(child.stdout.take().unwrap());
         std::thread::spawn(move || {
             let lines = from.lines().map_while(Result::ok);
             let values = lines.filter_map(|line| serde_json::from_str::<Value>(&line).ok());
-            values.map(|value| (Instant::now(), value)).try_for_each(|event| to.send(event))
+            for value in values {
+                let sent = if value["event"] == "painted" {
+                    to_paints.send(value).is_ok()
+                } else {
+                    to.send((Instant::now(), value)).is_ok()
+                };
+                if !sent {
+                    return;
+                }
+            }
         });
-        ViewerProcess { process: Running(child), lines }
+        ViewerProcess { process: Running(child), lines, paints }
     }
 
     /// The next line, and when it came.
@@ -88,6 +99,11 @@ impl ViewerProcess {
     /// The lines that have arrived since.
     pub fn meanwhile(&self) -> Vec<Value> {
         self.lines.try_iter().map(|(_, value)| value).collect()
+    }
+
+    /// Frames of the window since this was called last.
+    pub fn painted(&self) -> Vec<Value> {
+        self.paints.try_iter().collect()
     }
 
     /// Each thread's name, and its seconds of the processor.

@@ -1,0 +1,5 @@
+//! Files and folders of strangers.
+#![cfg(unix)]
+
+mod strangers;
+mod writing;

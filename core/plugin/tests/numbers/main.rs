@@ -1,0 +1,4 @@
+//! Numbers that plugins read from files.
+
+mod binary;
+mod text_numbers;

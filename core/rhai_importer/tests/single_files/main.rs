@@ -1,0 +1,4 @@
+//! Importers and scene exporters in one Rhai file.
+
+mod exporters;
+mod importers;

@@ -1,0 +1,7 @@
+//! Feet of characters on the ground.
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod footsteps;
+mod held;

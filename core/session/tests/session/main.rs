@@ -1,0 +1,7 @@
+//! Versions of a script: what is read again, and how its text is edited.
+
+mod keys;
+mod reload;
+mod stating;
+mod strips_text;
+mod watching;

@@ -1,0 +1,9 @@
+//! Files that the viewer opens, lists and makes, without a window.
+
+#[path = "../place/mod.rs"]
+mod place;
+
+mod dropping;
+mod library;
+mod rendering;
+mod starting;

@@ -1,0 +1,268 @@
+//! Renders, exports and tests that are started from the panels: the files are those that the command line makes.
+
+use crate::place::Place;
+use choreo_viewer::commands::queue::{Job, JobState};
+use choreo_viewer::commands::test_report::Status;
+use choreo_viewer::commands::{AS_PROGRAM, Commands, Kind};
+use choreo_viewer::panels::Panels;
+use choreo_viewer::state::render_form::{Range, Size};
+use choreo_viewer::state::settings::Settings;
+use egui::vec2;
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use std::fs;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+const SCRIPT: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 0.4 });
+let ada = cast("ada", load("choreo:mannequin", #{ color: "coral" }));
+ada.play(load("choreo:mannequin").clip("Walk"));
+"#;
+
+fn opened(script: &str, front: &str) -> Harness<'static, Place> {
+    let mut place = Place::new(script);
+    let folder = place.folder.path().to_path_buf();
+    place.viewer.commands = Commands {
+        program: vec![env!("CARGO_BIN_EXE_choreo-view").into(), AS_PROGRAM.into()],
+        input: folder.join("a.rhai"),
+        formats: Commands::formats_of(&choreo::registry()),
+        ..Commands::default()
+    };
+    let beside = if front == "Render" { ["Render", "Tests"] } else { ["Tests", "Render"] };
+    let layout = serde_json::json!({
+        "right": 0.4, "first": { "tabs": ["Viewport"] }, "second": { "tabs": beside, "active": 0 },
+    });
+    place.panels = Panels::new(&Settings { layout: Some(layout), ..Settings::default() });
+    place.harness(vec2(1500.0, 1100.0))
+}
+
+/// Waits for another program, while the panels are drawn.
+fn until<T>(
+    harness: &mut Harness<'static, Place>,
+    what: &str,
+    is: impl Fn(&mut Harness<'static, Place>) -> Option<T>,
+) -> T {
+    let end = Instant::now() + Duration::from_secs(300);
+    loop {
+        harness.step();
+        if let Some(found) = is(harness) {
+            return found;
+        }
+        assert!(Instant::now() < end, "waited in vain for {what}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+fn ended(harness: &mut Harness<'static, Place>, index: usize) -> Job {
+    until(harness, "the end of a job", |harness| {
+        let job = harness.state().viewer.renders.jobs().get(index)?.clone();
+        (!matches!(job.state, JobState::Waiting | JobState::Running { .. })).then_some(job)
+    })
+}
+
+fn choose_format(harness: &mut Harness<'static, Place>, kind: Kind, extension: &str) {
+    let viewer = &mut harness.state_mut().viewer;
+    let found = viewer.commands.formats.iter().position(|f| f.kind == kind && f.extension == extension);
+    viewer.render_form.format = found.unwrap();
+    harness.run_steps(2);
+}
+
+/// Files that the command line makes of the same scene.
+fn rendered(script: &Path, output: &Path, words: &[&str]) -> Vec<u8> {
+    let args =
+        ["choreo", words[0]].into_iter().map(Into::into).chain([script.into(), "-o".into(), output.into()]);
+    let code = choreo::run(args.chain(words[1..].iter().map(Into::into)), &choreo::app());
+    assert_eq!(format!("{code:?}"), format!("{:?}", std::process::ExitCode::SUCCESS));
+    fs::read(output).unwrap()
+}
+
+#[test]
+fn a_queue_of_renders_and_exports_makes_the_files_of_the_command_line() {
+    let mut harness = opened(SCRIPT, "Render");
+    let folder = harness.state().folder.path().to_path_buf();
+    // A film at half the size, and the scene for another program behind it.
+    choose_format(&mut harness, Kind::Film, "gif");
+    harness.state_mut().viewer.render_form.size = Size::Scaled(1, 2);
+    harness.run_steps(2);
+    click_add(&mut harness, "Render");
+    choose_format(&mut harness, Kind::Scene, "glb");
+    click_add(&mut harness, "Export");
+    assert_eq!(harness.state().viewer.renders.jobs().len(), 2);
+    for index in 0..2 {
+        let job = ended(&mut harness, index);
+        assert!(
+            matches!(&job.state, JobState::Finished(text) if text.starts_with("10 frames in ")),
+            "{job:?}"
+        );
+    }
+    assert_eq!(harness.get_all_by_label_contains("10 frames in ").count(), 2);
+    let script = folder.join("a.rhai");
+    let film = rendered(&script, &folder.join("b.gif"), &["render", "--size", "32x18", "--quiet"]);
+    assert!(fs::read(folder.join("a.gif")).unwrap() == film, "another film than render makes");
+    let scene = rendered(&script, &folder.join("b.glb"), &["export", "--quiet"]);
+    assert_eq!(fs::read(folder.join("a.glb")).unwrap().len(), scene.len());
+    // One frame, by its number.
+    choose_format(&mut harness, Kind::Images, "png");
+    harness.state_mut().viewer.render_form.range = Range::Playhead;
+    harness.state_mut().viewer.playhead.step(3);
+    harness.run_steps(2);
+    click_add(&mut harness, "Render");
+    ended(&mut harness, 2);
+    let image =
+        rendered(&script, &folder.join("b.png"), &["render", "--frames", "3", "--size", "32x18", "--quiet"]);
+    assert!(fs::read(folder.join("a_3.png")).unwrap() == image, "another image than render makes");
+}
+
+/// The button below the form; its name is that of the tab, too.
+fn click_add(harness: &mut Harness<'static, Place>, name: &str) {
+    let lowest = |harness: &Harness<'static, Place>| {
+        let all = harness.get_all_by_label(name).map(|node| node.rect());
+        all.max_by(|a, b| a.top().total_cmp(&b.top())).unwrap().center()
+    };
+    let at = lowest(harness);
+    harness.hover_at(at);
+    harness.run_steps(3);
+    for pressed in [true, false] {
+        harness.event(egui::Event::PointerButton {
+            pos: at,
+            button: egui::PointerButton::Primary,
+            pressed,
+            modifiers: Default::default(),
+        });
+    }
+    harness.run_steps(3);
+}
+
+#[test]
+fn a_render_that_is_canceled_leaves_nothing_and_the_next_one_goes_on() {
+    let long = SCRIPT.replace("length: 0.4", "length: 100.0").replace("[64, 36]", "[640, 360]");
+    let mut harness = opened(&long, "Render");
+    let folder = harness.state().folder.path().to_path_buf();
+    choose_format(&mut harness, Kind::Film, "gif");
+    click_add(&mut harness, "Render");
+    harness.state_mut().viewer.render_form.output = folder.join("one.png").to_str().unwrap().into();
+    harness.state_mut().viewer.render_form.range = Range::Playhead;
+    harness.run_steps(2);
+    click_add(&mut harness, "Render");
+    until(&mut harness, "progress", |harness| {
+        let jobs = harness.state().viewer.renders.jobs();
+        matches!(jobs[0].state, JobState::Running { done: 2.., frames: 2500 }).then_some(())
+    });
+    assert!(harness.get_all_by_label_contains("of 2500 frames").next().is_some());
+    assert_eq!(harness.state().viewer.renders.jobs()[1].state, JobState::Waiting);
+    harness.get_all_by_label("Cancel").next().unwrap().click();
+    harness.step();
+    assert_eq!(ended(&mut harness, 0).state, JobState::Canceled);
+    let done = ended(&mut harness, 1);
+    assert!(matches!(done.state, JobState::Finished(_)), "{done:?}");
+    let names = fs::read_dir(&folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
+    let mut names: Vec<String> = names.collect();
+    names.sort();
+    assert_eq!(names, ["a.rhai", "one.png"]);
+    // What has ended is taken off the list.
+    harness.get_all_by_label("Remove").next().unwrap().click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().viewer.renders.jobs().len(), 1);
+}
+
+#[test]
+fn a_render_that_fails_says_why() {
+    let mut harness = opened(SCRIPT, "Render");
+    harness.state().write("stage(#{ length: 1.0 }); nonsense();\n");
+    choose_format(&mut harness, Kind::Film, "gif");
+    click_add(&mut harness, "Render");
+    let job = ended(&mut harness, 0);
+    let JobState::Failed(why) = &job.state else { panic!("{job:?}") };
+    assert!(why.starts_with("line 1: ") && why.contains("nonsense"), "{why}");
+    harness.get_by_label(why);
+}
+
+const TESTS: &str = r##"let ball = shape("sphere", #{ color: "orange" });
+
+test("twice two", || {
+    expect(["two", "four"]).contains("four");
+});
+
+test("a wrong sum", || {
+    expect(["two", "four"]).contains("five");
+});
+
+test("an image", || {
+    cast("ball", ball);
+    expect_picture("ball", #{ at: 0.0, size: [48, 32] });
+});
+"##;
+
+#[test]
+fn sections_are_run_compared_and_accepted() {
+    let mut harness = opened(SCRIPT, "Tests");
+    let folder = harness.state().folder.path().to_path_buf();
+    let tests = folder.join("t.rhai");
+    fs::write(&tests, TESTS).unwrap();
+    harness.state_mut().viewer.tested = tests.to_str().unwrap().into();
+    run_all(&mut harness, 1);
+    assert_eq!(
+        states(&harness),
+        ["passed", "failed", "failed"],
+        "{:?}",
+        harness.state().viewer.tests.failure()
+    );
+    harness.get_by_label("2 failed, 1 passed");
+    assert!(harness.get_all_by_label_contains("five").next().is_some());
+    assert!(harness.get_all_by_label_contains("got: ").next().is_some());
+    // A new image is accepted, and its section alone is run again.
+    assert!(golden(&folder).is_none());
+    accept(&mut harness, 2);
+    assert!(golden(&folder).is_some());
+    harness.get_by_label("1 failed, 2 passed");
+    // Another color: expected, actual and difference lie side by side.
+    fs::write(&tests, TESTS.replace("orange", "teal")).unwrap();
+    run_all(&mut harness, 3);
+    harness.get_by_label("2 failed, 1 passed");
+    for name in ["expected image", "actual image", "difference image"] {
+        let size = harness.get_by_label(name).rect().size();
+        assert!((size.x / size.y - 1.5).abs() < 0.05, "{name}: {size:?}");
+    }
+    let before = fs::read(golden(&folder).unwrap()).unwrap();
+    accept(&mut harness, 4);
+    assert_ne!(fs::read(golden(&folder).unwrap()).unwrap(), before);
+    let sections = harness.state().viewer.tests.sections();
+    let states: Vec<(&str, Status)> = sections.iter().map(|s| (s.name.as_str(), s.status)).collect();
+    assert_eq!(
+        states,
+        [("twice two", Status::Passed), ("a wrong sum", Status::Failed), ("an image", Status::Passed)]
+    );
+    // A mistake in the script is an answer, too.
+    fs::write(&tests, "test(").unwrap();
+    run_all(&mut harness, 5);
+    let failed = harness.state().viewer.tests.sections();
+    assert!(
+        failed.iter().any(|s| s.status == Status::Error) || harness.state().viewer.tests.failure().is_some()
+    );
+}
+
+fn states(harness: &Harness<'static, Place>) -> Vec<String> {
+    let sections = harness.state().viewer.tests.sections();
+    sections.iter().map(|s| format!("{:?}", s.status).to_lowercase()).collect()
+}
+
+fn run_all(harness: &mut Harness<'static, Place>, runs: u64) {
+    harness.run();
+    harness.get_by_label("Run tests").click();
+    until(harness, "results", |harness| (harness.state().viewer.tests.runs() == runs).then_some(()));
+    harness.run();
+}
+
+fn accept(harness: &mut Harness<'static, Place>, runs: u64) {
+    harness.get_by_label("Accept").click();
+    until(harness, "results", |harness| (harness.state().viewer.tests.runs() == runs).then_some(()));
+    harness.run();
+}
+
+/// The golden image in a folder beside the script.
+fn golden(folder: &Path) -> Option<std::path::PathBuf> {
+    fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).find_map(|path| match path.is_dir() {
+        true => golden(&path),
+        false => path.extension().is_some_and(|e| e == "png").then_some(path),
+    })
+}

@@ -1,0 +1,321 @@
+//! The start page, files and folders: new scripts, recent ones and lessons as images, saving under another name, and the asset browser.
+
+use crate::place::Place;
+use choreo_session::{SceneSource, Session};
+use choreo_viewer::app::Viewer;
+use choreo_viewer::library::documents::Documents;
+use choreo_viewer::library::file_dialog::Purpose;
+use choreo_viewer::library::lessons;
+use choreo_viewer::library::templates::TEMPLATES;
+use choreo_viewer::library::thumbnails::{Made, SIZE, Subject, Thumbnail, Thumbnails};
+use choreo_viewer::panels::Panels;
+use choreo_viewer::state::selection::Selected;
+use egui::{Key, Modifiers, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+const PLAIN: &str =
+    "stage(#{ size: [64, 36], background: \"#204060\" });\ncamera(\"c\").at(0.0, 1.0, 5.0);\n";
+
+/// A character of a few joints that lifts an arm; its names are those of Mixamo.
+const WAVE: &str = "HIERARCHY
+ROOT Hips
+{
+  OFFSET 0 90 0
+  CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+  JOINT Spine
+  {
+    OFFSET 0 20 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    JOINT LeftArm
+    {
+      OFFSET 15 30 0
+      CHANNELS 3 Zrotation Xrotation Yrotation
+      End Site
+      {
+        OFFSET 50 0 0
+      }
+    }
+  }
+}
+MOTION
+Frames: 3
+Frame Time: 0.5
+0 90 0 0 0 0 0 0 0 0 0 0
+0 90 0 0 0 0 0 0 0 80 0 0
+0 90 0 0 0 0 0 0 0 0 0 0
+";
+
+struct Desk {
+    viewer: Viewer,
+    panels: Panels,
+}
+
+fn documents(like: &Path, cache: Option<PathBuf>) -> Documents {
+    let registry = choreo::registry();
+    let thumbnails = Thumbnails::new(&registry, &SceneSource::new(like), cache);
+    Documents { thumbnails, ..Documents::new(&registry) }
+}
+
+fn start_page(documents: Documents) -> Harness<'static, Desk> {
+    let mut viewer = Viewer::new("start");
+    viewer.documents = documents;
+    viewer.documents.start = true;
+    let ui = |ui: &mut egui::Ui, desk: &mut Desk| desk.panels.show(ui, &mut desk.viewer, &[None; 4], 0.0);
+    let desk = Desk { viewer, panels: Panels::default() };
+    let mut harness = Harness::builder().with_size(vec2(1200.0, 900.0)).build_ui_state(ui, desk);
+    harness.run();
+    harness
+}
+
+fn open_assets(harness: &mut Harness<'static, Place>) {
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::P);
+    harness.run();
+    harness.event(egui::Event::Text("panel assets".into()));
+    harness.run();
+    harness.key_press(Key::Enter);
+    harness.run();
+}
+
+/// The image of a file, once it is made.
+fn made(
+    thumbnails: &mut Thumbnails,
+    subject: &Subject,
+    on: Option<&Arc<choreo_asset::Asset>>,
+) -> Arc<Thumbnail> {
+    for _ in 0..6000 {
+        match thumbnails.get(subject, on, || Box::new(|| ())) {
+            Made::Ready(thumbnail) => return thumbnail,
+            Made::Failed(why) => panic!("{why}"),
+            Made::Waiting => std::thread::sleep(Duration::from_millis(50)),
+        }
+    }
+    panic!("waited in vain for an image");
+}
+
+#[test]
+fn the_start_page_opens_recent_files_and_lessons_shown_as_images() {
+    let folder = tempfile::tempdir().unwrap();
+    let (recent, lesson) = (folder.path().join("film.rhai"), folder.path().join("lessons/1_first.rhai"));
+    fs::create_dir(folder.path().join("lessons")).unwrap();
+    fs::write(&recent, PLAIN).unwrap();
+    fs::write(&lesson, PLAIN.replace("#204060", "#806020")).unwrap();
+    let mut documents = documents(folder.path(), Some(folder.path().join("cache")));
+    documents.recent = vec![recent.clone(), folder.path().join("gone.rhai")];
+    documents.lessons = lessons::within(&folder.path().join("lessons"));
+    let mut harness = start_page(documents);
+    assert!(harness.query_by_label("gone.rhai").is_none(), "a file that is not there is not shown");
+    let thumbnails = &mut harness.state_mut().viewer.documents.thumbnails;
+    for (file, color) in [(&recent, [0x20, 0x40, 0x60]), (&lesson, [0x80, 0x60, 0x20])] {
+        let image = made(thumbnails, &Subject::file(file.clone()), None);
+        let frame = &image.frames[0];
+        assert_eq!([frame.width, frame.height], SIZE);
+        let near = |pixel: &[u8]| pixel.iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 2);
+        assert!(frame.rgba.chunks_exact(4).all(|pixel| near(&pixel[..3])), "all of it is the background");
+    }
+    harness.run();
+    harness.get_by_label("1 first").click();
+    harness.run();
+    assert_eq!(harness.state().viewer.documents.open, Some(lesson));
+    harness.get_by_label("film.rhai").click();
+    harness.run();
+    assert_eq!(harness.state().viewer.documents.open, Some(recent));
+}
+
+/// An image that was drawn once is read from the cache folder, by the file's content.
+#[test]
+fn images_are_kept_by_content() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, cache) = (folder.path().join("a.rhai"), folder.path().join("cache"));
+    fs::write(&file, PLAIN).unwrap();
+    let registry = choreo::registry();
+    let subject = Subject::file(file.clone());
+    let fresh = || Thumbnails::new(&registry, &SceneSource::new(""), Some(cache.clone()));
+    let first = made(&mut fresh(), &subject, None);
+    let kept: Vec<PathBuf> =
+        fs::read_dir(cache.join("thumbnails")).unwrap().map(|e| e.unwrap().path()).collect();
+    assert_eq!(kept.len(), 1);
+    let before = fs::metadata(&kept[0]).unwrap().modified().unwrap();
+    assert_eq!(made(&mut fresh(), &subject, None), first);
+    assert_eq!(fs::metadata(&kept[0]).unwrap().modified().unwrap(), before, "it was not drawn again");
+    fs::write(&file, PLAIN.replace("#204060", "#000000")).unwrap();
+    assert_eq!(made(&mut fresh(), &subject, None).frames[0].rgba[..3], [0, 0, 0]);
+    fs::write(&file, "stage(#{ size: 3 });").unwrap();
+    let mut thumbnails = fresh();
+    let failed = loop {
+        match thumbnails.get(&subject, None, || Box::new(|| ())) {
+            Made::Waiting => std::thread::sleep(Duration::from_millis(20)),
+            Made::Ready(_) => panic!("it is faulty"),
+            Made::Failed(why) => break why,
+        }
+    };
+    assert!(failed.contains("size"), "{failed}");
+}
+
+#[test]
+fn templates_make_scenes_without_a_warning_and_become_files() {
+    let folder = tempfile::tempdir().unwrap();
+    for template in TEMPLATES {
+        let file = folder.path().join(format!("{}.rhai", template.name));
+        fs::write(&file, template.text).unwrap();
+        let mut session = Session::new(SceneSource::new(&file), &choreo::registry(), false).unwrap();
+        let version = session.build(BTreeSet::new());
+        assert!(
+            version.scene.is_some() && version.problems.is_empty(),
+            "{}: {:?}",
+            template.name,
+            version.problems
+        );
+    }
+    let mut documents = documents(folder.path(), None);
+    documents.recent = vec![folder.path().join("x.rhai")];
+    let mut harness = start_page(documents);
+    harness.get_by_label("Dialogue").click();
+    harness.run();
+    harness.get_by_label("New: Dialogue");
+    harness.get_by_label("Create").click();
+    harness.run();
+    let made = folder.path().join("scene.rhai");
+    assert_eq!(fs::read_to_string(&made).unwrap(), TEMPLATES[2].text);
+    assert_eq!(
+        harness.state().viewer.documents.open.as_ref().unwrap().canonicalize().unwrap(),
+        made.canonicalize().unwrap()
+    );
+    assert!(harness.state().viewer.documents.dialog.is_none());
+}
+
+#[test]
+fn a_script_that_is_not_there_is_created_from_a_template() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("new/film.rhai");
+    let mut harness = start_page(documents(folder.path(), None));
+    harness.state_mut().viewer.documents.start = false;
+    harness.state_mut().viewer.documents.missing = Some(file.clone());
+    harness.run();
+    harness.get_by_label("There is no such file");
+    harness.get_by_label("One character").click();
+    harness.run();
+    assert_eq!(fs::read_to_string(&file).unwrap(), TEMPLATES[1].text);
+    let documents = &mut harness.state_mut().viewer.documents;
+    assert_eq!((documents.open.take(), documents.missing.clone()), (Some(file), None));
+}
+
+#[test]
+fn saved_elsewhere_a_script_takes_its_files_along() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir_all(folder.path().join("here/assets")).unwrap();
+    fs::create_dir(folder.path().join("there")).unwrap();
+    fs::write(folder.path().join("here/assets/wave.bvh"), WAVE).unwrap();
+    let script = folder.path().join("here/a.rhai");
+    fs::write(&script, "let wave = load(\"assets/wave.bvh\");\nlet ada = cast(\"ada\", wave);\n").unwrap();
+    let mut session = Session::new(SceneSource::new(&script), &choreo::registry(), false).unwrap();
+    let mut viewer = Viewer::new("a.rhai");
+    viewer.path = Some(script.clone());
+    viewer.take_version(session.build(BTreeSet::new()));
+    let to = folder.path().join("there/b.rhai");
+    viewer.take_file(Purpose::SaveAs, &to).unwrap();
+    assert_eq!(fs::read_to_string(&to).unwrap(), fs::read_to_string(&script).unwrap());
+    let mut session = Session::new(SceneSource::new(&to), &choreo::registry(), false).unwrap();
+    let version = session.build(BTreeSet::new());
+    assert!(version.scene.is_some(), "{:?}", version.problems);
+    // Another file of that name stays.
+    fs::write(folder.path().join("there/assets/wave.bvh"), "mine").unwrap();
+    let error = viewer.take_file(Purpose::SaveAs, &to).unwrap_err().to_string();
+    assert!(error.contains("another file of this name is there"), "{error}");
+    assert_eq!(fs::read_to_string(folder.path().join("there/assets/wave.bvh")).unwrap(), "mine");
+}
+
+#[test]
+fn the_browser_previews_a_clip_on_the_character_and_adds_it() {
+    const SCRIPT: &str = "stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Idle\"));
+camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
+";
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("moves")).unwrap();
+    fs::write(folder.path().join("moves/wave.bvh"), WAVE).unwrap();
+    fs::write(folder.path().join("notes.txt"), "").unwrap();
+    let root = folder.path().canonicalize().unwrap();
+    let mut place = Place::within(folder, SCRIPT);
+    place.viewer.documents = documents(&root, None);
+    place.viewer.selection = Some(Selected::Actor("ada".into()));
+    let mut harness = place.harness(vec2(1500.0, 1000.0));
+    open_assets(&mut harness);
+    assert!(harness.query_by_label("notes.txt").is_none());
+    harness.get_by_label("moves").click();
+    harness.run();
+    harness.get_by_label("wave.bvh").click();
+    harness.run();
+    let file = root.join("moves/wave.bvh");
+    let wave = made(&mut harness.state_mut().viewer.documents.thumbnails, &Subject::file(file.clone()), None);
+    let [clip] = wave.clips.as_slice() else { panic!("{:?}", wave.clips) };
+    assert!((clip.secs - 1.0).abs() < 1e-6, "three frames, half a second apart: {}", clip.secs);
+    harness.run();
+    harness.get_by_label(&format!("{}  1.00 s", clip.name)).click();
+    harness.run();
+    // The preview is of the mannequin, and moves: its first image is the pose at rest.
+    let scene = harness.state().viewer.scene.clone().unwrap();
+    let on = Some(("ada".to_string(), scene.number));
+    let subject = Subject { file: file.clone(), clip: Some(clip.name.clone()), on };
+    let asset = scene.stage.actors[0].asset.clone();
+    let preview = made(&mut harness.state_mut().viewer.documents.thumbnails, &subject, Some(&asset));
+    assert_eq!((preview.frames.len(), preview.secs), (16, 1.0));
+    let different = |a: usize, b: usize| {
+        preview.frames[a].rgba.iter().zip(&preview.frames[b].rgba).filter(|(a, b)| a != b).count()
+    };
+    assert!(different(0, 8) > 500, "the arm is lifted in the middle");
+    // It is as high a sixteenth before the end as after the start.
+    assert!(different(1, 15) < different(1, 8) / 20, "{} {}", different(1, 15), different(1, 8));
+    assert_ne!(preview.frames[0], wave.frames[0], "it is another character");
+    harness.step();
+    harness.get_by_label(&format!("play {} of the file", clip.name)).click();
+    harness.step();
+    let line =
+        format!("ada.play(load(\"moves/wave.bvh\").clip(\"{}\"), #{{ fade: 0.3 }}).from(0.0);\n", clip.name);
+    let expected = SCRIPT.replace("camera(", &format!("{line}camera("));
+    assert_eq!(harness.state().text(), expected);
+    harness.state_mut().reload();
+    let stage = &harness.state().viewer.scene.as_ref().unwrap().stage;
+    assert_eq!(stage.actors[0].layers[0].cues.len(), 2);
+}
+
+#[test]
+fn a_model_of_the_browser_is_put_on_stage() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("wave.bvh"), WAVE).unwrap();
+    let root = folder.path().canonicalize().unwrap();
+    let mut place = Place::within(folder, PLAIN);
+    place.viewer.documents = documents(&root, None);
+    let mut harness = place.harness(vec2(1500.0, 1000.0));
+    open_assets(&mut harness);
+    let pos = harness.get_by_label("wave.bvh").rect().center();
+    harness.hover_at(pos);
+    harness.run();
+    let button = |pressed| {
+        let (button, modifiers) = (egui::PointerButton::Primary, Modifiers::NONE);
+        egui::Event::PointerButton { pos, button, pressed, modifiers }
+    };
+    // Both clicks within one frame: a frame of the harness takes longer than a double click.
+    harness.input_mut().events.extend([true, false, true, false].map(button));
+    harness.step();
+    let dropped = harness.state().viewer.dropped_models.clone().unwrap();
+    assert_eq!(dropped.files, [root.join("wave.bvh")]);
+    let mut session = Session::new(SceneSource::new(&dropped.files[0]), &choreo::registry(), false).unwrap();
+    let read = session.build(BTreeSet::new());
+    harness.state_mut().viewer.edit(|v| v.add_models(&dropped, &read));
+    assert_eq!(harness.state().viewer.message, None);
+    harness.state_mut().reload();
+    assert_eq!(
+        harness.state().viewer.scene.as_ref().unwrap().stage.actors.len(),
+        1,
+        "{}",
+        harness.state().text()
+    );
+}

@@ -1,0 +1,113 @@
+//! The command palette finds actions, actors, clips and lines; keys follow presets and the user's own file.
+
+use crate::place::Place;
+use choreo_viewer::geometry::gizmo::Tool;
+use choreo_viewer::state::selection::Selected;
+use egui::{Key, Modifiers, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+
+const SCRIPT: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", moves);
+ada.play(moves.clip("Walk")).from(0.5).until(2.0).then(moves.clip("Wave"));
+camera("wide").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
+// The last line of all.
+"#;
+
+type Desk = Harness<'static, Place>;
+
+fn desk() -> Desk {
+    Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
+}
+
+/// Opens the palette, types and presses Enter.
+fn command(desk: &mut Desk, text: &str) {
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
+    desk.run();
+    desk.event(egui::Event::Text(text.to_string()));
+    desk.run();
+    desk.key_press(Key::Enter);
+    desk.run();
+}
+
+#[test]
+fn the_palette_runs_actions_and_goes_to_actors_clips_and_lines() {
+    let mut desk = desk();
+    command(&mut desk, "ada actor");
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
+    command(&mut desk, "wave clip at");
+    let viewer = &desk.state().viewer;
+    assert_eq!(viewer.selection, Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 }));
+    assert_eq!(viewer.playhead.time().as_secs(), 2.0, "the playhead goes to its start");
+    command(&mut desk, "turn what is selected");
+    assert_eq!(desk.state().viewer.tool, Tool::Turn);
+    command(&mut desk, "panel messages");
+    desk.get_by_label("nothing to say");
+    command(&mut desk, "last line of all");
+    desk.get_by_label_contains("// The last line of all.");
+    command(&mut desk, "times as seconds");
+    assert!(!desk.state().viewer.in_seconds);
+    command(&mut desk, "split the selected");
+    assert!(desk.state().viewer.message.as_deref().unwrap_or_default().contains("playhead"));
+    desk.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(3.0));
+    command(&mut desk, "split the selected");
+    assert!(desk.state().text().matches("Wave").count() == 2, "{}", desk.state().text());
+    // Keys that are typed here are no shortcuts, and Escape closes it.
+    let before = desk.state().text();
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
+    desk.run();
+    desk.key_press(Key::Delete);
+    desk.key_press(Key::Escape);
+    desk.run();
+    assert_eq!(desk.state().text(), before);
+    assert!(desk.query_by_label("delete the selected clips and keys from the script").is_none());
+}
+
+#[test]
+fn arrows_choose_in_the_palette_and_a_click_takes() {
+    let mut desk = desk();
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
+    desk.run();
+    desk.event(egui::Event::Text("one frame".into()));
+    desk.run();
+    desk.key_press(Key::ArrowDown);
+    desk.run();
+    desk.key_press(Key::Enter);
+    desk.run();
+    assert_eq!(desk.state().viewer.playhead.frame(), 1, "the second entry is one frame on");
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
+    desk.run();
+    desk.event(egui::Event::Text("one frame".into()));
+    desk.run();
+    desk.get_by_label_contains("one frame back").click();
+    desk.run();
+    assert_eq!(desk.state().viewer.playhead.frame(), 0);
+}
+
+#[test]
+fn keys_follow_the_preset_and_own_ones() {
+    let mut desk = desk();
+    let tool = |desk: &mut Desk, key| {
+        desk.state_mut().viewer.tool = Tool::Move;
+        desk.key_press(key);
+        desk.run();
+        desk.state().viewer.tool
+    };
+    assert_eq!((tool(&mut desk, Key::R), tool(&mut desk, Key::S)), (Tool::Turn, Tool::Move));
+    desk.key_press(Key::F1);
+    desk.run();
+    desk.get_by_label("Blender").click();
+    desk.run();
+    desk.key_press(Key::F1);
+    desk.run();
+    assert_eq!(desk.state().viewer.shortcuts.preset, "blender");
+    assert_eq!((tool(&mut desk, Key::S), tool(&mut desk, Key::B)), (Tool::Scale, Tool::Move));
+    desk.state_mut().viewer.shortcuts.preset = "unity".into();
+    assert_eq!((tool(&mut desk, Key::E), tool(&mut desk, Key::R)), (Tool::Turn, Tool::Scale));
+    desk.key_press(Key::Period);
+    desk.run();
+    assert_eq!(desk.state().viewer.playhead.frame(), 1);
+    desk.state_mut().viewer.shortcuts.own.insert("turn".into(), "Ctrl+Shift+J, J".into());
+    assert_eq!((tool(&mut desk, Key::E), tool(&mut desk, Key::J)), (Tool::Move, Tool::Turn));
+}

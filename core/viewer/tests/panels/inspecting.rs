@@ -1,0 +1,552 @@
+//! Changes through the panels reach the script: transform, lights, effects, clips, cuts, markers; questions are asked
+//! with a difference; undo and redo.
+
+use crate::place::Place;
+use choreo_session::{Problem, SceneSource, Session};
+use choreo_viewer::editing::expression;
+use choreo_viewer::geometry::gizmo::Change;
+use choreo_viewer::state::selection::Selected;
+use egui::{Key, Modifiers, pos2, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use glam::{DQuat, DVec3};
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::PathBuf;
+
+const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", moves).at(-0.5, 0.0, 0.0);   // on the left
+ada.play(moves.clip("Walk"));
+let x = 0.25;
+let bob = cast("bob", moves).at(x * 2.0, 0.0, 0.0);
+camera("wide").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
+camera("near").at(0.0, 1.0, 3.0).look_at([0.0, 1.0, 0.0]).cut(2.0);
+sun(#{ intensity: 3.0, direction: [-0.5, -1.0, -0.5] });
+effect("vignette", #{ strength: 0.5 });
+marker("turn", 1.0);
+"##;
+
+#[test]
+fn what_is_dragged_in_the_viewport_is_written_and_shown() {
+    let mut place = Place::new(SCRIPT);
+    place.viewer.change_actor("ada", Change::Move(DVec3::new(0.25, 0.0, 1.0))).unwrap();
+    assert_eq!(place.text(), SCRIPT.replace(".at(-0.5, 0.0, 0.0)", ".at(-0.25, 0.0, 1.0)"));
+    place.reload();
+    assert_eq!(place.viewer.message, None, "it stands where it was put");
+    let (sin, cos) = libm::sincos(core::f64::consts::FRAC_PI_4 / 2.0);
+    place.viewer.change_actor("ada", Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))).unwrap();
+    place.reload();
+    place.viewer.change_actor("ada", Change::Scale(DVec3::splat(1.5))).unwrap();
+    place.reload();
+    assert_eq!(place.viewer.message, None);
+    assert!(place.text().contains(".turn(45.0)") && place.text().contains(".scale(1.5)"), "{}", place.text());
+    for _ in 0..3 {
+        place.viewer.undo().unwrap();
+    }
+    assert_eq!(place.text(), SCRIPT);
+    place.viewer.redo().unwrap();
+    assert_eq!(place.text(), SCRIPT.replace(".at(-0.5, 0.0, 0.0)", ".at(-0.25, 0.0, 1.0)"));
+}
+
+#[test]
+fn what_another_line_undoes_is_told() {
+    let mut place = Place::new(SCRIPT);
+    place.write(&format!("{SCRIPT}for a in [ada] {{ a.at(7.0, 0.0, 0.0); }}\n"));
+    place.reload();
+    place.viewer.change_actor("ada", Change::Move(DVec3::X)).unwrap();
+    place.reload();
+    assert!(
+        place.viewer.message.as_ref().unwrap().contains("another line places \"ada\" anew"),
+        "{:?}",
+        place.viewer.message
+    );
+}
+
+#[test]
+fn what_is_computed_is_asked_about_with_a_line_that_would_do_it() {
+    let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
+    let refused =
+        harness.state_mut().viewer.change_actor("bob", Change::Move(DVec3::X)).unwrap_err().to_string();
+    assert!(refused.contains("line 6: .at(x * 2.0, 0.0, 0.0) is computed"), "{refused}");
+    harness.run();
+    harness.get_by_label("+ bob.move_by(1.0, 0.0, 0.0);");
+    assert_eq!(harness.state().text(), SCRIPT);
+    harness.get_by_label("Add the line").click();
+    harness.run();
+    let text = harness.state().text();
+    assert!(text.contains(".at(x * 2.0, 0.0, 0.0);\nbob.move_by(1.0, 0.0, 0.0);\ncamera"), "{text}");
+    harness.state_mut().reload();
+    assert_eq!(harness.state().viewer.scene.as_ref().unwrap().stage.actors[1].transform.translation.x, 1.5);
+}
+
+/// A frame on a busy machine can take longer than a second: press and release arrive in different ones.
+#[test]
+fn a_click_is_one_however_long_a_frame_takes() {
+    let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
+    harness.state_mut().viewer.change_actor("bob", Change::Move(DVec3::X)).unwrap_err();
+    harness.run();
+    let pos = harness.get_by_label("Add the line").rect().center();
+    let button = |pressed| {
+        let (button, modifiers) = (egui::PointerButton::Primary, egui::Modifiers::NONE);
+        egui::Event::PointerButton { pos, button, pressed, modifiers }
+    };
+    harness.event(egui::Event::PointerMoved(pos));
+    harness.step();
+    harness.event(button(true));
+    // A quarter of a second each.
+    (0..8).for_each(|_| harness.step());
+    harness.event(button(false));
+    harness.run();
+    assert!(harness.state().text().contains("bob.move_by(1.0, 0.0, 0.0);"), "{}", harness.state().text());
+}
+
+#[test]
+fn a_file_that_has_changed_meanwhile_is_asked_about_and_keeps_both() {
+    let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
+    let other = SCRIPT.replace("let x = 0.25;", "let x = 0.75; // by the editor");
+    harness.state().write(&other);
+    let change = Change::Move(DVec3::new(0.1, 0.0, 0.0));
+    assert!(
+        harness
+            .state_mut()
+            .viewer
+            .change_actor("ada", change)
+            .unwrap_err()
+            .to_string()
+            .contains("changed on disk")
+    );
+    assert_eq!(harness.state().text(), other, "nothing is written unasked");
+    harness.run();
+    harness.get_by_label("- let x = 0.25;");
+    harness.get_by_label("+ let x = 0.75; // by the editor");
+    harness.get_by_label("Write both").click();
+    harness.run();
+    assert_eq!(harness.state().text(), other.replace(".at(-0.5,", ".at(-0.4,"));
+    // And the question can be left.
+    harness.state().write(&other);
+    harness.state_mut().viewer.change_actor("ada", change).unwrap_err();
+    harness.run();
+    harness.get_by_label("Leave it").click();
+    harness.run();
+    assert_eq!(harness.state().text(), other);
+    assert!(harness.state().viewer.offer.is_none());
+}
+
+#[test]
+fn lights_effects_cuts_and_markers() {
+    let mut place = Place::new(SCRIPT);
+    place.viewer.set_value(&Selected::Light(0), "intensity", "4.5").unwrap();
+    place.reload();
+    place.viewer.set_value(&Selected::Light(0), "direction", "[0.0, -1.0, 0.0]").unwrap();
+    place.reload();
+    place.viewer.set_value(&Selected::Effect(0), "strength", "0.75").unwrap();
+    place.reload();
+    place.viewer.set_cut(0, 2.48).unwrap();
+    place.reload();
+    place.viewer.set_marker("turn", 1.52).unwrap();
+    place.reload();
+    let expected = SCRIPT
+        .replace("intensity: 3.0", "intensity: 4.5")
+        .replace("[-0.5, -1.0, -0.5]", "[0.0, -1.0, 0.0]")
+        .replace("strength: 0.5", "strength: 0.75")
+        .replace(".cut(2.0)", ".cut(2.48)")
+        .replace("\"turn\", 1.0", "\"turn\", 1.52");
+    assert_eq!(place.text(), expected);
+}
+
+#[test]
+fn a_clip_is_added_at_the_playhead_and_by_a_drag_onto_its_row() {
+    let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
+    harness.get_by_label("row ada").click();
+    harness.run();
+    harness.state_mut().viewer.playhead.step(50);
+    harness.run();
+    harness.get_by_label("play Wave").click();
+    harness.run();
+    assert_eq!(harness.state().viewer.message, None);
+    let line = "ada.play(moves.clip(\"Wave\"), #{ fade: 0.3 }).from(2.0);\n";
+    let expected = SCRIPT.replace("clip(\"Walk\"));\n", &format!("clip(\"Walk\"));\n{line}"));
+    assert_eq!(harness.state().text(), expected);
+    harness.state_mut().reload();
+    harness.run();
+    let row = harness.get_by_label("row ada").rect();
+    let ruler = harness.get_by_label("time").rect();
+    let clip = harness.get_by_label_contains("Bow  ").rect().center();
+    let to = pos2(ruler.left() + ruler.width() * 0.75, row.center().y);
+    harness.drag_at(clip);
+    harness.run();
+    harness.hover_at(clip + vec2(-30.0, 10.0));
+    harness.run();
+    harness.hover_at(to);
+    harness.run();
+    harness.drop_at(to);
+    harness.run();
+    assert_eq!(harness.state().viewer.message, None);
+    assert!(harness.state().text().contains("ada.play(moves.clip(\"Bow\"), #{ fade: 0.3 }).from(3.0);\n"));
+    harness.state_mut().reload();
+    assert_eq!(harness.state().viewer.scene.as_ref().unwrap().stage.actors[0].layers[0].cues.len(), 3);
+}
+
+#[test]
+fn a_marker_and_a_cut_are_dragged() {
+    let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
+    for (label, part, expected) in
+        [("marker turn", 0.5, "marker(\"turn\", 2.0)"), ("start of near in row 0", 0.75, ".cut(3.0)")]
+    {
+        let ruler = harness.get_by_label("time").rect();
+        let handle = harness.get_by_label(label).rect().center();
+        let to = pos2(ruler.left() + ruler.width() * part, handle.y);
+        harness.drag_at(handle);
+        harness.run();
+        harness.hover_at(to);
+        harness.run();
+        harness.drop_at(to);
+        harness.run();
+        assert_eq!(harness.state().viewer.message, None);
+        assert!(harness.state().text().contains(expected), "{}", harness.state().text());
+        harness.state_mut().reload();
+        harness.run();
+    }
+}
+
+#[test]
+fn a_number_of_the_inspector_is_one_change() {
+    let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
+    harness.get_by_label("row ada").click();
+    harness.run();
+    let field = harness.get_by_label("x").rect().center();
+    harness.drag_at(field);
+    harness.run();
+    harness.hover_at(field + vec2(100.0, 0.0));
+    harness.run();
+    assert_eq!(harness.state().text(), SCRIPT, "not before it is let go");
+    harness.drop_at(field + vec2(100.0, 0.0));
+    harness.run();
+    let text = harness.state().text();
+    assert_ne!(text, SCRIPT);
+    assert!(text.contains(", 0.0, 0.0);   // on the left"), "{text}");
+    harness.key_press_modifiers(Modifiers::COMMAND, Key::Z);
+    harness.run();
+    assert_eq!(harness.state().text(), SCRIPT);
+}
+
+const TRIANGLE: &str = "v -1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+
+/// Drops files as the window does: they are shown instead of the script.
+fn dropped(place: &mut Place, files: &[PathBuf]) {
+    let (source, left_out) = SceneSource::of_models(files.to_vec(), place.session.source()).unwrap();
+    place.viewer.message = left_out;
+    place.viewer.guests = std::iter::once(&source.input).chain(&source.beside).cloned().collect();
+    let mut session = Session::new(source, &choreo::registry(), false).unwrap();
+    place.viewer.take_version(session.build(BTreeSet::new()));
+}
+
+#[test]
+fn a_dropped_file_is_added_as_a_line() {
+    let mut place = Place::new(SCRIPT);
+    let file = place.folder.path().join("My Box.obj");
+    fs::write(&file, TRIANGLE).unwrap();
+    dropped(&mut place, std::slice::from_ref(&file));
+    place.viewer.add_guests().unwrap();
+    assert_eq!(place.text(), format!("{SCRIPT}let my_box = cast(\"my_box\", load(\"My Box.obj\"));\n"));
+    place.reload();
+    // Once more: another name.
+    dropped(&mut place, &[file]);
+    place.viewer.add_guests().unwrap();
+    assert!(place.text().ends_with("let my_box_2 = cast(\"my_box_2\", load(\"My Box.obj\"));\n"));
+    place.reload();
+    let elsewhere = tempfile::tempdir().unwrap();
+    fs::write(elsewhere.path().join("b.obj"), TRIANGLE).unwrap();
+    dropped(&mut place, &[elsewhere.path().join("b.obj")]);
+    assert!(place.viewer.add_guests().unwrap_err().to_string().contains("outside the script's folder"));
+}
+
+#[test]
+fn files_that_are_dropped_together_stand_side_by_side_and_are_one_change() {
+    let mut place = Place::new(SCRIPT);
+    let elsewhere = tempfile::tempdir().unwrap();
+    let at = |name: &str| place.folder.path().join(name);
+    let files =
+        [at("one.obj"), at("broken.obj"), elsewhere.path().join("one.obj"), at("two.obj"), at("a.rhai")];
+    for (file, text) in files.iter().zip([TRIANGLE, "f 1 2 9\n", TRIANGLE, TRIANGLE, SCRIPT]) {
+        fs::write(file, text).unwrap();
+    }
+    dropped(&mut place, &files);
+    assert_eq!(place.viewer.message.as_deref(), Some("a.rhai: a script is shown alone"));
+    assert!(!place.viewer.faulty, "{:?}", place.viewer.problems);
+    let reported =
+        |p: &Problem| p.file.ends_with("broken.obj") && p.severity == choreo_script::Severity::Warning;
+    assert!(place.viewer.problems.iter().any(reported), "{:?}", place.viewer.problems);
+    let scene = place.viewer.scene.clone().unwrap();
+    let stand: Vec<_> =
+        scene.stage.actors.iter().map(|a| (a.name.as_str(), a.transform.translation.x)).collect();
+    // Two metres wide, and a tenth between.
+    assert_eq!(stand, [("one", 0.0), ("one 2", 2.2), ("two", 4.4)]);
+    let refused = place.viewer.add_guests().unwrap_err().to_string();
+    assert!(refused.contains("broken.obj: it cannot be read; "), "{refused}");
+    assert!(refused.contains("outside the script's folder"), "{refused}");
+    let lines = "let one = cast(\"one\", load(\"one.obj\"));\n\
+                 let two = cast(\"two\", load(\"two.obj\")).at(4.4, 0.0, 0.0);\n";
+    assert_eq!(place.text(), format!("{SCRIPT}{lines}"));
+    place.reload();
+    place.viewer.undo().unwrap();
+    assert_eq!(place.text(), SCRIPT);
+    // Nothing of it can be read: the script's scene stays, and nothing is written.
+    place.reload();
+    let broken = files[1].clone();
+    dropped(&mut place, &[broken.clone(), broken]);
+    assert!(place.viewer.faulty && place.viewer.problems.len() == 2);
+    assert!(place.viewer.add_guests().unwrap_err().to_string().contains("cannot be read"));
+    assert_eq!(place.text(), SCRIPT);
+}
+
+/// What is typed is arithmetic, and the right mouse button sets a field to its default.
+#[test]
+fn fields_take_expressions_and_go_back_to_their_defaults() {
+    let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
+    harness.get_by_label("row ada").click();
+    harness.run();
+    for (typed, written) in [("1/4 - 2", "-1.75"), ("f(12) + 0.5", "0.98"), ("-f(30)/2", "-0.6")] {
+        harness.get_by_label("x").click();
+        harness.run();
+        harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        harness.event(egui::Event::Text(typed.into()));
+        harness.run();
+        harness.key_press(Key::Enter);
+        harness.run();
+        assert_eq!(harness.state().viewer.message, None);
+        assert_eq!(harness.state().text(), SCRIPT.replace(".at(-0.5,", &format!(".at({written},")));
+        harness.state_mut().reload();
+        harness.run();
+    }
+    harness.state_mut().reload_with(SCRIPT);
+    harness.state_mut().viewer.selection = Some(Selected::Effect(0));
+    harness.run();
+    let secondary_click = |harness: &mut egui_kittest::Harness<'static, Place>, pos: egui::Pos2| {
+        harness.hover_at(pos);
+        harness.run();
+        for pressed in [true, false] {
+            let (button, modifiers) = (egui::PointerButton::Secondary, Modifiers::NONE);
+            harness.event(egui::Event::PointerButton { pos, button, pressed, modifiers });
+            harness.run();
+        }
+    };
+    let pos = harness.get_by_role_and_label(egui::accesskit::Role::Label, "strength").rect().center();
+    secondary_click(&mut harness, pos);
+    let default = {
+        let scene = harness.state().viewer.scene.clone().unwrap();
+        let plugin = scene.registry.effect("vignette").unwrap();
+        choreo_session::edit::format_number(f64::from(choreo_render::effect_parameters(plugin, &[])[0]))
+    };
+    assert_ne!(default, "0.5");
+    harness.get_by_label(&format!("Reset to {default}")).click();
+    harness.run();
+    assert_eq!(harness.state().text(), SCRIPT.replace("strength: 0.5", &format!("strength: {default}")));
+    harness.state_mut().reload_with(SCRIPT);
+    harness.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
+    harness.run();
+    let pos = harness.get_by_label("x").rect().center();
+    secondary_click(&mut harness, pos);
+    harness.get_by_label("Reset to 0.0").click();
+    harness.run();
+    assert_eq!(harness.state().text(), SCRIPT.replace(".at(-0.5, 0.0", ".at(0.0, 0.0"));
+}
+
+#[test]
+fn expressions_have_the_values_of_arithmetic() {
+    for (text, expected) in [
+        ("1/3", 1.0 / 3.0),
+        (" -2.5 ", -2.5),
+        ("1 + 2*3", 7.0),
+        ("(1+2)*3 - 4/8", 8.5),
+        ("f(12)", 0.48),
+        ("f(12) + 2*-f( 5 + 5 )", -0.32),
+        ("10/2/5", 1.0),
+        ("8-4-2", 2.0),
+        (".5", 0.5),
+        ("\u{2212}1", -1.0),
+    ] {
+        let got = expression::value(text, 25.0).unwrap_or_else(|| panic!("{text}"));
+        assert!((got - expected).abs() < 1e-12, "{text}: {got}");
+    }
+}
+
+#[test]
+fn what_is_no_number_is_none() {
+    let deep = "(".repeat(100_000);
+    for text in ["", "x", "1/0", "1 2", "(1", "1)", "f12", "f(", "--", "1..2", "1e", &deep] {
+        assert_eq!(expression::value(text, 25.0), None, "{}", &text[..text.len().min(8)]);
+    }
+}
+
+/// A field of the inspector, found by its label, is given a number by the keyboard.
+fn type_into(desk: &mut Harness<'static, Place>, label: &str, text: &str) {
+    desk.get_by_label(label).click();
+    desk.run();
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    desk.run();
+    desk.event(egui::Event::Text(text.into()));
+    desk.run();
+    desk.key_press(Key::Enter);
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+}
+
+/// The menu of a field's name takes its value away.
+fn reset(desk: &mut Harness<'static, Place>, label: &str) {
+    desk.get_by_label(label).click_secondary();
+    desk.run();
+    desk.get_by_label("Reset to default").click();
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+}
+
+#[test]
+fn everything_about_a_clip_is_edited_and_reset() {
+    const CLIPS: &str = "stage(#{ fps: 25, length: 6.0 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\")).until(3.0).then(moves.clip(\"Wave\"), #{ fade: 0.5 });
+ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
+";
+    let mut place = Place::new(CLIPS);
+    place.viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 });
+    let mut desk = place.harness(vec2(1500.0, 1000.0));
+    let cue = |desk: &Harness<'static, Place>, layer: usize, cue: usize| {
+        desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].layers[layer].cues[cue].clone()
+    };
+    type_into(&mut desk, "speed field", "3/4");
+    assert!((cue(&desk, 0, 1).speed - 0.75).abs() < 1e-12, "{}", desk.state().text());
+    type_into(&mut desk, "fade field", "f(5)");
+    assert!((cue(&desk, 0, 1).fade_in.as_secs() - 0.2).abs() < 1e-9, "{}", desk.state().text());
+    type_into(&mut desk, "weight field", "0.5");
+    assert_eq!(cue(&desk, 0, 1).weight, 0.5);
+    type_into(&mut desk, "trim end", "1.0");
+    assert!((cue(&desk, 0, 1).trim.1.as_secs() - 1.0).abs() < 1e-9, "{}", desk.state().text());
+    desk.get_by_label("repeat: loop").click();
+    desk.run();
+    desk.get_by_label("ping_pong").click();
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+    assert_eq!(cue(&desk, 0, 1).repeat, choreo_stage::Repeat::PingPong, "{}", desk.state().text());
+    desk.get_by_label("ease: linear").click();
+    desk.run();
+    desk.get_by_label("smooth").click();
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+    assert!(desk.state().text().contains("ease: \"smooth\""), "{}", desk.state().text());
+    desk.get_by_label("clip: Wave").click();
+    desk.run();
+    desk.get_by_label("Jump").click();
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+    assert_eq!(cue(&desk, 0, 1).clip.name, "Jump");
+    // All of it goes again, and the line is as it was but for the clip and how it repeats.
+    for name in ["speed", "weight", "trim", "ease"] {
+        let row = desk.query_all_by_label(name).next().unwrap().rect().center();
+        desk.hover_at(row);
+        desk.run();
+        reset_at(&mut desk, row);
+    }
+    let line = ".then(moves.clip(\"Jump\"), #{ fade: 0.2, repeat: \"ping_pong\" });";
+    assert!(desk.state().text().contains(line), "{}", desk.state().text());
+    desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 });
+    desk.run();
+    type_into(&mut desk, "on field", "[\"Head\", \"*Arm*\"]");
+    assert!(desk.state().text().contains(".on([\"Head\", \"*Arm*\"]);"), "{}", desk.state().text());
+}
+
+fn reset_at(desk: &mut Harness<'static, Place>, pos: egui::Pos2) {
+    for pressed in [true, false] {
+        let (button, modifiers) = (egui::PointerButton::Secondary, Modifiers::NONE);
+        desk.event(egui::Event::PointerButton { pos, button, pressed, modifiers });
+        desk.run();
+    }
+    desk.get_by_label("Reset to default").click();
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+}
+
+#[test]
+fn lights_lenses_titles_and_materials_are_edited_and_reset() {
+    const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
+let box = cast(\"box\", shape(\"box\", #{ size: 1.0, color: \"#ff0000\" }));
+let view = camera(\"view\").at(0.0, 1.0, 5.0).fov(40.0);
+let key = sun(#{ intensity: 3.0 });
+let words = text(\"Hello\", #{ size: 0.1 }).from(1.0);
+";
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+    let select = |desk: &mut Harness<'static, Place>, what: Selected| {
+        desk.state_mut().viewer.selection = Some(what);
+        desk.run();
+    };
+    let stage = |desk: &Harness<'static, Place>| desk.state().viewer.scene.as_ref().unwrap().stage.clone();
+    select(&mut desk, Selected::Light(0));
+    reset(&mut desk, "intensity");
+    assert!(desk.state().text().contains("let key = sun();"), "{}", desk.state().text());
+    // The reference: 2.2 lux by default.
+    assert!((stage(&desk).lights[0].light.intensity - 2.2).abs() < 1e-6);
+    select(&mut desk, Selected::Camera("view".into()));
+    type_into(&mut desk, "focal length field", "50");
+    // The script states degrees: 50 mm on 24 mm of film are 2 atan(12 / 50).
+    let degrees = 2.0 * libm::atan(12.0 / 50.0).to_degrees();
+    let choreo_asset::Projection::Perspective { yfov, .. } = stage(&desk).cameras[0].projection else {
+        panic!()
+    };
+    assert!((f64::from(yfov).to_degrees() - degrees).abs() < 1e-3, "{}", desk.state().text());
+    type_into(&mut desk, "near field", "0.25");
+    assert!(desk.state().text().contains(".near(0.25)"), "{}", desk.state().text());
+    select(&mut desk, Selected::Title(0));
+    type_into(&mut desk, "opacity field", "0.5");
+    type_into(&mut desk, "at x", "0.25");
+    type_into(&mut desk, "size field", "0.2");
+    let text = "let words = text(\"Hello\", #{ size: 0.2, opacity: 0.5, at: [0.25, 0.5] }).from(1.0);";
+    assert!(desk.state().text().contains(text), "{}", desk.state().text());
+    select(&mut desk, Selected::Actor("box".into()));
+    type_into(&mut desk, "roughness field", "0.25");
+    assert_eq!(stage(&desk).actors[0].asset.materials[0].roughness, 0.25);
+    reset(&mut desk, "roughness");
+    assert_eq!(stage(&desk).actors[0].asset.materials[0].roughness, 0.9);
+}
+
+#[test]
+fn a_line_that_makes_several_is_changed_for_all_or_written_out() {
+    const LOOP: &str = "stage(#{ fps: 25, length: 4.0 });
+for i in [1, 2, 3] {
+    let ball = cast(`ball ${i}`, shape(\"sphere\")).at(0.0, i, 0.0).scale(0.5);
+    ball.key(\"tint\", [[0.0, \"red\"]]);
+}
+";
+    let mut desk = Place::new(LOOP).harness(vec2(1500.0, 1000.0));
+    let grown = Change::Scale(DVec3::splat(2.0));
+    let refused = desk.state_mut().viewer.change_actor("ball 2", grown).unwrap_err().to_string();
+    assert!(refused.ends_with("a.rhai:3: this line makes 3 of them; change it there"), "{refused}");
+    desk.run();
+    desk.get_by_label("line 3 makes 3 of them. This would change all of them:");
+    desk.get_by_label("Change all 3").click();
+    desk.run();
+    assert_eq!(desk.state().text(), LOOP.replace(".scale(0.5)", ".scale(1.0)"));
+    desk.state_mut().reload();
+    // A computed value has no change for all.
+    desk.state_mut().viewer.change_actor("ball 2", Change::Move(DVec3::X)).unwrap_err();
+    desk.run();
+    assert!(desk.query_by_label("Change all 3").is_none());
+    let before = desk.state().viewer.scene.as_ref().unwrap().stage.clone();
+    desk.get_by_label("Write the loop out").click();
+    desk.run();
+    desk.state_mut().reload();
+    let after = desk.state().viewer.scene.as_ref().unwrap().stage.clone();
+    let placed = |stage: &choreo_stage::Stage| -> Vec<(String, DVec3)> {
+        stage.actors.iter().map(|a| (a.name.clone(), a.transform.translation)).collect()
+    };
+    assert_eq!(placed(&before), placed(&after), "{}", desk.state().text());
+    desk.state_mut().viewer.change_actor("ball 2", grown).unwrap();
+    assert_eq!(desk.state().text().matches(".scale(2.0)").count(), 1, "{}", desk.state().text());
+}

@@ -1,0 +1,215 @@
+//! A Wayland compositor without a screen, a mouse and keys for it.
+
+use super::{Running, Shot, there, until};
+use std::fs::{self, Permissions};
+use std::io::Write;
+use std::os::fd::AsFd;
+use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
+use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Instant;
+use wayland_client::globals::{GlobalListContents, registry_queue_init};
+use wayland_client::protocol::wl_keyboard::KeymapFormat;
+use wayland_client::protocol::wl_pointer::ButtonState;
+use wayland_client::protocol::wl_registry::{self, WlRegistry};
+use wayland_client::protocol::wl_seat::{self, WlSeat};
+use wayland_client::{Connection, Dispatch, EventQueue, QueueHandle, delegate_noop};
+use wayland_protocols_misc::zwp_virtual_keyboard_v1::client::zwp_virtual_keyboard_manager_v1::ZwpVirtualKeyboardManagerV1;
+use wayland_protocols_misc::zwp_virtual_keyboard_v1::client::zwp_virtual_keyboard_v1::ZwpVirtualKeyboardV1;
+use wayland_protocols_wlr::virtual_pointer::v1::client::zwlr_virtual_pointer_manager_v1::ZwlrVirtualPointerManagerV1;
+use wayland_protocols_wlr::virtual_pointer::v1::client::zwlr_virtual_pointer_v1::ZwlrVirtualPointerV1;
+
+/// Size of the only output, in pixels.
+pub const SIZE: [u32; 2] = [1280, 860];
+
+/// `linux/input-event-codes.h`.
+const BTN_LEFT: u32 = 0x110;
+const KEY_LEFTCTRL: u32 = 29;
+pub const KEY_Q: u32 = 16;
+pub const KEY_Z: u32 = 44;
+/// The modifier of that name in the keymap below.
+const CONTROL: u32 = 1 << 2;
+/// The keymap of a usual keyboard (xkeyboard-config).
+const KEYMAP: &str = r#"xkb_keymap {
+    xkb_keycodes { include "evdev+aliases(qwerty)" };
+    xkb_types { include "complete" };
+    xkb_compat { include "complete" };
+    xkb_symbols { include "pc+us+inet(evdev)" };
+};"#;
+/// `nobody` of Linux: sway refuses to run as root.
+const NOBODY: u32 = 65_534;
+
+/// sway, whose windows fill the output.
+pub struct Compositor {
+    pub server: Running,
+    folder: tempfile::TempDir,
+    socket: String,
+    control: String,
+}
+
+impl Compositor {
+    /// `None`, with a word, where this machine lacks what it takes.
+    pub fn new() -> Option<Compositor> {
+        for program in ["sway", "grim"] {
+            if !there(program) {
+                println!("SKIP 1: {program} is not installed");
+                return None;
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let config = folder.path().join("config");
+        let [width, height] = SIZE;
+        fs::write(&config, format!("output * resolution {width}x{height}\ndefault_border none\n")).unwrap();
+        fs::set_permissions(folder.path(), Permissions::from_mode(0o700)).unwrap();
+        let mut command = Command::new("sway");
+        command.arg("-c").arg(&config).current_dir("/").env_remove("WAYLAND_DISPLAY").env_remove("DISPLAY");
+        command.env("XDG_RUNTIME_DIR", folder.path()).env("HOME", folder.path());
+        command.envs([
+            ("WLR_BACKENDS", "headless"),
+            ("WLR_RENDERER", "pixman"),
+            ("WLR_LIBINPUT_NO_DEVICES", "1"),
+        ]);
+        if fs::metadata(folder.path()).unwrap().uid() == 0 {
+            chown(folder.path(), Some(NOBODY), Some(NOBODY)).unwrap();
+            command.uid(NOBODY).gid(NOBODY);
+        }
+        let server = Running(command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap());
+        let named = |begins: &str| {
+            let files = fs::read_dir(folder.path()).unwrap().flatten();
+            let names = files.map(|file| file.file_name().into_string().unwrap());
+            names.into_iter().find(|name| name.starts_with(begins) && !name.ends_with(".lock"))
+        };
+        let socket = until("the compositor", || named("wayland-"));
+        let control = until("the compositor's control", || named("sway-ipc"));
+        Some(Compositor { server, folder, socket, control })
+    }
+
+    fn client(&self, program: &str) -> Command {
+        let mut command = Command::new(program);
+        command.env_remove("DISPLAY").env("XDG_RUNTIME_DIR", self.folder.path());
+        command.env("WAYLAND_DISPLAY", &self.socket).env("SWAYSOCK", self.folder.path().join(&self.control));
+        command
+    }
+
+    /// The viewer as a client of this compositor alone.
+    pub fn connect<'a>(&self, command: &'a mut Command) -> &'a mut Command {
+        command.env_remove("DISPLAY").env("XDG_RUNTIME_DIR", self.folder.path());
+        command.env("WAYLAND_DISPLAY", &self.socket)
+    }
+
+    /// What the compositor does at once, such as `output * scale 2`.
+    pub fn tell(&self, order: &str) {
+        let status = self.client("swaymsg").args(["--quiet", "--", order]).status().unwrap();
+        assert!(status.success(), "{order}");
+    }
+
+    /// Whether it has any window.
+    pub fn has_window(&self) -> bool {
+        let tree = self.client("swaymsg").args(["-t", "get_tree", "--raw"]).output().unwrap().stdout;
+        String::from_utf8_lossy(&tree).contains("\"xdg_shell\"")
+    }
+
+    /// RGB rows of the output.
+    pub fn shot(&self) -> Shot {
+        until("an image of the output", || {
+            let output = self.client("grim").args(["-t", "ppm", "-"]).output().unwrap();
+            Shot::read(&output.stdout)
+        })
+    }
+
+    /// Kept for people to look at, on request.
+    pub fn save(&self, name: &str) {
+        if let Some(folder) = std::env::var_os("CHOREO_SHOTS") {
+            assert!(self.client("grim").arg(Path::new(&folder).join(name)).status().unwrap().success());
+        }
+    }
+
+    /// There before a window is, which would lose the first keys of a keyboard that comes later.
+    pub fn hands(&self) -> Hands {
+        let stream = UnixStream::connect(self.folder.path().join(&self.socket)).unwrap();
+        let connection = Connection::from_socket(stream).unwrap();
+        let (globals, mut queue) = registry_queue_init::<Nothing>(&connection).unwrap();
+        let handle = queue.handle();
+        let pointers: ZwlrVirtualPointerManagerV1 = globals.bind(&handle, 1..=2, ()).unwrap();
+        let pointer = pointers.create_virtual_pointer(None, &handle, ());
+        let seat: WlSeat = globals.bind(&handle, 1..=7, ()).unwrap();
+        let keyboards: ZwpVirtualKeyboardManagerV1 = globals.bind(&handle, 1..=1, ()).unwrap();
+        let keyboard = keyboards.create_virtual_keyboard(&seat, &handle, ());
+        let mut keymap = tempfile::tempfile().unwrap();
+        keymap.write_all(KEYMAP.as_bytes()).unwrap();
+        // With the zero byte after its end.
+        keymap.write_all(&[0]).unwrap();
+        keyboard.keymap(KeymapFormat::XkbV1.into(), keymap.as_fd(), KEYMAP.len() as u32 + 1);
+        queue.roundtrip(&mut Nothing).unwrap();
+        Hands { queue, pointer, keyboard, begin: Instant::now() }
+    }
+}
+
+/// A mouse of the output (`wlr-virtual-pointer-unstable-v1`) and a keyboard (`virtual-keyboard-unstable-v1`).
+pub struct Hands {
+    queue: EventQueue<Nothing>,
+    pointer: ZwlrVirtualPointerV1,
+    keyboard: ZwpVirtualKeyboardV1,
+    begin: Instant,
+}
+
+impl Hands {
+    fn milliseconds(&self) -> u32 {
+        self.begin.elapsed().as_millis() as u32
+    }
+
+    fn sent(&mut self) {
+        self.pointer.frame();
+        self.queue.roundtrip(&mut Nothing).unwrap();
+    }
+
+    /// Moves the mouse to a pixel of the output at scale 1.
+    pub fn to(&mut self, x: usize, y: usize) {
+        self.pointer.motion_absolute(self.milliseconds(), x as u32, y as u32, SIZE[0], SIZE[1]);
+        self.sent();
+    }
+
+    pub fn button(&mut self, down: bool) {
+        let state = if down { ButtonState::Pressed } else { ButtonState::Released };
+        self.pointer.button(self.milliseconds(), BTN_LEFT, state);
+        self.sent();
+    }
+
+    /// Presses a key while Ctrl is held.
+    pub fn ctrl(&mut self, key: u32) {
+        let time = self.milliseconds();
+        self.keyboard.key(time, KEY_LEFTCTRL, 1);
+        self.keyboard.modifiers(CONTROL, 0, 0, 0);
+        self.keyboard.key(time, key, 1);
+        self.keyboard.key(time, key, 0);
+        self.keyboard.key(time, KEY_LEFTCTRL, 0);
+        self.keyboard.modifiers(0, 0, 0, 0);
+        self.queue.roundtrip(&mut Nothing).unwrap();
+    }
+}
+
+/// A client without state.
+struct Nothing;
+
+impl Dispatch<WlRegistry, GlobalListContents> for Nothing {
+    fn event(
+        _: &mut Self,
+        _: &WlRegistry,
+        _: wl_registry::Event,
+        _: &GlobalListContents,
+        _: &Connection,
+        _: &QueueHandle<Self>,
+    ) {
+    }
+}
+
+delegate_noop!(Nothing: ZwlrVirtualPointerManagerV1);
+delegate_noop!(Nothing: ZwlrVirtualPointerV1);
+delegate_noop!(Nothing: ZwpVirtualKeyboardManagerV1);
+delegate_noop!(Nothing: ZwpVirtualKeyboardV1);
+
+impl Dispatch<WlSeat, ()> for Nothing {
+    fn event(_: &mut Self, _: &WlSeat, _: wl_seat::Event, _: &(), _: &Connection, _: &QueueHandle<Self>) {}
+}

@@ -1,0 +1,176 @@
+//! Marks of the sequencer beside bars: keys, who comes and goes, what actors do, named times of clips, feet; problems, until
+//! they are resolved.
+
+use crate::place::Place;
+use choreo_motion::Time;
+use choreo_viewer::state::events::EventKind;
+use choreo_viewer::state::selection::Selected;
+use choreo_viewer::state::timeline::Timeline;
+use egui::{Key, Modifiers, pos2, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::{NodeT, Queryable};
+
+const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let moves = load("choreo:mannequin");
+let walk = moves.clip("Walk").marker("heel", 0.2);
+let ada = cast("ada", moves);
+ada.play(walk).from(0.5).until(2.0);
+ada.key("position", [[0.0, [0, 0, 0]], [1.0, [0.5, 0, 0]], [3.0, [1, 0, 0]]]);
+ada.look_at([0.0, 1.5, 5.0]).from(1.0).until(2.5);
+let bob = cast("bob", moves).at(1.0, 0.0, 0.0).key("visible", [[0.0, true], [1.5, false], [3.0, true]]);
+camera("wide").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
+text("Hello there").from(0.8).until(3.2);
+marker("turn", 2.2);
+"##;
+
+type Desk = Harness<'static, Place>;
+
+fn desk() -> Desk {
+    Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
+}
+
+fn row<'a>(timeline: &'a Timeline, label: &str) -> &'a choreo_viewer::state::timeline::Row {
+    timeline.rows.iter().find(|row| row.label == label).unwrap_or_else(|| panic!("no row {label}"))
+}
+
+#[test]
+fn rows_have_what_happens_at_its_times() {
+    let place = Place::new(SCRIPT);
+    let timeline = &place.viewer.timeline;
+    let events_of = |label: &str| -> Vec<(f64, EventKind, String)> {
+        let events = &row(timeline, label).events;
+        events.iter().map(|e| (e.at.as_secs(), e.kind, e.label.replace('\n', ", "))).collect()
+    };
+    // The walk is as long as its file says; the heel comes once a round.
+    let round =
+        place.viewer.scene.as_ref().unwrap().stage.actors[0].layers[0].cues[0].clip.duration.as_secs();
+    let heels = (0..).map(|n| 0.5 + 0.2 + f64::from(n) * round).take_while(|t| *t < 2.0);
+    let mut expected: Vec<(f64, EventKind, String)> =
+        heels.map(|t| (t, EventKind::Mark, "heel of Walk".to_string())).collect();
+    assert!(!expected.is_empty());
+    expected.extend([
+        (0.0, EventKind::Key, "position".into()),
+        (1.0, EventKind::Body, "position, look begins".into()),
+        (2.5, EventKind::Body, "look ends".into()),
+        (3.0, EventKind::Key, "position".into()),
+    ]);
+    expected.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let found = events_of("ada");
+    assert_eq!(found.len(), expected.len(), "{found:?} for {expected:?}");
+    for (found, expected) in found.iter().zip(&expected) {
+        assert!((found.0 - expected.0).abs() < 1e-6, "{found:?} for {expected:?}");
+        assert_eq!((found.1, &found.2), (expected.1, &expected.2));
+    }
+    let entrance = |at, what: &str| (at, EventKind::Entrance, what.to_string());
+    assert_eq!(events_of("bob"), [entrance(1.5, "goes"), entrance(3.0, "appears")]);
+    let hello = "\u{201c}Hello there\u{201d}";
+    let titles: Vec<(f64, f64, &str)> = row(timeline, "titles")
+        .bars
+        .iter()
+        .map(|bar| (bar.start.as_secs(), bar.end.as_secs(), bar.label.as_str()))
+        .collect();
+    assert_eq!(titles, [(0.8, 3.2, hello)]);
+}
+
+#[test]
+fn a_click_on_an_event_goes_there_and_a_pointer_over_it_is_told_what_it_is() {
+    let mut desk = desk();
+    let at = desk.get_by_label("event position, look begins on ada").rect().center();
+    desk.hover_at(at);
+    desk.run_steps(40);
+    desk.get_by_label_contains("look begins\n1.000 s\na.rhai:4");
+    desk.get_by_label("event position, look begins on ada").click();
+    desk.run();
+    assert_eq!(desk.state().viewer.playhead.frame(), 25);
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
+    // The next and the last of all that there is: bars' ends, events, marks.
+    let mut frames = Vec::new();
+    for key in [Key::ArrowDown, Key::ArrowDown, Key::ArrowUp, Key::ArrowUp, Key::ArrowUp] {
+        desk.key_press_modifiers(Modifiers::NONE, key);
+        desk.run();
+        frames.push(desk.state().viewer.playhead.frame());
+    }
+    let viewer = &desk.state().viewer;
+    let fps = viewer.playhead.fps();
+    let all = viewer.timeline.rows.iter().flat_map(|row| {
+        row.events.iter().map(|e| e.at).chain(row.bars.iter().flat_map(|bar| [bar.start, bar.until]))
+    });
+    let mut all: Vec<i64> = all
+        .chain([Time::from_secs(2.2)])
+        .map(|t| (t.as_secs() * fps.as_fps() + 1e-9).floor() as i64)
+        .collect();
+    all.sort_unstable();
+    all.dedup();
+    let here = all.iter().position(|f| *f == 25).unwrap();
+    assert_eq!(frames, [1i64, 2, 1, 0, -1].map(|step| all[(here as i64 + step) as usize]), "{all:?}");
+}
+
+#[test]
+fn the_strip_tells_which_foot_stands() {
+    let mut desk = desk();
+    let strip = desk.get_by_label("feet of ada").rect();
+    // Somewhere in the walk a foot is down.
+    let down = (0..60).find_map(|step| {
+        let x = strip.left() + strip.width() * (0.13 + 0.005 * step as f32);
+        desk.hover_at(pos2(x, strip.center().y));
+        desk.run_steps(40);
+        let node = desk.query_all_by_label_contains("on the floor, ").next()?;
+        let text = node.accesskit_node().label().or(node.accesskit_node().value())?;
+        Some((x, text))
+    });
+    let (x, text) = down.unwrap();
+    let first = text.lines().next().unwrap();
+    let (name, times) = first.split_once(" on the floor, ").unwrap();
+    assert!(name.contains("Foot") || name.contains("Toe"), "{text}");
+    let times: Vec<f64> = times.split(" to ").map(|t| t.trim_end_matches(" s").parse().unwrap()).collect();
+    let now = f64::from((x - strip.left()) / strip.width()) * 4.0;
+    assert!(times[0] <= now && now <= times[1], "{text} at {now}");
+    desk.drag_at(pos2(x, strip.center().y));
+    desk.run();
+    desk.drop_at(pos2(x, strip.center().y));
+    desk.run();
+    let frame = desk.state().viewer.playhead.frame();
+    let starts: Vec<i64> = text
+        .lines()
+        .map(|l| l.split_once("floor, ").unwrap().1.split(' ').next().unwrap().parse::<f64>().unwrap())
+        .map(|t| (t * 25.0 + 1e-6).floor() as i64)
+        .collect();
+    assert!(starts.contains(&frame), "{frame} of {starts:?}");
+}
+
+#[test]
+fn what_is_wrong_is_marked_until_it_is_mended() {
+    let mut desk = desk();
+    let marked = |desk: &Desk| {
+        let viewer = &desk.state().viewer;
+        let rows = viewer
+            .timeline
+            .rows
+            .iter()
+            .filter(|row| Timeline::severity(&row.place, &viewer.problems).is_some());
+        let bars = viewer.timeline.rows.iter().flat_map(|row| &row.bars);
+        let bars = bars.filter(|bar| Timeline::severity(&bar.place, &viewer.problems).is_some());
+        (rows.map(|r| r.label.clone()).collect::<Vec<_>>(), bars.map(|b| b.label.clone()).collect::<Vec<_>>())
+    };
+    assert_eq!(marked(&desk), (vec![], vec![]));
+    desk.state_mut().spoil(&SCRIPT.replace(".from(0.5).until(2.0)", ".from(0.5).untill(2.0)"));
+    desk.run();
+    assert_eq!(marked(&desk), (vec![], vec!["Walk".to_string()]));
+    desk.state_mut().spoil(&SCRIPT.replace("cast(\"bob\", moves)", "cast(\"bob\", movs)"));
+    desk.run();
+    assert_eq!(marked(&desk), (vec!["bob".to_string()], vec![]));
+    // All events of the last good version are still there.
+    desk.get_by_label("event goes on bob");
+    desk.state_mut().reload_with(SCRIPT);
+    desk.run();
+    assert_eq!(marked(&desk), (vec![], vec![]));
+}
+
+/// At twice the scale on a small screen, the buttons wrap into a second line before the ruler leaves the window.
+#[test]
+fn in_a_narrow_window_the_whole_ruler_is_seen() {
+    let desk = Place::new(SCRIPT).harness(vec2(640.0, 600.0));
+    let ruler = desk.get_by_label("time").rect();
+    assert!(ruler.right() <= 640.0 && ruler.width() > 300.0, "{ruler:?}");
+    assert!(desk.get_by_label("Whole").rect().right() <= 640.0);
+}

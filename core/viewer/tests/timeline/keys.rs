@@ -1,0 +1,859 @@
+//! Keys as an animator works with them, without a window: set, moved, changed, copied, eased and deleted on the timeline and in the
+//! curve editor; each gesture is a change of the script's text.
+
+use crate::place::Place;
+use choreo_motion::Time;
+use choreo_viewer::editing::ValueDrag;
+use choreo_viewer::state::events::EventKind;
+use choreo_viewer::state::keyed::{KeyRef, KeyedProperty};
+use choreo_viewer::state::selection::Selected;
+use choreo_viewer::state::tangents::TangentChoice;
+use egui::{Event, Key, Modifiers, PointerButton, Pos2, pos2, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+
+const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let cube = shape("box", #{ size: 1.0 });
+let ball = cast("ball", cube).key("position", [[0.0, [0, 0, 0]], [1.0, [1, 0, 0]], [2.0, [1, 2, 0], "in_quad"]]); // up
+ball.key("rotation", [
+    [0.0, 0], // still
+    [f(50), 720]
+]);
+let ways = [[0.0, [0, 0, 0]], [2.0, [0, 0, 3]]];
+let way = cast("way", cube).key("position", ways);
+let rest = cast("rest", cube).at(2.0, 0.0, 0.5);
+camera("wide").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]).key("fov", [[0.0, 40], [2.0, 50]], "smooth");
+let lamp = point(#{ position: [0.0, 2.0, 0.0], intensity: 3.0 });
+lamp.key("kelvin", [[0.0, 2700], [2.0, 6500]]);
+effect("vignette", #{ strength: 0.5 }).key("strength", [[0.0, 0.1], [2.0, 0.9]]);
+for x in [1.0, 2.0] { cast("one " + x, cube).key("scale", [[0.0, 1], [1.0, x]]); }
+"##;
+
+type Desk = Harness<'static, Place>;
+
+fn ball() -> Selected {
+    Selected::Actor("ball".into())
+}
+
+fn key(what: Selected, property: &str, secs: f64) -> KeyRef {
+    KeyRef { what, property: property.into(), at: Time::from_secs(secs) }
+}
+
+fn property(place: &Place, what: &Selected, name: &str) -> KeyedProperty {
+    place.viewer.keyed_properties(what).into_iter().find(|p| p.name == name).unwrap()
+}
+
+/// The text after a change that is one step of the history.
+fn text_after(change: impl FnOnce(&mut Place)) -> String {
+    let mut place = Place::new(SCRIPT);
+    change(&mut place);
+    assert_eq!(place.viewer.message, None);
+    let text = place.text();
+    assert_ne!(text, SCRIPT);
+    place.reload();
+    place.viewer.undo().unwrap();
+    assert_eq!(place.text(), SCRIPT);
+    text
+}
+
+fn replaced(pairs: &[(&str, &str)]) -> String {
+    pairs.iter().fold(SCRIPT.to_string(), |text, (old, new)| {
+        assert!(text.contains(old), "{old}");
+        text.replace(old, new)
+    })
+}
+
+/// The curves are the values that a snapshot of the whole stage has, and the turns are those of the script.
+#[test]
+fn curves_are_what_the_stage_shows() {
+    let mut place = Place::new(SCRIPT);
+    place.viewer.selection = Some(ball());
+    let scene = place.viewer.scene.clone().unwrap();
+    let [position, rotation] = ["position", "rotation"].map(|name| property(&place, &ball(), name));
+    let fov = property(&place, &Selected::Camera("wide".into()), "fov");
+    let kelvin = property(&place, &Selected::Light(0), "kelvin");
+    let strength = property(&place, &Selected::Effect(0), "strength");
+    for frame in 0..100 {
+        let time = scene.stage.settings.fps.time_of(frame);
+        let snapshot = scene.evaluator.clone().at(time).unwrap();
+        let secs = time.as_secs();
+        let (_, turned, at) = snapshot.actors[0].world_from_model.to_scale_rotation_translation();
+        let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-5, "{a} for {b} at {secs}");
+        position.at(time).iter().zip(at.to_array()).for_each(|(a, b)| near(*a, b));
+        // Two whole turns in two seconds, which a rotation does not hold.
+        let degrees = rotation.at(time);
+        assert_eq!(degrees.len(), 1);
+        near(degrees[0], 360.0 * secs.min(2.0));
+        let (sin, cos) = libm::sincos(degrees[0].to_radians() / 2.0);
+        near((turned.y * sin + turned.w * cos).abs(), 1.0);
+        let choreo_asset::Projection::Perspective { yfov, .. } = snapshot.camera.projection else { panic!() };
+        near(fov.at(time)[0].to_radians(), f64::from(yfov));
+        let color = snapshot.lights[0].light.color;
+        kelvin.at(time).iter().zip(color.to_array()).for_each(|(a, b)| near(*a, f64::from(b)));
+        let shown = snapshot.effects[0].parameters.iter().find(|(name, _)| name == "strength").unwrap().1;
+        near(strength.at(time)[0], shown);
+    }
+}
+
+/// An easing is many keys of the stage, and one of the script.
+#[test]
+fn marks_are_the_keys_of_the_script() {
+    let place = Place::new(SCRIPT);
+    let row = place.viewer.timeline.rows.iter().find(|row| row.label == "ball").unwrap();
+    let times: Vec<f64> = row.events.iter().map(|event| event.at.as_secs()).collect();
+    assert_eq!(times, [0.0, 1.0, 2.0]);
+    assert!(row.events.iter().all(|event| event.kind == EventKind::Key));
+    assert_eq!(place.viewer.scene.as_ref().unwrap().stage.actors[0].channels[0].times.len(), 62);
+    let lamp = place.viewer.timeline.rows.iter().find(|row| row.label.contains("point")).unwrap();
+    assert_eq!(lamp.events[0].key_refs(), [key(Selected::Light(0), "kelvin", 0.0)]);
+}
+
+#[test]
+fn several_keys_move_and_leave_in_one_step() {
+    let keys = [key(ball(), "position", 1.0), key(ball(), "position", 2.0), key(ball(), "rotation", 2.0)];
+    let text = text_after(|place| {
+        place.viewer.select_keys(keys.to_vec());
+        place.viewer.edit(|v| v.drag_keys(&keys, 0.4, None));
+        // They stay selected where they are now.
+        place.reload();
+        let at: Vec<f64> = place.viewer.selected_keys().iter().map(|key| key.at.as_secs()).collect();
+        assert_eq!(at, [1.4, 2.4, 2.4]);
+    });
+    assert_eq!(
+        text,
+        replaced(&[
+            ("[1.0, [1, 0, 0]]", "[1.4, [1, 0, 0]]"),
+            ("[2.0, [1, 2", "[2.4, [1, 2"),
+            ("f(50)", "f(60)")
+        ])
+    );
+    let text = text_after(|place| place.viewer.edit(|v| v.delete_keys(&keys)));
+    assert_eq!(
+        text,
+        replaced(&[(", [1.0, [1, 0, 0]], [2.0, [1, 2, 0], \"in_quad\"]", ""), ("    [f(50), 720]\n", "")])
+    );
+    // All keys of two properties: their calls go, too.
+    let all: Vec<KeyRef> = [("position", 0.0), ("rotation", 0.0)]
+        .map(|(name, at)| key(ball(), name, at))
+        .into_iter()
+        .chain(keys)
+        .collect();
+    let text = text_after(|place| place.viewer.edit(|v| v.delete_keys(&all)));
+    assert!(text.contains("let ball = cast(\"ball\", cube); // up\nlet ways"), "{text}");
+}
+
+#[test]
+fn a_number_of_several_keys_is_changed_in_place() {
+    let keys = [key(ball(), "position", 1.0), key(ball(), "position", 2.0)];
+    let value = ValueDrag { property: "position".into(), part: 1, by: 0.25 };
+    let text = text_after(|place| place.viewer.edit(|v| v.drag_keys(&keys, 0.2, Some(&value))));
+    assert_eq!(
+        text,
+        replaced(&[("[1.0, [1, 0, 0]]", "[1.2, [1, 0.25, 0]]"), ("[2.0, [1, 2, 0]", "[2.2, [1, 2.25, 0]")])
+    );
+    let turned = [key(ball(), "rotation", 2.0)];
+    let value = ValueDrag { property: "rotation".into(), part: 0, by: 200.0 };
+    let text = text_after(|place| place.viewer.edit(|v| v.drag_keys(&turned, 0.0, Some(&value))));
+    assert_eq!(text, replaced(&[("720", "920.0")]));
+    // A number stays within what the property allows.
+    let strength = [key(Selected::Effect(0), "strength", 2.0)];
+    let value = ValueDrag { property: "strength".into(), part: 0, by: 5.0 };
+    let text = text_after(|place| place.viewer.edit(|v| v.drag_keys(&strength, 0.0, Some(&value))));
+    assert_eq!(text, replaced(&[("[2.0, 0.9]", "[2.0, 1.0]")]));
+}
+
+#[test]
+fn a_key_is_set_where_the_playhead_is() {
+    let set = |what: Selected, names: &[&str], secs: f64| {
+        text_after(|place| {
+            place.viewer.playhead.seek(Time::from_secs(secs));
+            place.viewer.edit(|v| v.set_keys(&what, names));
+        })
+    };
+    // The first key of a property is a line of its own.
+    let text = set(Selected::Actor("rest".into()), &["position", "scale"], 1.24);
+    let lines = "rest.key(\"scale\", [[1.24, 1.0]]);\n";
+    assert!(
+        text.contains(lines) && text.contains("rest.key(\"position\", [[1.24, [2.0, 0.0, 0.5]]]);\n"),
+        "{text}"
+    );
+    // Between two keys on the way there is the value on the way.
+    let text = set(ball(), &["position", "rotation"], 0.48);
+    let inserted = [
+        ("[1.0, [1, 0, 0]]", "[0.48, [0.48, 0.0, 0.0]], [1.0, [1, 0, 0]]"),
+        ("    [f(50), 720]", "    [0.48, 172.8],\n    [f(50), 720]"),
+    ];
+    assert_eq!(text, replaced(&inserted));
+    let text = set(Selected::Camera("wide".into()), &["fov"], 1.0);
+    assert_eq!(text, replaced(&[("[2.0, 50]", "[1.0, 45.0], [2.0, 50]")]));
+    let text = set(Selected::Light(0), &["kelvin", "intensity"], 1.0);
+    let keys =
+        [("[2.0, 6500]]);\n", "[1.0, 4600.0], [2.0, 6500]]);\nlamp.key(\"intensity\", [[1.0, 3.0]]);\n")];
+    assert_eq!(text, replaced(&keys));
+    let text = set(Selected::Effect(0), &["strength"], 1.0);
+    assert_eq!(text, replaced(&[("[2.0, 0.9]", "[1.0, 0.5], [2.0, 0.9]")]));
+    // It changes nothing of what is seen, where nothing was keyed.
+    let mut place = Place::new(SCRIPT);
+    let before = place.viewer.scene.clone().unwrap();
+    place.viewer.set_keys(&Selected::Actor("rest".into()), &["position", "rotation", "scale"]).unwrap();
+    place.reload();
+    let after = place.viewer.scene.clone().unwrap();
+    for secs in [0.0, 1.0, 3.0] {
+        let at = |scene: &choreo_session::Scene| {
+            scene.evaluator.clone().at(Time::from_secs(secs)).unwrap().actors[2].world_from_model
+        };
+        assert_eq!(at(&before), at(&after));
+    }
+}
+
+#[test]
+fn computed_keys_are_refused_and_a_line_states_them_anew() {
+    let way = Selected::Actor("way".into());
+    let mut place = Place::new(SCRIPT);
+    let refused =
+        place.viewer.drag_keys(&[key(way.clone(), "position", 2.0)], 1.0, None).unwrap_err().to_string();
+    assert!(
+        refused.ends_with("line 9: its position has keys that are computed; change them there"),
+        "{refused}"
+    );
+    let mut desk = place.harness(vec2(1500.0, 1000.0));
+    let line = "way.key(\"position\", [[0.0, [0.0, 0.0, 0.0]], [3.0, [0.0, 0.0, 3.0]]]);";
+    desk.get_by_label(&format!("+ {line}"));
+    desk.get_by_label("Add the line").click();
+    desk.run();
+    assert_eq!(
+        desk.state().text(),
+        replaced(&[("\"position\", ways);\n", &format!("\"position\", ways);\n{line}\n"))])
+    );
+    desk.state_mut().reload();
+    // Now the line can be edited.
+    desk.state_mut().viewer.drag_keys(&[key(way, "position", 3.0)], 0.4, None).unwrap();
+    assert!(desk.state().text().contains("[3.4, [0.0, 0.0, 3.0]]"));
+    // What a loop makes is not one thing.
+    desk.state_mut().reload();
+    let one = Selected::Actor("one 1.0".into());
+    let refused = desk.state_mut().viewer.delete_keys(&[key(one, "scale", 1.0)]).unwrap_err();
+    assert!(refused.to_string().contains("this line makes 2 of them"), "{refused}");
+}
+
+#[test]
+fn keys_are_copied_to_another_time_and_to_another_thing() {
+    let keys = [key(ball(), "position", 1.0), key(ball(), "position", 2.0)];
+    let text = text_after(|place| place.viewer.edit(|v| v.duplicate_keys(&keys, 3.0)));
+    assert_eq!(
+        text,
+        replaced(&[(
+            "\"in_quad\"]]); // up",
+            "\"in_quad\"], [3.0, [1, 0, 0]], [4.0, [1, 2, 0], \"in_quad\"]]); // up"
+        )])
+    );
+    let text = text_after(|place| {
+        let copied = place.viewer.copy_keys(&keys).unwrap();
+        assert_eq!(copied, ".key(\"position\", [[1.0, [1, 0, 0]], [2.0, [1, 2, 0], \"in_quad\"]])");
+        place.viewer.edit(|v| v.paste_keys(&Selected::Actor("rest".into()), &copied, 0.4));
+    });
+    let line = "rest.key(\"position\", [[0.4, [1, 0, 0]], [1.4, [1, 2, 0], \"in_quad\"]]);\n";
+    assert!(text.contains(line), "{text}");
+    let mut place = Place::new(SCRIPT);
+    let copied = place.viewer.copy_keys(&keys).unwrap();
+    let why = place.viewer.paste_keys(&Selected::Effect(0), &copied, 0.0).unwrap_err().to_string();
+    assert_eq!(why, "it has no position that keys could animate");
+}
+
+#[test]
+fn easings_are_written_for_one_key_or_for_all() {
+    let keys = [key(ball(), "position", 1.0), key(ball(), "position", 2.0)];
+    let text = text_after(|place| place.viewer.edit(|v| v.set_key_ease(&keys, Some("\"out_sine\""))));
+    assert_eq!(
+        text,
+        replaced(&[("[1.0, [1, 0, 0]]", "[1.0, [1, 0, 0], \"out_sine\"]"), ("in_quad", "out_sine")])
+    );
+    let fov = [key(Selected::Camera("wide".into()), "fov", 2.0)];
+    let text = text_after(|place| place.viewer.edit(|v| v.set_key_ease(&fov, Some("\"in_expo\""))));
+    assert_eq!(text, replaced(&[("[2.0, 50]], \"smooth\"", "[2.0, 50, \"in_expo\"]]")]));
+    let text = text_after(|place| place.viewer.edit(|v| v.set_key_how(&fov, Some("\"step\""))));
+    assert_eq!(text, replaced(&[("\"smooth\"", "\"step\"")]));
+}
+
+fn desk() -> Desk {
+    Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
+}
+
+fn press(desk: &mut Desk, modifiers: Modifiers, key: Key) {
+    desk.key_press_modifiers(modifiers, key);
+    desk.run();
+}
+
+fn drag(desk: &mut Desk, from: Pos2, to: Pos2) {
+    desk.hover_at(from);
+    desk.run();
+    desk.drag_at(from);
+    desk.run();
+    desk.hover_at(from + (to - from) * 0.5);
+    desk.run();
+    desk.hover_at(to);
+    desk.run();
+    desk.drop_at(to);
+    desk.run();
+}
+
+fn secondary_click(desk: &mut Desk, pos: Pos2) {
+    desk.hover_at(pos);
+    desk.run();
+    for pressed in [true, false] {
+        let (button, modifiers) = (PointerButton::Secondary, Modifiers::NONE);
+        desk.event(Event::PointerButton { pos, button, pressed, modifiers });
+        desk.run();
+    }
+}
+
+/// Points of the ruler for a time of the four seconds.
+fn x_of(desk: &Desk, secs: f32) -> f32 {
+    let curves = desk.query_by_label("time of the curves");
+    let ruler = curves.unwrap_or_else(|| desk.get_by_label("time")).rect();
+    ruler.left() + ruler.width() * secs / 4.0
+}
+
+/// The reload that a real window gets from the watcher.
+fn undone(desk: &mut Desk) {
+    assert_eq!(desk.state().viewer.message, None);
+    desk.state_mut().reload();
+    desk.run();
+    press(desk, Modifiers::COMMAND, Key::Z);
+    assert_eq!(desk.state().text(), SCRIPT);
+    desk.state_mut().reload();
+    desk.run();
+}
+
+#[test]
+fn diamonds_are_selected_in_a_box_moved_and_deleted_together() {
+    let mut desk = desk();
+    let row = desk.get_by_label("row ball").rect().center().y;
+    // A diamond's mark is at half the row's height, since ball has no clips.
+    let (left, right) = (x_of(&desk, 0.7), x_of(&desk, 2.3));
+    drag(&mut desk, pos2(left, row - 9.0), pos2(right, row + 9.0));
+    assert_eq!(desk.state().viewer.selected_keys().len(), 3, "{:?}", desk.state().viewer.selected_keys());
+    let mark = desk.get_all_by_label_contains("on ball").filter(|n| n.rect().center().x > left).count();
+    assert_eq!(mark, 2);
+    let from = pos2(x_of(&desk, 1.0), row);
+    let to = pos2(x_of(&desk, 1.4), row);
+    drag(&mut desk, from, to);
+    assert_eq!(
+        desk.state().text(),
+        replaced(&[
+            ("[1.0, [1, 0, 0]]", "[1.4, [1, 0, 0]]"),
+            ("[2.0, [1, 2", "[2.4, [1, 2"),
+            ("f(50)", "f(60)")
+        ])
+    );
+    undone(&mut desk);
+    drag(&mut desk, pos2(left, row - 9.0), pos2(right, row + 9.0));
+    press(&mut desk, Modifiers::NONE, Key::Delete);
+    assert!(
+        !desk.state().text().contains("in_quad") && !desk.state().text().contains("720"),
+        "{}",
+        desk.state().text()
+    );
+    undone(&mut desk);
+    // One by one with Ctrl.
+    let click = |desk: &mut Desk, at: Pos2, modifiers: Modifiers| {
+        desk.hover_at(at);
+        desk.run();
+        for pressed in [true, false] {
+            let button = PointerButton::Primary;
+            desk.event_modifiers(Event::PointerButton { pos: at, button, pressed, modifiers }, modifiers);
+            desk.run();
+        }
+    };
+    click(&mut desk, from, Modifiers::NONE);
+    assert_eq!(desk.state().viewer.selected_keys(), [key(ball(), "position", 1.0)]);
+    assert_eq!(desk.state().viewer.playhead.frame(), 25);
+    let second = pos2(x_of(&desk, 2.0), row);
+    click(&mut desk, second, Modifiers::COMMAND);
+    assert_eq!(desk.state().viewer.selected_keys().len(), 3);
+    click(&mut desk, second, Modifiers::COMMAND);
+    assert_eq!(desk.state().viewer.selected_keys().len(), 1);
+}
+
+#[test]
+fn the_menu_of_a_diamond_eases_types_and_deletes() {
+    let mut desk = desk();
+    let row = desk.get_by_label("row ball").rect().center().y;
+    let at = pos2(x_of(&desk, 1.0), row);
+    secondary_click(&mut desk, at);
+    desk.get_by_label_contains("Easing into the key").click();
+    desk.run();
+    desk.get_by_label("in_out_cubic").click();
+    desk.run();
+    assert_eq!(desk.state().text(), replaced(&[("[1.0, [1, 0, 0]]", "[1.0, [1, 0, 0], \"in_out_cubic\"]")]));
+    undone(&mut desk);
+    secondary_click(&mut desk, at);
+    let field = desk.get_by_label("position y of the key").rect().center();
+    drag(&mut desk, field, field + vec2(50.0, 0.0));
+    let text = desk.state().text();
+    assert!(text.contains("[1.0, [1, 0.") && !text.contains("[1.0, [1, 0, 0]]"), "{text}");
+    press(&mut desk, Modifiers::NONE, Key::Escape);
+    undone(&mut desk);
+    secondary_click(&mut desk, at);
+    desk.get_by_label_contains("Delete").click();
+    desk.run();
+    assert_eq!(desk.state().text(), replaced(&[("[1.0, [1, 0, 0]], ", "")]));
+    undone(&mut desk);
+}
+
+/// The curve editor in the place of the sequencer, with the ball's curves.
+fn curves() -> Desk {
+    let mut desk = desk();
+    desk.state_mut().viewer.selection = Some(ball());
+    press(&mut desk, Modifiers::COMMAND, Key::Num9);
+    // The turns are much greater than the ways.
+    let turns = desk.get_by_label("curve rotation").rect().center();
+    desk.hover_at(turns);
+    desk.run();
+    desk.drag_at(turns);
+    desk.drop_at(turns);
+    desk.run();
+    desk
+}
+
+#[test]
+fn points_of_curves_are_dragged_in_time_and_value() {
+    let mut desk = curves();
+    let plot = desk.get_by_label("curves").rect();
+    let y = |desk: &Desk, value: f64| {
+        let values = desk.state().viewer.curves.values;
+        plot.bottom() - ((value - values.from) / (values.to - values.from)) as f32 * plot.height()
+    };
+    let at = pos2(x_of(&desk, 2.0), y(&desk, 2.0));
+    let found = desk.get_by_label("key position y at 50").rect().center();
+    assert!((found - at).length() < 1.0, "{found:?} for {at:?}");
+    let to = pos2(x_of(&desk, 2.4), y(&desk, 1.5));
+    drag(&mut desk, at, to);
+    let text = desk.state().text();
+    let start = text.find("[2.4, [1, ").unwrap_or_else(|| panic!("{text}")) + 10;
+    let number: f64 = text[start..].split(',').next().unwrap().parse().unwrap();
+    let point = (desk.state().viewer.curves.values.to - desk.state().viewer.curves.values.from)
+        / f64::from(plot.height());
+    assert!((number - 1.5).abs() < 1.5 * point, "{number}");
+    assert_eq!(
+        text,
+        replaced(&[(
+            "[2.0, [1, 2, 0]",
+            &format!("[2.4, [1, {}, 0]", choreo_session::edit::format_number(number))
+        )])
+    );
+    undone(&mut desk);
+    // Shift keeps the drag on one axis, that of the greater way.
+    desk.key_down_modifiers(Modifiers::SHIFT, Key::ArrowUp);
+    let (from, to) = (at, pos2(x_of(&desk, 2.4), at.y + 12.0));
+    desk.hover_at(from);
+    desk.run();
+    for (pos, pressed) in [(from, Some(true)), (to, None), (to, Some(false))] {
+        let (button, modifiers) = (PointerButton::Primary, Modifiers::SHIFT);
+        desk.event_modifiers(Event::PointerMoved(pos), modifiers);
+        desk.run();
+        if let Some(pressed) = pressed {
+            desk.event_modifiers(Event::PointerButton { pos, button, pressed, modifiers }, modifiers);
+            desk.run();
+        }
+    }
+    assert_eq!(desk.state().text(), replaced(&[("[2.0, [1, 2", "[2.4, [1, 2")]));
+}
+
+#[test]
+fn a_box_of_points_is_deleted_and_home_fits_them() {
+    let mut desk = curves();
+    let plot = desk.get_by_label("curves").rect();
+    let corners =
+        [(0.8, plot.top() + 2.0), (2.2, plot.bottom() - 2.0)].map(|(secs, y)| pos2(x_of(&desk, secs), y));
+    drag(&mut desk, corners[0], corners[1]);
+    let keys = [key(ball(), "position", 1.0), key(ball(), "position", 2.0)];
+    assert_eq!(desk.state().viewer.selected_keys(), keys);
+    desk.hover_at(plot.center());
+    desk.run();
+    press(&mut desk, Modifiers::NONE, Key::Home);
+    let span = desk.state().viewer.span;
+    assert!(span.from > 0.5 && span.from < 1.0 && span.to > 2.0 && span.to < 2.5, "{span:?}");
+    assert_eq!(desk.state().viewer.playhead.frame(), 0);
+    press(&mut desk, Modifiers::NONE, Key::Delete);
+    assert_eq!(desk.state().text(), replaced(&[(", [1.0, [1, 0, 0]], [2.0, [1, 2, 0], \"in_quad\"]", "")]));
+    undone(&mut desk);
+}
+
+/// The control points of a Bézier easing lie between its keys as in CSS, and are dragged.
+#[test]
+fn the_handles_of_a_bezier_easing_are_dragged() {
+    let mut desk = curves();
+    let bezier = SCRIPT.replace("\"in_quad\"", "[0.4, 0.0, 0.6, 1.0]");
+    desk.state_mut().reload_with(&bezier);
+    desk.state_mut().viewer.select_keys(vec![key(ball(), "position", 2.0)]);
+    desk.run();
+    let [from, to] =
+        ["key position y at 25", "key position y at 50"].map(|name| desk.get_by_label(name).rect().center());
+    let place = |x: f32, y: f32| from + vec2((to.x - from.x) * x, (to.y - from.y) * y);
+    // Of x, y and z only y changes; the others' points lie on flat lines.
+    let found: Vec<Pos2> = desk.get_all_by_label("start of the easing").map(|n| n.rect().center()).collect();
+    assert!(found.iter().any(|at| (*at - place(0.4, 0.0)).length() < 1.0), "{found:?}");
+    let end = place(0.6, 1.0);
+    drag(&mut desk, end, place(0.8, 0.5));
+    assert_eq!(desk.state().text(), bezier.replace("0.6, 1.0]", "0.8, 0.5]"));
+}
+
+#[test]
+fn k_and_the_inspector_s_diamonds_set_keys() {
+    let mut desk = desk();
+    desk.state_mut().viewer.selection = Some(ball());
+    desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
+    desk.run();
+    press(&mut desk, Modifiers::NONE, Key::K);
+    let both = [
+        ("[1.0, [1, 0, 0]]", "[0.48, [0.48, 0.0, 0.0]], [1.0, [1, 0, 0]]"),
+        ("    [f(50), 720]", "    [0.48, 172.8],\n    [f(50), 720]"),
+    ];
+    assert_eq!(desk.state().text(), replaced(&both));
+    undone(&mut desk);
+    desk.get_by_label("key of scale").click();
+    desk.run();
+    assert!(desk.state().text().contains("ball.key(\"scale\", [[0.48, 1.0]]);\n"), "{}", desk.state().text());
+    undone(&mut desk);
+    // Where a key is, the diamond deletes it.
+    desk.state_mut().viewer.playhead.seek(Time::from_secs(1.0));
+    desk.run();
+    desk.get_by_label("key of position").click();
+    desk.run();
+    assert_eq!(desk.state().text(), replaced(&[("[1.0, [1, 0, 0]], ", "")]));
+    undone(&mut desk);
+    // A keyed parameter of an effect is changed at the playhead.
+    desk.state_mut().viewer.set_value(&Selected::Effect(0), "strength", "0.25").unwrap();
+    assert_eq!(desk.state().text(), replaced(&[("[2.0, 0.9]", "[1.0, 0.25], [2.0, 0.9]")]));
+}
+
+/// The script with keys of every kind, interpolated in every way, some with tangents and easings.
+fn shaped(how: &str) -> String {
+    format!(
+        r##"stage(#{{ size: [64, 36], fps: 25, length: 4.0 }});
+let cube = shape("box", #{{ size: 1.0 }});
+let ball = cast("ball", cube).key("position", [[0.0, [0, 0, 0]], [1.0, [1, 3, 0], #{{ out_tangent: [1, -2, 4] }}], [2.0, [2, 4, 1]], [3.6, [0, 0, 0], #{{ tangent: 1 }}], [4.0, [0, 0, 0]]]{how});
+ball.key("rotation", [[0.0, [0, 0, 0]], [1.0, [20, 0, 0], #{{ tangent: [0, 30, 0], in_weight: 0.5 }}], [2.0, [30, 10, 0]], [4.0, [0, 0, 0]]]{how});
+ball.key("scale", [[0.0, 1], [1.0, 2, #{{ tangent: 0 }}], [4.0, 1]]{how});
+ball.key("tint", [[0.0, "black"], [2.0, "white", #{{ in_tangent: [1, 0, 0] }}], [4.0, "black"]]{how});
+camera("wide").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]).key("fov", [[0.0, 40], [2.0, 50, #{{ tangent: -8 }}], [4.0, 30]]{how});
+"##
+    )
+}
+
+/// Handles lie along the curve of the stage, whose slope beside a key is measured here.
+#[test]
+fn handles_are_the_slopes_of_the_curves() {
+    for how in ["", ", \"smooth\"", ", \"cubic\"", ", \"catmull_rom\""] {
+        let place = Place::new(&shaped(how));
+        let mut counted = 0;
+        for what in [ball(), Selected::Camera("wide".into())] {
+            for keyed in place.viewer.keyed_properties(&what).iter().filter(|keyed| keyed.has_keys()) {
+                for (key, at) in keyed.keys.iter().enumerate() {
+                    for (side, handle) in keyed.handles(key).iter().enumerate() {
+                        let Some(handle) = handle else { continue };
+                        let step = Time::from_secs(if side == 0 { -1e-4 } else { 1e-4 });
+                        let [now, then] = [*at, *at + step].map(|time| keyed.at(time));
+                        for (part, tangent) in handle.tangent.iter().enumerate() {
+                            let slope = (then[part] - now[part]) / step.as_secs();
+                            // Rotations are samples of the stage, a few degrees apart.
+                            let most = if keyed.name == "rotation" { 3.0 } else { 0.01 };
+                            let shown = format!("{how} {} {part} at {} {side}", keyed.name, at.as_secs());
+                            assert!((slope - tangent).abs() < most, "{shown}: {slope} for {tangent}");
+                            counted += 1;
+                        }
+                    }
+                }
+            }
+        }
+        assert_eq!(counted, 3 * 8 + 3 * 6 + 4 + 3 * 4 + 4, "{how}");
+    }
+}
+
+#[test]
+fn tangents_are_chosen_for_all_selected_keys() {
+    let keys = [key(ball(), "position", 1.0), key(ball(), "position", 2.0)];
+    let chosen = |choice| text_after(|place| place.viewer.edit(|v| v.set_key_tangents(&keys, choice)));
+    let both = |first: &str, second: &str| {
+        let of = |number: &str, more: &str| format!("[{number}, 0]{more}");
+        replaced(&[
+            ("[1.0, [1, 0, 0]]", &of("1.0, [1, 0", &format!(", #{{ {first} }}]"))),
+            (
+                "[2.0, [1, 2, 0], \"in_quad\"]",
+                &of("2.0, [1, 2", &format!(", #{{ ease: \"in_quad\", {second} }}]")),
+            ),
+        ])
+    };
+    assert_eq!(chosen(TangentChoice::Flat), both("tangent: 0.0", "out_tangent: 0.0"));
+    // Monotone: x rises to the key and stays, y stays and rises; a position keeps its direction.
+    let monotone = chosen(TangentChoice::Monotone);
+    assert_eq!(monotone, both("tangent: [0.5, 1.0, 0.0]", "out_tangent: 0.0"));
+    let linear = "in_tangent: [1.0, 0.0, 0.0], out_tangent: [0.0, 2.0, 0.0]";
+    assert_eq!(chosen(TangentChoice::Linear), both(linear, "out_tangent: [0.0, 2.0, 0.0]"));
+    let mut place = Place::new(&monotone);
+    place.viewer.set_key_tangents(&keys[..1], TangentChoice::Broken).unwrap();
+    assert!(place.text().contains("#{ in_tangent: [0.5, 1.0, 0.0], out_tangent: [0.5, 1.0, 0.0] }"));
+    place.reload();
+    place.viewer.set_key_tangents(&keys, TangentChoice::Automatic).unwrap();
+    assert_eq!(place.text(), SCRIPT);
+    let kelvin = [key(Selected::Light(0), "kelvin", 0.0)];
+    let refused = place.viewer.set_key_tangents(&kelvin, TangentChoice::Flat).unwrap_err().to_string();
+    assert!(refused.contains("a.rhai:12: keys of its kelvin have no tangents"), "{refused}");
+}
+
+/// A drag with keys held.
+fn drag_with(desk: &mut Desk, modifiers: Modifiers, from: Pos2, to: Pos2) {
+    desk.hover_at(from);
+    desk.run();
+    for (pos, pressed) in
+        [(from, Some(true)), (from + (to - from) * 0.5, None), (to, None), (to, Some(false))]
+    {
+        desk.event_modifiers(Event::PointerMoved(pos), modifiers);
+        desk.run();
+        if let Some(pressed) = pressed {
+            let button = PointerButton::Primary;
+            desk.event_modifiers(Event::PointerButton { pos, button, pressed, modifiers }, modifiers);
+            desk.run();
+        }
+    }
+}
+
+/// The numbers behind a name in a text.
+fn numbers_after(text: &str, name: &str) -> Vec<f64> {
+    let start = text.find(name).unwrap_or_else(|| panic!("{name} in {text}")) + name.len();
+    let inside = text[start..].trim_start().trim_start_matches('[').split([']', '}', '#']).next().unwrap();
+    inside.split(',').map_while(|number| number.trim().parse().ok()).collect()
+}
+
+#[test]
+fn handles_of_tangents_are_dragged_aligned_broken_and_longer() {
+    let mut desk = curves();
+    let straight = SCRIPT.replace(", \"in_quad\"", "");
+    desk.state_mut().reload_with(&straight);
+    desk.state_mut().viewer.select_keys(vec![key(ball(), "position", 1.0)]);
+    desk.run();
+    let center = |desk: &Desk, name: &str| desk.get_by_label(name).rect().center();
+    let [before, here, after] = ["key position y at 0", "key position y at 25", "key position y at 50"]
+        .map(|name| center(&desk, name));
+    // A third of each span, straight to the next key.
+    let tip = center(&desk, "tangent of position y out of 25");
+    assert!((tip - (here + (after - here) / 3.0)).length() < 1.5, "{tip:?}");
+    let tip_before = center(&desk, "tangent of position y into 25");
+    assert!((tip_before - (here + (before - here) / 3.0)).length() < 1.5, "{tip_before:?}");
+    // One second and two metres are so many points.
+    let (second, metre) = (here.x - before.x, (here.y - after.y) / 2.0);
+    let slope = |to: Pos2| f64::from((here.y - to.y) / metre) / f64::from((to.x - here.x) / second);
+    let reloaded = |desk: &mut Desk| {
+        assert_eq!(desk.state().viewer.message, None);
+        desk.state_mut().reload();
+        desk.run();
+    };
+    let to = tip + vec2(6.0, -15.0);
+    drag(&mut desk, tip, to);
+    let text = desk.state().text();
+    // The others keep the slope that they had on each side.
+    let [into, out] = ["in_tangent:", "out_tangent:"].map(|name| numbers_after(&text, name));
+    assert!((out[1] - slope(to)).abs() < 0.05 && out[1] > 2.1, "{text}");
+    assert_eq!((into, out.clone()), (vec![1.0, out[1], 0.0], vec![0.0, out[1], 0.0]));
+    reloaded(&mut desk);
+    // Sides of different numbers are broken: the other side stays. With Ctrl the handle gets longer.
+    let tip = center(&desk, "tangent of position y out of 25");
+    let to = tip + vec2(second * 0.2, 4.0);
+    drag_with(&mut desk, Modifiers::COMMAND, tip, to);
+    let text = desk.state().text();
+    let [into, now] = ["in_tangent:", "out_tangent:"].map(|name| numbers_after(&text, name));
+    let weight = numbers_after(&text, "out_weight:");
+    assert_eq!(into[1], out[1], "{text}");
+    assert!((now[1] - slope(to)).abs() < 0.05, "{text}");
+    assert!((weight[1] - (1.0 / 3.0 + 0.2)).abs() < 0.02 && weight[0] == 0.333, "{text}");
+    reloaded(&mut desk);
+    for _ in 0..2 {
+        press(&mut desk, Modifiers::COMMAND, Key::Z);
+        reloaded(&mut desk);
+    }
+    assert_eq!(desk.state().text(), straight);
+    // With Alt only one side gets a tangent.
+    let tip = center(&desk, "tangent of position y into 25");
+    drag_with(&mut desk, Modifiers::ALT, tip, tip + vec2(0.0, 12.0));
+    let text = desk.state().text();
+    assert!(text.contains("[1.0, [1, 0, 0], #{ in_tangent: [") && !text.contains("out_tangent"), "{text}");
+    reloaded(&mut desk);
+    press(&mut desk, Modifiers::COMMAND, Key::Z);
+    reloaded(&mut desk);
+    // From the menu, and as a number.
+    let at = center(&desk, "key position y at 25");
+    secondary_click(&mut desk, at);
+    desk.get_by_label_contains("Tangents").click();
+    desk.run();
+    desk.get_by_label("Flat").click();
+    desk.run();
+    assert_eq!(
+        desk.state().text(),
+        straight.replace("[1.0, [1, 0, 0]]", "[1.0, [1, 0, 0], #{ tangent: 0.0 }]")
+    );
+    reloaded(&mut desk);
+    secondary_click(&mut desk, at);
+    let field = desk.get_by_label("tangent into it y of position").rect().center();
+    drag(&mut desk, field, field + vec2(40.0, 0.0));
+    let typed = numbers_after(&desk.state().text(), "tangent:");
+    assert!(typed[1] > 0.5 && typed[0] == 0.0, "{}", desk.state().text());
+}
+
+const PARTS: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", moves);
+ada.play(moves.clip("Walk")).weight([[0.0, 1], [2.0, 0.4]]).speed([[0.0, 1], [4.0, 2]]);
+let wave = ada.play(moves.clip("Wave")).from(1.0).until(4.0).on("RightShoulder..");
+wave.layer_weight([[1.0, 0], [2.0, 1]], "smooth");
+ada.joint("Head").key("rotation", [[0.0, [0, 0, 0]], [1.0, [0, 40, 10], "in_quad"], [2.0, [0, 0, 0]]]); // no
+ada.joint("Hips").key("position", [[0.0, [0, 0, 0]], [2.0, [0, 0.2, 0.1], #{ tangent: 0 }]]);
+sky("studio", #{ strength: 0.5 }).key("turn", [[0.0, 0], [2.0, 90]]);
+camera("wide").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
+"##;
+
+fn part(place: &Place, what: &Selected, name: &str) -> KeyedProperty {
+    place
+        .viewer
+        .keyed_properties(what)
+        .into_iter()
+        .find(|p| p.name == name)
+        .unwrap_or_else(|| panic!("{name}"))
+}
+
+/// Joints, cues and the sky have the keys of the script, and the values that a snapshot has.
+#[test]
+fn keys_of_joints_cues_and_the_sky_are_those_of_the_script() {
+    let place = Place::new(PARTS);
+    let (ada, cue) = (Selected::Actor("ada".into()), Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
+    let head = part(&place, &ada, "joint:Head:rotation");
+    let hips = part(&place, &ada, "joint:Hips:position");
+    let weight = part(&place, &cue, ".weight");
+    let turn = part(&place, &Selected::Sky, "turn");
+    let secs = |keyed: &KeyedProperty| keyed.keys.iter().map(|at| at.as_secs()).collect::<Vec<_>>();
+    assert_eq!((secs(&head), secs(&hips)), (vec![0.0, 1.0, 2.0], vec![0.0, 2.0]));
+    assert_eq!((secs(&weight), secs(&turn)), (vec![0.0, 2.0], vec![0.0, 2.0]));
+    assert!([&head, &hips, &weight, &turn].iter().all(|keyed| keyed.written.is_some()));
+    // What a script without these keys shows, with the joint moved by what the curve has.
+    let plain =
+        Place::new(&PARTS.lines().filter(|line| !line.contains(".joint(")).collect::<Vec<_>>().join("\n"));
+    for frame in 0..75 {
+        let time = Time::from_secs(f64::from(frame) / 25.0);
+        let of = |place: &Place| place.viewer.scene.as_ref().unwrap().evaluator.clone().at(time).unwrap();
+        let (with, without) = (of(&place), of(&plain));
+        let at = |snapshot: &choreo_stage::Snapshot, name: &str| {
+            let scene = place.viewer.scene.as_ref().unwrap();
+            let joint = scene.stage.actors[0].asset.skeleton.find(name).unwrap();
+            snapshot.actors[0].model_from_joint[joint]
+        };
+        let moved = at(&with, "Hips").translation - at(&without, "Hips").translation;
+        let shown = hips.at(time);
+        for axis in 0..3 {
+            assert!((f64::from(moved[axis]) - shown[axis]).abs() < 1e-5, "{moved} for {shown:?}");
+        }
+        assert!((with.sky.as_ref().unwrap().turn - turn.at(time)[0].to_radians()).abs() < 1e-9);
+        assert!((weight.at(time)[0] - (1.0 - 0.3 * time.as_secs().min(2.0))).abs() < 1e-9);
+    }
+    assert!((head.at(Time::from_secs(0.5))[1] - 10.0).abs() < 0.05, "{:?}", head.at(Time::from_secs(0.5)));
+    let row = |label: &str| place.viewer.timeline.rows.iter().find(|row| row.label == label).unwrap();
+    let labels: Vec<&str> = row("ada").events.iter().map(|event| event.label.as_str()).collect();
+    assert!(labels[0].contains("Walk weight") && labels[0].contains("joint Head rotation"), "{labels:?}");
+    assert!(row("sky").events.iter().all(|event| event.key_refs()[0].what == Selected::Sky));
+    let layer = row("ada +1").events.iter().find(|event| event.label == "layer weight").unwrap();
+    assert_eq!(layer.key_refs()[0].property, ".layer_weight");
+}
+
+#[test]
+fn keys_of_joints_cues_and_the_sky_are_edited_as_others() {
+    let (ada, walk) =
+        (Selected::Actor("ada".into()), Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
+    let wave = Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 };
+    let changed = |change: &dyn Fn(&mut Place)| {
+        let mut place = Place::new(PARTS);
+        change(&mut place);
+        assert_eq!(place.viewer.message, None);
+        let text = place.text();
+        place.reload();
+        place.viewer.undo().unwrap();
+        assert_eq!(place.text(), PARTS);
+        text
+    };
+    let all = [
+        key(ada.clone(), "joint:Head:rotation", 1.0),
+        key(walk.clone(), ".weight", 2.0),
+        key(wave, ".layer_weight", 2.0),
+        key(Selected::Sky, "turn", 2.0),
+    ];
+    let moved = changed(&|place| place.viewer.edit(|v| v.drag_keys(&all, 0.4, None)));
+    let expected = PARTS
+        .replace("[1.0, [0, 40, 10]", "[1.4, [0, 40, 10]")
+        .replace("[2.0, 0.4]", "[2.4, 0.4]")
+        .replace("[2.0, 1]], \"smooth\"", "[2.4, 1]], \"smooth\"")
+        .replace("[2.0, 90]", "[2.4, 90]");
+    assert_eq!(moved, expected);
+    let flat = changed(&|place| place.viewer.edit(|v| v.set_key_tangents(&all[1..], TangentChoice::Flat)));
+    assert!(
+        flat.contains("[2.0, 0.4, #{ tangent: 0.0 }]") && flat.contains("[2.0, 90, #{ tangent: 0.0 }]"),
+        "{flat}"
+    );
+    let gone = changed(&|place| {
+        place.viewer.edit(|v| v.delete_keys(&[key(ada.clone(), "joint:Hips:position", 2.0)]))
+    });
+    assert_eq!(gone, PARTS.replace(", [2.0, [0, 0.2, 0.1], #{ tangent: 0 }]", ""));
+    let set = changed(&|place| {
+        place.viewer.playhead.seek(Time::from_secs(1.0));
+        place.viewer.edit(|v| v.set_keys(&walk, &[".weight"]));
+    });
+    assert_eq!(set, PARTS.replace("[2.0, 0.4]", "[1.0, 0.7], [2.0, 0.4]"));
+    let set = changed(&|place| place.viewer.edit(|v| v.set_keys(&Selected::Sky, &["strength"])));
+    assert!(set.contains(".key(\"turn\", [[0.0, 0], [2.0, 90]]).key(\"strength\", [[0.0, 0.5]]);"), "{set}");
+    let set = changed(&|place| place.viewer.edit(|v| v.set_value(&Selected::Sky, "turn", "30.0")));
+    assert_eq!(set, PARTS.replace("[0.0, 0], [2.0, 90]", "[0.0, 30.0], [2.0, 90]"));
+    let value = ValueDrag { property: "joint:Head:rotation".into(), part: 1, by: 5.0 };
+    let turned = changed(&|place| place.viewer.edit(|v| v.drag_keys(&all[..1], 0.0, Some(&value))));
+    assert_eq!(turned, PARTS.replace("[0, 40, 10]", "[0, 45.0, 10]"));
+}
+
+/// They have curves, and the sky is shown and keyed in the inspector.
+#[test]
+fn the_sky_and_a_cue_have_curves_and_fields() {
+    let mut desk = Place::new(PARTS).harness(vec2(1500.0, 1000.0));
+    desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
+    press(&mut desk, Modifiers::COMMAND, Key::Num9);
+    desk.get_by_label("curve weight");
+    desk.get_by_label("curve speed");
+    desk.state_mut().viewer.selection = Some(Selected::Sky);
+    desk.run();
+    desk.get_by_label("curve turn");
+    desk.get_by_label("key of strength").click();
+    desk.run();
+    assert!(desk.state().text().contains(".key(\"strength\", [[0.0, 0.5]])"), "{}", desk.state().text());
+}
+
+/// A key within a span with tangents leaves the curve as it is, weights included.
+#[test]
+fn a_new_key_splits_a_span_and_changes_no_curve() {
+    let script = SCRIPT.replace(
+        "[1.0, [1, 0, 0]], [2.0, [1, 2, 0], \"in_quad\"]",
+        "[1.0, [1, 0, 0], #{ tangent: [0, 3, -1] }], [2.0, [1, 2, 0], #{ in_tangent: -2, in_weight: [0.1, 0.6, 0.9] }]",
+    );
+    let mut place = Place::new(&script);
+    let before = property(&place, &ball(), "position");
+    place.viewer.set_keys_at(&ball(), &["position"], Time::from_secs(0.6)).unwrap();
+    place.reload();
+    place.viewer.set_keys_at(&ball(), &["position"], Time::from_secs(1.24)).unwrap();
+    place.reload();
+    let after = property(&place, &ball(), "position");
+    assert_eq!(after.keys.len(), 5, "{}", place.text());
+    for frame in 0..=100 {
+        let time = Time::from_secs(f64::from(frame) / 50.0);
+        for (a, b) in before.at(time).iter().zip(after.at(time)) {
+            // Numbers are written to the thousandth.
+            assert!((a - b).abs() < 2e-3, "{a} and {b} at {}: {}", time.as_secs(), place.text());
+        }
+    }
+    place.viewer.undo().unwrap();
+    place.reload();
+    place.viewer.undo().unwrap();
+    assert_eq!(place.text(), script);
+}

@@ -1,0 +1,9 @@
+//! The timeline and the curve editor, without a window.
+
+#[path = "../place/mod.rs"]
+mod place;
+
+mod editing;
+mod events;
+mod keys;
+mod strips;

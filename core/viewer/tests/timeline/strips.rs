@@ -1,0 +1,324 @@
+//! The timeline as an editor: each gesture on bars is a change of the script's text.
+
+use crate::place::Place;
+use choreo_motion::Time;
+use choreo_viewer::state::selection::Selected;
+use egui::{Event, Key, Modifiers, PointerButton, Pos2, pos2, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+
+const SCRIPT: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 8.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", moves);
+ada.play(moves.clip("Walk")).until(2.0)
+    .then(moves.clip("Wave"), #{ fade: 0.4, repeat: "once" }).until(4.0);
+ada.play(moves.clip("Bow")).from(1.0).until(2.0).on("RightShoulder..");
+let bob = cast("bob", moves).at(1.0, 0.0, 0.0);
+let sky = sun(#{ intensity: 2.0 });
+text("Hello").from(1.0).until(3.0).fade(0.5);
+text("Below").from(2.0);
+effect("vignette", #{ strength: 0.5 }).from(1.0).until(2.0);
+marker("turn", 5.02);
+"#;
+
+fn cue(layer: usize, cue: usize) -> Selected {
+    Selected::Cue { actor: "ada".into(), layer, cue }
+}
+
+fn text_after(change: impl FnOnce(&mut Place)) -> String {
+    let mut place = Place::new(SCRIPT);
+    change(&mut place);
+    assert_eq!(place.viewer.message, None);
+    let text = place.text();
+    place.reload();
+    place.viewer.undo().unwrap();
+    assert_eq!(place.text(), SCRIPT);
+    text
+}
+
+/// Joint matrices of ada in the model, at a time.
+fn pose(place: &Place, secs: f64) -> Vec<glam::Affine3A> {
+    let scene = place.viewer.scene.as_ref().unwrap();
+    let snapshot = scene.evaluator.clone().at(Time::from_secs(secs)).unwrap();
+    snapshot.actors[0].model_from_joint.clone()
+}
+
+fn farthest(a: &[glam::Affine3A], b: &[glam::Affine3A]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a.translation - b.translation).length()).fold(0.0, f32::max)
+}
+
+/// A split changes nothing of what is seen, wherever it is made, also in a clip that repeats.
+#[test]
+fn a_split_is_not_seen() {
+    for (what, at) in [(cue(0, 0), 0.52), (cue(0, 0), 1.72), (cue(0, 1), 3.0)] {
+        let mut place = Place::new(SCRIPT);
+        let times: Vec<f64> = (0..100).map(|frame| f64::from(frame) / 25.0).collect();
+        let before: Vec<_> = times.iter().map(|t| pose(&place, *t)).collect();
+        place.viewer.split_cues(std::slice::from_ref(&what), at).unwrap();
+        place.reload();
+        assert_eq!(place.viewer.timeline.rows[1].bars.len(), 3, "{}", place.text());
+        let worst = times.iter().zip(&before).map(|(t, before)| farthest(before, &pose(&place, *t)));
+        let worst = worst.fold(0.0, f32::max);
+        // A fade at the split would begin with another clip: there is none. Clip times are written to the thousandth.
+        assert!(worst < 5e-3, "{what:?} at {at}: {worst} m\n{}", place.text());
+        place.viewer.undo().unwrap();
+        assert_eq!(place.text(), SCRIPT);
+    }
+    let mut place = Place::new(SCRIPT);
+    let why = place.viewer.split_cues(&[cue(0, 0)], 3.0).unwrap_err().to_string();
+    assert_eq!(why, "a.rhai:4: the playhead is not within this clip".replace("a.rhai", &name(&place)));
+}
+
+fn name(place: &Place) -> String {
+    place.viewer.scene.as_ref().unwrap().places.main.clone()
+}
+
+/// A trimmed bar keeps its content's place on the timeline; a slip shows another part between the same ends.
+#[test]
+fn trims_rolls_and_slips_keep_what_they_promise() {
+    let mut place = Place::new(SCRIPT);
+    let late = pose(&place, 3.6);
+    place.viewer.trim_cue(&cue(0, 1), 2.6).unwrap();
+    assert_eq!(
+        place.text(),
+        SCRIPT.replace("until(2.0)\n", "until(2.6)\n").replace("\"once\" })", "\"once\" }).trim(0.6, 3.0)")
+    );
+    place.reload();
+    assert!(farthest(&late, &pose(&place, 3.6)) < 2e-3);
+    let bars = &place.viewer.timeline.rows[1].bars;
+    assert_eq!((bars[0].until, bars[1].start), (Time::from_secs(2.6), Time::from_secs(2.6)));
+    place.viewer.undo().unwrap();
+    place.reload();
+    // One second of the wave, which runs for 3 s, is seen.
+    let short = SCRIPT.replace("until(4.0)", "until(3.0)");
+    place.reload_with(&short);
+    place.viewer.slip_cue(&cue(0, 1), 0.25).unwrap();
+    assert_eq!(place.text(), short.replace("\"once\" })", "\"once\" }).trim(0.25, 3.0)"));
+    place.reload();
+    let why = place.viewer.trim_cue(&cue(0, 0), 0.5).unwrap_err().to_string();
+    assert!(why.contains("it repeats, so a trim would shorten every round"), "{why}");
+}
+
+#[test]
+fn clips_that_overlap_crossfade() {
+    let text = text_after(|place| place.viewer.edit(|v| v.overlap_cue(&cue(0, 1), 1.4)));
+    // The walk was seen until 2.4: it still is.
+    let expected = SCRIPT.replace("until(2.0)\n", "until(1.4)\n").replace("fade: 0.4", "fade: 1.0");
+    assert_eq!(text, expected.replace("until(4.0)", "until(3.4)"));
+    let mut place = Place::new(SCRIPT);
+    let why = place.viewer.overlap_cue(&cue(0, 1), 3.0).unwrap_err().to_string();
+    assert!(why.ends_with("it crossfades where it lies over the end of the clip before it"), "{why}");
+}
+
+#[test]
+fn duplicates_follow_and_later_clips_make_room() {
+    let text = text_after(|place| place.viewer.edit(|v| v.duplicate_cue(&cue(0, 0))));
+    let expected = SCRIPT.replace(
+        "until(2.0)\n    .then(moves.clip(\"Wave\"), #{ fade: 0.4, repeat: \"once\" }).until(4.0)",
+        "until(2.0)\n    .then(moves.clip(\"Walk\")).until(4.0)\n    .then(moves.clip(\"Wave\"), #{ fade: 0.4, repeat: \"once\" }).until(6.0)",
+    );
+    assert_eq!(text, expected);
+}
+
+#[test]
+fn copies_go_to_other_rows() {
+    let text = text_after(|place| {
+        let copied = place.viewer.copy_cues(&[cue(1, 0), cue(0, 1)]).unwrap();
+        assert_eq!(copied.lines().count(), 2, "{copied}");
+        place.viewer.edit(|v| v.paste_cues("bob", &copied, 4.0));
+    });
+    let bow = "bob.play(moves.clip(\"Bow\")).from(4.0).until(5.0).on(\"RightShoulder..\");\n";
+    let wave = "bob.play(moves.clip(\"Wave\"), #{ fade: 0.4, repeat: \"once\" }).from(5.0).until(7.0);\n";
+    assert!(text.contains(bow) && text.contains(wave), "{text}");
+}
+
+#[test]
+fn disabled_clips_have_no_weight_and_get_it_back() {
+    let mut place = Place::new(SCRIPT);
+    place.viewer.edit(|v| v.toggle_cues(&[cue(1, 0), cue(0, 1)]));
+    assert_eq!(place.viewer.message, None);
+    assert_eq!(place.text().matches(".weight(0.0)").count(), 2, "{}", place.text());
+    place.reload();
+    place.viewer.edit(|v| v.toggle_cues(&[cue(1, 0), cue(0, 1)]));
+    assert_eq!(place.text(), SCRIPT);
+    let why = place.viewer.toggle_cues(&[cue(0, 0)]).unwrap_err().to_string();
+    assert!(why.contains("the first clip of the base layer always has all the weight"), "{why}");
+}
+
+#[test]
+fn a_stretched_clip_plays_slower_and_several_bars_move_as_one_change() {
+    let text = text_after(|place| place.viewer.edit(|v| v.stretch_cue(&cue(1, 0), 3.0)));
+    assert_eq!(text, SCRIPT.replace(".from(1.0).until(2.0).on", ".speed(0.5).from(1.0).until(3.0).on"));
+    let text = text_after(|place| {
+        let all = [cue(1, 0), Selected::Title(0), Selected::Effect(0)];
+        place.viewer.edit(|v| v.move_bars(&all, 0.4));
+    });
+    assert!(
+        text.contains(".from(1.4).until(2.4).on(") && text.contains("text(\"Hello\").from(1.4).until(3.4)")
+    );
+    assert!(text.contains("#{ strength: 0.5 }).from(1.4).until(2.4)"), "{text}");
+}
+
+type Desk = Harness<'static, Place>;
+
+fn desk() -> Desk {
+    Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
+}
+
+fn drag(desk: &mut Desk, modifiers: Modifiers, from: Pos2, to: Pos2) {
+    let button =
+        |pos, pressed| Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers };
+    for event in [Event::ModifiersChanged(modifiers), Event::PointerMoved(from), button(from, true)] {
+        desk.event(event);
+    }
+    desk.run();
+    desk.event(Event::PointerMoved(to));
+    desk.run();
+    desk.event(button(to, false));
+    desk.run();
+    desk.event(Event::ModifiersChanged(Modifiers::NONE));
+    desk.run();
+}
+
+/// Points that a second takes.
+fn second(desk: &Desk) -> f32 {
+    desk.get_by_label("time").rect().width() / 8.0
+}
+
+#[test]
+fn gestures_and_keys_do_all_of_it() {
+    let mut desk = desk();
+    let by = second(&desk);
+    let wave = |desk: &Desk| desk.get_by_label("Wave on ada").rect();
+    // Alt: slip. Ctrl: crossfade.
+    let at = wave(&desk).center();
+    drag(&mut desk, Modifiers::COMMAND, at, at - vec2(by * 0.4, 0.0));
+    assert_eq!(desk.state().viewer.message, None);
+    assert!(
+        desk.state().text().contains("until(1.6)\n    .then(moves.clip(\"Wave\"), #{ fade: 0.8"),
+        "{}",
+        desk.state().text()
+    );
+    desk.state_mut().viewer.undo().unwrap();
+    desk.state_mut().reload();
+    desk.run();
+    let start = desk.get_by_label("start of Wave in row 1").rect().center();
+    drag(&mut desk, Modifiers::ALT, start, start + vec2(by * 0.6, 0.0));
+    assert!(desk.state().text().contains(".trim(0.6, 3.0)"), "{}", desk.state().text());
+    desk.state_mut().viewer.undo().unwrap();
+    desk.state_mut().reload();
+    // A menu, with its keys.
+    desk.state_mut().viewer.playhead.seek(Time::from_secs(3.0));
+    desk.run();
+    desk.get_by_label("Wave on ada").click_secondary();
+    desk.run();
+    assert_eq!(desk.state().viewer.selection, Some(cue(0, 1)));
+    desk.get_by_label_contains("Split at the playhead").click();
+    desk.run();
+    assert_eq!(desk.state().viewer.message, None);
+    assert!(
+        desk.state()
+            .text()
+            .contains("until(3.0)\n        .then(moves.clip(\"Wave\"), #{ repeat: \"once\" })")
+            || desk
+                .state()
+                .text()
+                .contains("until(3.0)\n    .then(moves.clip(\"Wave\"), #{ repeat: \"once\" })"),
+        "{}",
+        desk.state().text()
+    );
+    desk.state_mut().viewer.undo().unwrap();
+    desk.state_mut().reload();
+    desk.run();
+    // Copied as text, pasted where bob is selected.
+    desk.state_mut().viewer.selection = Some(cue(0, 1));
+    desk.run();
+    desk.event(Event::Copy);
+    desk.run_steps(1);
+    let copied = desk.output().platform_output.commands.iter().find_map(|command| match command {
+        egui::OutputCommand::CopyText(text) => Some(text.clone()),
+        _ => None,
+    });
+    desk.state_mut().viewer.selection = Some(Selected::Actor("bob".into()));
+    desk.run();
+    desk.event(Event::Paste(copied.unwrap()));
+    desk.run();
+    assert_eq!(desk.state().viewer.message, None);
+    assert!(desk.state().text().contains("\nbob.play(moves.clip(\"Wave\")"), "{}", desk.state().text());
+}
+
+#[test]
+fn a_box_and_clicks_select_several_and_delete_takes_them_all() {
+    let mut desk = desk();
+    let ruler = desk.get_by_label("time").rect();
+    let row = |desk: &Desk, label: &str| desk.get_by_label(&format!("row {label}")).rect();
+    // The box reaches from below the rows of bob up to those of ada.
+    let from = pos2(ruler.right() - 20.0, row(&desk, "bob").center().y);
+    let to = pos2(ruler.left() + 2.5 * second(&desk), row(&desk, "ada").center().y);
+    drag(&mut desk, Modifiers::NONE, from, to);
+    assert_eq!(desk.state().viewer.selected_bars(), [cue(0, 1)]);
+    desk.get_by_label("Bow on ada +1").click_modifiers(Modifiers::COMMAND);
+    desk.run();
+    assert_eq!(desk.state().viewer.selected_bars(), [cue(0, 1), cue(1, 0)]);
+    desk.key_press(Key::Delete);
+    desk.run();
+    assert_eq!(desk.state().viewer.message, None);
+    let text = desk.state().text();
+    assert!(!text.contains("Wave") && !text.contains("Bow") && text.contains("Walk"), "{text}");
+    desk.state_mut().viewer.undo().unwrap();
+    assert_eq!(desk.state().text(), SCRIPT);
+}
+
+#[test]
+fn dragged_bars_snap_to_markers_and_edges() {
+    let mut desk = desk();
+    let by = second(&desk);
+    let bow = desk.get_by_label("Bow on ada +1").rect().center();
+    // 0.03 s from the marker, which is on no frame.
+    drag(&mut desk, Modifiers::NONE, bow, bow + vec2(by * 4.05, 0.0));
+    assert!(desk.state().text().contains(".from(5.02).until(6.02)"), "{}", desk.state().text());
+}
+
+#[test]
+fn rows_have_heads_layers_lights_and_titles() {
+    let mut desk = desk();
+    let labels: Vec<String> = desk.state().viewer.timeline.rows.iter().map(|row| row.label.clone()).collect();
+    assert_eq!(labels[..4], ["camera", "ada", "ada +1", "bob"]);
+    assert!(labels.iter().any(|l| l == "effects") && labels.iter().any(|l| l == "titles 2"), "{labels:?}");
+    desk.get_by_label("layers of ada").click();
+    desk.run();
+    assert!(desk.query_by_label("Bow on ada +1").is_none());
+    desk.get_by_label("layers of ada").click();
+    desk.run();
+    desk.get_by_label("mute ada +1").click();
+    desk.run();
+    let asked = desk.state_mut().viewer.next_request().unwrap();
+    assert_eq!(asked.overrides.muted, [(0, 1)]);
+    desk.get_by_label("lock the row of ada").click();
+    desk.run();
+    assert!(desk.query_by_label("start of Wave in row 1").is_none());
+    // A title is dragged as clips are.
+    let by = second(&desk);
+    let title = desk.get_by_label("\u{201c}Hello\u{201d} on titles").rect().center();
+    drag(&mut desk, Modifiers::NONE, title, title + vec2(by * 0.48, 0.0));
+    assert!(
+        desk.state().text().contains("text(\"Hello\").from(1.48).until(3.48)"),
+        "{}",
+        desk.state().text()
+    );
+}
+
+/// A muted layer plays nothing: the pose is that of the script without it.
+#[test]
+fn what_is_muted_does_not_play() {
+    let mut place = Place::new(SCRIPT);
+    place.viewer.playhead.seek(Time::from_secs(1.6));
+    place.viewer.shelf.muted.insert(("ada".into(), 1));
+    place.paint();
+    let shown = place.viewer.shown().unwrap().snapshot.actors[0].model_from_joint.clone();
+    let without: String = SCRIPT.lines().filter(|l| !l.contains("Bow")).map(|l| format!("{l}\n")).collect();
+    let at = place.viewer.playhead.time().as_secs();
+    assert!(farthest(&shown, &pose(&place, at)) > 0.05);
+    place.reload_with(&without);
+    assert!(farthest(&shown, &pose(&place, at)) < 1e-6);
+}

@@ -1,0 +1,211 @@
+//! Viewports: views along the axes, signs of lights and cameras, joints and their trails, the grid.
+
+use crate::place::Place;
+use choreo_asset::Projection;
+use choreo_viewer::geometry::projection::Lens;
+use choreo_viewer::state::selection::Selected;
+use choreo_viewer::state::side::Side;
+use choreo_viewer::state::trail::JointRef;
+use choreo_viewer::state::view::ViewCamera;
+use egui::{Pos2, pos2, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+use glam::{DVec2, DVec3};
+use std::time::{Duration, Instant};
+
+const SCRIPT: &str = r##"stage(#{ size: [640, 360], fps: 25, length: 2.0, samples: 1 });
+let ada = cast("ada", load("choreo:mannequin"));
+ada.play(load("choreo:mannequin").clip("Walk"));
+camera("wide").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
+camera("side").at(1.2, 1.5, 1.0).look_at(ada);
+ada.reach("RightHand", [-0.35, 1.25, 0.35]).fade(0.0);
+let lamp = point(#{ position: [-1.2, 1.8, 0.5], intensity: 40.0 });
+"##;
+
+type Desk = Harness<'static, Place>;
+
+fn desk() -> Desk {
+    let mut place = Place::new(SCRIPT);
+    place.paint();
+    // Where the script's camera stands, and free.
+    place.viewer.free_camera(0);
+    let mut desk = place.harness(vec2(1280.0, 860.0));
+    painted(&mut desk);
+    desk
+}
+
+fn painted(desk: &mut Desk) {
+    desk.run();
+    desk.state_mut().paint();
+    desk.run();
+}
+
+/// A place of the world on the screen.
+fn on_screen(desk: &Desk, world: DVec3) -> Pos2 {
+    let viewer = &desk.state().viewer;
+    let view = &viewer.views[0];
+    let [left, top, right, bottom] = view.place.map(f64::from);
+    let camera = view.now(&viewer.scene.as_ref().unwrap().stage).unwrap();
+    let lens = Lens::new(&camera, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
+    let at = lens.point(world).unwrap();
+    pos2(at.x as f32, at.y as f32)
+}
+
+fn click_at(desk: &mut Desk, at: Pos2) {
+    desk.hover_at(at);
+    desk.run();
+    desk.drag_at(at);
+    desk.drop_at(at);
+    desk.run();
+}
+
+fn drag(desk: &mut Desk, from: Pos2, to: Pos2) {
+    desk.hover_at(from);
+    desk.run();
+    desk.drag_at(from);
+    desk.run();
+    desk.hover_at(from + (to - from) * 0.5);
+    desk.run();
+    desk.hover_at(to);
+    desk.run();
+    desk.drop_at(to);
+    desk.run();
+}
+
+#[test]
+fn an_end_of_an_axis_looks_along_it_without_perspective() {
+    let mut desk = desk();
+    for side in Side::ALL {
+        desk.get_by_label(&format!("{} view", side.name())).click();
+        desk.run();
+        let ViewCamera::Free(orbit) = &desk.state().viewer.views[0].camera else { panic!("{side:?}") };
+        assert_eq!(Side::of(orbit), Some(side));
+        painted(&mut desk);
+        let camera = desk.state().viewer.shown().unwrap().snapshot.camera;
+        assert!(matches!(camera.projection, Projection::Orthographic { .. }), "{side:?}");
+        // Two places behind each other lie on the same point of the screen.
+        let middle = desk.state().viewer.shown().unwrap().snapshot.actors[0].world_from_model.translation;
+        let (a, b) = (on_screen(&desk, middle), on_screen(&desk, middle + side.direction()));
+        assert!((a - b).length() < 0.1, "{side:?}: {a:?} {b:?}");
+    }
+    // The menu has the same views; its name is that of the present one.
+    desk.get_by_label("Back").click();
+    desk.run();
+    desk.get_by_label("Perspective").click();
+    desk.run();
+    let ViewCamera::Free(orbit) = &desk.state().viewer.views[0].camera else { panic!() };
+    assert!(matches!(orbit.projection, Projection::Perspective { .. }));
+}
+
+#[test]
+fn a_light_and_a_camera_are_picked_and_dragged_by_their_signs() {
+    let mut desk = desk();
+    let lamp = DVec3::new(-1.2, 1.8, 0.5);
+    let at = on_screen(&desk, lamp);
+    click_at(&mut desk, at);
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Light(0)));
+    // In the plane of the image, at its own distance: half a metre to the left, and up.
+    let to = on_screen(&desk, lamp + DVec3::new(-0.5, 0.2, 0.0));
+    drag(&mut desk, at, to);
+    let text = desk.state().text();
+    let line = text.lines().find(|line| line.starts_with("let lamp")).unwrap();
+    let numbers = line.split('[').nth(1).unwrap().split(']').next().unwrap();
+    let numbers: Vec<f64> = numbers.split(',').map(|n| n.trim().parse().unwrap()).collect();
+    let off = DVec3::from_slice(&numbers) - (lamp + DVec3::new(-0.5, 0.2, 0.0));
+    assert!(off.length() < 0.01, "{line}");
+    assert_eq!(text.lines().count(), SCRIPT.lines().count(), "{text}");
+    // The camera goes on looking at what it looked at.
+    desk.state_mut().reload();
+    painted(&mut desk);
+    let side = DVec3::new(1.2, 1.5, 1.0);
+    let (from, to) = (on_screen(&desk, side), on_screen(&desk, side + DVec3::new(0.0, 0.5, 0.0)));
+    drag(&mut desk, from, to);
+    let text = desk.state().text();
+    let line = text.lines().find(|line| line.starts_with("camera(\"side\")")).unwrap();
+    let height = line.split("1.2, ").nth(1).and_then(|rest| rest.split(',').next());
+    let height: f64 = height.unwrap_or_else(|| panic!("{line}")).parse().unwrap();
+    assert!((height - 2.0).abs() < 0.01 && line.ends_with(".look_at(ada);"), "{line}");
+}
+
+#[test]
+fn a_joint_is_picked_and_its_trail_is_where_frames_have_it() {
+    let mut desk = desk();
+    desk.state_mut().viewer.views[0].overlays.skeletons = true;
+    desk.state_mut().viewer.views[0].overlays.trail = true;
+    desk.state_mut().viewer.views[0].overlays.onion = true;
+    painted(&mut desk);
+    let viewer = &desk.state().viewer;
+    let scene = viewer.scene.clone().unwrap();
+    let names = scene.stage.actors[0].asset.skeleton.names();
+    let hand = names.iter().position(|name| name.ends_with("LeftHand")).unwrap();
+    let place = |snapshot: &choreo_stage::Snapshot| {
+        let state = &snapshot.actors[0];
+        state.world_from_model.transform_point3(state.model_from_joint[hand].translation.as_dvec3())
+    };
+    let at = on_screen(&desk, place(&viewer.shown().unwrap().snapshot));
+    click_at(&mut desk, at);
+    let wanted = JointRef { actor: "ada".into(), joint: hand };
+    assert_eq!(desk.state().viewer.joint, Some(wanted));
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
+    let end = Instant::now() + Duration::from_secs(60);
+    let trail = loop {
+        let viewer = &mut desk.state_mut().viewer;
+        if let Some(trail) = viewer.trails.of(&scene, "ada", || ()) {
+            break trail;
+        }
+        assert!(Instant::now() < end);
+        std::thread::sleep(Duration::from_millis(10));
+    };
+    assert_eq!(trail.frames.len(), 50);
+    // Truth: the stage itself, evaluated anew at each time.
+    for (time, joints) in trail.frames.iter().step_by(7) {
+        let expected = place(&scene.stage.at(*time).unwrap());
+        assert!((joints[hand] - expected).length() < 1e-6, "{time:?}");
+    }
+    assert_eq!(trail.near(scene.stage.settings.fps.time_of(20)), Some(20));
+    desk.run();
+}
+
+#[test]
+fn a_target_of_inverse_kinematics_is_dragged_and_the_hand_follows() {
+    let mut desk = desk();
+    let target = DVec3::new(-0.35, 1.25, 0.35);
+    let to = target + DVec3::new(0.0, 0.15, 0.0);
+    let (from, until) = (on_screen(&desk, target), on_screen(&desk, to));
+    drag(&mut desk, from, until);
+    let text = desk.state().text();
+    let line = text.lines().find(|line| line.starts_with("ada.reach")).unwrap();
+    assert!(line.starts_with("ada.reach(\"RightHand\", [-0.35, 1.4"), "{line}");
+    desk.state_mut().reload();
+    painted(&mut desk);
+    let viewer = &desk.state().viewer;
+    let names = viewer.scene.as_ref().unwrap().stage.actors[0].asset.skeleton.names();
+    let hand = names.iter().position(|name| name.ends_with("RightHand")).unwrap();
+    let state = &viewer.shown().unwrap().snapshot.actors[0];
+    let at = state.world_from_model.transform_point3(state.model_from_joint[hand].translation.as_dvec3());
+    assert!((at - to).length() < 0.02, "{at} for {to}");
+}
+
+/// The grid is the viewport's: a saved image has none, and it is hidden by what stands before it.
+#[test]
+fn the_grid_is_in_the_viewport_and_in_no_saved_image() {
+    let script =
+        SCRIPT.replace("samples: 1", "samples: 1, background: #{ top: \"#000000\", bottom: \"#000000\" }");
+    let mut place = Place::new(&script);
+    place.viewer.views[0].room = [640, 360];
+    place.viewer.views[0].overlays.grid = false;
+    let without = place.paint().unwrap();
+    place.viewer.views[0].overlays.grid = true;
+    let with = place.paint().unwrap();
+    place.viewer.screenshot = Some("x.png".into());
+    let saved = place.paint().unwrap();
+    assert!(saved.rgba == without.rgba, "a saved image has no grid");
+    let different =
+        with.rgba.chunks_exact(4).zip(without.rgba.chunks_exact(4)).filter(|(a, b)| a != b).count();
+    assert!(different > 500, "{different} pixels of a grid");
+    // On the chest, far over the horizon's height, nothing is changed; nor in the sky.
+    let row = |y: usize| y * 640 * 4..(y + 1) * 640 * 4;
+    for y in 0..150 {
+        assert!(with.rgba[row(y)] == without.rgba[row(y)], "row {y}");
+    }
+}

@@ -1,0 +1,92 @@
+//! Images while the view moves: fewer pixels where the rate needs it, with a sign of what they lack; and what the wheel does.
+
+use crate::place::Place;
+use choreo_motion::Time;
+use egui::{Event, MouseWheelUnit, Pos2, TouchPhase, pos2, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+
+const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0, samples: 1 });
+let box_1 = cast("box", shape("box", #{ size: 1.0 })).key("position", [[0.0, [0, 0, 0]], [4.0, [1, 0, 0]]]);
+camera("wide").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
+effect("motion_blur");
+"##;
+
+type Desk = Harness<'static, Place>;
+
+fn desk() -> Desk {
+    Place::new(SCRIPT).harness(vec2(900.0, 700.0))
+}
+
+#[test]
+fn an_image_fills_the_viewport_and_shrinks_while_it_plays_too_slowly() {
+    let mut desk = desk();
+    let viewer = &mut desk.state_mut().viewer;
+    let room = viewer.views[0].room;
+    let whole = viewer.next_request().unwrap();
+    // 16 : 9, as large as there is room for, although the script has 64 by 36.
+    let expected = (room[0].min(room[1] * 16 / 9), room[1].min(room[0] * 9 / 16));
+    assert!(
+        whole.size[0].abs_diff(expected.0) <= 1 && whole.size[1].abs_diff(expected.1) <= 1,
+        "{:?}",
+        whole.size
+    );
+    assert!(!whole.moving);
+    viewer.views[0].waiting = false;
+    viewer.playhead.play(0.0);
+    viewer.reduction.took(90.0, 40.0);
+    let half = viewer.next_request().unwrap();
+    assert!(half.moving);
+    assert!((half.size[0] * 2).abs_diff(whole.size[0]) <= 1, "{:?} of {:?}", half.size, whole.size);
+    // The image at rest is whole again.
+    viewer.views[0].waiting = false;
+    viewer.playhead.pause();
+    assert_eq!(viewer.next_request().unwrap().size, whole.size);
+}
+
+#[test]
+fn what_a_moving_image_lacks_is_named_until_it_rests() {
+    let mut place = Place::new(SCRIPT);
+    place.viewer.views[0].room = [64, 36];
+    place.viewer.playhead.seek(Time::from_secs(1.0));
+    place.viewer.playhead.play(0.0);
+    place.paint();
+    assert_eq!(place.viewer.shown().unwrap().waiting, ["motion blur"]);
+    // However fast the image was drawn.
+    place.viewer.reduction = Default::default();
+    place.viewer.reduction.took(90.0, 40.0);
+    let mut desk = place.harness(vec2(900.0, 700.0));
+    let said = |desk: &Desk| desk.query_all_by_label_contains("motion blur when it rests").next().is_some();
+    assert!(said(&desk));
+    assert!(desk.query_all_by_label_contains("½ resolution").next().is_some());
+    desk.state_mut().viewer.playhead.pause();
+    desk.state_mut().paint();
+    desk.run();
+    assert!(!said(&desk));
+    assert!(desk.state().viewer.shown().unwrap().waiting.is_empty());
+}
+
+fn turn(desk: &mut Desk, at: Pos2) {
+    desk.hover_at(at);
+    desk.run();
+    let (unit, delta) = (MouseWheelUnit::Point, vec2(0.0, 50.0));
+    let modifiers = egui::Modifiers::NONE;
+    desk.event(Event::MouseWheel { unit, delta, phase: TouchPhase::Move, modifiers });
+    desk.run_steps(60);
+}
+
+#[test]
+fn the_wheel_zooms_the_sequencer_and_scrolls_over_the_names() {
+    let mut desk = desk();
+    let ruler = desk.get_by_label("time").rect();
+    let before = desk.state().viewer.span;
+    turn(&mut desk, pos2(ruler.left() - 40.0, ruler.bottom() + 30.0));
+    assert_eq!(desk.state().viewer.span, before);
+    let at = pos2(ruler.left() + ruler.width() * 0.25, ruler.bottom() + 30.0);
+    turn(&mut desk, at);
+    let after = desk.state().viewer.span;
+    assert!(after.to - after.from < (before.to - before.from) * 0.9, "{after:?}");
+    // The time under the pointer stays there.
+    let under = |span: choreo_viewer::state::span::Span| span.from + 0.25 * (span.to - span.from);
+    assert!((under(after) - under(before)).abs() < 1e-3, "{after:?}");
+}

@@ -1,0 +1,224 @@
+//! Edits by mouse of things that are keyed, attached or face something, and of lights: the script's own literals change.
+
+use crate::place::Place;
+use choreo_motion::Time;
+use choreo_viewer::editing::placing::placement;
+use choreo_viewer::geometry::gizmo::Change;
+use choreo_viewer::state::selection::Selected;
+use egui::vec2;
+use egui_kittest::kittest::Queryable;
+use glam::{DQuat, DVec3};
+
+const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 6.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", moves).key("position", [
+    [0.0, [0, 0, 0]], // by the door
+    [f(50), [2, 0, 0]], // at the table
+]).key("rotation", [[0.0, 0], [4.0, 360]]);
+let bob = cast("bob", moves).at(3.0, 0.0, 0.0).turn(90);
+let hat = cast("hat", shape("box", #{ size: 0.2 })).at(0.0, 0.1, 0.0).attach(bob.joint("Head"));
+let ring = cast("ring", shape("torus", #{ size: 0.2 })).attach(bob).at(1.0, 0.0, 0.0);
+let fan = cast("fan", moves).at(0.0, 0.0, -2.0).face(bob);
+camera("wide").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
+spot(#{ position: [0.0, 3.0, 0.0], look_at: [0, 0, 0], kelvin: 3200 });
+point(#{ position: [1.0, 2.0, 0.0] }).key("intensity", [[0.0, 0], [2.0, 20]]);
+"##;
+
+fn assert_ends(text: &str, end: &str) {
+    assert!(text.ends_with(end), "{text}");
+}
+
+fn at(place: &mut Place, secs: f64) {
+    place.viewer.playhead.seek(Time::from_secs(secs));
+}
+
+fn world(place: &Place, name: &str) -> DVec3 {
+    let scene = place.viewer.scene.as_ref().unwrap();
+    let index = scene.stage.actors.iter().position(|a| a.name == name).unwrap();
+    let time = place.viewer.playhead.time();
+    scene.evaluator.clone().at(time).unwrap().actors[index].world_from_model.translation
+}
+
+#[test]
+fn a_keyed_actor_gets_its_key_at_the_playhead() {
+    let mut place = Place::new(SCRIPT);
+    // Between the keys: a new one, written as the last is.
+    at(&mut place, 1.0);
+    place.viewer.change_actor("ada", Change::Move(DVec3::new(0.0, 0.0, 0.5))).unwrap();
+    let new = "by the door\n    [1.0, [1.0, 0.0, 0.5]],\n    [f(50)";
+    assert_eq!(place.text(), SCRIPT.replace("by the door\n    [f(50)", new));
+    place.reload();
+    assert_eq!(place.viewer.message, None, "it stands where it was put");
+    // Again, at the same time: that one is changed.
+    place.viewer.change_actor("ada", Change::Move(DVec3::new(0.25, 0.0, 0.0))).unwrap();
+    assert_eq!(
+        place.text(),
+        SCRIPT.replace("by the door\n    [f(50)", &new.replace("[1.0, 0.0, 0.5]", "[1.25, 0.0, 0.5]"))
+    );
+    place.reload();
+    let scene = place.viewer.scene.clone().unwrap();
+    assert_eq!(
+        placement(&scene.stage.actors[0], Time::from_secs(1.0)).translation,
+        DVec3::new(1.25, 0.0, 0.5)
+    );
+    place.viewer.undo().unwrap();
+    place.viewer.undo().unwrap();
+    assert_eq!(place.text(), SCRIPT);
+    place.reload();
+    // A turn: degrees that go on from those before.
+    at(&mut place, 4.0);
+    let (sin, cos) = libm::sincos(core::f64::consts::FRAC_PI_8);
+    place.viewer.change_actor("ada", Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))).unwrap();
+    assert_eq!(place.text(), SCRIPT.replace("[4.0, 360]", "[4.0, 405.0]"));
+    place.reload();
+    assert_eq!(place.viewer.message, None);
+    // Between two of them it has gone on, too.
+    at(&mut place, 2.0);
+    place.viewer.change_actor("ada", Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))).unwrap();
+    assert!(place.text().contains("[[0.0, 0], [2.0, 247.5], [4.0, 405.0]]"), "{}", place.text());
+    place.reload();
+    // It has no keys of its size.
+    place.viewer.change_actor("ada", Change::Scale(DVec3::splat(2.0))).unwrap();
+    assert!(place.text().contains("cast(\"ada\", moves).scale(2.0).key("), "{}", place.text());
+}
+
+#[test]
+fn computed_keys_are_refused_with_their_line() {
+    let mut place = Place::new(SCRIPT);
+    let computed = SCRIPT.replace("[f(50), [2, 0, 0]]", "[f(50), [1 + 1, 0, 0]]");
+    place.write(&computed);
+    place.reload();
+    at(&mut place, 2.0);
+    let why = place.viewer.change_actor("ada", Change::Move(DVec3::X)).unwrap_err().to_string();
+    assert_ends(&why, "a.rhai: line 3: its position has keys that are computed; change them there");
+    assert_eq!(place.text(), computed);
+}
+
+#[test]
+fn what_is_attached_is_moved_in_its_parent() {
+    let mut place = Place::new(SCRIPT);
+    for name in ["hat", "ring"] {
+        place.paint();
+        let before = world(&place, name);
+        let by = DVec3::new(0.2, 0.1, -0.3);
+        place.viewer.change_actor(name, Change::Move(by)).unwrap();
+        place.reload();
+        assert_eq!(place.viewer.message, None);
+        // Where the mouse left it; written to the thousandth.
+        assert!((world(&place, name) - before - by).length() < 2e-3, "{name}: {}", world(&place, name));
+    }
+    // Bob looks along x: his x is the world's -z.
+    assert!(place.text().contains(".attach(bob).at(1.3, 0.1, 0.2);"), "{}", place.text());
+    assert!(!place.text().contains(".at(0.0, 0.1, 0.0).attach(bob"), "the hat's literal too");
+}
+
+#[test]
+fn what_faces_something_is_moved_and_not_turned() {
+    let mut place = Place::new(SCRIPT);
+    let why =
+        place.viewer.change_actor("fan", Change::Turn(DQuat::from_rotation_y(0.5))).unwrap_err().to_string();
+    assert_ends(&why, "a.rhai: line 10: .face(…) turns it; change that, or take it away");
+    assert_eq!(place.text(), SCRIPT);
+    place.viewer.change_actor("fan", Change::Move(DVec3::X)).unwrap();
+    assert_eq!(place.text(), SCRIPT.replace(".at(0.0, 0.0, -2.0)", ".at(1.0, 0.0, -2.0)"));
+}
+
+#[test]
+fn a_camera_stands_where_the_free_one_did() {
+    let mut place = Place::new(SCRIPT);
+    place.paint();
+    let orbit = {
+        let orbit = place.viewer.free_camera(0).unwrap();
+        (orbit.center, orbit.distance) = (DVec3::new(0.5, 1.25, 0.0), 4.0);
+        (orbit.azimuth, orbit.elevation) = (core::f64::consts::FRAC_PI_2, 0.0);
+        *orbit
+    };
+    let mut harness = place.harness(vec2(1500.0, 1000.0));
+    harness.get_by_label("into the script").click();
+    harness.run();
+    harness.get_by_label("as \"wide\"").click();
+    harness.run();
+    let place = harness.state_mut();
+    assert_eq!(place.viewer.message, None);
+    let line = "camera(\"wide\").at(4.5, 1.25, 0.0).look_at([0.5, 1.25, 0.0]);";
+    assert_eq!(
+        place.text(),
+        SCRIPT.replace("camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);", line)
+    );
+    place.reload();
+    let scene = place.viewer.scene.clone().unwrap();
+    let stands = scene.evaluator.clone().at(Time::ZERO).unwrap().camera.world_from_view;
+    let wanted = orbit.camera().world_from_view;
+    assert!((stands.translation - wanted.translation).length() < 1e-9);
+    assert!((stands.matrix3.z_axis - wanted.matrix3.z_axis).length() < 1e-9);
+    // One change, taken back as one.
+    place.viewer.undo().unwrap();
+    assert_eq!(place.text(), SCRIPT);
+    place.reload();
+    // One that follows is not moved.
+    let follows = SCRIPT.replace(".at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0])", ".follow(bob, [0, 1, 3])");
+    place.write(&follows);
+    place.reload();
+    let why = place.viewer.set_camera("wide", &orbit).unwrap_err().to_string();
+    assert_ends(&why, "a.rhai:11: it moves by itself; change that there");
+}
+
+#[test]
+fn a_new_camera_stands_where_the_free_one_does_from_the_playhead_on() {
+    for (script, end) in [
+        (SCRIPT.to_string(), ".cut(2.0);\n"),
+        (SCRIPT.lines().filter(|l| !l.starts_with("camera(")).map(|l| format!("{l}\n")).collect(), "]);\n"),
+    ] {
+        let mut place = Place::new(&script);
+        at(&mut place, 2.0);
+        place.paint();
+        let stood = *place.viewer.free_camera(0).unwrap();
+        let mut harness = place.harness(vec2(1500.0, 1000.0));
+        harness.get_by_label("into the script").click();
+        harness.run();
+        harness
+            .get_by_label_contains(if end.contains("cut") { "as a new camera" } else { "as a camera" })
+            .click();
+        harness.run();
+        let place = harness.state_mut();
+        assert_eq!(place.viewer.message, None);
+        let line = place.text().strip_prefix(&script).unwrap().to_string();
+        assert!(line.starts_with("camera(\"view 1\").at(") && line.ends_with(end), "{line}");
+        place.reload();
+        let scene = place.viewer.scene.clone().unwrap();
+        let camera = scene.evaluator.clone().at(Time::from_secs(2.0)).unwrap().camera.world_from_view;
+        let wanted = stood.camera().world_from_view;
+        // Written to the thousandth.
+        assert!((camera.translation - wanted.translation).length() < 2e-3, "{camera} {wanted}");
+        assert!((camera.matrix3.z_axis - wanted.matrix3.z_axis).length() < 2e-3);
+        place.viewer.undo().unwrap();
+        assert_eq!(place.text(), script);
+    }
+}
+
+#[test]
+fn a_color_takes_the_place_of_kelvin_if_the_user_agrees_and_keys_get_numbers() {
+    let mut place = Place::new(SCRIPT);
+    at(&mut place, 2.0);
+    place.viewer.set_value(&Selected::Light(1), "intensity", "35.0").unwrap();
+    assert_eq!(place.text(), SCRIPT.replace("[2.0, 20]", "[2.0, 35.0]"));
+    place.reload();
+    let mut harness = place.harness(vec2(1500.0, 1000.0));
+    let why = harness
+        .state_mut()
+        .viewer
+        .set_value(&Selected::Light(0), "color", "\"#ff8040\"")
+        .unwrap_err()
+        .to_string();
+    assert_ends(&why, "a.rhai: line 12: kelvin: 3200 says its color; a color would take its place");
+    harness.run();
+    harness.get_by_label_contains("- spot(").rect();
+    harness.get_by_label("Write the color").click();
+    harness.run();
+    assert!(
+        harness.state().text().contains("look_at: [0, 0, 0], color: \"#ff8040\" });"),
+        "{}",
+        harness.state().text()
+    );
+    harness.state_mut().reload();
+}

@@ -1,0 +1,62 @@
+//! Clips copied in one window and pasted in another, through the clipboard of the display.
+
+use crate::screen::{Screen, assert_quiet, until};
+use std::fs;
+use std::path::Path;
+
+const SCRIPT: &str = r##"stage(#{ size: [320, 180], fps: 30, length: 3.0, samples: 1 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", moves);
+ada.play(moves.clip("CLIP")).until(1.0);
+"##;
+/// The first two colors of bars: the camera's is not there, the clip's is the first.
+const BAR: [u8; 3] = [0x00, 0x72, 0xb2];
+const SEQUENCER: [usize; 2] = [600, 860];
+
+#[test]
+fn a_clip_that_is_copied_in_one_window_is_pasted_in_another() {
+    let Some(screen) = Screen::new() else { return };
+    let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+    let script = |folder: &Path, clip: &str| {
+        let script = folder.join("a.rhai");
+        fs::write(&script, SCRIPT.replace("CLIP", clip)).unwrap();
+        script
+    };
+    let first = script(folders[0].path(), "Wave");
+    let second = script(folders[1].path(), "Walk");
+    let mut from = screen.view(&[first.to_str().unwrap()], folders[0].path());
+    let window = screen.window();
+    click_bar(&screen, &window, from.0.id());
+    screen.key(&window, "ctrl+c");
+    screen.rest(from.0.id());
+    // Only the newer window is seen: the other one lies below it.
+    let mut to = screen.view(&[second.to_str().unwrap()], folders[1].path());
+    let other = until("another window", || {
+        let found = screen.xdotool(&["search", "--onlyvisible", "--name", "choreo"]);
+        found.lines().find(|line| *line != window).map(str::to_string)
+    });
+    click_bar(&screen, &other, to.0.id());
+    screen.key(&other, "End");
+    screen.key(&other, "ctrl+v");
+    let text =
+        until("the pasted clip", || fs::read_to_string(&second).ok().filter(|text| text.contains("Wave")));
+    assert!(text.contains("Walk") && text.contains("clip(\"Wave\")"), "{text}");
+    assert_eq!(fs::read_to_string(&first).unwrap(), SCRIPT.replace("CLIP", "Wave"));
+    for (viewer, window, folder) in [(&mut to, &other, &folders[1]), (&mut from, &window, &folders[0])] {
+        screen.key(window, "ctrl+q");
+        let status = until("the end", || viewer.0.try_wait().unwrap());
+        assert_eq!(status.code(), Some(0));
+        assert_quiet(folder.path());
+    }
+}
+
+/// Waits for the clip's bar and clicks it.
+fn click_bar(screen: &Screen, window: &str, viewer: u32) {
+    let (left, right, y) = until("a bar", || screen.shot(window).bar(BAR, SEQUENCER));
+    let [x, y] = [(left + right) / 2, y].map(|n| n.to_string());
+    screen.xdotool(&["windowfocus", window]);
+    screen.xdotool(&["mousemove", "--window", window, &x, &y]);
+    screen.rest(viewer);
+    screen.xdotool(&["click", "1"]);
+    screen.rest(viewer);
+}

@@ -1,0 +1,16 @@
+//! A real window, on a display without a screen.
+#![cfg(target_os = "linux")]
+
+#[path = "../screen/mod.rs"]
+mod screen;
+
+mod clipboard;
+mod curves;
+mod desktop;
+mod documents;
+mod robust;
+mod studio;
+mod walkthrough;
+mod wayland;
+mod window;
+mod without_vulkan;

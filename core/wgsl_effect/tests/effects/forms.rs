@@ -1,0 +1,297 @@
+//! Geometry of an effect's own, from one file: lines and triangles against closed forms, hulls, and what is refused or left out.
+
+use choreo_asset::*;
+use choreo_motion::{Skeleton, Time, Transform};
+use choreo_plugin::effect::endless_loop;
+use choreo_plugin::{EffectScene, Hook, InvertedHull, OutlineEffect, Overlay, OverlayEffect};
+use choreo_stage::*;
+use choreo_wgsl_effect::WgslEffect;
+use glam::{Affine3A, DAffine3, DVec3, Mat4, Vec3, Vec4};
+use std::sync::Arc;
+
+const LINE: &str = "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Line";
+const TRIANGLE: &str = "fn effect(index: u32, body: Body, p: array<f32, 8>) -> Triangle";
+
+fn effect(text: &str) -> WgslEffect {
+    WgslEffect::from_text("my.wgsl", text).unwrap_or_else(|e| panic!("{e}\n{text}"))
+}
+
+fn error(text: &str) -> String {
+    let error = WgslEffect::from_text("my.wgsl", text).err().unwrap_or_else(|| panic!("no error:\n{text}"));
+    // The line and its caret follow: `mistakes.rs`.
+    error.to_string().lines().next().unwrap_or_default().to_string()
+}
+
+fn overlay(head: &str, gives: &str, body: &str) -> WgslEffect {
+    let params = "// param n = 4 in 0..2000: how many\n// param thru = false: over all";
+    effect(&format!("// effect: o\n{params}\n// hook: overlay\n{head}\n{gives} {{\n{body}\n}}"))
+}
+
+/// Three joints in a row, a metre apart along Y, the first and the last of them bones.
+fn body(places: &[Affine3A]) -> Arc<Asset> {
+    let up = Transform { translation: Vec3::Y, ..Transform::IDENTITY };
+    let names = ["root", "between", "tip"].map(String::from).to_vec();
+    let skeleton = Skeleton::new(names, vec![None, Some(0), Some(1)], vec![Transform::IDENTITY, up, up]);
+    let skin = Skin { joints: vec![0, 2], inverse_bind: vec![Mat4::IDENTITY; 2] };
+    let skeleton = Arc::new(skeleton.unwrap());
+    Arc::new(Asset { skeleton, skins: vec![skin], placements: places.into(), ..Asset::default() })
+}
+
+struct Seen {
+    stage: Stage,
+    snapshot: Snapshot,
+    before: Vec<Snapshot>,
+}
+
+/// Posed as at rest, a second and a half in.
+fn seen(actors: &[(&Arc<Asset>, DAffine3)]) -> Seen {
+    let mut seen = Seen { stage: Stage::default(), snapshot: Snapshot::default(), before: Vec::new() };
+    seen.snapshot.time = Time::from_secs(1.5);
+    for (i, (asset, place)) in actors.iter().enumerate() {
+        seen.stage.actors.push(Actor::new(&format!("a{i}"), (*asset).clone()));
+        seen.snapshot.actors.push(ActorState {
+            visible: true,
+            world_from_model: *place,
+            model_from_joint: asset.rest_model_from_joint().to_vec(),
+            ..ActorState::default()
+        });
+    }
+    seen
+}
+
+impl Seen {
+    fn draw(&self, effect: &WgslEffect, p: &[f32]) -> Overlay {
+        let mut parameters = [0.0; 8];
+        parameters[..p.len()].copy_from_slice(p);
+        effect.overlay(
+            &EffectScene { stage: &self.stage, snapshot: &self.snapshot, before: &self.before, on: &[] },
+            &parameters,
+        )
+    }
+}
+
+fn moved(x: f64, y: f64, z: f64) -> DAffine3 {
+    DAffine3::from_translation(DVec3::new(x, y, z))
+}
+
+/// The parts of an actor are where their names say, for each of its copies.
+#[test]
+fn lines_know_the_body_they_are_around() {
+    let asset = body(&[]);
+    let quarter = DAffine3::from_rotation_y(std::f64::consts::FRAC_PI_2);
+    let scene = seen(&[(&asset, moved(5.0, 0.0, 0.0)), (&asset, moved(0.0, 0.0, 7.0) * quarter)]);
+    let all = |from: &str, to: &str, width: &str| {
+        let body = format!("return Line({from}, {to}, {width}, vec4(f32(index), p[n], body.time, 0.5));");
+        scene.draw(&overlay("// count: n", LINE, &body), &[2.0])
+    };
+    let made = all("body.place", "body.high - body.low", "f32(body.number) + 1.0");
+    assert_eq!((made.strokes.len(), made.over, made.left_out.len()), (4, false, 0));
+    let [first, .., last] = made.strokes[..] else { panic!() };
+    assert_eq!((first.from, first.to, first.width), (DVec3::X * 5.0, DVec3::Y * 2.0, 1.0));
+    assert_eq!((last.from, last.to, last.width), (DVec3::Z * 7.0, DVec3::Y * 2.0, 2.0));
+    assert_eq!(last.color, Vec4::new(1.0, 2.0, 1.5, 0.5));
+    // Two bones of three joints: the nearest above the tip is the root. A bone that is not there stands where the body does.
+    let made = all("joint(index)", "vec3(f32(parent(index)), f32(parent(7u)), f32(body.joints))", "1.0");
+    let got: Vec<_> = made.strokes[..2].iter().map(|s| (s.from, s.to)).collect();
+    let (root, tip) = (DVec3::new(5.0, 0.0, 0.0), DVec3::new(5.0, 2.0, 0.0));
+    assert_eq!(got, [(root, DVec3::new(-1.0, -1.0, 2.0)), (tip, DVec3::new(0.0, -1.0, 2.0))]);
+    assert_eq!(all("joint(9u)", "body.low", "1.0").strokes[0].from, root);
+    let made = all("in_world(vec3(1.0, 2.0, 0.0))", "body.place", "1.0");
+    assert_eq!(made.strokes[0].from, DVec3::new(6.0, 2.0, 0.0));
+    assert!(made.strokes[2].from.abs_diff_eq(DVec3::new(0.0, 2.0, 6.0), 1e-6), "{:?}", made.strokes[2]);
+}
+
+#[test]
+fn bodies_at_places_have_lines_each() {
+    let places = [1.0, 2.0, 3.0].map(|x| Affine3A::from_translation(Vec3::X * x));
+    let mut scene = seen(&[(&body(&places), moved(0.0, 0.0, 4.0))]);
+    let dots = overlay("// count: 1", LINE, "return Line(joint(1u), body.place, 3.0, vec4(1.0));");
+    let at = |made: Overlay| made.strokes.iter().map(|s| [s.from.x, s.from.y, s.to.z]).collect::<Vec<_>>();
+    assert_eq!(at(scene.draw(&dots, &[])), [[1.0, 2.0, 4.0], [2.0, 2.0, 4.0], [3.0, 2.0, 4.0]]);
+    scene.snapshot.actors[0].copies = Some(2);
+    assert_eq!(scene.draw(&dots, &[]).strokes.len(), 2);
+    scene.snapshot.actors[0].visible = false;
+    assert_eq!(scene.draw(&dots, &[]), Overlay::default());
+}
+
+#[test]
+fn lines_know_where_bodies_were() {
+    let places = [0.0, 9.0].map(|x| Affine3A::from_translation(Vec3::X * x));
+    let mut scene = seen(&[(&body(&places), moved(0.0, 0.0, 4.0))]);
+    let trail = "return Line(previous_joint(index, 1u), previous_in_world(index, vec3(1.0, 0.0, 0.0)), 1.0, vec4(1.0));";
+    let trail = overlay("// count: 4\n// history: 2", LINE, trail);
+    assert_eq!(trail.history(&[0.0; 8]), 2);
+    let at = |scene: &Seen| {
+        scene
+            .draw(&trail, &[])
+            .strokes
+            .iter()
+            .map(|s| [s.from.x, s.from.z, s.to.x, s.to.z])
+            .collect::<Vec<_>>()
+    };
+    let now = |x: f64| [x, 4.0, x + 1.0, 4.0];
+    assert_eq!(at(&scene)[..4], [now(0.0); 4], "a frame alone has none before it");
+    for z in [3.0, 1.0] {
+        let mut before = scene.snapshot.clone();
+        before.actors[0].world_from_model = moved(0.0, 0.0, z);
+        scene.before.push(before);
+    }
+    let then = |x: f64, z: f64| [x, z, x + 1.0, z];
+    // Farther back than the head says stands the farthest.
+    let of_copy = |x: f64| [now(x), then(x, 3.0), then(x, 1.0), then(x, 1.0)];
+    assert_eq!(at(&scene), [of_copy(0.0), of_copy(9.0)].concat());
+    // Who was not there then is where it is now.
+    scene.before[1].actors[0].visible = false;
+    assert_eq!(at(&scene)[1..3], [then(0.0, 3.0), now(0.0)]);
+    let without = error(&format!(
+        "// effect: a\n// hook: overlay\n// count: 1\n{LINE} {{ return Line(previous_joint(1u, 0u), vec3(0.0), 1.0, vec4(1.0)); }}"
+    ));
+    assert!(without.contains("no definition in scope for identifier: `previous_joint`"), "{without}");
+}
+
+#[test]
+fn joints_are_found_by_their_names() {
+    let scene = seen(&[(&body(&[]), moved(5.0, 0.0, 0.0))]);
+    let head = "// count: 1\n// joint end = no_such|tip: a bone\n// joint middle = between: none of the bones\n// joint tail = tail: not there";
+    let text = "return Line(joint(end()), joint(middle()) + joint(tail()), 1.0, vec4(f32(end()), f32(middle()), f32(parent(middle())), f32(body.joints) / 4.0));";
+    let made = scene.draw(&overlay(head, LINE, text), &[]);
+    let line = made.strokes[0];
+    assert_eq!((line.from, line.to), (DVec3::new(5.0, 2.0, 0.0), DVec3::new(10.0, 1.0, 0.0)));
+    assert_eq!(line.color, Vec4::new(1.0, 2.0, 0.0, 0.5));
+    assert_eq!(made.left_out, ["\"\" has no joint tail, as tail asks for"]);
+}
+
+#[test]
+fn triangles_over_all_and_once_for_the_scene() {
+    let asset = body(&[]);
+    let scene = seen(&[(&asset, moved(-3.0, 0.0, 0.0)), (&asset, moved(4.0, 0.0, 1.0))]);
+    let text =
+        "return Triangle(body.low, body.high, vec3(f32(index)), vec4(0.1, 0.2, 0.3, 2.0 - f32(index)));";
+    let made = scene.draw(&overlay("// count: n\n// over: thru\n// of: scene", TRIANGLE, text), &[3.0, 1.0]);
+    // Opacities are cut off at 1, and what is not seen is not made.
+    assert_eq!((made.triangles.len(), made.strokes.len(), made.over), (2, 0, true));
+    let corners = [DVec3::new(-3.0, 0.0, 0.0), DVec3::new(4.0, 2.0, 1.0), DVec3::ONE];
+    assert_eq!(
+        (made.triangles[1].vertices, made.triangles[1].color),
+        (corners, Vec4::new(0.1, 0.2, 0.3, 1.0))
+    );
+    let per_scene = overlay("// count: n\n// of: scene", TRIANGLE, text);
+    assert!(!per_scene.applies_to_actors() && overlay("// count: n", TRIANGLE, text).applies_to_actors());
+    assert_eq!(per_scene.hook(), Hook::Overlay);
+}
+
+#[test]
+fn what_cannot_be_drawn_is_said() {
+    let scene = seen(&[(&body(&[]), DAffine3::IDENTITY)]);
+    let made = |body: &str, n: f32| scene.draw(&overlay("// count: n", LINE, body), &[n, 0.0]);
+    let bad = made("return Line(vec3(0.0), vec3(1.0 / f32(index % 2u)), 1.0, vec4(1.0));", 10.0);
+    // Renderers report the lines whose color is a fault.
+    let faulty = |made: &Overlay| made.strokes.iter().filter(|s| !s.color.is_finite()).count();
+    assert_eq!(
+        (bad.strokes.len(), faulty(&bad), &bad.left_out[..]),
+        (10, 5, &["5 of 10 lines have numbers that are not finite".into()][..])
+    );
+    // Endless from a place on that no trial looks at.
+    let ends = "var x = 0.0; loop { x += 1.0; if x > 9.0 && body.time < 1.2 || body.time > 2.0 { break; } }\nreturn Line(vec3(x), vec3(0.0), 1.0, vec4(1.0));";
+    let slow = made(ends, 3.0);
+    assert_eq!(
+        (slow.strokes.len(), faulty(&slow), &slow.left_out[..]),
+        (3, 3, &["3 of 3 lines take more than 100000 steps each".into()][..])
+    );
+    assert_eq!(slow.strokes.iter().find_map(|s| endless_loop(s.color.x)), Some(1));
+    let slow = made(ends, 1000.0);
+    assert_eq!(slow.left_out.len(), 2, "{:?}", slow.left_out);
+    assert!(
+        slow.left_out[1].starts_with("0 of 1000 lines are drawn, made in 20000000 steps;"),
+        "{:?}",
+        slow.left_out
+    );
+    assert_eq!(made("return Line(vec3(0.0), vec3(1.0), 0.0, vec4(1.0));", 4.0), Overlay::default());
+}
+
+#[test]
+fn hulls_and_edges() {
+    let shell = |gives: &str, body: &str| {
+        effect(&format!(
+            "// effect: s\n// hook: shell\n// param width = 2 in 0..9: pixels\nfn effect(p: array<f32, 8>) -> {gives} {{ {body} }}"
+        ))
+    };
+    let p = [3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let hull = shell("Shell", "return Shell(2.0 * p[width], vec3(0.1, 0.2, 0.3), 1.5);");
+    let expected = InvertedHull { width: 6.0, color: Vec3::new(0.1, 0.2, 0.3), lighting_mix: 1.0 };
+    assert_eq!(
+        (hull.hook(), hull.inverted_hull(&p), hull.wireframe(&p)),
+        (Hook::Outline, Some(expected), None)
+    );
+    assert!(hull.applies_to_actors());
+    assert_eq!(hull.inverted_hull(&[0.0; 8]), None);
+    let edges = shell("Edges", "return Edges(vec3(p[width], 1.0, 0.5));");
+    assert_eq!((edges.inverted_hull(&p), edges.wireframe(&p)), (None, Some(Vec3::new(3.0, 1.0, 0.5))));
+    // Renderers find and report numbers that are not finite.
+    let bad = shell("Shell", "return Shell(2.0, vec3(0.0, 1.0 / (p[width] - 3.0), 0.0), 0.0);");
+    assert_eq!(bad.inverted_hull(&p).map(|hull| hull.color.y), Some(f32::INFINITY));
+    assert!(bad.inverted_hull(&[1.0; 8]).is_some_and(|hull| hull.color.is_finite()));
+    let bad = shell("Shell", "return Shell(sqrt(2.0 - p[width]), vec3(0.0), 0.0);");
+    assert!(bad.inverted_hull(&p).is_some_and(|hull| hull.width.is_nan()));
+}
+
+#[test]
+fn mistakes_have_their_line_and_what_was_meant() {
+    let of = |head: &str, code: &str| error(&format!("// effect: a\n{head}\n{code}"));
+    let line = |body: &str| {
+        of(
+            "// hook: overlay\n// count: 4\n// param amount = 1 in 0..2: much",
+            &format!("{LINE} {{\n{body}\n}}"),
+        )
+    };
+    assert_eq!(
+        line("  return Line(body.place, body.plase, 1.0, vec4(1.0));"),
+        "my.wgsl:6:32: invalid field accessor `plase`; did you mean \"place\"?"
+    );
+    let text = line("  return Line(joint(index), body.place, p[amuont], vec4(1.0));");
+    assert_eq!(
+        text,
+        "my.wgsl:6:43: no definition in scope for identifier: `amuont`; did you mean \"amount\"?"
+    );
+    let text = line("  return Line(jiont(index), body.place, 1.0, vec4(1.0));");
+    assert_eq!(text, "my.wgsl:6:15: no definition in scope for identifier: `jiont`; did you mean \"joint\"?");
+    let endless = "  var x = 0u;\n  for (var i = 0; i < 4; i++) {\n    loop { x += 1u; if x == 0u { break; } }\n  }\n  return Line();";
+    assert_eq!(
+        line(endless),
+        "my.wgsl:8:5: a line or triangle takes more than 100000 steps; does a loop never end?"
+    );
+    let long = "  var x = 0.0;\n  for (var i = 0; i < 3000; i++) { x += 1.0; }\n  return Line(vec3(x), vec3(0.0), 1.0, vec4(1.0));";
+    let many = of("// hook: overlay\n// count: 9000", &format!("{LINE} {{\n{long}\n}}"));
+    assert!(
+        many.starts_with("my.wgsl:4:1: 9000 times up to ") && many.ends_with("give it a smaller count"),
+        "{many}"
+    );
+    let form = "effect must be fn effect(index: u32, body: Body, p: Parameters) -> Line, or -> Triangle, or -> Lattice";
+    let wrong =
+        of("// hook: overlay\n// count: 4", "fn effect(p: array<f32, 8>) -> vec4<f32> { return vec4(0.0); }");
+    assert_eq!(wrong, format!("my.wgsl:4:1: {form}"));
+    let taken = of("// hook: overlay\n// count: 4", "struct Body { x: f32 }");
+    assert_eq!(taken, "my.wgsl:4:1: Body is a type that the program declares; take another name");
+    let taken = of("// hook: overlay\n// count: 4\n// param joint = 1 in 0..2: x", "");
+    assert_eq!(taken, "my.wgsl:4:1: joint is a function that the program declares; take another name");
+    let shell = of("// hook: shell", "fn effect(p: array<f32, 8>) -> Shel { return Shel(); }");
+    assert_eq!(shell, "my.wgsl:3:32: no definition in scope for identifier: `Shel`; did you mean \"Shell\"?");
+}
+
+/// The README's examples compile as they stand, but for their names.
+#[test]
+fn the_examples_of_the_readme_are_effects() {
+    let readme = include_str!("../../README.md");
+    let examples: Vec<&str> =
+        readme.split("```wgsl\n").skip(1).filter_map(|text| text.split("```").next()).collect();
+    let hooks = examples.iter().map(|text| {
+        let named = text.contains("// effect:");
+        let text = if named { text.to_string() } else { format!("// effect: example\n{text}") };
+        effect(&text).hook()
+    });
+    use Hook::*;
+    assert_eq!(
+        hooks.collect::<Vec<_>>(),
+        [Pixel, Surface, Lighting, Vertex, Image, Image, Vertex, Image, Overlay, Outline, Shutter]
+    );
+}

@@ -1,0 +1,4 @@
+//! Each built-in effect.
+
+mod closed_forms;
+mod scene_effects;
