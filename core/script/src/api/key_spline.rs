@@ -48,7 +48,7 @@ pub(super) enum Form {
         least: usize,
         /// Numbers of the value.
         width: usize,
-        /// Of the stage's unit.
+        /// The size of a script's unit in that of the stage.
         factor: f64,
     },
     /// Degrees a second about y, or about x, y and z.
@@ -114,7 +114,7 @@ impl Form {
     }
 }
 
-/// What follows the value of a keyframe: an easing, or a map with tangents.
+/// Reads the easing or the map of tangents behind the value of a keyframe.
 pub(super) fn read(
     c: &Call,
     given: Option<&Dynamic>,
@@ -234,7 +234,7 @@ fn slopes(from: &[f64], to: &[f64], span: Time) -> Vec<f64> {
     from.iter().zip(to).map(|(a, b)| (b - a) / span.as_secs()).collect()
 }
 
-/// What lies between two keyframes.
+/// The span between two keyframes.
 struct Span<'a> {
     from: Time,
     ticks: Time,

@@ -206,7 +206,7 @@ pub fn replace(channels: &mut Vec<Channel>, new: Vec<Channel>) {
     }
 }
 
-/// What a script says about all keyframes of a property.
+/// The interpolation or the easing of all keyframes of a property.
 #[derive(Clone, Copy)]
 pub struct Given {
     /// The interpolation between them.
@@ -254,7 +254,7 @@ pub fn scalars(
 struct Key {
     time: Time,
     value: Dynamic,
-    /// What follows the value: an easing, or a map with tangents.
+    /// The easing or the map of tangents behind the value.
     shape: Option<Dynamic>,
 }
 

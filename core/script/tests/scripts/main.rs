@@ -5,6 +5,7 @@ mod common;
 
 mod binding;
 mod imports;
+mod key_tangents;
 mod sandbox;
 mod script_constraints;
 mod scripts;

@@ -11,7 +11,7 @@ const METHODS: [&str; 4] = ["weight", "speed", "clip_time", "layer_weight"];
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum KeyName<'p> {
     Property(&'p str),
-    /// Of a morph target or an expression.
+    /// Weight of a morph target or an expression.
     Weight {
         of: &'p str,
         name: &'p str,

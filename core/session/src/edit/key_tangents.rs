@@ -108,7 +108,7 @@ fn map_entries(text: &Source, bytes: &Range<usize>) -> Option<Vec<(String, Range
     parts(text, start, start + inside.len()).map(entry).collect()
 }
 
-/// What follows the value of a key; `None` where it is computed.
+/// The easing and the tangents of a key; `None` where they are computed.
 pub(super) fn shape_of(text: &Source, key: &Key) -> Option<KeyShape> {
     let Some(bytes) = &key.shape else { return Some(KeyShape::default()) };
     if !text[bytes.clone()].starts_with("#{") {

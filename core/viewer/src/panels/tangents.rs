@@ -106,7 +106,7 @@ impl Place<'_> {
         shape.filter(|_| now != tangent || length != weight)
     }
 
-    /// Where the pointer has the handle; with Ctrl its length changes, too, with Alt the other side stays.
+    /// The drag of the pointer; with Ctrl the length changes, too, with Alt the other side stays.
     fn drag(
         &self,
         ui: &Ui,

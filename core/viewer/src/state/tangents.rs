@@ -19,12 +19,12 @@ pub struct KeyHandle {
     pub span: f64,
 }
 
-/// What the tangents of a key become.
+/// A choice for the tangents of a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TangentChoice {
     /// As the interpolation of all keys has them.
     Automatic,
-    /// Those of a curve that leaves the range of no span.
+    /// Tangents of a curve that stays within the range of each span.
     Monotone,
     Flat,
     /// Straight to the keys beside it.
@@ -173,7 +173,7 @@ impl KeyedProperty {
             TangentChoice::Aligned => {
                 let KeyShape { incoming, outgoing, .. } = each(sides, false);
                 let [a, b] = [incoming.tangent.unwrap_or_default(), outgoing.tangent.unwrap_or_default()];
-                both(a.iter().zip(&b).map(|(a, b)| (a + b) / 2.0).collect())
+                both(a.iter().zip(&b).map(|(a, b)| 0.5 * (a + b)).collect())
             }
         })
     }
@@ -271,7 +271,7 @@ impl Halves {
     }
 }
 
-/// Of the two halves of a Bézier curve: how far the first handle reaches, the points before, at and behind the place where they
+/// The two halves of a Bézier curve: how far the first handle reaches, the points before, at and behind the place where they
 /// meet, and how far the last handle reaches.
 fn construct([a, b, c, d]: [f64; 4], u: f64) -> [f64; 5] {
     let mix = |a: f64, b: f64| a + (b - a) * u;

@@ -113,7 +113,9 @@ impl Timeline {
         let sky = events::of_sky(stage, text, &place);
         let what = Some(Selected::Sky);
         let (label, bars) = ("sky".to_string(), Vec::new());
-        rows.extend((!sky.is_empty()).then(|| Row { label, what, layer: None, bars, events: sky, place }));
+        if !sky.is_empty() {
+            rows.push(Row { label, what, layer: None, bars, events: sky, place });
+        }
         if !stage.layers_2d.is_empty() {
             let bars = (0..stage.layers_2d.len()).map(|index| title(scene, index)).collect();
             rows.extend(lanes("titles", bars, events::of_titles(stage, text)));

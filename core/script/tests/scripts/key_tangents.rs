@@ -1,10 +1,8 @@
 //! Tangents of single keyframes, compared with Bézier curves in f64 that are evaluated here by de Casteljau's construction and bisection.
 
-mod common;
-
+use crate::common::*;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::{Channel, Property, TimeRemapping};
-use common::*;
 use glam::DQuat;
 
 /// The channel of an actor's property, from its `.key(…)`.
