@@ -15,6 +15,7 @@ mod fields;
 mod files;
 mod handles;
 mod headers;
+mod icons;
 mod inspector;
 mod key_menu;
 mod keys;
@@ -108,6 +109,7 @@ impl Tab {
 
 /// Dark, as images are judged in the dark, or light; text that can be read for hours in both.
 pub(crate) fn set_colors(context: &egui::Context, light: bool) {
+    context.set_fonts(icons::fonts());
     context.options_mut(|options| {
         // Ours is remembered, and has ends.
         options.zoom_with_keyboard = false;
@@ -345,6 +347,11 @@ impl TabViewer for Tabs<'_> {
             }
             tab => tab.title().into(),
         }
+    }
+
+    fn on_tab_button(&mut self, tab: &mut Tab, response: &egui::Response) {
+        let name = format!("{} tab", tab.title());
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, name.clone()));
     }
 
     fn ui(&mut self, ui: &mut Ui, tab: &mut Tab) {
