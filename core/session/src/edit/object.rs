@@ -8,6 +8,7 @@ use super::values::{format_number, literals, option_of, rewritten, set_option};
 use super::{Edit, EditRefused};
 use glam::{DMat3, DQuat, DVec3};
 
+#[derive(Clone)]
 pub struct ScriptObject<'a> {
     pub(super) text: Source<'a>,
     pub(super) line: usize,
@@ -17,7 +18,7 @@ pub struct ScriptObject<'a> {
     /// Its own calls in the order of the text; the last of a name counts.
     pub(super) calls: Vec<Call>,
     /// Position of its last mention.
-    last_at: usize,
+    pub(super) last_at: usize,
 }
 
 /// A script's text, split into tokens once for many objects.

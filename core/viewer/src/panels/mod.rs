@@ -30,6 +30,7 @@ mod pictures;
 mod presets;
 mod refusal;
 mod render;
+mod rig;
 mod script;
 mod sequencer;
 mod signs;
