@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// (Debian and Ubuntu package, what is missing without it, a file that shows it is there)
-const NEEDED: [(&str, &str, &[&str]); 15] = [
+const NEEDED: [(&str, &str, &[&str]); 17] = [
     ("libvulkan1", "Vulkan loader", &["libvulkan.so.1"]),
     (
         "mesa-vulkan-drivers",
