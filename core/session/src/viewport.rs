@@ -1,6 +1,7 @@
 //! Viewpoint of a frame, and view overrides that the script does not contain: nothing of it is in the stage.
 
 use crate::{FrameRequest, Scene};
+use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_stage::{
     CameraState, Cut, EffectState, EffectTarget, EffectUse, Evaluator, Snapshot, Stage, StageError,
@@ -42,15 +43,10 @@ pub struct ViewOverrides {
 /// Pixels of the line around what is selected, and its color, linear.
 const OUTLINE: [(&str, f64); 4] = [("width", 2.5), ("color_r", 1.0), ("color_g", 0.3), ("color_b", 0.04)];
 
-/// The ground's grid: grey, so that it is seen on dark and on light ground, and a little above a floor at the same height.
-const GRID: [(&str, f64); 6] = [
-    ("opacity", 0.45),
-    ("color_r", 0.22),
-    ("color_g", 0.22),
-    ("color_b", 0.22),
-    ("fade", 40.0),
-    ("height", 0.01),
-];
+/// The ground's grids are grey, so that they are seen on dark and on light ground.
+const GRID: [(&str, f64); 3] = [("color_r", 0.22), ("color_g", 0.22), ("color_b", 0.22)];
+/// The powers of ten between which a cell of the grid is, metres.
+const CELLS: (i32, i32) = (-3, 3);
 
 /// An effect that a view adds to the scene's.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,6 +54,48 @@ struct Addition {
     plugin: &'static str,
     on: Vec<EffectTarget>,
     parameters: &'static [(&'static str, f64)],
+    /// Of a grid: how many times its cells are ten times as wide as the finest that are seen.
+    coarser: Option<i32>,
+}
+
+impl Addition {
+    /// `reach`: metres to what the camera looks at.
+    fn parameters(&self, reach: f64) -> Vec<(String, f64)> {
+        let mut all: Vec<(&str, f64)> = self.parameters.to_vec();
+        if let Some(coarser) = self.coarser {
+            let (cell, opacity) = grid_cell(reach, coarser);
+            // A little above a floor at the same height.
+            all.extend([
+                ("cell", cell),
+                ("opacity", opacity),
+                ("fade", 40.0 * cell),
+                ("height", 0.01 * cell),
+            ]);
+        }
+        all.into_iter().map(|(name, value)| (name.to_string(), value)).collect()
+    }
+}
+
+/// The cells of the finest grid, or of the next coarser one, and their opacity. They are 1 m from 2 to 20 m away, and a power of ten as
+/// much more or less elsewhere. The finest fades out before the next one takes its place, as in Blender.
+fn grid_cell(reach: f64, coarser: i32) -> (f64, f64) {
+    let exponent = libm::log10(reach.max(1e-9) / 2.0).clamp(f64::from(CELLS.0), f64::from(CELLS.1));
+    let power = libm::floor(exponent);
+    let fading = ((1.0 - (exponent - power)) / 0.3).min(1.0);
+    let cell = libm::pow(10.0, power + f64::from(coarser));
+    (cell, if coarser == 0 { 0.45 * fading } else { 0.45 })
+}
+
+/// Metres to what a camera looks at: to the nearest actor that is visible, else to the origin; in parallel projection what it has in view.
+fn reach(snapshot: &Snapshot) -> f64 {
+    if let Projection::Orthographic { height, .. } = snapshot.camera.projection {
+        return f64::from(height) * 1.4;
+    }
+    let eye = snapshot.camera.world_from_view.translation;
+    let visible = snapshot.actors.iter().filter(|actor| actor.visible);
+    let nearest =
+        visible.map(|actor| (actor.world_from_model.translation - eye).length()).min_by(f64::total_cmp);
+    nearest.unwrap_or(eye.length())
 }
 
 /// The stage without the layers that do not play, and which they are.
@@ -120,9 +158,9 @@ impl ViewEvaluators {
         {
             actor.world_from_model = world_from_model;
         }
+        let reach = reach(&snapshot);
         for (index, addition) in additions(request).into_iter().enumerate() {
-            let parameters =
-                addition.parameters.iter().map(|(name, value)| (name.to_string(), *value)).collect();
+            let parameters = addition.parameters(reach);
             let effect = EffectState { effect: scene.stage.effects.len() + index, parameters };
             snapshot.dissolve.iter_mut().for_each(|dissolve| dissolve.effects.push(effect.clone()));
             snapshot.effects.push(effect);
@@ -186,7 +224,33 @@ fn additions(request: &FrameRequest) -> Vec<Addition> {
         plugin: "outline",
         on: vec![EffectTarget { actor, material: None }],
         parameters: &OUTLINE,
+        coarser: None,
     });
-    let grid = overrides.grid.then_some(Addition { plugin: "grid", on: Vec::new(), parameters: &GRID });
+    let grid =
+        |coarser| Addition { plugin: "grid", on: Vec::new(), parameters: &GRID, coarser: Some(coarser) };
+    let grid = [0, 1].into_iter().filter(|_| overrides.grid).map(grid);
     outline.into_iter().chain(grid).filter(|added| scene.registry.effect(added.plugin).is_some()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_the_power_of_ten_that_is_seen_and_change_without_a_jump() {
+        for (reach, cell) in
+            [(5.0, 1.0), (2.01, 1.0), (19.9, 1.0), (0.5, 0.1), (0.05, 0.01), (60.0, 10.0), (1e9, 1000.0)]
+        {
+            let (fine, _) = grid_cell(reach, 0);
+            let (coarse, _) = grid_cell(reach, 1);
+            assert!((fine / cell - 1.0).abs() < 1e-9, "{reach}: {fine}");
+            assert!((coarse / fine - 10.0).abs() < 1e-9, "{reach}: {coarse}");
+        }
+        assert_eq!(grid_cell(0.0, 0).0, 0.001);
+        // Where the cells change, those that go are not seen, and those that take their place are as they were.
+        let (before, after) = (20.0 - 1e-6, 20.0 + 1e-6);
+        assert!(grid_cell(before, 0).1 < 1e-6);
+        assert_eq!(grid_cell(before, 1), grid_cell(after, 0));
+        assert_eq!(grid_cell(5.0, 0).1, 0.45, "at human scale it does not fade");
+    }
 }

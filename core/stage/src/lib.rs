@@ -58,12 +58,12 @@ pub use stage::effects::{
 };
 pub use stage::layers_2d::{Align, Fit, Font, Layer2d, Layer2dContent, Layer2dEdit, TextOutline, TextPanel};
 pub use stage::light::{SUN_ANGLE, Shadow, StageLight};
-pub use stage::parenting::{ParentScale, Parenting};
+pub use stage::parenting::{ParentChange, ParentScale, Parenting};
 pub use stage::path::{Pace, Path, PathError, PathFollowing};
 pub use stage::root_motion::CueRootMotion;
 pub use stage::sky::{Sky, SkyEdit};
 pub use stage::solvers::SolverSettings;
-pub use stage::springs::ActorSprings;
+pub use stage::springs::{ActorSprings, SpringParameters};
 pub use stage::surfaces::SurfaceRule;
 pub use stage::tangents::Tangents;
 pub use stage::time_remapping::{SpeedCurve, TimeRemapping};

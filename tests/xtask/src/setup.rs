@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 /// (Debian and Ubuntu package, what is missing without it, a file that shows it is there)
-const NEEDED: [(&str, &str, &[&str]); 15] = [
+const NEEDED: [(&str, &str, &[&str]); 17] = [
     ("libvulkan1", "Vulkan loader", &["libvulkan.so.1"]),
     (
         "mesa-vulkan-drivers",
@@ -32,6 +32,12 @@ const NEEDED: [(&str, &str, &[&str]); 15] = [
     ("libxcursor1", "library of windows", &["libXcursor.so.1"]),
     ("libxi6", "library of windows", &["libXi.so.6"]),
     ("libxkbcommon-x11-0", "library of windows", &["libxkbcommon-x11.so.0"]),
+    ("dbus", "bus of the windows' tests", &["/usr/bin/dbus-daemon"]),
+    (
+        "at-spi2-core",
+        "registry of assistive technologies",
+        &["/usr/share/dbus-1/services/org.a11y.Bus.service"],
+    ),
     ("assimp-utils", "second importer that ours are compared with", &["/usr/bin/assimp"]),
 ];
 

@@ -11,8 +11,8 @@ use crate::value::{ActorRef, AssetRef, CueRef, JointRef};
 use choreo_asset::{Asset, MeshInstance};
 use choreo_motion::Time;
 use choreo_stage::{
-    Actor, ActorEdit, ActorShadow, Attachment, Channel, FieldType, ParentScale, Parenting, Property,
-    Skinning, Target,
+    Actor, ActorEdit, ActorShadow, Attachment, Channel, FieldType, ParentChange, ParentScale, Parenting,
+    Property, Skinning, Target,
 };
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
@@ -253,33 +253,34 @@ fn attach(c: &mut Call) -> Reply {
     }
     let o =
         c.options(1, if c.in_frame { &["scale"] } else { &["scale", "from", "until", "blend", "keep"] })?;
-    let start = o.get("from").map(|v| c.stage_time(&v, "attach: from")).transpose()?;
-    let mut parent = timed(&o, Some(to), start)?;
+    let mut change = ParentChange::default();
+    fields::fill(c, &o, &mut change)?;
+    let mut parent = timed(&o, Some(to), change)?;
     if o.one_of("scale", &["keep", "inherit"])? == Some("inherit") {
         parent.scale = ParentScale::Inherit;
     }
-    let until = o.get("until").map(|v| c.stage_time(&v, "attach: until")).transpose()?;
-    if let (Some(start), Some(until)) = (start, until)
+    if let (Some(start), Some(until)) = (change.from, change.until)
         && until <= start
     {
         return Err(before_start("attach: until", until, start));
     }
-    add_parent(c, ParentDraft { parent, until, at: c.place.clone() })
+    add_parent(c, ParentDraft { parent, until: change.until, at: c.place.clone() })
 }
 
 fn detach(c: &mut Call) -> Reply {
     let o = c.options(0, if c.in_frame { &[] } else { &["from", "blend", "keep"] })?;
-    let start = o.get("from").map(|v| c.stage_time(&v, "detach: from")).transpose()?;
-    if start.is_none() && !c.in_frame {
+    let mut change = ParentChange::default();
+    fields::fill(c, &o, &mut change)?;
+    if change.from.is_none() && !c.in_frame {
         return Err(ApiError::new("detach: from is missing").hint("give a time: .detach(#{ from: 2.0 })"));
     }
-    let parent = timed(&o, None, start)?;
+    let parent = timed(&o, None, change)?;
     add_parent(c, ParentDraft { parent, until: None, at: c.place.clone() })
 }
 
 /// A parent with the options `blend` and `keep`; what has no start has always been so, and keeps nothing.
-fn timed(o: &Options, to: Option<Attachment>, start: Option<Time>) -> Result<Parenting, ApiError> {
-    let (blend, keep) = (o.duration("blend")?, o.flag("keep")?);
+fn timed(o: &Options, to: Option<Attachment>, change: ParentChange) -> Result<Parenting, ApiError> {
+    let ParentChange { from: start, blend, keep, .. } = change;
     if start.is_none() && (blend.is_some() || keep == Some(true)) {
         let error = ApiError::new(format!("{}: blend and keep need a time of change", o.function));
         return Err(error.hint("give it: from"));

@@ -3,13 +3,14 @@
 use super::actor::{before_start, find_joint};
 use super::spring_bones::{collider, spring, springs, wind};
 use crate::build::room;
-use crate::call::{ApiError, Call, Options, Reply, api, radians, text};
+use crate::call::{ApiError, Call, Options, Reply, api, fields, radians, text};
 use crate::legs::{hips, leg_above, legs};
 use crate::suggest::list;
 use crate::value::{ActorRef, GoalRef, JointRef};
 use choreo_motion::Time;
 use choreo_stage::{
-    AimConstraint, Constraint, ConstraintKind, FootLock, Leg, Limit, ReachConstraint, Target,
+    AimConstraint, Constraint, ConstraintKind, FootLock, Leg, Limit, ReachConstraint, SpringParameters,
+    Target,
 };
 use glam::DVec3;
 use rhai::Dynamic;
@@ -52,10 +53,8 @@ api! {
     Joint.limit("options") = limit;
     /// Makes joints spring bones (secondary motion, jiggle). Joints: "Tail.." for a joint and all below it,
     /// `"*hair*"` for a pattern, or an array of these.
-    /// - Options: frequency (Hz, 0 to 1000, default 2), damping (damping ratio; 0 never comes to rest, 1 does not
-    ///   oscillate; default 0.3), gravity (in multiples of Earth's gravity, default 0), radius (metres, for
-    ///   collisions, default 0), center (name of a joint whose motion is ignored).
-    Actor.spring("joints, options?") = spring;
+    /// - Options: {}, center (name of a joint whose motion is ignored).
+    Actor.spring("joints, options?") = spring, options(|| fields::documented(&SpringParameters::default(), &[]));
     /// Turns the spring bones of the actor on or off; those of a VRM file are on by default. Options: ground
     /// (height of a floor that they collide with, metres), pre_roll (seconds that are simulated before time 0, 0 to
     /// 600).

@@ -1,14 +1,14 @@
 //! Spring bones (secondary motion), their colliders, and wind.
 
 use super::actor::find_joint;
-use crate::call::{ApiError, Call, Reply, text};
+use crate::call::{ApiError, Call, Reply, fields, text};
 use crate::hook;
 use crate::suggest::list;
 use crate::value::ActorRef;
 use choreo_asset::Asset;
 use choreo_motion::Time;
 use choreo_motion::spring::{ColliderShape, RigBone, SpringBone, SpringCollider};
-use choreo_stage::{ActorEdit, ActorSprings};
+use choreo_stage::{ActorEdit, ActorSprings, SpringParameters};
 use glam::DVec3;
 use rhai::Dynamic;
 use std::sync::Arc;
@@ -28,11 +28,10 @@ fn swinging(c: &Call, change: impl FnOnce(&mut ActorSprings)) -> Reply {
 pub fn spring(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let joints = matching(&this.asset, &c.value(0), &c.label(0))?;
-    let o = c.options(1, &["frequency", "damping", "gravity", "radius", "center"])?;
-    let frequency = o.number_in("frequency", 0.0, 1000.0)?.unwrap_or(2.0);
-    let damping = o.number_in("damping", 0.0, 1000.0)?.unwrap_or(0.3);
-    let gravity = o.number_in("gravity", -1000.0, 1000.0)?.unwrap_or(0.0);
-    let hit_radius = o.number_in("radius", 0.0, 1000.0)?.unwrap_or(0.0);
+    let mut spring = SpringParameters::default();
+    let o = c.options(1, &[fields::names(&spring, &[]), vec!["center"]].concat())?;
+    fields::fill(c, &o, &mut spring)?;
+    let SpringParameters { frequency, damping, gravity, radius } = spring;
     let center = o.text("center")?.map(|name| find_joint(&this.asset, &name)).transpose()?;
     swinging(c, |springs| {
         let colliders: Vec<u32> = (0..springs.rig.colliders().len() as u32).collect();
@@ -43,7 +42,7 @@ pub fn spring(c: &mut Call) -> Reply {
                 spring: SpringBone::new(frequency, damping),
                 gravity: DVec3::NEG_Y * (GRAVITY * gravity),
                 pull: DVec3::ZERO,
-                hit_radius,
+                hit_radius: radius,
                 center,
                 colliders: colliders.clone(),
             });

@@ -10,6 +10,7 @@ use super::values::{format_number, literals, option_of, rewritten, set_option};
 use super::{Edit, EditRefused};
 use glam::{DMat3, DQuat, DVec3};
 
+#[derive(Clone)]
 pub struct ScriptObject<'a> {
     pub(super) text: Source<'a>,
     pub(super) line: usize,
@@ -21,7 +22,7 @@ pub struct ScriptObject<'a> {
     /// The keys of its joints in the order of the text.
     pub(super) joints: Vec<JointKey>,
     /// Position of its last mention.
-    last_at: usize,
+    pub(super) last_at: usize,
 }
 
 /// A script's text, split into tokens once for many objects.

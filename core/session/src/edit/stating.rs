@@ -2,6 +2,7 @@
 
 use super::object::{ScriptObject, quoted};
 use super::scan::Call;
+use super::times::{EditTime, TimeLiteral};
 use super::values::{option_value, set_option};
 use super::{Edit, EditRefused};
 use std::collections::BTreeMap;
@@ -68,6 +69,72 @@ impl<'a> ScriptObject<'a> {
             Some(range) => Ok(Edit { range: self.text.trimmed(&range), text: value.to_string() }),
             None => self.state(name, value, anew),
         }
+    }
+
+    /// States a time where it is stated already, else anew.
+    ///
+    /// # Errors
+    /// The script computes it.
+    pub fn state_time(&self, name: &str, time: EditTime, anew: Anew) -> Result<Edit, EditRefused> {
+        let option = option_value(&self.text, &self.made, name);
+        let old = option.as_ref().and_then(|bytes| TimeLiteral::of(&self.text, bytes));
+        match (self.last(&[name]), old) {
+            (None, Some(old)) => Ok(old.set(time)),
+            (None, None) if anew == Anew::Option || option.is_some() => {
+                set_option(&self.text, &self.made, self.line, name, &time.text(false))
+            }
+            _ => self.time(name, time),
+        }
+    }
+
+    /// The map of one of its options as an object of its own: `#{ size: 1024 }` in `sun(#{ shadow: #{ size: 1024 } })`.
+    pub fn within_option(&self, option: &str) -> Option<ScriptObject<'a>> {
+        let inside = self.text.trimmed(&option_value(&self.text, &self.made, option)?);
+        self.text.map_in(&inside)?;
+        let start = self.text[..inside.start].rfind(option)?;
+        let made = Call { name: start..start + option.len(), end: inside.end, inside };
+        Some(ScriptObject { made, calls: Vec::new(), variable: None, ..self.clone() })
+    }
+
+    /// States a value in the map of one of its options, which may be `true` in place of a map.
+    ///
+    /// # Errors
+    /// The script computes one of them.
+    pub fn state_within(&self, option: &str, name: &str, value: &str) -> Result<Edit, EditRefused> {
+        match (self.within_option(option), self.written(option)) {
+            (Some(map), _) => set_option(&self.text, &map.made, self.line, name, value),
+            (None, None | Some("true")) => {
+                self.state_over(option, &format!("#{{ {name}: {value} }}"), Anew::Option)
+            }
+            (None, Some(written)) => {
+                let why = format!("{option}: {written} is computed; change it there");
+                Err(EditRefused::at(self.line, &why))
+            }
+        }
+    }
+
+    /// Takes a value out of the map of one of its options, which is `true` where nothing else is in it.
+    pub fn unstate_within(&self, option: &str, name: &str) -> Edit {
+        match self.within_option(option) {
+            Some(map) if map.all_written().keys().all(|other| other == name) => {
+                Edit { range: map.made.inside, text: "true".to_string() }
+            }
+            Some(map) => map.unstate(&[name]),
+            None => Edit { range: 0..0, text: String::new() },
+        }
+    }
+
+    /// The arguments before its options, as they are written.
+    pub fn arguments(&self) -> &str {
+        let inside = self.made.inside.clone();
+        let end = self.text.map_in(&inside).and_then(|map| self.text[..map.start].rfind("#{"));
+        self.text[inside.start..end.unwrap_or(inside.end)].trim().trim_end_matches(',')
+    }
+
+    /// The places of its calls of these names, line and column from 1, in the order of the text.
+    pub fn places_of(&self, names: &[&str]) -> Vec<(usize, usize)> {
+        let calls = self.calls.iter().filter(|call| names.contains(&&self.text[call.name.clone()]));
+        calls.map(|call| self.text.place_of(call.name.start)).collect()
     }
 
     /// Takes the methods and options of these names away. The text stays where none is there.

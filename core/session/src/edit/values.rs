@@ -83,7 +83,9 @@ pub(crate) fn set_option(
     let new = format!("{name}: {value}");
     let Some(map) = text.map_in(&call.inside) else {
         let arguments = if inside.trim().is_empty() { 0 } else { text.count_arguments(&call.inside) };
-        if inside.contains("#{") || arguments > 1 {
+        // Those take a joint and a target before the options.
+        let usual = if matches!(&text[call.name.clone()], "reach" | "aim") { 2 } else { 1 };
+        if inside.contains("#{") || arguments > usual {
             return Err(EditRefused::at(line, "the options of this call are computed; change them there"));
         }
         let comma = if arguments == 0 { "" } else { ", " };

@@ -1,6 +1,6 @@
 //! Values that are stated, read and taken away, and loops that are written out: the whole text after each edit is compared.
 
-use choreo_session::edit::{Anew, ScriptObject, unroll};
+use choreo_session::edit::{Anew, EditTime, ScriptObject, unroll};
 
 /// The object is made where `|` stands.
 fn object<R>(text: &str, then: impl FnOnce(&ScriptObject) -> R) -> R {
@@ -159,4 +159,41 @@ fn no_loop_makes_it_panic() {
             }
         }
     }
+}
+
+/// The map of an option is edited as an object is; where it holds nothing, the option is only true.
+#[test]
+fn values_within_an_option_are_stated_and_taken_away() {
+    let within = |text: &str, value: &str| {
+        let edit = object(text, |object| object.state_within("shadow", "size", value).unwrap());
+        edit.apply(&text.replace('|', ""))
+    };
+    assert_eq!(within("|sun();", "512"), "sun(#{ shadow: #{ size: 512 } });");
+    assert_eq!(within("|sun(#{ shadow: true });", "512"), "sun(#{ shadow: #{ size: 512 } });");
+    let both = "|sun(#{ shadow: #{ size: 1024, softness: 0.1 }, color: \"red\" });";
+    assert_eq!(within(both, "512"), both.replace('|', "").replace("1024", "512"));
+    let computed = "|sun(#{ shadow: soft });";
+    let refused = object(computed, |object| object.state_within("shadow", "size", "512").unwrap_err());
+    assert!(refused.why.contains("shadow: soft is computed"), "{}", refused.why);
+    let without = |text: &str, name: &str| {
+        let edit = object(text, |object| object.unstate_within("shadow", name));
+        edit.apply(&text.replace('|', ""))
+    };
+    assert_eq!(without(both, "size"), both.replace('|', "").replace("size: 1024, ", ""));
+    assert_eq!(without("|sun(#{ shadow: #{ size: 1024 } });", "size"), "sun(#{ shadow: true });");
+    assert_eq!(without("|sun(#{ shadow: true });", "size"), "sun(#{ shadow: true });");
+}
+
+#[test]
+fn times_are_stated_where_they_stand() {
+    let timed = |text: &str, anew: Anew| {
+        let time = EditTime { secs: 1.5, fps: 30.0 };
+        object(text, |object| object.state_time("from", time, anew).unwrap()).apply(&text.replace('|', ""))
+    };
+    assert_eq!(timed("a.|attach(b);", Anew::Option), "a.attach(b, #{ from: 1.5 });");
+    assert_eq!(timed("a.|attach(b, #{ from: f(6) });", Anew::Option), "a.attach(b, #{ from: f(45) });");
+    assert_eq!(timed("a.|look_at(b).from(1.0);", Anew::Option), "a.look_at(b).from(1.5);");
+    assert_eq!(timed("a.|look_at(b);", Anew::Method), "a.look_at(b).from(1.5);");
+    // Two arguments stand before the options of those.
+    assert_eq!(timed("a.|reach(\"hand\", b);", Anew::Option), "a.reach(\"hand\", b, #{ from: 1.5 });");
 }

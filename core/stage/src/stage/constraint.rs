@@ -32,6 +32,18 @@ fields! { Constraint {
     weight: weight, FieldType::Number(0.0, 1.0, "");
 } }
 
+fields! { ReachConstraint {
+    /// share of the reach in which the limb slows down before it is straight
+    soft: soft, FieldType::Number(0.0, 1.0, "");
+    /// the hand keeps its rotation from the clip
+    keep: keep_rotation, FieldType::Flag;
+} }
+
+fields! { AimConstraint {
+    /// the most that it turns
+    limit: limit, FieldType::Degrees(0.0, 180.0);
+} }
+
 /// The change that a constraint makes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ConstraintKind {

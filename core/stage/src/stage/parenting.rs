@@ -1,6 +1,7 @@
 //! Parents of an actor, one after the other.
 
 use crate::stage::actor::{Attachment, Placement};
+use crate::stage::described::{FieldType, described};
 use choreo_motion::Time;
 
 /// A parent constraint over time (Blender's Child Of): the actor moves with a parent until its next one starts.
@@ -18,6 +19,29 @@ pub struct Parenting {
     pub scale: ParentScale,
     /// Position and rotation in the parent, instead of the actor's own; without `keep`.
     pub placement: Option<Placement>,
+}
+
+described! {
+    /// When and how an actor takes another parent, as a script states it.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct ParentChange {
+        /// `None`: it has always been so.
+        from: Option<Time> = None;
+        /// Time at which the parent before counts again.
+        until: Option<Time> = None;
+        /// How long the change takes.
+        blend: Option<Time> = None;
+        /// See [`Parenting::keep`].
+        keep: Option<bool> = None;
+    }
+    fields {
+        from: from, FieldType::Time;
+        until: until, FieldType::Time;
+        /// how long the change takes
+        blend: blend, FieldType::Duration;
+        /// the actor stays where it is in the world
+        keep: keep, FieldType::Flag;
+    }
 }
 
 /// Effect of a parent's scale on its children.

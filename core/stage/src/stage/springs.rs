@@ -1,10 +1,35 @@
 //! Springs of an actor: hair, skirts, tails.
 
+use crate::stage::described::{FieldType, described};
 use choreo_asset::Asset;
 use choreo_motion::Time;
 use choreo_motion::spring::SpringRig;
 use glam::DVec3;
 use std::sync::Arc;
+
+described! {
+    /// Parameters of spring bones, as a script states them for some joints.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct SpringParameters {
+        /// Oscillations a second.
+        frequency: f64 = 2.0;
+        /// Damping ratio.
+        damping: f64 = 0.3;
+        /// Multiples of Earth's gravity.
+        gravity: f64 = 0.0;
+        /// Metres around each bone that collide.
+        radius: f64 = 0.0;
+    }
+    fields {
+        frequency: frequency, FieldType::Number(0.0, 1000.0, "Hz");
+        /// damping ratio; 0 never comes to rest, 1 does not oscillate
+        damping: damping, FieldType::Number(0.0, 1000.0, "");
+        /// in multiples of Earth's gravity
+        gravity: gravity, FieldType::Number(-1000.0, 1000.0, "");
+        /// for collisions
+        radius: radius, FieldType::Number(0.0, 1000.0, "metres");
+    }
+}
 
 /// Spring bones of an actor.
 #[derive(Clone, Debug, Default, PartialEq)]

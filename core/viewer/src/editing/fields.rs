@@ -4,8 +4,10 @@
 use super::EditError;
 use crate::app::Viewer;
 use crate::state::selection::Selected;
+use choreo_script::Place;
 use choreo_session::edit::{
-    Anew, CueTime, Edit, EditRefused, KeyValue, ScriptObject, delete_object, format_number, set_trim,
+    Anew, CueTime, Edit, EditRefused, EditTime, KeyValue, ScriptObject, delete_object, format_number,
+    set_trim,
 };
 use choreo_stage::{Camera, Property};
 use std::collections::BTreeMap;
@@ -32,6 +34,20 @@ pub enum FieldChange {
     FocalLength(f64),
     /// An option of the shape that an actor is cast from.
     Material(&'static str, Option<String>),
+    /// A value in the map of an option, such as `size` in `shadow`; `None` takes it away.
+    Within(&'static str, &'static str, Option<String>),
+}
+
+/// A call of the script that states something of an actor: a constraint, an attachment, springs.
+#[derive(Clone, Debug)]
+pub struct StatedCall {
+    pub place: Place,
+    /// How many things the line makes.
+    pub siblings: usize,
+    /// Its name and arguments.
+    pub title: String,
+    /// Its options and methods, as they are written.
+    pub written: BTreeMap<String, String>,
 }
 
 /// Methods that say how a clip goes on.
@@ -102,24 +118,62 @@ impl Viewer {
         Ok(())
     }
 
+    /// Changes a value of a constraint, an attachment or springs, which a call at a place states.
+    ///
+    /// # Errors
+    /// Fails as [`Viewer::change_field`] does.
+    pub fn change_call(&mut self, call: &StatedCall, change: &FieldChange) -> Result<(), EditError> {
+        let fps = self.playhead.fps().as_fps();
+        self.change(&call.place, call.siblings, |text| {
+            let object = ScriptObject::at(text, call.place.line, call.place.column)?;
+            match change {
+                FieldChange::Time(part, secs) => {
+                    let name = match part {
+                        CueTime::Start => "from",
+                        CueTime::End => "until",
+                        CueTime::FadeIn => "fade",
+                    };
+                    object.state_time(name, EditTime { secs: *secs, fps }, Anew::Option)
+                }
+                change => changed(&object, text, change),
+            }
+        })
+    }
+
+    /// Calls of these names that the script states for an actor, which it makes alone.
+    pub fn stated_calls(&self, actor: &str, names: &[&str]) -> Vec<StatedCall> {
+        let Some((place, siblings)) = self.place_of(&Selected::Actor(actor.to_string())) else {
+            return Vec::new();
+        };
+        let places = self.read_object(&place, siblings, |object| Some(object.places_of(names)));
+        let call = |(line, column)| self.stated_call(&Place { line, column, ..place.clone() }, 1, "");
+        places.unwrap_or_default().into_iter().map(call).collect()
+    }
+
+    /// The call at a place; `name` where its text cannot be edited.
+    pub fn stated_call(&self, place: &Place, siblings: usize, name: &str) -> StatedCall {
+        let call = |title: String, written| StatedCall { place: place.clone(), siblings, title, written };
+        let read = self.read_object(place, siblings, |object| {
+            let title = format!("{} {}", object.made_by(), object.arguments());
+            Some(call(title.trim().to_string(), object.all_written()))
+        });
+        read.unwrap_or_else(|| call(name.to_string(), BTreeMap::new()))
+    }
+
+    /// What the map of an option states, by name.
+    pub fn written_within(&self, what: &Selected, option: &str) -> BTreeMap<String, String> {
+        self.read_selected(what, |object| Some(object.within_option(option)?.all_written()))
+            .unwrap_or_default()
+    }
+
     /// The arguments or the option of that name, as the script states them of something that it makes alone.
     pub fn written(&self, what: &Selected, name: &str) -> Option<String> {
-        let (place, siblings) = self.place_of(what)?;
-        self.check_place(&place, siblings).ok()?;
-        let known = self.known()?;
-        let object = ScriptObject::at(&known, place.line, place.column).ok()?;
-        object.written(name).map(str::to_string)
+        self.read_selected(what, |object| object.written(name).map(str::to_string))
     }
 
     /// Everything that the script states of something that it makes alone: options and arguments of methods, by name.
     pub fn all_written(&self, what: &Selected) -> BTreeMap<String, String> {
-        let all = || {
-            let (place, siblings) = self.place_of(what)?;
-            self.check_place(&place, siblings).ok()?;
-            let known = self.known()?;
-            Some(ScriptObject::at(&known, place.line, place.column).ok()?.all_written())
-        };
-        all().unwrap_or_default()
+        self.read_selected(what, |object| Some(object.all_written())).unwrap_or_default()
     }
 
     /// The options of the shape that an actor is cast from, as they are written; `None` where it is no shape.
@@ -128,12 +182,28 @@ impl Viewer {
         what: &Selected,
         names: &[&'static str],
     ) -> Option<Vec<Option<String>>> {
-        let (place, siblings) = self.place_of(what)?;
-        self.check_place(&place, siblings).ok()?;
+        self.read_selected(what, |object| {
+            let asset = object.asset_object().ok().filter(|asset| asset.made_by() == "shape")?;
+            Some(names.iter().map(|name| asset.written(name).map(str::to_string)).collect())
+        })
+    }
+
+    /// Reads the call at a place, in the text of the script that is shown; `None` where it makes several things or is elsewhere.
+    fn read_object<R>(
+        &self,
+        place: &Place,
+        siblings: usize,
+        read: impl FnOnce(&ScriptObject) -> Option<R>,
+    ) -> Option<R> {
+        self.check_place(place, siblings).ok()?;
         let known = self.known()?;
-        let object = ScriptObject::at(&known, place.line, place.column).ok()?;
-        let asset = object.asset_object().ok().filter(|asset| asset.made_by() == "shape")?;
-        Some(names.iter().map(|name| asset.written(name).map(str::to_string)).collect())
+        read(&ScriptObject::at(&known, place.line, place.column).ok()?)
+    }
+
+    /// Reads the call that makes what is selected.
+    fn read_selected<R>(&self, what: &Selected, read: impl FnOnce(&ScriptObject) -> Option<R>) -> Option<R> {
+        let (place, siblings) = self.place_of(what)?;
+        self.read_object(&place, siblings, read)
     }
 
     /// Sets the lens of a camera, in millimetres where the script states them or nothing, else as the same field of view.
@@ -176,6 +246,10 @@ fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Ed
             let after = ScriptObject::at(&plain, place.0, place.1)?.state("repeat", &value, Anew::Option)?;
             Ok(Edit::between(text, &after.apply(&plain)))
         }
+        FieldChange::Within(option, name, value) => match value {
+            Some(value) => object.state_within(option, name, value),
+            None => Ok(object.unstate_within(option, name)),
+        },
         FieldChange::Material(name, value) => {
             let asset = object.asset_object()?;
             match value {

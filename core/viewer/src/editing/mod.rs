@@ -17,7 +17,7 @@ mod signs;
 mod strips;
 
 pub use error::EditError;
-pub use fields::FieldChange;
+pub use fields::{FieldChange, StatedCall};
 pub use keys::ValueDrag;
 
 use crate::app::Viewer;

@@ -4,13 +4,17 @@ use super::thumbnails::{ClipEntry, Thumbnail};
 use choreo_files::write_whole_beneath;
 use choreo_plugin::Frame;
 use serde_json::{Value, json};
+use std::fs::File;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 /// Keyword of the text with the clips.
 const CLIPS: &str = "choreo clips";
 /// A thumbnail is no larger.
 const MOST_BYTES: u64 = 1 << 22;
+/// Bytes of all thumbnails that are kept: some thousands of them.
+pub const MOST_KEPT: u64 = 64 << 20;
 
 /// The file of a thumbnail in a cache folder: by the content of what it shows, so that a changed file gets another.
 pub fn path(cache: &Path, shows: &Path, clip: Option<&str>) -> Option<PathBuf> {
@@ -24,6 +28,8 @@ pub fn path(cache: &Path, shows: &Path, clip: Option<&str>) -> Option<PathBuf> {
 
 pub fn read(file: &Path) -> Option<Thumbnail> {
     let bytes = choreo_files::read(file, MOST_BYTES).ok()?;
+    // What is shown is not the oldest; without the right to write it is.
+    let _ = File::options().append(true).open(file).and_then(|file| file.set_modified(SystemTime::now()));
     let mut reader = png::Decoder::new(Cursor::new(bytes)).read_info().ok()?;
     let mut rgba = vec![0; reader.output_buffer_size().filter(|size| *size as u64 <= MOST_BYTES)?];
     let info = reader.next_frame(&mut rgba).ok()?;
@@ -53,6 +59,27 @@ pub fn write(file: &Path, thumbnail: &Thumbnail) {
     let _ = write_whole_beneath(folder, name.as_ref(), &bytes);
 }
 
+/// Deletes the thumbnails that were not shown for longest, until the others have at most so many bytes.
+pub fn limit(folder: &Path, most: u64) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    let image = |entry: std::fs::DirEntry| {
+        let (path, about) = (entry.path(), entry.metadata().ok()?);
+        let is_image = about.is_file() && path.extension().is_some_and(|extension| extension == "png");
+        Some((about.modified().ok()?, about.len(), path)).filter(|_| is_image)
+    };
+    let mut images: Vec<_> = entries.flatten().filter_map(image).collect();
+    images.sort();
+    let mut bytes: u64 = images.iter().map(|(_, bytes, _)| bytes).sum();
+    for (_, own, path) in images {
+        if bytes <= most {
+            return;
+        }
+        // Another viewer may have deleted it.
+        let _ = std::fs::remove_file(path);
+        bytes -= own;
+    }
+}
+
 fn encoded(thumbnail: &Thumbnail) -> Option<Vec<u8>> {
     let frame = thumbnail.frames.first()?;
     let clips: Vec<Value> =
@@ -71,6 +98,30 @@ fn encoded(thumbnail: &Thumbnail) -> Option<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn those_not_shown_for_longest_go_first_and_nothing_else_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let image = |secs: u8| {
+            let frame = Frame { width: 8, height: 8, rgba: vec![secs; 256] };
+            let file = folder.path().join(format!("{secs}.png"));
+            write(&file, &Thumbnail { frames: vec![frame], secs: 0.0, clips: Vec::new(), note: None });
+            let then = SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(u64::from(secs));
+            File::options().append(true).open(&file).unwrap().set_modified(then).unwrap();
+            std::fs::metadata(&file).unwrap().len()
+        };
+        let sizes: Vec<u64> = (0..6).map(image).collect();
+        std::fs::write(folder.path().join("notes.txt"), vec![0; 5000]).unwrap();
+        // The second oldest is shown, and is the youngest then.
+        assert!(read(&folder.path().join("1.png")).is_some());
+        limit(folder.path(), sizes[5] + sizes[4] + sizes[1]);
+        let mut left: Vec<_> =
+            std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+        left.sort();
+        assert_eq!(left, ["1.png", "4.png", "5.png", "notes.txt"]);
+        limit(folder.path(), u64::MAX);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4);
+    }
 
     #[test]
     fn what_is_written_is_read_again_and_garbage_is_none() {

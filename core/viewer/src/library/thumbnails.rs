@@ -201,6 +201,7 @@ fn kept(registry: &Registry, cache: Option<&std::path::Path>, job: Job) -> Resul
     let thumbnail = made(registry, job)?;
     if let Some(file) = file {
         thumbnail_file::write(&file, &thumbnail);
+        file.parent().into_iter().for_each(|folder| thumbnail_file::limit(folder, thumbnail_file::MOST_KEPT));
     }
     Ok(thumbnail)
 }

@@ -1,6 +1,7 @@
 //! The asset browser: the models and clips of the script's folder as images. A model is dragged onto the image, a clip onto a row; a double
 //! click adds one to the scene. What is chosen is previewed on the selected character.
 
+use super::icons;
 use super::inspector::{ClipDrag, ClipOf};
 use super::pictures::{self, Pictures};
 use crate::app::Viewer;
@@ -9,7 +10,7 @@ use crate::library::thumbnails::{ClipEntry, Made, Subject};
 use crate::state::dropped_models::DroppedModels;
 use crate::state::selection::{Selected, actor};
 use choreo_asset::Asset;
-use egui::{Rect, RichText, ScrollArea, Sense, Ui, vec2};
+use egui::{Align2, FontId, Rect, RichText, ScrollArea, Sense, Ui, vec2};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -92,12 +93,15 @@ fn path_row(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, root: &Path
     ui.horizontal(|ui| {
         let inside = browser.folder.strip_prefix(root).unwrap_or(Path::new("")).to_path_buf();
         let is_below = !inside.as_os_str().is_empty();
-        if ui.add_enabled(is_below, egui::Button::new("Up").small()).clicked()
+        let up =
+            ui.add_enabled_ui(is_below, |ui| icons::small(ui, icons::ARROW_UP, "Up", "to the folder above"));
+        if up.inner.clicked()
             && let Some(above) = browser.folder.parent().map(Path::to_path_buf)
         {
             browser.go(above, models);
         }
-        if ui.small_button("Refresh").on_hover_text("reads the folder and its images again").clicked() {
+        let hint = "reads the folder and its images again";
+        if icons::small(ui, icons::ARROWS_CLOCKWISE, "Refresh", hint).clicked() {
             viewer.documents.thumbnails.forget();
             browser.read(models);
         }
@@ -161,11 +165,8 @@ fn tile(ui: &Ui, viewer: &mut Viewer, pictures: &mut Pictures, entry: &Entry, pl
     match entry.kind {
         FileKind::Folder => {
             ui.painter().rect_filled(image, 3.0, ui.visuals().faint_bg_color);
-            // A folder: a tab above a sheet.
-            let sheet = Rect::from_center_size(image.center(), vec2(36.0, 24.0));
-            let tab = Rect::from_min_size(sheet.min - vec2(0.0, 4.0), vec2(14.0, 8.0));
-            ui.painter().rect_filled(tab, 2.0, ui.visuals().weak_text_color());
-            ui.painter().rect_filled(sheet, 2.0, ui.visuals().weak_text_color());
+            let (font, color) = (FontId::proportional(36.0), ui.visuals().weak_text_color());
+            ui.painter().text(image.center(), Align2::CENTER_CENTER, icons::FOLDER, font, color);
         }
         _ => drop(pictures.show(ui, viewer, &Subject::file(entry.path.clone()), None, image)),
     }
@@ -258,9 +259,9 @@ fn clips(
                 Some(name) => format!("{name} plays it from the playhead on"),
                 None => "select a character first".to_string(),
             };
-            let add = ui.add_enabled(on.is_some(), egui::Button::new("+").small()).on_hover_text(hint);
             let label = format!("play {} of the file", clip.name);
-            add.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, label.clone()));
+            let add =
+                ui.add_enabled_ui(on.is_some(), |ui| icons::small(ui, icons::PLUS, &label, &hint)).inner;
             let is_chosen = browser.clip.as_ref() == Some(&clip.name);
             let text = format!("{}  {:.2} s", clip.name, clip.secs);
             let button = egui::Button::selectable(is_chosen, text).sense(Sense::click_and_drag()).truncate();

@@ -7,7 +7,9 @@ use crate::editing::{FieldChange, expression};
 use crate::state::selection::{Selected, actor};
 use choreo_motion::{Repeat, Time};
 use choreo_session::edit::{Anew, CueTime, format_number};
-use choreo_stage::{Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Stage};
+use choreo_stage::{
+    Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Shadow, Stage, StageLight,
+};
 use egui::{Grid, Response, RichText, Ui};
 use std::collections::BTreeMap;
 
@@ -23,6 +25,20 @@ const MATERIAL: [(&str, f64, f64, f64); 4] = [
 
 /// Everything that the script states of the selection, by name.
 pub type Stated = BTreeMap<String, String>;
+
+/// The thing whose fields are shown.
+pub struct Form<'f> {
+    pub stated: &'f Stated,
+    /// Before the names of its fields, where several things have some of the same name.
+    pub owner: &'f str,
+    pub is_cue: bool,
+}
+
+impl Form<'_> {
+    fn of<'f>(stated: &'f Stated, what: &Selected) -> Form<'f> {
+        Form { stated, owner: "", is_cue: matches!(what, Selected::Cue { .. }) }
+    }
+}
 
 /// The change that the user makes in the fields of the selection.
 pub fn show(
@@ -44,7 +60,8 @@ pub fn show(
         }
         Selected::Title(index) => title(ui, stated, what, stage.layers_2d.get(*index)?),
         Selected::Actor(name) => surface(ui, viewer, stage, what, name, stated),
-        Selected::Light(_) | Selected::Effect(_) | Selected::Sky => None,
+        Selected::Light(index) => shadow(ui, viewer, stage.lights.get(*index)?, what, stated),
+        Selected::Effect(_) | Selected::Sky => None,
     }
 }
 
@@ -80,33 +97,37 @@ fn anew_of(name: &str) -> Anew {
 }
 
 /// A described field, in a row of a grid with two columns.
-fn described<T: Described>(
+pub fn described<T: Described>(
     ui: &mut Ui,
-    stated: &Stated,
-    what: &Selected,
+    form: &Form,
     of: &T,
     field: &'static Field<T>,
 ) -> Option<FieldChange> {
     let name = field.name;
-    let mut wanted = label(ui, stated, name, &field.about());
+    let shown = format!("{}{name}", form.owner);
+    let mut wanted = label(ui, form.stated, name, &field.about());
     let time = |part: CueTime, secs: f64| FieldChange::Time(part, secs);
     let set = match ((field.get)(of), field.of_type) {
         (FieldValue::Number(n), FieldType::Number(low, high, unit)) => {
-            let set = number(ui, name, n, low..=high, unit);
+            let set = number(ui, &shown, n, low..=high, unit);
+            set.map(|to| FieldChange::Value(name, format_number(to), anew_of(name)))
+        }
+        (FieldValue::Number(n), FieldType::Degrees(low, high)) => {
+            let set = number(ui, &shown, n.to_degrees(), low..=high, "°");
             set.map(|to| FieldChange::Value(name, format_number(to), anew_of(name)))
         }
         (value, FieldType::Time | FieldType::Duration) => {
             let secs = if let FieldValue::Time(time) = value { time } else { Time::ZERO }.as_secs();
-            let set = number(ui, name, secs, 0.0..=LONGEST, "s");
-            set.map(|to| match (name, what) {
+            let set = number(ui, &shown, secs, 0.0..=LONGEST, "s");
+            set.map(|to| match (name, form.is_cue) {
                 ("from", _) => time(CueTime::Start, to),
                 ("until", _) => time(CueTime::End, to),
-                ("fade", Selected::Cue { .. }) => time(CueTime::FadeIn, to),
+                ("fade", true) => time(CueTime::FadeIn, to),
                 ("fade", _) => FieldChange::Value(name, format_number(to), Anew::Method),
                 _ => FieldChange::Value(name, format_number(to), anew_of(name)),
             })
         }
-        (FieldValue::Flag(on), FieldType::Flag) => flag(ui, name, on),
+        (value, FieldType::Flag) => flag(ui, name, &shown, value == FieldValue::Flag(true)),
         (FieldValue::Pair(pair), FieldType::Pair) => {
             let mut set = None;
             ui.horizontal(|ui| {
@@ -115,7 +136,7 @@ fn described<T: Described>(
                     if let Some(to) = values::number(ui, &label, pair[axis], 0.01, -1e5..=1e5) {
                         let mut all = pair;
                         all[axis] = to;
-                        set = Some(pair_text(stated, name, all.to_array().map(format_number)));
+                        set = Some(pair_text(form.stated, name, all.to_array().map(format_number)));
                     }
                 }
             });
@@ -139,13 +160,15 @@ fn pair_text(stated: &Stated, name: &'static str, [x, y]: [String; 2]) -> FieldC
     FieldChange::Value(name, value, Anew::Option)
 }
 
-fn flag(ui: &mut Ui, name: &'static str, on: bool) -> Option<FieldChange> {
+fn flag(ui: &mut Ui, name: &'static str, shown: &str, on: bool) -> Option<FieldChange> {
     let mut now = on;
     let response = ui.checkbox(&mut now, "");
     response.widget_info(|| {
-        egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, now, format!("{name} field"))
+        egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, now, format!("{shown} field"))
     });
     response.changed().then(|| match now {
+        // Its default is not always off.
+        now if name == "keep" => FieldChange::Text(name, now.to_string(), Anew::Option),
         // A method without an argument says so.
         true => FieldChange::Text(name, String::new(), Anew::Method),
         false => FieldChange::Reset(vec![name]),
@@ -216,8 +239,13 @@ fn clip(
         let names = own.iter().flat_map(|asset| asset.clips.iter().map(|clip| clip.name.as_str()));
         wanted = choice(ui, "clip", &played.clip.name, names).map(FieldChange::Clip);
         ui.end_row();
+        let form = Form::of(stated, what);
         for field in Cue::FIELDS.iter().filter(|field| (field.lacks)(played).is_none()) {
-            wanted = described(ui, stated, what, played, field).or(wanted.take());
+            wanted = match keys_of(played, field.name) {
+                Some(keys) => keyed(ui, stated, field.name, &keys),
+                None => described(ui, &form, played, field),
+            }
+            .or(wanted.take());
         }
         wanted = trim(ui, stated, played).or(wanted.take());
         ui.label("repeat");
@@ -237,6 +265,27 @@ fn clip(
             _ => layer_fields(ui, stated).or(wanted.take()),
         };
     });
+    wanted
+}
+
+/// The keys of a value of a clip, in words; `None` where it has none.
+fn keys_of(played: &Cue, name: &str) -> Option<String> {
+    match name {
+        "weight" => {
+            let times = &played.weight_keys.as_ref()?.times;
+            let (first, last) = times.first().zip(times.last())?;
+            Some(format!("{} keys, {:.2} to {:.2} s", times.len(), first.as_secs(), last.as_secs()))
+        }
+        "speed" => played.time_remapping.as_ref().map(|_| "by keys".to_string()),
+        _ => None,
+    }
+}
+
+/// A value that keys state, in place of its field: a number would take their place.
+fn keyed(ui: &mut Ui, stated: &Stated, name: &'static str, keys: &str) -> Option<FieldChange> {
+    let wanted = label(ui, stated, name, "keyed in the script");
+    ui.monospace(keys);
+    ui.end_row();
     wanted
 }
 
@@ -291,6 +340,10 @@ fn layer_fields(ui: &mut Ui, stated: &Stated) -> Option<FieldChange> {
     for (name, hint) in hints {
         // Those are said once a layer, by its first clip.
         let Some(now) = stated.get(name) else { continue };
+        if now.starts_with("[[") {
+            wanted = keyed(ui, stated, name, "by keys").or(wanted);
+            continue;
+        }
         wanted = label(ui, stated, name, hint).or(wanted);
         let set = source(ui, name, now, hint);
         wanted = set.map(|text| FieldChange::Text(name, text, Anew::Method)).or(wanted);
@@ -313,13 +366,53 @@ fn lens(ui: &mut Ui, stated: &Stated, what: &Selected, camera: &Camera) -> Optio
         }
         for name in ["near", "far"] {
             let Some(field) = Camera::field(name) else { continue };
-            let mut row = described(ui, stated, what, camera, field);
+            let mut row = described(ui, &Form::of(stated, what), camera, field);
             if let (Some(FieldChange::Value(_, value, _)), FieldValue::Number(_)) =
                 (&row, (field.get)(camera))
             {
                 row = Some(FieldChange::Value(field.name, value.clone(), Anew::Method));
             }
             wanted = row.or(wanted.take());
+        }
+    });
+    wanted
+}
+
+/// The shadow of a light.
+fn shadow(
+    ui: &mut Ui,
+    viewer: &Viewer,
+    light: &StageLight,
+    what: &Selected,
+    stated: &Stated,
+) -> Option<FieldChange> {
+    let mut wanted = None;
+    Grid::new("shadow").num_columns(2).show(ui, |ui| {
+        let reset = label(ui, stated, "shadow", "whether what it shines on throws a shadow");
+        let set = flag(ui, "shadow", "shadow", light.shadow.is_some());
+        wanted = set.map(|change| match change {
+            FieldChange::Text(name, ..) => FieldChange::Text(name, "true".into(), Anew::Option),
+            other => other,
+        });
+        wanted = wanted.take().or(reset);
+        ui.end_row();
+        let Some(shadow) = light.shadow else { return };
+        let shadow = Shadow { softness: shadow.softness.or(Some(Shadow::LAMP_SOFTNESS)), ..shadow };
+        let inner = viewer.written_within(what, "shadow");
+        let form = Form { stated: &inner, owner: "shadow ", is_cue: false };
+        for field in Shadow::FIELDS {
+            let set = match described(ui, &form, &shadow, field) {
+                Some(FieldChange::Value(name, value, _)) if name == "size" => {
+                    // Texels are whole.
+                    Some(FieldChange::Within("shadow", name, value.split('.').next().map(str::to_string)))
+                }
+                Some(FieldChange::Value(name, value, _)) => {
+                    Some(FieldChange::Within("shadow", name, Some(value)))
+                }
+                Some(FieldChange::Reset(_)) => Some(FieldChange::Within("shadow", field.name, None)),
+                other => other,
+            };
+            wanted = set.or(wanted.take());
         }
     });
     wanted
@@ -343,7 +436,7 @@ fn title(ui: &mut Ui, stated: &Stated, what: &Selected, layer: &Layer2d) -> Opti
     }
     Grid::new("title").num_columns(2).show(ui, |ui| {
         for field in Layer2d::FIELDS.iter().filter(|field| (field.lacks)(layer).is_none()) {
-            wanted = described(ui, stated, what, layer, field).or(wanted.take());
+            wanted = described(ui, &Form::of(stated, what), layer, field).or(wanted.take());
         }
         if let Layer2dContent::Text { size, width, line_height, color, align, .. } = &layer.content {
             let numbers = [("size", *size, 0.001, 10.0), ("line_height", *line_height, 0.1, 10.0)];

@@ -1,12 +1,13 @@
 //! Heads of the sequencer's rows: collapse, mute, solo, lock. They change what this window shows, never the script.
 
+use super::icons;
 use crate::app::Viewer;
 use crate::state::selection::Selected;
 use crate::state::timeline::Timeline;
-use egui::{Align2, Color32, FontId, Rect, Sense, Ui, pos2, vec2};
+use egui::{Align2, FontId, Rect, Sense, Ui, pos2, vec2};
 
 /// Points of a button.
-const WIDTH: f32 = 14.0;
+const WIDTH: f32 = 16.0;
 /// Points of the triangle that collapses.
 const FOLD: f32 = 13.0;
 
@@ -45,9 +46,9 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
     if has_layers(&viewer.timeline, index) {
         let place = Rect::from_min_size(label.min, vec2(FOLD, label.height()));
         let closed = shelf.collapsed.contains(name);
-        let sign = if closed { "▶" } else { "▼" };
+        let icon = if closed { icons::CARET_RIGHT } else { icons::CARET_DOWN };
         let about = format!("layers of {name}");
-        if button(ui, place, sign, !closed, &about, "show or hide the layers") {
+        if button(ui, place, icon, !closed, &about, "show or hide the layers") {
             toggled = Some(Toggle::Collapse(name.clone()));
         }
     }
@@ -61,18 +62,22 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
         let muted = shelf.muted.contains(&(name.clone(), layer));
         let about = format!("mute {}", row.label);
         let number = if is_base { 2.0 } else { 0.0 };
-        if button(ui, place(number), "M", muted, &about, "its clips do not play in this window") {
+        let icon = if muted { icons::SPEAKER_SLASH } else { icons::SPEAKER_HIGH };
+        if button(ui, place(number), icon, muted, &about, "mute: its clips do not play in this window") {
             toggled = Some(Toggle::Mute(name.clone(), layer));
         }
     }
     if is_base {
         let about = format!("only {name} in rows");
-        if button(ui, place(1.0), "S", shelf.solo.contains(name), &about, "only what is solo is seen here") {
+        let solo = shelf.solo.contains(name);
+        if button(ui, place(1.0), icons::STAR, solo, &about, "solo: only what is solo is seen here") {
             toggled = Some(Toggle::Solo(name.clone()));
         }
         let about = format!("lock the row of {name}");
-        let hint = "its bars and its gizmo cannot be dragged";
-        if button(ui, place(0.0), "L", shelf.locked.contains(name), &about, hint) {
+        let hint = "lock: its bars and its gizmo cannot be dragged";
+        let locked = shelf.locked.contains(name);
+        let icon = if locked { icons::LOCK_SIMPLE } else { icons::LOCK_SIMPLE_OPEN };
+        if button(ui, place(0.0), icon, locked, &about, hint) {
             toggled = Some(Toggle::Lock(name.clone()));
         }
     }
@@ -97,21 +102,20 @@ pub(crate) fn toggle(viewer: &mut Viewer, toggle: Toggle) {
     }
 }
 
-fn button(ui: &Ui, place: Rect, sign: &str, on: bool, about: &str, hint: &str) -> bool {
+fn button(ui: &Ui, place: Rect, icon: &str, on: bool, about: &str, hint: &str) -> bool {
     let response = ui.interact(place, ui.id().with(about), Sense::click());
     response.widget_info(|| egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, on, about));
     let visuals = ui.visuals();
-    let is_sign = sign.len() > 1;
+    let folds = [icons::CARET_DOWN, icons::CARET_RIGHT].contains(&icon);
     let color = match on {
-        true if !is_sign => visuals.strong_text_color(),
+        true if !folds => visuals.selection.stroke.color,
         _ if response.hovered() => visuals.text_color(),
         _ => visuals.weak_text_color(),
     };
-    if on && !is_sign {
+    if on && !folds {
         ui.painter().rect_filled(place.shrink(1.0), 2.0, visuals.selection.bg_fill);
     }
-    let font = if is_sign { FontId::proportional(8.0) } else { FontId::monospace(10.0) };
-    let color: Color32 = color;
-    ui.painter().text(place.center(), Align2::CENTER_CENTER, sign, font, color);
+    let font = FontId::proportional(if folds { 10.0 } else { 12.0 });
+    ui.painter().text(place.center(), Align2::CENTER_CENTER, icon, font, color);
     response.on_hover_text(hint).clicked()
 }

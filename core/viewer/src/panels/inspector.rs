@@ -1,6 +1,7 @@
 //! Everything about the selection at the playhead; the script's own values can be changed here.
 
-use super::{fields as stated, values};
+use super::rig::CallChange;
+use super::{fields as stated, icons, rig, values};
 use crate::app::Viewer;
 use crate::editing::FieldChange;
 use crate::editing::placing::{light_at, placement};
@@ -8,12 +9,14 @@ use crate::geometry::gizmo::Change;
 use crate::state::keyed::{self, KeyRef, KeyedProperty};
 use crate::state::selection::{Selected, actor};
 use choreo_asset::{Asset, Projection};
-use choreo_plugin::OptionKind;
+use choreo_plugin::{OptionKind, OptionSpec};
 use choreo_script::Place;
 use choreo_session::Scene;
 use choreo_session::edit::format_number;
-use choreo_stage::{ActiveClip, ActorState, Described, FieldType, FieldValue, Rig, Sky, Stage, StageLight};
-use egui::{Grid, RichText, Ui};
+use choreo_stage::{
+    ActiveClip, ActorState, Described, EffectUse, FieldType, FieldValue, Rig, Sky, Stage, StageLight,
+};
+use egui::{Grid, Response, RichText, Ui};
 use glam::{DQuat, DVec3, Vec3};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -45,6 +48,7 @@ enum Wanted {
     /// A key of a property at the playhead; `true`: it is there, and is deleted.
     Key(String, bool),
     Field(FieldChange),
+    Call(CallChange),
 }
 
 /// The properties of the selection that have keys or could have some.
@@ -98,6 +102,10 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let field = stated::show(ui, viewer, &scene.stage, &selection, &written);
     wanted = field.map(Wanted::Field).or(wanted);
     wanted = keys_menu(ui, viewer, keyable).or(wanted);
+    let index = if let Selected::Actor(name) = &selection { actor(&scene.stage, name) } else { None };
+    if let Some(index) = index {
+        wanted = rig::show(ui, viewer, &scene.stage.actors[index], index).map(Wanted::Call).or(wanted);
+    }
     Grid::new("inspector").num_columns(2).striped(true).show(ui, |ui| {
         for (name, value) in rows {
             ui.label(name);
@@ -105,9 +113,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             ui.end_row();
         }
     });
-    if let Selected::Actor(name) = &selection
-        && let Some(index) = actor(&scene.stage, name)
-    {
+    if let (Selected::Actor(name), Some(index)) = (&selection, index) {
         let asset = &scene.stage.actors[index].asset;
         wanted = clips(ui, viewer, name, asset).or(wanted);
         materials(ui, asset);
@@ -115,26 +121,30 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             joints(ui, asset, state);
         }
     }
+    if let Some(wanted) = wanted {
+        apply(viewer, selection, wanted, &known);
+    }
+}
+
+fn apply(viewer: &mut Viewer, selection: Selected, wanted: Wanted, known: &[KeyedProperty]) {
     let change = match wanted {
-        None => return,
-        Some(Wanted::Field(change)) => viewer.change_field(&selection, &change),
-        Some(Wanted::FieldOfView(degrees)) => match &selection {
+        Wanted::Field(change) => viewer.change_field(&selection, &change),
+        Wanted::Call(CallChange(call, change)) => viewer.change_call(&call, &change),
+        Wanted::FieldOfView(degrees) => match &selection {
             Selected::Camera(name) => viewer.set_field_of_view(name, degrees),
             _ => Ok(()),
         },
-        Some(Wanted::Key(name, true)) => {
+        Wanted::Key(name, true) => {
             let at = viewer.playhead.time();
             let there = known.iter().find(|p| p.name == name);
             let there = there.and_then(|p| Some(p.keys[p.key_at(at, viewer.playhead.fps())?]));
             there.map_or(Ok(()), |at| viewer.delete_keys(&[KeyRef { what: selection, property: name, at }]))
         }
-        Some(Wanted::Key(name, false)) => viewer.set_keys(&selection, &[&name]),
-        Some(Wanted::Actor(change)) => {
-            selection.actor().map_or(Ok(()), |name| viewer.place_actor(name, change))
-        }
-        Some(Wanted::Value(name, value)) => viewer.set_value(&selection, name, &value),
-        Some(Wanted::Parameter(name, value)) => viewer.set_value(&selection, &name, &value),
-        Some(Wanted::Clip(clip, secs)) => {
+        Wanted::Key(name, false) => viewer.set_keys(&selection, &[&name]),
+        Wanted::Actor(change) => selection.actor().map_or(Ok(()), |name| viewer.place_actor(name, change)),
+        Wanted::Value(name, value) => viewer.set_value(&selection, name, &value),
+        Wanted::Parameter(name, value) => viewer.set_value(&selection, &name, &value),
+        Wanted::Clip(clip, secs) => {
             selection.actor().map_or(Ok(()), |name| viewer.add_clip(name, name, &clip, secs))
         }
     };
@@ -362,73 +372,82 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable
             let numbers = first..first + option.number_count();
             first = numbers.end;
             let (value, now) = (&given[numbers.clone()], &now[numbers.clone()]);
-            let usual = &defaults[numbers];
             let is_keyed = keyable.iter().any(|p| p.name == option.name && p.has_keys());
             let value = if is_keyed { now } else { value };
             let label = ui.label(&option.name).interact(egui::Sense::click()).on_hover_text(&option.about);
-            match &option.kind {
+            let set = match now == value {
+                true => parameter(ui, used, option, &label, (value, &defaults[numbers])),
                 // The value comes from a callback or keys of single numbers, which a literal would not change.
-                _ if now != value => {
+                false => {
                     let now: Vec<String> = now.iter().map(|n| format!("{n:.3}")).collect();
                     ui.monospace(format!("{} (keyed)", now.join(" ")));
+                    None
                 }
-                OptionKind::Number { .. } | OptionKind::Integer { .. } => {
-                    let value = f64::from(value[0]);
-                    let [min, max] = option.bounds().unwrap_or_default();
-                    let usual = f64::from(usual[0]);
-                    let reset = values::reset(&label, usual).filter(|to| *to != value);
-                    let set = field(&option.name, value, 0.01, min..=max, usual).slider(ui);
-                    if let Some(to) = reset.or(set) {
-                        let is_whole = matches!(option.kind, OptionKind::Integer { .. });
-                        let to = if is_whole { to.round() } else { to };
-                        wanted = Some(Wanted::Parameter(option.name.clone(), format_number(to)));
-                    }
-                }
-                OptionKind::Color { .. } | OptionKind::Vector { .. } => {
-                    ui.horizontal(|ui| {
-                        let [min, max] = option.bounds().unwrap_or_default();
-                        for (number, (name, value)) in option.number_names().zip(value).enumerate() {
-                            let (value, speed) = (f64::from(*value), ((max - min) * 0.002).min(0.01));
-                            let usual = f64::from(usual[number]);
-                            if let Some(to) = field(&name, value, speed, min..=max, usual).show(ui) {
-                                wanted = Some(Wanted::Parameter(name, format_number(to)));
-                            }
-                        }
-                    });
-                }
-                OptionKind::Curve { .. } => {
-                    let ends = [value[0], value[value.len() - 1]];
-                    ui.monospace(format!("{:.3} to {:.3}", ends[0], ends[1]));
-                }
-                OptionKind::Bool { .. } => {
-                    let mut on = value[0] != 0.0;
-                    if ui.checkbox(&mut on, "").changed() {
-                        wanted = Some(Wanted::Parameter(option.name.clone(), on.to_string()));
-                    }
-                }
-                OptionKind::Text { one_of, .. } => {
-                    let shown = one_of.get(value[0] as usize).cloned().unwrap_or_default();
-                    egui::ComboBox::from_id_salt(&option.name).selected_text(&shown).show_ui(ui, |ui| {
-                        for choice in one_of {
-                            if ui.selectable_label(*choice == shown, choice).clicked() && *choice != shown {
-                                wanted =
-                                    Some(Wanted::Parameter(option.name.clone(), format!("\"{choice}\"")));
-                            }
-                        }
-                    });
-                }
-                OptionKind::Texture { default, .. } => {
-                    let chosen = used.images.iter().find(|chosen| chosen.parameter == option.name);
-                    ui.monospace(chosen.map_or(default.as_str(), |chosen| chosen.image.name.as_str()));
-                }
-                _ => {
-                    ui.monospace(format!("{value:.3?}"));
-                }
-            }
+            };
+            wanted = set.map(|(name, to)| Wanted::Parameter(name, to)).or(wanted.take());
             wanted = key_button(ui, viewer, keyable, &option.name).or(wanted.take());
             ui.end_row();
         }
     });
+    wanted
+}
+
+/// The field of one parameter, with its numbers and those by default: the name and the text to write.
+fn parameter(
+    ui: &mut Ui,
+    used: &EffectUse,
+    option: &OptionSpec,
+    label: &Response,
+    (value, usual): (&[f32], &[f32]),
+) -> Option<(String, String)> {
+    let mut wanted = None;
+    let [min, max] = option.bounds().unwrap_or_default();
+    match &option.kind {
+        OptionKind::Number { .. } | OptionKind::Integer { .. } => {
+            let (value, usual) = (f64::from(value[0]), f64::from(usual[0]));
+            let reset = values::reset(label, usual).filter(|to| *to != value);
+            let set = field(&option.name, value, 0.01, min..=max, usual).slider(ui);
+            let is_whole = matches!(option.kind, OptionKind::Integer { .. });
+            let to = reset.or(set).map(|to| if is_whole { to.round() } else { to });
+            wanted = to.map(|to| (option.name.clone(), format_number(to)));
+        }
+        OptionKind::Color { .. } | OptionKind::Vector { .. } => {
+            ui.horizontal(|ui| {
+                for (number, (name, value)) in option.number_names().zip(value).enumerate() {
+                    let (value, speed) = (f64::from(*value), ((max - min) * 0.002).min(0.01));
+                    let usual = f64::from(usual[number]);
+                    if let Some(to) = field(&name, value, speed, min..=max, usual).show(ui) {
+                        wanted = Some((name, format_number(to)));
+                    }
+                }
+            });
+        }
+        OptionKind::Curve { .. } => {
+            let ends = [value[0], value[value.len() - 1]];
+            ui.monospace(format!("{:.3} to {:.3}", ends[0], ends[1]));
+        }
+        OptionKind::Bool { .. } => {
+            let mut on = value[0] != 0.0;
+            if ui.checkbox(&mut on, "").changed() {
+                wanted = Some((option.name.clone(), on.to_string()));
+            }
+        }
+        OptionKind::Text { one_of, .. } => {
+            let shown = one_of.get(value[0] as usize).cloned().unwrap_or_default();
+            egui::ComboBox::from_id_salt(&option.name).selected_text(&shown).show_ui(ui, |ui| {
+                for choice in one_of {
+                    if ui.selectable_label(*choice == shown, choice).clicked() && *choice != shown {
+                        wanted = Some((option.name.clone(), format!("\"{choice}\"")));
+                    }
+                }
+            });
+        }
+        OptionKind::Texture { default, .. } => {
+            let chosen = used.images.iter().find(|chosen| chosen.parameter == option.name);
+            ui.monospace(chosen.map_or(default.as_str(), |chosen| chosen.image.name.as_str()));
+        }
+        _ => drop(ui.monospace(format!("{value:.3?}"))),
+    }
     wanted
 }
 
@@ -442,11 +461,8 @@ fn clips(ui: &mut Ui, viewer: &Viewer, name: &str, asset: &Asset) -> Option<Want
     egui::CollapsingHeader::new(title).default_open(true).show(ui, |ui| {
         for clip in asset.clips.iter().take(MOST_CLIPS) {
             ui.horizontal(|ui| {
-                let add = ui.small_button("+").on_hover_text("plays it from the playhead on");
-                add.widget_info(|| {
-                    egui::WidgetInfo::labeled(egui::WidgetType::Button, true, format!("play {}", clip.name))
-                });
-                if add.clicked() {
+                let (label, hint) = (format!("play {}", clip.name), "from the playhead on");
+                if icons::small(ui, icons::PLUS, &label, hint).clicked() {
                     wanted = Some(Wanted::Clip(clip.name.clone(), viewer.playhead.time().as_secs()));
                 }
                 let id = ui.id().with(("clip", &clip.name));
@@ -541,7 +557,6 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
         Selected::Light(index) => {
             if let Some(light) = stage.lights.get(*index) {
                 row("kind", light.light.kind.title().into());
-                row("shadow", light.shadow.map_or("none".into(), |s| format!("{} texels", s.size)));
             }
         }
         Selected::Title(index) => {

@@ -16,6 +16,7 @@ mod fields;
 mod files;
 mod handles;
 mod headers;
+mod icons;
 mod inspected;
 mod inspector;
 mod key_menu;
@@ -31,6 +32,7 @@ mod pictures;
 mod presets;
 mod refusal;
 mod render;
+mod rig;
 mod script;
 mod sequencer;
 mod signs;
@@ -112,6 +114,7 @@ impl Tab {
 
 /// Dark, as images are judged in the dark, or light; text that can be read for hours in both.
 pub(crate) fn set_colors(context: &egui::Context, light: bool) {
+    context.set_fonts(icons::fonts());
     context.options_mut(|options| {
         // Ours is remembered, and has ends.
         options.zoom_with_keyboard = false;
@@ -349,6 +352,11 @@ impl TabViewer for Tabs<'_> {
             }
             tab => tab.title().into(),
         }
+    }
+
+    fn on_tab_button(&mut self, tab: &mut Tab, response: &egui::Response) {
+        let name = format!("{} tab", tab.title());
+        response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, name.clone()));
     }
 
     fn ui(&mut self, ui: &mut Ui, tab: &mut Tab) {

@@ -1,5 +1,6 @@
 //! Renders and exports from within: what, where to, and the queue.
 
+use super::icons;
 use crate::app::Viewer;
 use crate::commands::queue::{Job, JobState};
 use crate::commands::{Format, Kind};
@@ -157,8 +158,8 @@ fn queue(ui: &mut Ui, viewer: &Viewer) {
         ui.push_id(job.number, |ui| {
             ui.horizontal(|ui| {
                 let ends = matches!(job.state, JobState::Running { .. } | JobState::Waiting);
-                let text = if ends { "Cancel" } else { "Remove" };
-                if ui.small_button(text).clicked() {
+                let (icon, name) = if ends { (icons::X, "Cancel") } else { (icons::TRASH, "Remove") };
+                if icons::small(ui, icon, name, "").clicked() {
                     viewer.renders.cancel(job.number);
                 }
                 let name = job.output.file_name().unwrap_or_default().to_string_lossy().into_owned();

@@ -2,7 +2,7 @@
 
 use super::inspector::{ClipDrag, ClipOf};
 use super::marks::MarkAct;
-use super::{bars, headers, key_menu, markers, marks};
+use super::{bars, headers, icons, key_menu, markers, marks};
 use crate::app::Viewer;
 use crate::editing::EditError;
 use crate::state::keyed::KeyRef;
@@ -66,30 +66,36 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     // Else it makes the panel wider than there is room for.
     ui.horizontal_wrapped(|ui| {
         let playhead = &mut viewer.playhead;
-        if ui.button("|◀").on_hover_text("first frame (Home)").clicked() {
+        if icons::button(ui, icons::SKIP_BACK, "First frame", "Home").clicked() {
             playhead.step(i64::MIN / 2);
         }
-        if ui.button("◀").on_hover_text("one frame back (←)").clicked() {
+        if icons::button(ui, icons::CARET_LEFT, "One frame back", "←").clicked() {
             playhead.step(-1);
         }
-        let label = if playhead.is_playing() { "Pause" } else { "Play" };
-        if ui.button(label).on_hover_text("Space").clicked() {
+        let (icon, name) = match playhead.is_playing() {
+            true => (icons::PAUSE, "Pause"),
+            false => (icons::PLAY, "Play"),
+        };
+        if icons::button(ui, icon, name, "Space").clicked() {
             playhead.toggle(now);
         }
-        if ui.button("▶").on_hover_text("one frame on (→)").clicked() {
+        if icons::button(ui, icons::CARET_RIGHT, "One frame on", "→").clicked() {
             playhead.step(1);
         }
-        if ui.button("▶|").on_hover_text("last frame (End)").clicked() {
+        if icons::button(ui, icons::SKIP_FORWARD, "Last frame", "End").clicked() {
             playhead.step(i64::MAX / 2);
         }
-        ui.toggle_value(&mut playhead.looping, "Loop").on_hover_text("again and again, or once (L)");
+        let looping = playhead.looping;
+        let hint = "again and again, or once (L)";
+        playhead.looping ^= icons::toggle(ui, icons::REPEAT, looping, "Loop", hint).clicked();
         if let Some((from, to)) = playhead.range() {
             let text = format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
             if ui.button(text).on_hover_text("the part that is played; a click: all of it").clicked() {
                 playhead.set_range(None);
             }
         }
-        ui.toggle_value(&mut viewer.snap, "Snap").on_hover_text("dragged times are whole frames (N)");
+        let hint = "dragged times are whole frames (N)";
+        viewer.snap ^= icons::toggle(ui, icons::MAGNET, viewer.snap, "Snap", hint).clicked();
         ui.separator();
         let playhead = &viewer.playhead;
         let text = format!(
@@ -105,13 +111,16 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         if ui.button(units).on_hover_text("times as seconds or as frames (T)").clicked() {
             viewer.in_seconds = !viewer.in_seconds;
         }
-        if ui.button("◀ event").on_hover_text("to what begins, ends or happens before (↑)").clicked() {
+        let hint = "to what begins, ends or happens before (↑)";
+        if icons::button(ui, icons::ARROW_LINE_LEFT, "Previous event", hint).clicked() {
             viewer.seek_to_next(true);
         }
-        if ui.button("event ▶").on_hover_text("to what begins, ends or happens next (↓)").clicked() {
+        let hint = "to what begins, ends or happens next (↓)";
+        if icons::button(ui, icons::ARROW_LINE_RIGHT, "Next event", hint).clicked() {
             viewer.seek_to_next(false);
         }
-        if ui.button("Whole").on_hover_text("show the whole scene").clicked() {
+        let hint = "show the whole scene";
+        if icons::button(ui, icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint).clicked() {
             viewer.span = Span::whole(viewer.playhead.length().as_secs());
         }
     });

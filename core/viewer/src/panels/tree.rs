@@ -1,5 +1,6 @@
 //! Actors and other things on stage; which are hidden, solo or locked here, whatever the script says.
 
+use super::icons;
 use crate::app::Viewer;
 use crate::state::selection::Selected;
 use egui::{RichText, Ui};
@@ -41,9 +42,13 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         }
         ui.horizontal(|ui| {
             let shelf = &mut viewer.shelf;
-            toggle(ui, &mut shelf.hidden, &actor.name, ["hide", "not seen here (H)"]);
-            toggle(ui, &mut shelf.solo, &actor.name, ["solo", "only what is solo is seen here"]);
-            toggle(ui, &mut shelf.locked, &actor.name, ["lock", "neither picked nor moved with the mouse"]);
+            let eye = [icons::EYE, icons::EYE_SLASH];
+            toggle(ui, &mut shelf.hidden, &actor.name, eye, ["hide", "not seen here (H)"]);
+            let star = [icons::STAR; 2];
+            toggle(ui, &mut shelf.solo, &actor.name, star, ["solo", "only what is solo is seen here"]);
+            let lock = [icons::LOCK_SIMPLE_OPEN, icons::LOCK_SIMPLE];
+            let about = ["lock", "neither picked nor moved with the mouse"];
+            toggle(ui, &mut shelf.locked, &actor.name, lock, about);
             select(ui, viewer, text, Selected::Actor(actor.name.clone()));
         });
         for joint in joints {
@@ -73,17 +78,18 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-/// Draws one of the small buttons before a name.
-fn toggle(ui: &mut Ui, set: &mut BTreeSet<String>, name: &str, [word, about]: [&str; 2]) {
+/// Draws one of the small buttons before a name. `icons`: while it is off, and on.
+fn toggle(
+    ui: &mut Ui,
+    set: &mut BTreeSet<String>,
+    name: &str,
+    [off, on_icon]: [&str; 2],
+    [word, about]: [&str; 2],
+) {
     let on = set.contains(name);
-    let letter = &word[..1].to_uppercase();
-    let text = RichText::new(letter).monospace().size(10.0);
-    let response =
-        ui.add(egui::Button::selectable(on, text).small()).on_hover_text(format!("{word}: {about}"));
-    response.widget_info(|| {
-        egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, on, format!("{word} {name}"))
-    });
-    if response.clicked() {
+    let icon = if on { on_icon } else { off };
+    let hint = format!("{word}: {about}");
+    if icons::small_toggle(ui, icon, on, &format!("{word} {name}"), &hint).clicked() {
         match on {
             true => drop(set.remove(name)),
             false => drop(set.insert(name.to_string())),

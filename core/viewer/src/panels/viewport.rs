@@ -1,7 +1,7 @@
 //! The image, the camera that the mouse moves, and what is picked in it.
 
 use super::assets::ModelDrag;
-use super::{axes, handles, overlay, signs, trails};
+use super::{axes, handles, icons, overlay, signs, trails};
 use crate::app::Viewer;
 use crate::geometry::picking;
 use crate::geometry::projection::Lens;
@@ -127,8 +127,8 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
         ui.separator();
         let view = &mut viewer.views[index];
         let full = view.resolution == Resolution::Full;
-        if ui.selectable_label(full, "full size").on_hover_text("as many pixels as render gives it").clicked()
-        {
+        let hint = "as many pixels as render gives it";
+        if icons::toggle(ui, icons::FRAME_CORNERS, full, "full size", hint).clicked() {
             view.resolution = if full { Resolution::Fitted } else { Resolution::Full };
         }
         ui.menu_button("Show", |ui| {
@@ -137,15 +137,17 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
             }
         });
         ui.separator();
-        for (tool, name, key) in
-            [(Tool::Move, "Move", "G"), (Tool::Turn, "Turn", "R"), (Tool::Scale, "Scale", "B")]
-        {
-            if ui.selectable_label(viewer.tool == tool, name).on_hover_text(key).clicked() {
+        for (tool, icon, name, key) in [
+            (Tool::Move, icons::ARROWS_OUT_CARDINAL, "Move", "G"),
+            (Tool::Turn, icons::ARROWS_CLOCKWISE, "Turn", "R"),
+            (Tool::Scale, icons::RESIZE, "Scale", "B"),
+        ] {
+            if icons::toggle(ui, icon, viewer.tool == tool, name, key).clicked() {
                 viewer.tool = tool;
             }
         }
         ui.separator();
-        if ui.button("Save image").on_hover_text("beside the script (P)").clicked() {
+        if icons::button(ui, icons::CAMERA, "Save image", "beside the script (P)").clicked() {
             viewer.active = index;
             screenshot(viewer);
         }
@@ -207,8 +209,10 @@ fn follow(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     };
     let selected = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string);
     let can = following.is_some() || selected.is_some();
-    let button = ui.add_enabled(can, egui::Button::selectable(following.is_some(), "follow"));
-    if !button.on_hover_text("goes with the selected actor").clicked() {
+    let button = ui.add_enabled_ui(can, |ui| {
+        icons::toggle(ui, icons::CROSSHAIR, following.is_some(), "follow", "goes with the selected actor")
+    });
+    if !button.inner.clicked() {
         return;
     }
     let near = viewer.point_of_interest().unwrap_or(DVec3::ZERO);

@@ -1,5 +1,7 @@
 //! The window: events in, frames out. It sleeps unless something has happened.
 
+#[cfg(feature = "accesskit")]
+mod assistance;
 mod choose;
 mod device;
 mod documents;
@@ -32,11 +34,10 @@ use choreo_session::{FrameRenderer, FrameReply, SceneSource, SceneVersion, Sessi
 use error::ViewerError;
 use event_log::EventLog;
 use gpu_error::GpuError;
-use open::Open;
+use open::{Open, Shown};
 use painter::Painter;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalPosition};
@@ -53,6 +54,9 @@ enum News {
     Frame(Box<FrameReply>),
     /// egui wants to be drawn again after this time.
     Repaint(Duration),
+    /// An assistive technology wants to read the window or to act in it.
+    #[cfg(feature = "accesskit")]
+    Assistance(egui_winit::accesskit_winit::WindowEvent),
 }
 
 /// The first file; dropped files and further ones count from 1.
@@ -274,6 +278,8 @@ impl ViewerWindow {
             return;
         }
         let now = self.now();
+        #[cfg(feature = "accesskit")]
+        let title = format!("{} – {}", self.viewer.name, self.program);
         let Some(open) = &mut self.open else { return };
         let size = open.window.inner_size();
         if size.width == 0 || size.height == 0 {
@@ -284,7 +290,11 @@ impl ViewerWindow {
         let input = open.taken();
         let textures = open.painter.pictures();
         let (panels, viewer) = (&mut self.panels, &mut self.viewer);
-        let output = open.egui.run_ui(input, |ui| panels.show(ui, viewer, &textures, now));
+        let output = open.egui.run_ui(input, |ui| {
+            #[cfg(feature = "accesskit")]
+            assistance::name_window(ui, &title);
+            panels.show(ui, viewer, &textures, now);
+        });
         open.input.handle_platform_output(&open.window, output.platform_output);
         let pixels_per_point = output.pixels_per_point;
         let primitives = open.egui.tessellate(output.shapes, pixels_per_point);
@@ -429,10 +439,10 @@ impl ViewerWindow {
     fn begin_again(&mut self, error: &str, events: &ActiveEventLoop) {
         self.failures += 1;
         // A window has one surface at a time: the old one goes here.
-        let window = self.open.take().map(|open| open.window);
-        let again = match window {
-            Some(window) if self.failures < 3 => {
-                Open::new(window, self.device, &self.proxy).map_err(|e| e.to_string())
+        let shown = self.open.take().and_then(Open::close);
+        let again = match shown {
+            Some(shown) if self.failures < 3 => {
+                Open::new(shown, self.device, &self.proxy).map_err(|e| e.to_string())
             }
             _ => Err("tried again".to_string()),
         };
@@ -467,14 +477,16 @@ impl ApplicationHandler<News> for ViewerWindow {
         let attributes = Window::default_attributes()
             .with_title(format!("{} – {}", self.viewer.name, self.program))
             .with_inner_size(LogicalSize::new(1280.0, 860.0))
-            .with_min_inner_size(LogicalSize::new(320.0, 200.0));
+            .with_min_inner_size(LogicalSize::new(320.0, 200.0))
+            .with_visible(false);
         // The name of the desktop entry, by which desktops find the window's icon.
         #[cfg(target_os = "linux")]
         let attributes = attributes.with_name(format!("{}-view", self.program), self.program);
         let window = events.create_window(attributes).map_err(|e| e.to_string());
+        let shown = window.map(|window| Shown::new(window, events, &self.proxy));
         self.event_log.done("window");
         let opened =
-            window.and_then(|w| Open::new(Arc::new(w), self.device, &self.proxy).map_err(|e| e.to_string()));
+            shown.and_then(|shown| Open::new(shown, self.device, &self.proxy).map_err(|e| e.to_string()));
         match opened {
             Ok(open) => {
                 self.event_log.done("device of the window");
@@ -503,6 +515,13 @@ impl ApplicationHandler<News> for ViewerWindow {
             }
             News::Repaint(delay) if delay.is_zero() => self.redraw(),
             News::Repaint(delay) => self.wake_in(delay),
+            #[cfg(feature = "accesskit")]
+            News::Assistance(event) => {
+                if let Some(open) = &mut self.open {
+                    open.take_assistance(event);
+                }
+                self.redraw();
+            }
         }
     }
 

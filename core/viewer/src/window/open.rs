@@ -1,12 +1,14 @@
 //! The window with what belongs to it; its scale, which can change while it is open.
 
 use super::News;
+#[cfg(feature = "accesskit")]
+use super::assistance::Adapter;
 use super::gpu_error::GpuError;
 use super::painter::{PaintError, Painter};
 use choreo_command_line::Device;
 use std::sync::Arc;
 use winit::event::InnerSizeWriter;
-use winit::event_loop::EventLoopProxy;
+use winit::event_loop::{ActiveEventLoop, EventLoopProxy};
 use winit::window::Window;
 
 /// The window, what translates its events, and what draws into it.
@@ -20,14 +22,53 @@ pub struct Open {
     pub scale: f64,
     /// Why Vulkan does not draw the window, where it was wanted and does not.
     pub no_vulkan: Option<GpuError>,
+    /// Whether an assistive technology has asked for what is in the window.
+    #[cfg(feature = "accesskit")]
+    pub is_read: bool,
+}
+
+/// A window on the screen, before anything draws into it. It outlives a lost device.
+pub struct Shown {
+    window: Arc<Window>,
+    #[cfg(feature = "accesskit")]
+    adapter: Adapter,
+    /// Whether an assistive technology has asked for what is in the window.
+    #[cfg(feature = "accesskit")]
+    is_read: bool,
+}
+
+impl Shown {
+    /// `window`: not visible yet.
+    #[cfg_attr(not(feature = "accesskit"), expect(unused_variables))]
+    pub fn new(window: Window, events: &ActiveEventLoop, proxy: &EventLoopProxy<News>) -> Shown {
+        #[cfg(feature = "accesskit")]
+        let adapter = Adapter::with_event_loop_proxy(events, &window, proxy.clone());
+        window.set_visible(true);
+        Shown {
+            window: Arc::new(window),
+            #[cfg(feature = "accesskit")]
+            adapter,
+            #[cfg(feature = "accesskit")]
+            is_read: false,
+        }
+    }
 }
 
 impl Open {
-    pub fn new(
-        window: Arc<Window>,
-        device: Device,
-        proxy: &EventLoopProxy<News>,
-    ) -> Result<Open, PaintError> {
+    /// Lets go of everything that draws into the window; `None` where it has none left.
+    #[cfg_attr(not(feature = "accesskit"), expect(unused_mut))]
+    pub fn close(mut self) -> Option<Shown> {
+        Some(Shown {
+            window: self.window,
+            #[cfg(feature = "accesskit")]
+            adapter: self.input.accesskit.take()?,
+            #[cfg(feature = "accesskit")]
+            is_read: self.is_read,
+        })
+    }
+
+    pub fn new(shown: Shown, device: Device, proxy: &EventLoopProxy<News>) -> Result<Open, PaintError> {
+        let window = shown.window;
         let (painter, no_vulkan) = Painter::new(&window, device)?;
         let egui = egui::Context::default();
         let proxy = std::sync::Mutex::new(proxy.clone());
@@ -35,7 +76,8 @@ impl Open {
             let proxy = proxy.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             drop(proxy.send_event(News::Repaint(info.delay)));
         });
-        let input = egui_winit::State::new(
+        #[cfg_attr(not(feature = "accesskit"), expect(unused_mut))]
+        let mut input = egui_winit::State::new(
             egui.clone(),
             egui::ViewportId::ROOT,
             &window,
@@ -43,8 +85,24 @@ impl Open {
             window.theme(),
             Some(painter.largest_texture()),
         );
+        #[cfg(feature = "accesskit")]
+        {
+            input.accesskit = Some(shown.adapter);
+            if shown.is_read {
+                egui.enable_accesskit();
+            }
+        }
         let scale = window.scale_factor();
-        Ok(Open { egui, input, painter, window, scale, no_vulkan })
+        Ok(Open {
+            egui,
+            input,
+            painter,
+            window,
+            scale,
+            no_vulkan,
+            #[cfg(feature = "accesskit")]
+            is_read: shown.is_read,
+        })
     }
 
     /// The input events since the last call, in points of the current scale.

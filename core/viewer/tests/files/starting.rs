@@ -140,11 +140,15 @@ fn images_are_kept_by_content() {
     let kept: Vec<PathBuf> =
         fs::read_dir(cache.join("thumbnails")).unwrap().map(|e| e.unwrap().path()).collect();
     assert_eq!(kept.len(), 1);
-    let before = fs::metadata(&kept[0]).unwrap().modified().unwrap();
     assert_eq!(made(&mut fresh(), &subject, None), first);
-    assert_eq!(fs::metadata(&kept[0]).unwrap().modified().unwrap(), before, "it was not drawn again");
     fs::write(&file, PLAIN.replace("#204060", "#000000")).unwrap();
     assert_eq!(made(&mut fresh(), &subject, None).frames[0].rgba[..3], [0, 0, 0]);
+    // The kept image of the first content is another one now: it is read, not drawn.
+    let all = fs::read_dir(cache.join("thumbnails")).unwrap().map(|e| e.unwrap().path());
+    let black = all.into_iter().find(|path| *path != kept[0]).unwrap();
+    fs::copy(black, &kept[0]).unwrap();
+    fs::write(&file, PLAIN).unwrap();
+    assert_eq!(made(&mut fresh(), &subject, None).frames[0].rgba[..3], [0, 0, 0], "it was not drawn again");
     fs::write(&file, "stage(#{ size: 3 });").unwrap();
     let mut thumbnails = fresh();
     let failed = loop {
@@ -318,4 +322,69 @@ fn a_model_of_the_browser_is_put_on_stage() {
         "{}",
         harness.state().text()
     );
+}
+
+/// A clip is let go over a row, a model over the image: where the hand is decides when it plays, and where it stands.
+#[test]
+fn a_clip_and_a_model_are_dragged_out_of_the_browser() {
+    const SCRIPT: &str = "stage(#{ size: [320, 180], fps: 25, length: 4.0, samples: 1 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Idle\"));
+camera(\"wide\").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
+";
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("wave.bvh"), WAVE).unwrap();
+    let root = folder.path().canonicalize().unwrap();
+    let mut place = Place::within(folder, SCRIPT);
+    place.viewer.documents = documents(&root, None);
+    place.viewer.selection = Some(Selected::Actor("ada".into()));
+    place.paint();
+    let mut harness = place.harness(vec2(1500.0, 1000.0));
+    open_assets(&mut harness);
+    let tile = harness.get_by_label("wave.bvh").rect().center();
+    let [left, top, right, bottom] = harness.state().viewer.views[0].place;
+    let at = egui::pos2(left + (right - left) * 0.5, top + (bottom - top) * 0.9);
+    drag(&mut harness, tile, at);
+    let dropped = harness.state_mut().viewer.dropped_models.take().unwrap();
+    assert_eq!(dropped.files, [root.join("wave.bvh")]);
+    // The camera stands 1 m high and looks level: four tenths of the image below its middle the ground is this far away.
+    let scene = harness.state().viewer.scene.clone().unwrap();
+    let choreo_asset::Projection::Perspective { yfov, .. } = scene.stage.cameras[0].projection else {
+        panic!()
+    };
+    let expected = 4.0 - 1.0 / (0.8 * f64::from(yfov / 2.0).tan());
+    assert!((dropped.at - glam::DVec3::new(0.0, 0.0, expected)).length() < 1e-3, "{}", dropped.at);
+
+    harness.get_by_label("wave.bvh").click();
+    harness.run();
+    let file = root.join("wave.bvh");
+    let wave = made(&mut harness.state_mut().viewer.documents.thumbnails, &Subject::file(file), None);
+    harness.run();
+    let name = &wave.clips[0].name;
+    let clip = harness.get_by_label(&format!("{name}  1.00 s")).rect().center();
+    let row = harness.get_by_label("row ada").rect().center();
+    let ruler = harness.get_by_label("time").rect();
+    drag(&mut harness, clip, egui::pos2(ruler.left() + ruler.width() * 0.5, row.y));
+    assert_eq!(harness.state().viewer.message, None);
+    let line = format!("ada.play(load(\"wave.bvh\").clip(\"{name}\"), #{{ fade: 0.3 }}).from(2.0);\n");
+    assert!(harness.state().text().contains(&line), "{}", harness.state().text());
+    // Over the camera's row there is nobody who could play it.
+    let camera = harness.get_by_label("row camera").rect().center();
+    let before = harness.state().text();
+    drag(&mut harness, clip, egui::pos2(ruler.center().x, camera.y));
+    assert_eq!(harness.state().text(), before);
+    assert!(harness.state().viewer.message.as_ref().unwrap().contains("clips are played by actors"));
+}
+
+fn drag(desk: &mut Harness<'static, Place>, from: egui::Pos2, to: egui::Pos2) {
+    desk.drag_at(from);
+    desk.run();
+    // Over the limit from which on it is no click.
+    for part in [0.1, 0.6, 1.0] {
+        desk.hover_at(from + (to - from) * part);
+        desk.run();
+    }
+    desk.drop_at(to);
+    desk.run();
 }

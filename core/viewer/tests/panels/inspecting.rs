@@ -526,3 +526,85 @@ for i in [1, 2, 3] {
     desk.state_mut().viewer.change_actor("ball 2", grown).unwrap();
     assert_eq!(desk.state().text().matches(".scale(2.0)").count(), 1, "{}", desk.state().text());
 }
+
+/// Constraints, attachments, springs, shadows and keyed weights have fields, too, each written into its own call.
+#[test]
+fn constraints_springs_and_shadows_are_edited_and_reset() {
+    const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
+let moves = load(\"choreo:mannequin\");
+let ball = cast(\"ball\", shape(\"sphere\"));
+let ada = cast(\"ada\", moves);
+ada.reach(\"LeftHand\", ball, #{ soft: 0.1 }).from(1.0);
+ada.look_at(ball).fade(0.5);
+ada.spring(\"Head\", #{ frequency: 3.0 });
+ball.attach(ada.joint(\"RightHand\"), #{ from: 2.0 });
+ada.play(moves.clip(\"Walk\")).weight([[0.0, 1.0], [2.0, 0.5]]);
+let key = sun(#{ intensity: 3.0 });
+";
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1600.0));
+    let select = |desk: &mut Harness<'static, Place>, what: Selected| {
+        desk.state_mut().viewer.selection = Some(what);
+        desk.run();
+    };
+    let stage = |desk: &Harness<'static, Place>| desk.state().viewer.scene.as_ref().unwrap().stage.clone();
+    let reach = |desk: &Harness<'static, Place>| {
+        let constraint = stage(desk).actors[1].constraints[0].clone();
+        let choreo_stage::ConstraintKind::Reach(reach) = constraint.kind.clone() else { panic!() };
+        (constraint, reach)
+    };
+    select(&mut desk, Selected::Actor("ada".into()));
+    type_into(&mut desk, "reach soft field", "1/4");
+    assert_eq!(reach(&desk).1.soft, 0.25, "{}", desk.state().text());
+    type_into(&mut desk, "reach weight field", "0.5");
+    assert_eq!(reach(&desk).0.weight, 0.5, "{}", desk.state().text());
+    type_into(&mut desk, "reach from field", "f(50)");
+    assert!((reach(&desk).0.start.as_secs() - 2.0).abs() < 1e-9, "{}", desk.state().text());
+    desk.get_by_label("reach keep field").click();
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+    assert!(reach(&desk).1.keep_rotation, "{}", desk.state().text());
+    type_into(&mut desk, "look_at fade field", "1.0");
+    assert_eq!(stage(&desk).actors[1].look_at[0].fade.as_secs(), 1.0, "{}", desk.state().text());
+    type_into(&mut desk, "spring frequency field", "4");
+    type_into(&mut desk, "spring damping field", "0.75");
+    let line = |desk: &Harness<'static, Place>, start: &str| {
+        desk.state().text().lines().find(|line| line.starts_with(start)).unwrap().to_string()
+    };
+    assert_eq!(line(&desk, "ada.spring"), "ada.spring(\"Head\", #{ frequency: 4.0, damping: 0.75 });");
+    assert_eq!(
+        line(&desk, "ada.reach"),
+        "ada.reach(\"LeftHand\", ball, #{ soft: 0.25, weight: 0.5, keep: true }).from(2.0);"
+    );
+    assert_eq!(line(&desk, "ada.look_at"), "ada.look_at(ball).fade(1.0);");
+    reset(&mut desk, "damping");
+    reset(&mut desk, "soft");
+    assert_eq!(line(&desk, "ada.spring"), "ada.spring(\"Head\", #{ frequency: 4.0 });");
+    assert_eq!(reach(&desk).1.soft, 0.05, "as the reference has it");
+
+    select(&mut desk, Selected::Actor("ball".into()));
+    type_into(&mut desk, "attach blend field", "0.5");
+    type_into(&mut desk, "attach from field", "1.5");
+    assert_eq!(
+        line(&desk, "ball.attach"),
+        "ball.attach(ada.joint(\"RightHand\"), #{ from: 1.5, blend: 0.5 });"
+    );
+
+    select(&mut desk, Selected::Light(0));
+    desk.get_by_label("shadow field").click();
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+    type_into(&mut desk, "shadow size field", "512");
+    type_into(&mut desk, "shadow softness field", "0.2");
+    let shadow = stage(&desk).lights[0].shadow.unwrap();
+    assert_eq!((shadow.size, shadow.softness), (512, Some(0.2)), "{}", desk.state().text());
+    reset(&mut desk, "size");
+    reset(&mut desk, "softness");
+    assert_eq!(line(&desk, "let key"), "let key = sun(#{ intensity: 3.0, shadow: true });");
+
+    // A number would take the place of the keys.
+    select(&mut desk, Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
+    desk.get_by_label("2 keys, 0.00 to 2.00 s");
+    assert!(desk.query_by_label("weight field").is_none());
+}

@@ -266,6 +266,8 @@ fn a_skinned_model_of_others_is_picked_where_it_is_seen() {
     let mut place = Place::within(folder, script);
     place.viewer.playhead.seek(Time::from_secs(0.4));
     place.viewer.views[0].resolution = Resolution::Full;
+    // It is no actor, and would hide the background.
+    place.viewer.views[0].overlays.grid = false;
     let frame = place.paint().unwrap();
     let (scene, shown) = (place.viewer.scene.clone().unwrap(), place.viewer.shown().unwrap());
     let lens = Lens::new(&shown.snapshot.camera, DVec2::ZERO, DVec2::new(320.0, 180.0));

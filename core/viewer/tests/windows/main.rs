@@ -4,6 +4,8 @@
 #[path = "../screen/mod.rs"]
 mod screen;
 
+#[cfg(feature = "accesskit")]
+mod assistance;
 mod clipboard;
 mod curves;
 mod desktop;

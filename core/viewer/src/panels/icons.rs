@@ -1,0 +1,121 @@
+//! Icons of buttons: some signs of the Phosphor font. Each has a name for screen readers and tests, and a hint under the mouse.
+
+use egui::{Button, FontDefinitions, Response, RichText, Ui, WidgetInfo, WidgetType};
+
+egui_phosphor::subset! {
+    #[allow(dead_code, reason = "the macro makes more than is used")]
+    mod font {
+        use regular::{
+            ARROW_LINE_LEFT, ARROW_LINE_RIGHT, ARROW_UP, ARROWS_CLOCKWISE, ARROWS_OUT_CARDINAL, ARROWS_OUT_LINE_HORIZONTAL,
+            CAMERA, CARET_DOWN, CARET_LEFT, CARET_RIGHT, CROSSHAIR, EYE, EYE_SLASH, FOLDER, FRAME_CORNERS, LOCK_SIMPLE,
+            LOCK_SIMPLE_OPEN, MAGNET, PAUSE, PLAY, PLUS, REPEAT, RESIZE, SKIP_BACK, SKIP_FORWARD, SPEAKER_HIGH,
+            SPEAKER_SLASH, STAR, TRASH, X,
+        };
+    }
+}
+pub(super) use font::regular::*;
+
+/// The fonts of the window: egui's, and the icons for all that those lack.
+pub fn fonts() -> FontDefinitions {
+    let mut fonts = FontDefinitions::default();
+    font::regular::add_to_fonts(&mut fonts);
+    fonts
+}
+
+/// A button of a toolbar.
+pub fn button(ui: &mut Ui, icon: &str, name: &str, hint: &str) -> Response {
+    named(ui.button(icon), name, hint)
+}
+
+/// A button within a line of text.
+pub fn small(ui: &mut Ui, icon: &str, name: &str, hint: &str) -> Response {
+    named(ui.small_button(icon), name, hint)
+}
+
+/// A button that is on or off.
+pub fn toggle(ui: &mut Ui, icon: &str, on: bool, name: &str, hint: &str) -> Response {
+    let response = ui.add(Button::selectable(on, icon)).on_hover_text(hinted(name, hint));
+    response.widget_info(|| WidgetInfo::selected(WidgetType::Checkbox, ui.is_enabled(), on, name));
+    response
+}
+
+/// A small one, which is faint while it is off.
+pub fn small_toggle(ui: &mut Ui, icon: &str, on: bool, name: &str, hint: &str) -> Response {
+    let text = RichText::new(icon).size(12.0);
+    let text = if on { text.strong() } else { text.weak() };
+    let response = ui.add(Button::selectable(on, text).small()).on_hover_text(hint);
+    response.widget_info(|| WidgetInfo::selected(WidgetType::Checkbox, true, on, name));
+    response
+}
+
+fn named(response: Response, name: &str, hint: &str) -> Response {
+    let enabled = response.enabled();
+    response.widget_info(|| WidgetInfo::labeled(WidgetType::Button, enabled, name));
+    response.on_hover_text(hinted(name, hint))
+}
+
+/// The name and what it does, in a line.
+fn hinted(name: &str, hint: &str) -> String {
+    if hint.is_empty() { name.to_string() } else { format!("{name}: {hint}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_icon_has_a_glyph_and_text_keeps_its_own() {
+        let context = egui::Context::default();
+        context.set_fonts(fonts());
+        let mut ran = 0;
+        let _ = context.run_ui(egui::RawInput::default(), |ui| {
+            let font = egui::FontId::proportional(14.0);
+            let icons = [
+                ARROW_LINE_LEFT,
+                ARROW_LINE_RIGHT,
+                ARROW_UP,
+                ARROWS_CLOCKWISE,
+                ARROWS_OUT_CARDINAL,
+                ARROWS_OUT_LINE_HORIZONTAL,
+                CAMERA,
+                CARET_DOWN,
+                CARET_LEFT,
+                CARET_RIGHT,
+                CROSSHAIR,
+                EYE,
+                EYE_SLASH,
+                FOLDER,
+                FRAME_CORNERS,
+                LOCK_SIMPLE,
+                LOCK_SIMPLE_OPEN,
+                MAGNET,
+                PAUSE,
+                PLAY,
+                PLUS,
+                REPEAT,
+                RESIZE,
+                SKIP_BACK,
+                SKIP_FORWARD,
+                SPEAKER_HIGH,
+                SPEAKER_SLASH,
+                STAR,
+                TRASH,
+                X,
+            ];
+            ui.fonts_mut(|fonts| {
+                for icon in icons {
+                    assert!(fonts.has_glyphs(&font, icon), "{icon:?}");
+                }
+                assert!(
+                    !fonts.has_glyphs(&font, egui_phosphor::regular::GHOST),
+                    "an icon that is not embedded"
+                );
+                for c in 'a'..='z' {
+                    assert!(fonts.glyph_width(&font, c) > 1.0, "{c}");
+                }
+            });
+            ran += 1;
+        });
+        assert!(ran > 0);
+    }
+}

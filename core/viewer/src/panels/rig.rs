@@ -1,0 +1,113 @@
+//! Fields of an actor's attachments, constraints and spring bones: of each call in the script that states one. Where the stage knows the
+//! values they are its own, else those that are written.
+
+use super::fields::{Form, described};
+use crate::app::Viewer;
+use crate::editing::{FieldChange, StatedCall, expression};
+use choreo_motion::Time;
+use choreo_script::Place;
+use choreo_stage::{
+    Actor, ConstraintKind, Described, Field, FieldType, FieldValue, ParentChange, SpringParameters,
+};
+use egui::{Grid, RichText, Ui};
+
+/// Calls of one actor that are shown.
+const MOST: usize = 40;
+
+/// The change of a call that the user makes here.
+pub struct CallChange(pub StatedCall, pub FieldChange);
+
+/// Everything that holds or moves an actor beside its clips. `index`: of the stage's actors.
+pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option<CallChange> {
+    let places = &viewer.scene.as_ref()?.places;
+    let shown = |calls: &[Vec<Place>], number: usize, name: &str| {
+        let place = calls.get(index).and_then(|own| own.get(number)).cloned().unwrap_or_default();
+        let siblings = calls.iter().flatten().filter(|other| **other == place).count();
+        viewer.stated_call(&place, siblings, name)
+    };
+    let attached = viewer.stated_calls(&actor.name, &["attach", "detach"]);
+    let springs = viewer.stated_calls(&actor.name, &["spring"]);
+    let count = attached.len() + actor.look_at.len() + actor.constraints.len() + springs.len();
+    if count == 0 {
+        return None;
+    }
+    let mut wanted = None;
+    let title = format!("constraints and springs ({count})");
+    egui::CollapsingHeader::new(title).default_open(true).show(ui, |ui| {
+        for call in attached.into_iter().take(MOST) {
+            let all = written::<ParentChange>(ParentChange::default(), viewer, &call);
+            let change = section(ui, &call, |ui, form| fields(ui, form, &all));
+            wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
+        }
+        for (number, look) in actor.look_at.iter().enumerate().take(MOST) {
+            let call = shown(&places.looks, number, "look_at");
+            let change = section(ui, &call, |ui, form| fields(ui, form, look));
+            wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
+        }
+        for (number, constraint) in actor.constraints.iter().enumerate().take(MOST) {
+            let call = shown(&places.constraints, number, constraint.kind.name());
+            let change = section(ui, &call, |ui, form| {
+                let own = match &constraint.kind {
+                    ConstraintKind::Reach(reach) => fields(ui, form, reach),
+                    ConstraintKind::Aim(aim) => fields(ui, form, aim),
+                    ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => None,
+                };
+                fields(ui, form, constraint).or(own)
+            });
+            wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
+        }
+        for call in springs.into_iter().take(MOST) {
+            let all = written(SpringParameters::default(), viewer, &call);
+            let change = section(ui, &call, |ui, form| fields(ui, form, &all));
+            wanted = change.map(|change| CallChange(call, change)).or(wanted.take());
+        }
+    });
+    wanted
+}
+
+/// A call with its name and arguments above its fields.
+fn section(
+    ui: &mut Ui,
+    call: &StatedCall,
+    show: impl FnOnce(&mut Ui, &Form) -> Option<FieldChange>,
+) -> Option<FieldChange> {
+    let name = call.title.split_whitespace().next().unwrap_or_default();
+    let owner = format!("{name} ");
+    let form = Form { stated: &call.written, owner: &owner, is_cue: false };
+    let mut wanted = None;
+    ui.push_id((call.place.line, call.place.column, &call.title), |ui| {
+        let line = format!("line {}", call.place.line);
+        ui.label(RichText::new(&call.title).monospace()).on_hover_text(line);
+        Grid::new("call").num_columns(2).show(ui, |ui| wanted = show(ui, &form));
+    });
+    wanted
+}
+
+fn fields<T: Described>(ui: &mut Ui, form: &Form, of: &T) -> Option<FieldChange> {
+    let mut wanted = None;
+    for field in T::FIELDS {
+        wanted = described(ui, form, of, field).or(wanted);
+    }
+    wanted
+}
+
+/// The values that a call states as literals; the others as by default.
+fn written<T: Described>(mut of: T, viewer: &Viewer, call: &StatedCall) -> T {
+    let fps = viewer.playhead.fps().as_fps();
+    for field in T::FIELDS {
+        let value = call.written.get(field.name).and_then(|text| value(field, text, fps));
+        value.into_iter().for_each(|value| (field.set)(&mut of, value));
+    }
+    of
+}
+
+fn value<T: Described>(field: &Field<T>, text: &str, fps: f64) -> Option<FieldValue> {
+    match field.of_type {
+        FieldType::Number(..) => expression::value(text, fps).map(FieldValue::Number),
+        FieldType::Time | FieldType::Duration => {
+            Some(FieldValue::Time(Time::from_secs(expression::value(text, fps)?)))
+        }
+        FieldType::Flag => text.parse().ok().map(FieldValue::Flag),
+        _ => None,
+    }
+}
