@@ -238,7 +238,7 @@ impl Viewer {
     }
 
     /// Sets keys of properties at a time, with the values that they have then.
-    pub(crate) fn set_keys_at(
+    pub fn set_keys_at(
         &mut self,
         what: &Selected,
         properties: &[&str],

@@ -542,12 +542,12 @@ ada.play(moves.clip(\"Walk\")).weight([[0.0, 1.0], [2.0, 0.5]]);
 let key = sun(#{ intensity: 3.0 });
 ";
     let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1600.0));
-    let select = |desk: &mut Harness<'static, Place>, what: Selected| {
+    let select = |desk: &mut Desk, what: Selected| {
         desk.state_mut().viewer.selection = Some(what);
         desk.run();
     };
-    let stage = |desk: &Harness<'static, Place>| desk.state().viewer.scene.as_ref().unwrap().stage.clone();
-    let reach = |desk: &Harness<'static, Place>| {
+    let stage = |desk: &Desk| desk.state().viewer.scene.as_ref().unwrap().stage.clone();
+    let reach = |desk: &Desk| {
         let constraint = stage(desk).actors[1].constraints[0].clone();
         let choreo_stage::ConstraintKind::Reach(reach) = constraint.kind.clone() else { panic!() };
         (constraint, reach)
@@ -568,7 +568,7 @@ let key = sun(#{ intensity: 3.0 });
     assert_eq!(stage(&desk).actors[1].look_at[0].fade.as_secs(), 1.0, "{}", desk.state().text());
     type_into(&mut desk, "spring frequency field", "4");
     type_into(&mut desk, "spring damping field", "0.75");
-    let line = |desk: &Harness<'static, Place>, start: &str| {
+    let line = |desk: &Desk, start: &str| {
         desk.state().text().lines().find(|line| line.starts_with(start)).unwrap().to_string()
     };
     assert_eq!(line(&desk, "ada.spring"), "ada.spring(\"Head\", #{ frequency: 4.0, damping: 0.75 });");
