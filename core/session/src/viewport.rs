@@ -54,7 +54,7 @@ struct Addition {
     plugin: &'static str,
     on: Vec<EffectTarget>,
     parameters: &'static [(&'static str, f64)],
-    /// Of a grid: how many times its cells are ten times as wide as the finest that are seen.
+    /// How many times the cells of a grid are ten times as wide as the finest that are seen.
     coarser: Option<i32>,
 }
 

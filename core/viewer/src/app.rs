@@ -100,7 +100,7 @@ pub struct Viewer {
     pub trouble: Vec<String>,
     /// Why the window itself is drawn on the CPU, where it is.
     pub without_vulkan: Option<String>,
-    /// What draws the window, and why it is not Vulkan.
+    /// The device that draws the window, and why it is not Vulkan.
     pub window_device: String,
     pub playhead: Playhead,
     /// The views; at least one.

@@ -38,7 +38,7 @@ struct Args {
     /// The program's own WGSL modules are read from here, and again when they change
     #[arg(long = "shaders", value_name = "DIR")]
     shaders: Option<PathBuf>,
-    /// What draws images and window: Vulkan, the CPU, or the faster of them (with --shaders: Vulkan)
+    /// The device that draws images and window: Vulkan, the CPU, or the faster of them (with --shaders: Vulkan)
     #[arg(long, value_enum, value_name = "DEVICE", default_value = "auto")]
     device: Device,
     /// Begin at this time, in seconds

@@ -12,6 +12,8 @@ pub enum Addition {
     Character,
     /// A shape by its kind, as `shape` takes it.
     Shape(&'static str),
+    /// A camera that circles the point.
+    Orbit,
     Sun,
     Point,
     Spot,
@@ -83,6 +85,15 @@ pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<
             let line = format!(
                 "let {name} = cast(\"{name}\", shape(\"{kind}\", #{{ {options} }})){};\n",
                 place(down)
+            );
+            (line, Some(name))
+        }
+        Addition::Orbit => {
+            let taken = |name: &str| text.contains(&format!("\"{name}\""));
+            let name = (1..).map(|n| format!("round {n}")).find(|name| !taken(name)).unwrap_or_default();
+            let middle = point(at.point + DVec3::new(0.0, 0.95, 0.0));
+            let line = format!(
+                "camera(\"{name}\").orbit([{middle}], #{{ distance: 4.5, elevation: 10.0, speed: 30.0 }}).cut({from});\n"
             );
             (line, Some(name))
         }

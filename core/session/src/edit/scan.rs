@@ -164,7 +164,7 @@ impl<'a> Source<'a> {
         (self.token(index) == "let" && self.token(index + 2) == "=").then(|| self.token(index + 1))
     }
 
-    /// Where a variable's name stands, other than behind a dot.
+    /// The first bytes of a variable's name wherever it stands, but for those behind a dot.
     pub(super) fn uses_of(&self, name: &str) -> impl Iterator<Item = usize> {
         let is_it =
             move |index: &usize| self.token(*index) == name && (*index == 0 || self.token(index - 1) != ".");

@@ -101,7 +101,7 @@ impl Viewer {
         let x = beside.take(64).find(|x| !is_taken(*x)).unwrap_or(0.0);
         let [from, end] = [now.as_secs(), self.playhead.length().as_secs()];
         let at = AddedAt {
-            point: DVec3::new(x, 0.0, 0.0),
+            point: if *what == Addition::Orbit { DVec3::ZERO } else { DVec3::new(x, 0.0, 0.0) },
             from: self.edit_time(from),
             until: self.edit_time((from + 2.0).min(end)),
         };
@@ -109,6 +109,7 @@ impl Viewer {
         self.add_line(&lines)?;
         self.selection = match what {
             Addition::Character | Addition::Shape(_) => name.map(Selected::Actor),
+            Addition::Orbit => name.map(Selected::Camera),
             Addition::Sun | Addition::Point | Addition::Spot => Some(Selected::Light(stage.lights.len())),
             Addition::Title => Some(Selected::Title(stage.layers_2d.len())),
             Addition::Effect(_) => Some(Selected::Effect(stage.effects.len())),

@@ -97,7 +97,7 @@ impl Viewer {
         self.write_edit(&path, &text, edit)
     }
 
-    /// What the script states of its stage, by name.
+    /// The settings of the stage that the script states, by name.
     pub fn stage_written(&self) -> BTreeMap<String, String> {
         let all = || {
             let place = &self.scene.as_ref()?.places.settings;
@@ -160,7 +160,7 @@ impl Viewer {
         read.unwrap_or_else(|| call(name.to_string(), BTreeMap::new()))
     }
 
-    /// What the map of an option states, by name.
+    /// The values in the map of an option, by name.
     pub fn written_within(&self, what: &Selected, option: &str) -> BTreeMap<String, String> {
         self.read_selected(what, |object| Some(object.within_option(option)?.all_written()))
             .unwrap_or_default()

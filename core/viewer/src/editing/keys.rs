@@ -238,12 +238,7 @@ impl Viewer {
     }
 
     /// Sets keys of properties at a time, with the values that they have then.
-    pub fn set_keys_at(
-        &mut self,
-        what: &Selected,
-        properties: &[&str],
-        at: Time,
-    ) -> Result<(), EditError> {
+    pub fn set_keys_at(&mut self, what: &Selected, properties: &[&str], at: Time) -> Result<(), EditError> {
         let mut steps = Vec::new();
         for property in properties {
             let keyed = self.keyed(what, property)?;

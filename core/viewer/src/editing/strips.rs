@@ -259,8 +259,8 @@ fn rest(bar: &Bar, strip: &Strip, at: f64) -> Result<Rest, EditError> {
             if into < 5e-4 || length - into < 5e-4 {
                 return Ok(Rest::Same);
             }
-            // What is left is no longer than this round.
-            if (bar.until.as_secs() - at) * strip.speed <= length - into {
+            // What is left, until the next one has faded in over it, is no longer than this round.
+            if (bar.end.as_secs() - at) * strip.speed <= length - into {
                 return Ok(Rest::Trim([from + into, to]));
             }
             let end = bar.end.as_secs().max(at + 1.0);

@@ -59,7 +59,7 @@ pub fn write(file: &Path, thumbnail: &Thumbnail) {
     let _ = write_whole_beneath(folder, name.as_ref(), &bytes);
 }
 
-/// Deletes the thumbnails that were not shown for longest, until the others have at most so many bytes.
+/// Deletes the thumbnails that were not shown for longest, until the others have at most `most` bytes.
 pub fn limit(folder: &Path, most: u64) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     let image = |entry: std::fs::DirEntry| {

@@ -4,11 +4,13 @@ use crate::app::Viewer;
 use choreo_session::edit::{Addition, SHAPES};
 use egui::Ui;
 
-/// What is added without a further choice, with its name.
+/// Names and hints of what is added without a further choice.
 const PLAIN: [(&str, &str, Addition); 2] = [
     ("Character", "the built-in character, in a color of its own", Addition::Character),
     ("Title", "words over the frame, from the playhead on", Addition::Title),
 ];
+const ORBIT: (&str, &str, Addition) =
+    ("Around the middle", "circles the stage, and is on from the playhead on", Addition::Orbit);
 const LIGHTS: [(&str, &str, Addition); 5] = [
     ("Sun", "light from one direction, with a shadow", Addition::Sun),
     ("Point", "light from a point to all sides", Addition::Point),
@@ -25,7 +27,11 @@ pub fn commands(viewer: &Viewer) -> Vec<(String, Option<Addition>)> {
         let what = Addition::Effect(name.clone());
         (format!("effect: {name}"), Some(what))
     });
-    let others = [("Camera".to_string(), None), ("Marker".to_string(), Some(Addition::Marker))];
+    let others = [
+        ("Camera".to_string(), None),
+        ("Camera around the middle".to_string(), Some(Addition::Orbit)),
+        ("Marker".to_string(), Some(Addition::Marker)),
+    ];
     let all = plain.chain(others).chain(shapes).chain(effects);
     all.map(|(name, what)| (format!("add {}", name.to_lowercase()), what)).collect()
 }
@@ -39,7 +45,8 @@ pub fn add(viewer: &mut Viewer, what: Option<&Addition>) {
 }
 
 pub fn menu(ui: &mut Ui, viewer: &mut Viewer) {
-    let can = viewer.path.is_some() && viewer.scene.is_some();
+    // Dropped files that are shown are not the script.
+    let can = viewer.path.is_some() && viewer.scene.is_some() && viewer.guests.is_empty();
     ui.add_enabled_ui(can, |ui| ui.menu_button("Add", |ui| entries(ui, viewer)));
 }
 
@@ -56,9 +63,12 @@ fn entries(ui: &mut Ui, viewer: &mut Viewer) {
             }
         }
     });
-    if ui.button("Camera").on_hover_text("where the view looks from; on from the playhead on").clicked() {
-        wanted = Some(None);
-    }
+    ui.menu_button("Camera", |ui| {
+        if ui.button("From this view").on_hover_text("it is on from the playhead on").clicked() {
+            wanted = Some(None);
+        }
+        wanted = entry(ui, &ORBIT).or(wanted.take());
+    });
     ui.menu_button("Light", |ui| {
         for light in &LIGHTS {
             wanted = entry(ui, light).or(wanted.take());

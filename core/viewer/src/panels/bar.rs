@@ -48,7 +48,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     });
 }
 
-/// What changes the script, for the mouse alone.
+/// The menu of changes of the script, for the mouse alone.
 fn edit_menu(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     const ENTRIES: [(&str, &str); 8] = [
         ("undo", "Undo"),

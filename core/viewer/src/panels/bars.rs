@@ -63,10 +63,14 @@ impl Lane {
         self.secs(viewer, REACH) - self.secs(viewer, 0.0)
     }
 
-    /// A dragged time, snapped to times near it that do not belong to what is dragged, else to frames.
+    /// A dragged time, snapped to times near it that do not belong to what is dragged, else to a tenth of a second that is a frame, which
+    /// reads better, else to frames.
     pub fn snapped(&self, viewer: &Viewer, x: f32, not: Option<&Bar>) -> f64 {
-        let secs = self.secs(viewer, x);
-        viewer.attracted(secs, self.reach(viewer), not).unwrap_or_else(|| viewer.snapped(secs))
+        let (secs, reach) = (self.secs(viewer, x), self.reach(viewer));
+        let tenth = (secs * 10.0).round() / 10.0;
+        let is_near = viewer.snap && (tenth - secs).abs() <= reach / 2.0 && viewer.snapped(tenth) == tenth;
+        let near = viewer.attracted(secs, reach, not);
+        near.or(is_near.then_some(tenth)).unwrap_or_else(|| viewer.snapped(secs))
     }
 
     fn place(&self, viewer: &Viewer, from: f64, to: f64) -> Rect {

@@ -8,9 +8,11 @@ use crate::state::selection::{Selected, actor};
 use choreo_motion::{Repeat, Time};
 use choreo_session::edit::{Anew, CueTime, format_number};
 use choreo_stage::{
-    Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Shadow, Stage, StageLight,
+    Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Property, Rig, Shadow,
+    Stage, StageLight, Target,
 };
 use egui::{Grid, Response, RichText, Ui};
+use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// Seconds of a clip at most.
@@ -364,6 +366,7 @@ fn lens(ui: &mut Ui, stated: &Stated, what: &Selected, camera: &Camera) -> Optio
             wanted = set.map(FieldChange::FocalLength).or(wanted.take());
             ui.end_row();
         }
+        wanted = stand(ui, stated, camera).or(wanted.take());
         for name in ["near", "far"] {
             let Some(field) = Camera::field(name) else { continue };
             let mut row = described(ui, &Form::of(stated, what), camera, field);
@@ -376,6 +379,46 @@ fn lens(ui: &mut Ui, stated: &Stated, what: &Selected, camera: &Camera) -> Optio
         }
     });
     wanted
+}
+
+/// The place of a camera that moves neither by keys nor by itself, and the point at which it looks.
+fn stand(ui: &mut Ui, stated: &Stated, camera: &Camera) -> Option<FieldChange> {
+    let Rig::Fixed { position, look_at, .. } = &camera.rig else { return None };
+    let is_keyed = |property| camera.channels.iter().any(|channel| channel.property == property);
+    let mut wanted = None;
+    let mut row = |ui: &mut Ui, name: &'static str, about: &str, now: DVec3| {
+        wanted = label(ui, stated, name, about).or(wanted.take());
+        ui.horizontal(|ui| {
+            for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+                let Some(to) =
+                    values::number(ui, &format!("camera {name} {letter}"), now[axis], 0.01, -1e9..=1e9)
+                else {
+                    continue;
+                };
+                let mut all = now;
+                all[axis] = to;
+                let text = all.to_array().map(format_number).join(", ");
+                let is_list = stated.get(name).map_or(name == "look_at", |written| written.starts_with('['));
+                let text = if is_list { format!("[{text}]") } else { text };
+                wanted = Some(FieldChange::Value(name, text, Anew::Method));
+            }
+        });
+        ui.end_row();
+    };
+    if !is_keyed(Property::Translation) {
+        row(ui, "at", "metres", *position);
+    }
+    if let (Some(Target::Point(point)), false) = (look_at, is_keyed(Property::Rotation)) {
+        row(ui, "look_at", "a point of the world, metres", *point);
+    }
+    wanted
+}
+
+/// Three numbers in brackets, as a script states a point.
+pub fn point(text: &str) -> Option<DVec3> {
+    let inside = text.trim().strip_prefix('[')?.strip_suffix(']')?;
+    let numbers: Vec<f64> = inside.split(',').map(|n| n.trim().parse()).collect::<Result<_, _>>().ok()?;
+    <[f64; 3]>::try_from(numbers).ok().map(DVec3::from_array)
 }
 
 /// The shadow of a light.

@@ -304,6 +304,10 @@ fn light(
             true => ("shines along", "direction", light.direction.as_dvec3(), 0.01),
             false => ("stands at", "position", light.position, 0.01),
         };
+        // A direction as the script states it, which need not have the length 1.
+        let stated = written.get(name).and_then(|text| super::fields::point(text));
+        let is_keyed = keyable.iter().any(|property| property.name == name && property.has_keys());
+        let vector = stated.filter(|_| !is_keyed).unwrap_or(vector);
         let menu = ui.add(egui::Label::new(label).sense(egui::Sense::click()));
         let resets: &[&'static str] =
             if name == "position" { &["position", "at"] } else { &["direction", "look_at"] };

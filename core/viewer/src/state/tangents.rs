@@ -255,7 +255,7 @@ struct Halves {
 }
 
 impl Halves {
-    /// `share`: where they meet, of a span of so many seconds; `times`: the control points' shares of it.
+    /// `share`: where they meet, of a span of `span` seconds; `times`: the control points' shares of it.
     fn of(times: [f64; 4], values: [f64; 4], share: f64, span: f64) -> Halves {
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..60 {

@@ -5,7 +5,7 @@ use super::News;
 use super::open::Open;
 use egui_winit::accesskit_winit::{Event, WindowEvent};
 
-/// What connects a window with them: one for each window, made before the window is visible.
+/// The connection of a window with them: one for each window, made before the window is visible.
 pub(super) use egui_winit::accesskit_winit::Adapter;
 
 impl From<Event> for News {

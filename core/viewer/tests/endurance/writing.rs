@@ -263,6 +263,7 @@ impl Person<'_> {
     /// One of the actor's clips is let go over its row: a line comes.
     fn drag_a_clip(&mut self, lesson: &str) {
         self.select();
+        self.screen.save(self.window, "clips.png");
         let shot = self.screen.shot(self.window);
         let [x, top, bottom] = CLIPS;
         // A letter's edge can have the color of a button, too, but is not as high.

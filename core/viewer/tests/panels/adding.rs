@@ -41,6 +41,7 @@ fn everything_that_is_added_is_good() {
     let mut all = vec![
         Addition::Character,
         Addition::Character,
+        Addition::Orbit,
         Addition::Sun,
         Addition::Point,
         Addition::Spot,
@@ -142,6 +143,38 @@ fn an_end_before_the_start_is_refused() {
     let error = place.viewer.set_cue(&wave, choreo_session::edit::CueTime::End, 1.0).unwrap_err().to_string();
     assert!(error.contains("it would end at 1.000 s, where it begins at 2.000 s"), "{error}");
     assert_eq!(place.text(), SCRIPT);
+}
+
+/// A direction of any length stays as it is but for the number that is changed; a camera is moved by its numbers.
+#[test]
+fn numbers_beside_the_changed_one_stay() {
+    let mut desk = desk(SCRIPT);
+    for (what, label, typed, wanted) in [
+        (Selected::Light(0), "light x", "0.25", SCRIPT.replace("[-0.5, -1.0, -0.5]", "[0.25, -1.0, -0.5]")),
+        (
+            Selected::Camera("wide".into()),
+            "camera at x",
+            "2.5",
+            SCRIPT.replace(".at(0.0, 1.0, 5.0)", ".at(2.5, 1.0, 5.0)"),
+        ),
+        (
+            Selected::Camera("wide".into()),
+            "camera look_at y",
+            "0.5",
+            SCRIPT.replace("look_at([0.0, 1.0, 0.0])", "look_at([0.0, 0.5, 0.0])"),
+        ),
+    ] {
+        desk.state_mut().reload_with(SCRIPT);
+        desk.state_mut().viewer.selection = Some(what);
+        desk.run();
+        desk.get_by_label(label).click();
+        desk.run();
+        desk.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::A);
+        desk.event(Event::Text(typed.into()));
+        desk.key_press(egui::Key::Enter);
+        desk.run();
+        assert_eq!(desk.state().text(), wanted, "{label}");
+    }
 }
 
 #[test]

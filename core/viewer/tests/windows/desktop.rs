@@ -258,10 +258,10 @@ fn files_that_are_dropped_together_are_all_shown_and_added() {
     ends_well(&screen, &window, viewer, folder.path());
 }
 
-/// The script once "Add to script", the fourth button above, has changed it.
+/// The script once "Add to script", the fifth button above (Add can not be pressed then), has changed it.
 fn added_to_script(screen: &Screen, window: &str, viewer: &ViewerProcess, folder: &Path) -> String {
     screen.rest(viewer.process.0.id());
-    let [x, y] = [buttons(&screen.shot(window))[3], 12].map(|n| n.to_string());
+    let [x, y] = [buttons(&screen.shot(window))[4], 12].map(|n| n.to_string());
     screen.xdotool(&["mousemove", "--window", window, &x, &y]);
     screen.rest(viewer.process.0.id());
     screen.xdotool(&["click", "1"]);
@@ -271,7 +271,7 @@ fn added_to_script(screen: &Screen, window: &str, viewer: &ViewerProcess, folder
 /// The middles of the buttons in the bar above.
 fn buttons(shot: &Shot) -> Vec<usize> {
     let runs = runs(shot, 4);
-    assert!(runs.len() >= 4, "{runs:?}");
+    assert!(runs.len() >= 5, "{runs:?}");
     runs.iter().map(|[a, b]| (a + b) / 2).collect()
 }
 
@@ -284,7 +284,7 @@ fn first_button(shot: &Shot, scale: f64) -> Option<usize> {
 fn runs(shot: &Shot, y: usize) -> Vec<[usize; 2]> {
     let color = [60; 3];
     let mut runs: Vec<[usize; 2]> = Vec::new();
-    for x in (30..shot.width).filter(|x| shot.is(*x, y, color)) {
+    for x in (4..shot.width).filter(|x| shot.is(*x, y, color)) {
         match runs.last_mut().filter(|run| run[1] + 1 == x) {
             Some(run) => run[1] = x,
             None => runs.push([x, x]),
