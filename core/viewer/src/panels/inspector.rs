@@ -102,10 +102,6 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let field = stated::show(ui, viewer, &scene.stage, &selection, &written);
     wanted = field.map(Wanted::Field).or(wanted);
     wanted = keys_menu(ui, viewer, keyable).or(wanted);
-    let index = if let Selected::Actor(name) = &selection { actor(&scene.stage, name) } else { None };
-    if let Some(index) = index {
-        wanted = rig::show(ui, viewer, &scene.stage.actors[index], index).map(Wanted::Call).or(wanted);
-    }
     Grid::new("inspector").num_columns(2).striped(true).show(ui, |ui| {
         for (name, value) in rows {
             ui.label(name);
@@ -113,9 +109,12 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             ui.end_row();
         }
     });
-    if let (Selected::Actor(name), Some(index)) = (&selection, index) {
+    if let Selected::Actor(name) = &selection
+        && let Some(index) = actor(&scene.stage, name)
+    {
         let asset = &scene.stage.actors[index].asset;
         wanted = clips(ui, viewer, name, asset).or(wanted);
+        wanted = rig::show(ui, viewer, &scene.stage.actors[index], index).map(Wanted::Call).or(wanted);
         materials(ui, asset);
         if let Some(state) = viewer.shown().and_then(|s| s.snapshot.actors.get(index)) {
             joints(ui, asset, state);

@@ -13,6 +13,8 @@ sun(#{ direction: [-0.6, -1.0, -0.9] });
 "##;
 
 const BACKGROUND: [u8; 3] = [0x20, 0x40, 0x60];
+/// Left edge of the inspector in a window of 1280 × 860.
+const INSPECTOR: usize = 921;
 
 /// Parts that a machine lacks.
 #[derive(Clone, Copy, Debug)]
@@ -98,7 +100,12 @@ fn without_vulkan_the_window_shows_the_frame_and_takes_keys() {
 
 /// Pixels of the image in the window.
 fn image(shot: &Shot) -> Vec<[u8; 3]> {
-    let [left, top, right, bottom] = shot.bounds(BACKGROUND);
+    // The inspector beside it shows the color of the background, too.
+    let mut viewport = shot.clone();
+    let is_beside = |pixel: usize| pixel % shot.width >= INSPECTOR;
+    let beside = viewport.rgb.chunks_exact_mut(3).enumerate().filter(|(pixel, _)| is_beside(*pixel));
+    beside.for_each(|(_, rgb)| rgb.fill(0));
+    let [left, top, right, bottom] = viewport.bounds(BACKGROUND);
     (top..bottom).flat_map(|y| (left..right).map(move |x| shot.pixel(x, y))).collect()
 }
 
