@@ -66,7 +66,7 @@ impl LightKind {
     pub const ALL: [LightKind; 3] =
         [LightKind::Directional, LightKind::Point, LightKind::Spot { inner: 0.0, outer: 0.0 }];
 
-    /// Its number and its parameters as content hashes and plugins in WebAssembly have them. The numbers stay, so that hashes do.
+    /// The number of the kind and its parameters, as content hashes and plugins in WebAssembly have them. The numbers stay, so that hashes do.
     pub fn numbered(&self) -> (u8, Vec<f32>) {
         match *self {
             LightKind::Directional => (0, Vec::new()),

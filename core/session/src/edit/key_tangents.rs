@@ -44,7 +44,7 @@ impl KeyShape {
         if self.ease.is_some() { KeySide::default() } else { self.incoming.clone() }
     }
 
-    /// Its options with their numbers, in the order in which they are written.
+    /// Options of the key with their numbers, in the order in which they are written.
     fn entries(&self) -> Vec<(&'static str, Entry)> {
         let mut all: Vec<(&'static str, Entry)> = Vec::new();
         let into = self.into();
@@ -62,7 +62,7 @@ impl KeyShape {
         all
     }
 
-    /// Its text behind the value of a key; empty where all keys are alike.
+    /// The text behind the value of a key; empty where all keys are alike.
     fn text(&self) -> String {
         if !self.into().is_given() && !self.outgoing.is_given() {
             return self.ease.as_ref().map_or(String::new(), |ease| format!(", {ease}"));

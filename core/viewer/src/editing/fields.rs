@@ -44,9 +44,9 @@ pub struct StatedCall {
     pub place: Place,
     /// How many things the line makes.
     pub siblings: usize,
-    /// Its name and arguments.
+    /// Name and arguments of the call.
     pub title: String,
-    /// Its options and methods, as they are written.
+    /// Options and methods of the call, as they are written.
     pub written: BTreeMap<String, String>,
 }
 

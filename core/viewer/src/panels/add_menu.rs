@@ -19,7 +19,7 @@ const LIGHTS: [(&str, &str, Addition); 5] = [
     ("Studio", "a room with soft boxes, as light and reflections", Addition::StudioSky),
 ];
 
-/// A command of the menu, for the palette: its words, and what it adds; a camera where `None`.
+/// Commands of the menu, for the palette: the words of each, and what it adds; a camera where `None`.
 pub fn commands(viewer: &Viewer) -> Vec<(String, Option<Addition>)> {
     let plain = PLAIN.iter().chain(&LIGHTS).map(|(name, _, what)| (name.to_string(), Some(what.clone())));
     let shapes = SHAPES.iter().map(|kind| (format!("shape: {kind}"), Some(Addition::Shape(kind))));
@@ -36,7 +36,7 @@ pub fn commands(viewer: &Viewer) -> Vec<(String, Option<Addition>)> {
     all.map(|(name, what)| (format!("add {}", name.to_lowercase()), what)).collect()
 }
 
-/// Adds it; a camera where `None`.
+/// Adds something to the script; a camera where `None`.
 pub fn add(viewer: &mut Viewer, what: Option<&Addition>) {
     viewer.edit(|v| match what {
         Some(what) => v.add(what),

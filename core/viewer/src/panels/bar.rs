@@ -40,7 +40,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
                 }
             });
             ui.toggle_value(&mut panels.help, "Keys");
-            // Behind the menus, which stay where they are whatever it is.
+            // The name stands behind the menus, so that they stay where they are however long it is.
             short(ui, RichText::new(&viewer.name).strong(), &viewer.name);
             guests(ui, viewer);
             status(panels, ui, viewer);

@@ -31,7 +31,7 @@ pub type Stated = BTreeMap<String, String>;
 /// The thing whose fields are shown.
 pub struct Form<'f> {
     pub stated: &'f Stated,
-    /// Before the names of its fields, where several things have some of the same name.
+    /// Prefix of the names of its fields, which tells them from those of the same name beside them.
     pub owner: &'f str,
     pub is_cue: bool,
 }
@@ -169,7 +169,7 @@ fn flag(ui: &mut Ui, name: &'static str, shown: &str, on: bool) -> Option<FieldC
         egui::WidgetInfo::selected(egui::WidgetType::Checkbox, true, now, format!("{shown} field"))
     });
     response.changed().then(|| match now {
-        // Its default is not always off.
+        // The default is not always off.
         now if name == "keep" => FieldChange::Text(name, now.to_string(), Anew::Option),
         // A method without an argument says so.
         true => FieldChange::Text(name, String::new(), Anew::Method),

@@ -13,7 +13,7 @@ fn held_id() -> egui::Id {
     egui::Id::new("a field of the inspector is edited")
 }
 
-/// Called by each field.
+/// Notes that a field has the keyboard; each field calls it.
 pub fn hold(ui: &Ui, field: &Response) {
     if field.has_focus() {
         let now = ui.ctx().cumulative_pass_nr();

@@ -14,7 +14,7 @@ pub(super) fn joints(what: &Selected, actor: &Actor, object: Option<&ScriptObjec
     let skeleton = &actor.asset.skeleton;
     let stated: Vec<&str> = object.into_iter().flat_map(ScriptObject::keyed_joints).collect();
     let of = |curve: &Curve| {
-        // By the name that the script uses, which may be a short one.
+        // The script's name of it counts, which may be a short one.
         let joint = curve.joint as usize;
         let short = stated.iter().find(|name| skeleton.find(name) == Some(joint));
         let name =

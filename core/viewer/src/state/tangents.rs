@@ -13,7 +13,7 @@ pub const EVEN: f64 = 1.0 / 3.0;
 pub struct KeyHandle {
     /// The change of each number a second.
     pub tangent: Vec<f64>,
-    /// Its length for each number, as a share of the span.
+    /// Length of the handle for each number, as a share of the span.
     pub weight: Vec<f64>,
     /// The length of the span in seconds.
     pub span: f64,
