@@ -1,6 +1,7 @@
 //! Lines that put something new on stage, as a person would write them.
 
-use super::casting::free_name;
+use super::casting::{free_name, numbered_name};
+use super::object::quoted;
 use super::times::EditTime;
 use super::values::format_number;
 use glam::DVec3;
@@ -60,13 +61,12 @@ pub struct AddedAt {
 pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<String>) {
     let point = |p: DVec3| p.to_array().map(format_number).join(", ");
     let place = |p: DVec3| if p == DVec3::ZERO { String::new() } else { format!(".at({})", point(p)) };
-    let [from, until] = [at.from, at.until].map(EditTime::written);
+    let [from, until] = [at.from, at.until].map(|time| time.written(text));
+    let is_quoted = |name: &str| text.contains(&quoted(name));
     let plain = |line: &str| (format!("{line}\n"), None);
     match what {
         Addition::Character => {
-            let is_free = |(name, color): &&(&str, &str)| {
-                !text.contains(&format!("\"{name}\"")) && !text.contains(&format!("\"{color}\""))
-            };
+            let is_free = |(name, color): &&(&str, &str)| !is_quoted(name) && !is_quoted(color);
             let (name, color) = CHARACTERS.iter().find(is_free).copied().unwrap_or(("actor", "silver"));
             let (name, model) = (free_name(text, name), free_name(text, color));
             let lines = format!(
@@ -89,8 +89,7 @@ pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<
             (line, Some(name))
         }
         Addition::Orbit => {
-            let taken = |name: &str| text.contains(&format!("\"{name}\""));
-            let name = (1..).map(|n| format!("round {n}")).find(|name| !taken(name)).unwrap_or_default();
+            let name = numbered_name("round", is_quoted);
             let middle = point(at.point + DVec3::new(0.0, 0.95, 0.0));
             let line = format!(
                 "camera(\"{name}\").orbit([{middle}], #{{ distance: 4.5, elevation: 10.0, speed: 30.0 }}).cut({from});\n"
@@ -115,10 +114,9 @@ pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<
         Addition::Title => {
             plain(&format!("text(\"Title\", #{{ at: [0.5, 0.85] }}).from({from}).until({until}).fade(0.3);"))
         }
-        Addition::Effect(name) => plain(&format!("effect({});", super::object::quoted(name))),
+        Addition::Effect(name) => plain(&format!("effect({});", quoted(name))),
         Addition::Marker => {
-            let taken = |name: &str| text.contains(&format!("\"{name}\""));
-            let name = (1..).map(|n| format!("marker {n}")).find(|name| !taken(name)).unwrap_or_default();
+            let name = numbered_name("marker", is_quoted);
             plain(&format!("marker(\"{name}\", {from});"))
         }
     }

@@ -12,6 +12,7 @@ pub(crate) mod external_editor;
 mod fields;
 mod keys;
 pub mod placing;
+mod renaming;
 mod shared;
 mod signs;
 mod strips;

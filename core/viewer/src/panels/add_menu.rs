@@ -1,5 +1,6 @@
 //! The menu that puts something new on stage.
 
+use super::hint::Hint;
 use crate::app::Viewer;
 use choreo_session::edit::{Addition, SHAPES};
 use egui::Ui;
@@ -53,7 +54,7 @@ pub fn menu(ui: &mut Ui, viewer: &mut Viewer) {
 fn entries(ui: &mut Ui, viewer: &mut Viewer) {
     let mut wanted: Option<Option<Addition>> = None;
     let entry = |ui: &mut Ui, (name, about, what): &(&str, &str, Addition)| {
-        ui.button(*name).on_hover_text(*about).clicked().then(|| Some(what.clone()))
+        ui.button(*name).hint(*about).clicked().then(|| Some(what.clone()))
     };
     wanted = entry(ui, &PLAIN[0]).or(wanted);
     ui.menu_button("Shape", |ui| {
@@ -64,7 +65,7 @@ fn entries(ui: &mut Ui, viewer: &mut Viewer) {
         }
     });
     ui.menu_button("Camera", |ui| {
-        if ui.button("From this view").on_hover_text("it is on from the playhead on").clicked() {
+        if ui.button("From this view").hint("it is on from the playhead on").clicked() {
             wanted = Some(None);
         }
         wanted = entry(ui, &ORBIT).or(wanted.take());
@@ -84,7 +85,7 @@ fn entries(ui: &mut Ui, viewer: &mut Viewer) {
             }
         });
     });
-    if ui.button("Marker").on_hover_text("a named time at the playhead").clicked() {
+    if ui.button("Marker").hint("a named time at the playhead").clicked() {
         wanted = Some(Some(Addition::Marker));
     }
     if let Some(what) = wanted {

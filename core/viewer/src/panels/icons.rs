@@ -1,5 +1,6 @@
 //! Icons of buttons: some signs of the Phosphor font. Each has a name for screen readers and tests, and a hint under the mouse.
 
+use super::hint::Hint;
 use egui::{Button, FontDefinitions, Response, RichText, Ui, WidgetInfo, WidgetType};
 
 egui_phosphor::subset! {
@@ -34,7 +35,7 @@ pub fn small(ui: &mut Ui, icon: &str, name: &str, hint: &str) -> Response {
 
 /// A button that is on or off.
 pub fn toggle(ui: &mut Ui, icon: &str, on: bool, name: &str, hint: &str) -> Response {
-    let response = ui.add(Button::selectable(on, icon)).on_hover_text(hinted(name, hint));
+    let response = ui.add(Button::selectable(on, icon)).hint(hinted(name, hint));
     response.widget_info(|| WidgetInfo::selected(WidgetType::Checkbox, ui.is_enabled(), on, name));
     response
 }
@@ -43,7 +44,7 @@ pub fn toggle(ui: &mut Ui, icon: &str, on: bool, name: &str, hint: &str) -> Resp
 pub fn small_toggle(ui: &mut Ui, icon: &str, on: bool, name: &str, hint: &str) -> Response {
     let text = RichText::new(icon).size(12.0);
     let text = if on { text.strong() } else { text.weak() };
-    let response = ui.add(Button::selectable(on, text).small()).on_hover_text(hint);
+    let response = ui.add(Button::selectable(on, text).small()).hint(hint);
     response.widget_info(|| WidgetInfo::selected(WidgetType::Checkbox, true, on, name));
     response
 }
@@ -51,7 +52,7 @@ pub fn small_toggle(ui: &mut Ui, icon: &str, on: bool, name: &str, hint: &str) -
 fn named(response: Response, name: &str, hint: &str) -> Response {
     let enabled = response.enabled();
     response.widget_info(|| WidgetInfo::labeled(WidgetType::Button, enabled, name));
-    response.on_hover_text(hinted(name, hint))
+    response.hint(hinted(name, hint))
 }
 
 /// The name and what it does, in a line.

@@ -1,5 +1,7 @@
 //! Actors and other things on stage; which are hidden, solo or locked here, whatever the script says.
 
+use super::bar_menu::{self, Command};
+use super::hint::Hint;
 use super::icons;
 use crate::app::Viewer;
 use crate::state::selection::Selected;
@@ -110,8 +112,18 @@ fn select(ui: &mut Ui, viewer: &mut Viewer, text: RichText, what: Selected) {
     // A name that is cut off is shown whole under the mouse.
     let response = ui.add(egui::Button::selectable(selected, text).truncate());
     let is_cut = response.intrinsic_size().is_some_and(|whole| whole.x > response.rect.width() + 0.5);
-    let response = if is_cut { response.on_hover_text(name) } else { response };
-    if response.clicked() {
+    let response = if is_cut { response.hint(name) } else { response };
+    let mut command = None;
+    response.context_menu(|ui| {
+        let suits =
+            |command: Command| matches!(command, Command::Rename | Command::Delete | Command::GoToLine);
+        let can = |command| suits(command) && (command != Command::Rename || viewer.name_of(&what).is_some());
+        command = bar_menu::entries(ui, viewer, can);
+    });
+    if response.clicked() || command.is_some() {
         viewer.selection = Some(what);
+    }
+    if let Some(command) = command {
+        bar_menu::run(ui, viewer, command);
     }
 }

@@ -7,4 +7,5 @@ mod adding;
 mod finding;
 mod inspecting;
 mod panels;
+mod renaming;
 mod working;
