@@ -6,5 +6,6 @@ mod place;
 mod adding;
 mod finding;
 mod inspecting;
+mod naming;
 mod panels;
 mod working;
