@@ -227,6 +227,8 @@ pub(crate) struct Build {
     pub sky_at: Option<Place>,
     /// The script sets the ambient light.
     pub ambient_given: bool,
+    /// Place of the call of `ambient(…)` that counts.
+    pub ambient_at: Option<Place>,
     pub effects: Vec<EffectUse>,
     pub effect_places: Vec<Place>,
     pub layer_2d_places: Vec<Place>,

@@ -4,6 +4,7 @@
 use crate::commands::Commands;
 use crate::commands::queue::RenderQueue;
 use crate::commands::test_run::TestRun;
+use crate::editing::external_editor::Editor;
 use crate::geometry::gizmo::{Change, Drag, Tool};
 use crate::geometry::picking;
 use crate::library::documents::Documents;
@@ -69,6 +70,8 @@ pub struct Viewer {
     /// The files that the window could show next.
     pub documents: Documents,
     pub shortcuts: Shortcuts,
+    /// The program in which lines of the script are opened.
+    pub editor: Editor,
     pub history: History,
     /// A change that needs a word of the user first.
     pub offer: Option<Offer>,
@@ -163,6 +166,7 @@ impl Viewer {
             path: None,
             documents: Documents::default(),
             shortcuts: Shortcuts::default(),
+            editor: Editor::of_environment(),
             history: History::default(),
             offer: None,
             message: None,
@@ -226,6 +230,7 @@ impl Viewer {
         Viewer {
             documents: std::mem::take(&mut self.documents),
             shortcuts: self.shortcuts.clone(),
+            editor: self.editor.clone(),
             copied: std::mem::take(&mut self.copied),
             // Renders go on in the queue.
             commands: std::mem::take(&mut self.commands),

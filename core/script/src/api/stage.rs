@@ -106,7 +106,9 @@ fn stage(c: &mut Call) -> Reply {
     let place = c.place.clone();
     let mut build = c.build();
     build.settings = s;
-    build.ambient_given |= ambient.is_some();
+    if ambient.is_some() {
+        (build.ambient_given, build.ambient_at) = (true, None);
+    }
     build.settings_at = Some(place);
     Ok(Dynamic::from(this))
 }

@@ -101,6 +101,8 @@ pub struct Places {
     pub lights: Vec<Place>,
     /// The place of the sky, where there is one.
     pub sky: Option<Place>,
+    /// The call that states the ambient light, unless the stage's options do.
+    pub ambient: Option<Place>,
     pub effects: Vec<Place>,
     /// Places of texts, images and panels, as in `Stage::layers_2d`.
     pub layers_2d: Vec<Place>,

@@ -58,6 +58,7 @@ pub fn resolve(
         places.cameras = build.cameras.iter().map(|c| c.at.clone()).collect();
         places.lights = std::mem::take(&mut build.light_places);
         places.sky = build.sky_at.take();
+        places.ambient = build.ambient_at.take();
         places.effects = std::mem::take(&mut build.effect_places);
         places.layers_2d = std::mem::take(&mut build.layer_2d_places);
         let Layers { layers, places: cue_places, in_step, standing_fades } = layers(&build, &mut notes);

@@ -1,6 +1,6 @@
 //! Lines that put something new on stage, as a person would write them.
 
-use super::casting::{free_name, numbered_name};
+use super::casting::{free_label, free_name, numbered_name};
 use super::object::quoted;
 use super::times::EditTime;
 use super::values::format_number;
@@ -13,8 +13,10 @@ pub enum Addition {
     Character,
     /// A shape by its kind, as `shape` takes it.
     Shape(&'static str),
-    /// A camera that circles the point.
-    Orbit,
+    /// A camera that circles the point, or an actor by its name.
+    Orbit(Option<String>),
+    /// A camera that goes with an actor, by the actor's name.
+    Follow(String),
     Sun,
     Point,
     Spot,
@@ -44,11 +46,24 @@ const CHARACTERS: [(&str, &str); 8] = [
 
 /// When and where something is added.
 #[derive(Clone, Copy, Debug)]
-pub struct AddedAt {
+pub struct AddedAt<'a> {
     /// World, metres, on the ground.
     pub point: DVec3,
     pub from: EditTime,
     pub until: EditTime,
+    /// The actor that a camera is about.
+    pub subject: Option<Subject<'a>>,
+}
+
+/// An actor that a camera follows or circles.
+#[derive(Clone, Copy, Debug)]
+pub struct Subject<'a> {
+    /// The script's variable for it.
+    pub variable: &'a str,
+    /// Metres from its middle at which all of it is in the image.
+    pub distance: f64,
+    /// Unit vector of the world from its middle to where a camera that follows it stands.
+    pub direction: DVec3,
 }
 
 /// The lines that add it to a script of this text, and the name that it has there, if it has one:
@@ -88,13 +103,35 @@ pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<
             );
             (line, Some(name))
         }
-        Addition::Orbit => {
-            let name = numbered_name("round", is_quoted);
-            let middle = point(at.point + DVec3::new(0.0, 0.95, 0.0));
+        Addition::Orbit(of) => {
+            let (name, target, distance) = match (of, at.subject) {
+                (Some(of), Some(Subject { variable, distance, .. })) => {
+                    let round = two_digits(distance, distance);
+                    (free_label(&format!("around {of}"), is_quoted), variable.to_string(), round)
+                }
+                _ => {
+                    let middle = point(at.point + DVec3::new(0.0, 0.95, 0.0));
+                    (numbered_name("round", is_quoted), format!("[{middle}]"), 4.5)
+                }
+            };
+            let distance = format_number(distance);
             let line = format!(
-                "camera(\"{name}\").orbit([{middle}], #{{ distance: 4.5, elevation: 10.0, speed: 30.0 }}).cut({from});\n"
+                "camera({}).orbit({target}, #{{ distance: {distance}, elevation: 10.0, speed: 30.0 }}).cut({from});\n",
+                quoted(&name)
             );
             (line, Some(name))
+        }
+        Addition::Follow(of) => {
+            let name = free_label(&format!("with {of}"), is_quoted);
+            let (variable, offset) = match at.subject {
+                Some(Subject { variable, distance, direction }) => {
+                    let offset = (direction * distance).to_array().map(|v| two_digits(v, distance));
+                    (variable, DVec3::from_array(offset))
+                }
+                None => (of.as_str(), DVec3::new(0.0, 0.0, 4.5)),
+            };
+            let (label, offset) = (quoted(&name), point(offset));
+            (format!("camera({label}).follow({variable}, [{offset}]).cut({from});\n"), Some(name))
         }
         Addition::Sun => plain("sun(#{ direction: [-0.5, -1.0, -0.8], intensity: 2.8, shadow: true });"),
         Addition::Point => {
@@ -122,13 +159,37 @@ pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<
     }
 }
 
+/// Rounds to two digits of the number `like`, so that lines have the numbers that a person would write.
+fn two_digits(value: f64, like: f64) -> f64 {
+    let parts = libm::pow(10.0, 1.0 - libm::floor(libm::log10(like.abs().max(1e-3))));
+    (value * parts).round() / parts
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn lines(text: &str, what: &Addition) -> String {
         let time = |secs| EditTime { secs, fps: 30.0 };
-        added_lines(text, what, AddedAt { point: DVec3::X, from: time(1.0), until: time(3.0) }).0
+        let subject = Subject { variable: "ada", distance: 3.24, direction: DVec3::new(0.5, 0.1, 0.86) };
+        let (from, until, subject) = (time(1.0), time(3.0), Some(subject));
+        added_lines(text, what, AddedAt { point: DVec3::X, from, until, subject }).0
+    }
+
+    #[test]
+    fn cameras_of_an_actor_have_the_numbers_that_a_person_would_write() {
+        let follow = Addition::Follow("Ada L.".into());
+        let first = lines("", &follow);
+        assert_eq!(first, "camera(\"with Ada L.\").follow(ada, [1.6, 0.3, 2.8]).cut(1.0);\n");
+        assert!(lines(&first, &follow).starts_with("camera(\"with Ada L. 2\").follow(ada, "));
+        assert_eq!(
+            lines("", &Addition::Orbit(Some("Ada L.".into()))),
+            "camera(\"around Ada L.\").orbit(ada, #{ distance: 3.2, elevation: 10.0, speed: 30.0 }).cut(1.0);\n"
+        );
+        assert!(
+            lines("", &Addition::Orbit(None)).starts_with("camera(\"round 1\").orbit([1.0, 0.95, 0.0], ")
+        );
+        assert_eq!([0.0324, 32.4, -324.0].map(|v| two_digits(v, v)), [0.032, 32.0, -320.0]);
     }
 
     #[test]

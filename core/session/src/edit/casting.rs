@@ -59,6 +59,11 @@ pub fn numbered_name(stem: &str, taken: impl Fn(&str) -> bool) -> String {
     first_free(|n| format!("{stem} {n}"), taken)
 }
 
+/// The name itself, else the name with the next number that is not taken.
+pub(super) fn free_label(name: &str, taken: impl Fn(&str) -> bool) -> String {
+    first_free(|n| if n == 1 { name.to_string() } else { format!("{name} {n}") }, taken)
+}
+
 /// The first name of a row of them, counted from 1, that is not taken.
 fn first_free(name: impl Fn(usize) -> String, taken: impl Fn(&str) -> bool) -> String {
     (1..).map(name).find(|name| !taken(name)).unwrap_or_default()

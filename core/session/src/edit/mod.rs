@@ -23,7 +23,7 @@ mod values;
 
 use std::ops::Range;
 
-pub use additions::{AddedAt, Addition, SHAPES, added_lines};
+pub use additions::{AddedAt, Addition, SHAPES, Subject, added_lines};
 pub use casting::{cast_lines, numbered_name};
 pub use cues::{CueChange, delete_cue, has_end, set_times};
 pub use deleting::delete_object;

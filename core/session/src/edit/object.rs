@@ -126,6 +126,16 @@ impl<'a> ScriptObject<'a> {
         Ok(Edit { range: call.inside.clone(), text: inside })
     }
 
+    /// Writes a call in place of the last of several that exclude each other, else behind the call that made it.
+    ///
+    /// # Errors
+    /// The script computes the value that would be replaced.
+    pub fn state_one_of(&self, names: &[&str], call: &str) -> Result<Edit, EditRefused> {
+        let Some(old) = self.last(names) else { return Ok(self.behind(self.made.end, call)) };
+        literals(&self.text, &old.inside).ok_or_else(|| self.computed(old, call))?;
+        Ok(Edit { range: old.name.start..old.end, text: call.to_string() })
+    }
+
     /// `.name([x, y, z])`: the last call of this name, or a new one behind the call that made it.
     pub fn set_point(&self, name: &str, point: DVec3) -> Result<Edit, EditRefused> {
         let [x, y, z] = point.to_array().map(format_number);

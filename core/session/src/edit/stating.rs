@@ -124,6 +124,37 @@ impl<'a> ScriptObject<'a> {
         }
     }
 
+    /// All arguments of the call that made it, as they are written.
+    pub fn inside(&self) -> &str {
+        self.text[self.made.inside.clone()].trim()
+    }
+
+    /// Writes all arguments of the call that made it anew, which are literals: numbers, texts and lists and maps of them.
+    ///
+    /// # Errors
+    /// The script computes one of them.
+    pub fn state_inside(&self, value: &str) -> Result<Edit, EditRefused> {
+        let (range, mut quoted) = (self.text.trimmed(&self.made.inside), false);
+        let outside: String = self.text[range.clone()]
+            .chars()
+            .filter(|c| {
+                quoted ^= *c == '"';
+                !quoted
+            })
+            .collect();
+        let mut words = outside.split(|c: char| !c.is_alphanumeric() && c != '_' && c != '.');
+        let is_name = |word: &str| word.starts_with(|c: char| c.is_alphabetic() || c == '_');
+        // Names of entries in a map are no variables.
+        if outside.contains(['(', '+', '*', '/'])
+            || words.any(|word| is_name(word) && !is_entry(&outside, word))
+        {
+            let name = &self.text[self.made.name.clone()];
+            let why = format!("{name}({}) is computed; change it there", &self.text[range]);
+            return Err(EditRefused::at(self.line, &why));
+        }
+        Ok(Edit { range, text: value.to_string() })
+    }
+
     /// The arguments before its options, as they are written.
     pub fn arguments(&self) -> &str {
         let inside = self.made.inside.clone();
@@ -280,4 +311,9 @@ impl<'a> ScriptObject<'a> {
     pub fn made_by(&self) -> &str {
         &self.text[self.made.name.clone()]
     }
+}
+
+/// Whether each mention of a word is the name of an entry in a map.
+fn is_entry(text: &str, word: &str) -> bool {
+    text.match_indices(word).all(|(at, _)| text[at + word.len()..].trim_start().starts_with(':'))
 }

@@ -1,21 +1,33 @@
 //! Dropped files and clips become lines: clips of an actor's own file or of another's, models under the pointer, files that were shown.
 
-use super::placing::placement;
+use super::next_clip::FADE;
+use super::room::{self, Footprint};
 use super::{EditError, difference, read};
 use crate::app::Viewer;
+use crate::geometry::picking;
 use crate::state::dropped_models::DroppedModels;
 use crate::state::history::Offer;
 use crate::state::orbit::Orbit;
 use crate::state::selection::{Selected, actor};
 use crate::state::view::ViewCamera;
-use choreo_asset::Asset;
+use choreo_asset::{Asset, Projection};
+use choreo_motion::Time;
 use choreo_motion::retarget::bind_or_retarget;
 use choreo_session::SceneVersion;
-use choreo_session::edit::{AddedAt, Addition, Edit, ScriptObject, added_lines, cast_lines};
+use choreo_session::edit::{AddedAt, Addition, Edit, ScriptObject, Subject, added_lines, cast_lines};
 use choreo_stage::Actor;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// The file that an added clip is in.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ClipOf {
+    /// That of an actor, by its name.
+    Actor(String),
+    /// A file of the script's folder.
+    File(PathBuf),
+}
 
 /// Folder beside the script into which files from elsewhere are copied.
 const ASSETS: &str = "assets";
@@ -26,6 +38,45 @@ impl Viewer {
     /// # Errors
     /// Why not, for the user; nothing has changed.
     pub fn add_clip(&mut self, name: &str, of: &str, clip: &str, secs: f64) -> Result<(), EditError> {
+        self.add_clip_to_layer(name, &ClipOf::Actor(of.to_string()), clip, Some(secs), 0)
+    }
+
+    /// Lets an actor play a clip from a time on, else after the last that it plays. `layer`: the row to which it is added.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn add_clip_to_layer(
+        &mut self,
+        name: &str,
+        of: &ClipOf,
+        clip: &str,
+        secs: Option<f64>,
+        layer: usize,
+    ) -> Result<(), EditError> {
+        let secs = secs.unwrap_or_else(|| self.after_last_clip(name));
+        let takes_over = self.takes_over(name, clip, secs, layer);
+        let follow = match of {
+            ClipOf::Actor(of) => self.add_clip_of_actor(name, of, clip, secs)?,
+            ClipOf::File(file) => self.add_clip_of_file(name, file, clip, secs).map(|()| None)?,
+        };
+        let notes: Vec<String> = follow.into_iter().chain(takes_over).collect();
+        self.note = (!notes.is_empty()).then(|| notes.join("; "));
+        Ok(())
+    }
+
+    /// Options of a clip that comes after others.
+    fn options_of_next(&self, name: &str) -> String {
+        if self.plays(name) { format!(", #{{ fade: {FADE} }}") } else { String::new() }
+    }
+
+    /// Gives how much of it the actor follows.
+    fn add_clip_of_actor(
+        &mut self,
+        name: &str,
+        of: &str,
+        clip: &str,
+        secs: f64,
+    ) -> Result<Option<String>, EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let found = |name: &str| actor(&scene.stage, name).ok_or(EditError::Gone);
         let (index, source) = (found(name)?, found(of)?);
@@ -36,36 +87,24 @@ impl Viewer {
             return Err(EditError::refused_at(&place, &format!("no joint of {name} follows {clip} of {of}")));
         }
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
-        let plays = scene.stage.actors[index].layers.first().is_some_and(|l| !l.cues.is_empty());
-        let options = if plays { ", #{ fade: 0.3 }" } else { "" };
-        let time = self.edit_time(secs);
+        let (options, time) = (self.options_of_next(name), self.edit_time(secs));
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             match index == source {
-                true => object.play(clip, time, options, None),
+                true => object.play(clip, time, &options, None),
                 false => {
                     let of = ScriptObject::at(text, of_place.line, of_place.column)?;
-                    object.play(clip, time, options, Some(&of))
+                    object.play(clip, time, &options, Some(&of))
                 }
             }
         })?;
-        self.note = follow.map(|(joints, moved)| {
+        Ok(follow.map(|(joints, moved)| {
             format!("{clip} of {of} on {name}: {joints} of {moved} animated joints are followed")
-        });
-        Ok(())
+        }))
     }
 
-    /// Lets an actor play a clip of a file of the script's folder from a time on.
-    ///
-    /// # Errors
-    /// Why not, for the user; nothing has changed.
-    pub(crate) fn add_file_clip(
-        &mut self,
-        name: &str,
-        file: &Path,
-        clip: &str,
-        secs: f64,
-    ) -> Result<(), EditError> {
+    /// Lets an actor play a clip of a file of the script's folder.
+    fn add_clip_of_file(&mut self, name: &str, file: &Path, clip: &str, secs: f64) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
@@ -76,11 +115,9 @@ impl Viewer {
         })?;
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
-        let plays = scene.stage.actors[index].layers.first().is_some_and(|l| !l.cues.is_empty());
-        let options = if plays { ", #{ fade: 0.3 }" } else { "" };
-        let time = self.edit_time(secs);
+        let (options, time) = (self.options_of_next(name), self.edit_time(secs));
         self.change(&place, siblings, |text| {
-            ScriptObject::at(text, place.line, place.column)?.play_file(&inside, clip, time, options)
+            ScriptObject::at(text, place.line, place.column)?.play_file(&inside, clip, time, &options)
         })
     }
 
@@ -93,29 +130,75 @@ impl Viewer {
         let stage = &scene.stage;
         let text = super::read(&self.path.clone().ok_or(EditError::NoScript)?)?;
         let now = self.playhead.time();
-        let is_taken = |x: f64| {
-            stage.actors.iter().map(|actor| placement(actor, now).translation).any(|p| (p.x - x).abs() < 0.6)
+        let subject = match what {
+            Addition::Orbit(Some(name)) | Addition::Follow(name) => Some(self.subject(name)?),
+            _ => None,
         };
+        let taken = room::taken(stage, now);
+        let own = Footprint::around(0.3);
         // Beside the middle, on one side and the other in turn.
         let beside = (0..).map(|n: i32| f64::from((n + 1) / 2 * if n % 2 == 0 { -1 } else { 1 }));
-        let x = beside.take(64).find(|x| !is_taken(*x)).unwrap_or(0.0);
+        let mut places = beside.take(64).map(|x| DVec3::new(x, 0.0, 0.0));
+        let place = places.find(|at| room::is_free(&taken, own.moved(*at))).unwrap_or_default();
         let [from, end] = [now.as_secs(), self.playhead.length().as_secs()];
         let at = AddedAt {
-            point: if *what == Addition::Orbit { DVec3::ZERO } else { DVec3::new(x, 0.0, 0.0) },
+            point: if matches!(what, Addition::Orbit(_)) { DVec3::ZERO } else { place },
             from: self.edit_time(from),
             until: self.edit_time((from + 2.0).min(end)),
+            subject: subject.as_ref().map(|(variable, distance, direction)| Subject {
+                variable,
+                distance: *distance,
+                direction: *direction,
+            }),
         };
         let (lines, name) = added_lines(&text, what, at);
         self.add_line(&lines)?;
         self.selection = match what {
             Addition::Character | Addition::Shape(_) => name.map(Selected::Actor),
-            Addition::Orbit => name.map(Selected::Camera),
+            Addition::Orbit(_) | Addition::Follow(_) => name.map(Selected::Camera),
             Addition::Sun | Addition::Point | Addition::Spot => Some(Selected::Light(stage.lights.len())),
             Addition::Title => Some(Selected::Title(stage.layers_2d.len())),
             Addition::Effect(_) => Some(Selected::Effect(stage.effects.len())),
             Addition::Ambient | Addition::StudioSky | Addition::Marker => self.selection.take(),
         };
         Ok(())
+    }
+
+    /// What a camera about an actor needs of it: the script's variable, the distance at which all of it is in the image, and the
+    /// direction from which it is seen: from before it, a little to the side and from above.
+    fn subject(&self, name: &str) -> Result<(String, f64, DVec3), EditError> {
+        let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
+        let stage = &scene.stage;
+        let index = actor(stage, name).ok_or(EditError::Gone)?;
+        let what = Selected::Actor(name.to_string());
+        let (place, siblings) = self.place_of(&what).ok_or(EditError::Gone)?;
+        self.check_place(&place, siblings)?;
+        let known = self.known().ok_or(EditError::NothingShown)?;
+        let object = ScriptObject::at(&known, place.line, place.column);
+        let variable = object.ok().and_then(|object| object.variable).ok_or_else(|| {
+            EditError::refused_at(&place, "a camera needs its name in the script; write let NAME = cast(…)")
+        })?;
+        let line = known.lines().nth(place.line.saturating_sub(1)).unwrap_or_default();
+        if line.starts_with([' ', '\t']) {
+            let why = "it is made within a block, where alone its name is known; write the camera there";
+            return Err(EditError::refused_at(&place, why));
+        }
+        let snapshot = stage.at(self.playhead.time()).ok();
+        let state = snapshot.as_ref().and_then(|snapshot| snapshot.actors.get(index));
+        let own = &stage.actors[index];
+        let posed = state.and_then(|state| picking::bounds(&own.asset, state));
+        let rest = || picking::height(&own.asset) * own.transform.scale.abs().max_element();
+        let radius = posed.map_or_else(rest, |(low, high)| (high - low).length()) / 2.0;
+        // The sphere around it touches the nearer edges of the image, and a little air.
+        let [width, height] = stage.settings.size.map(f64::from);
+        let Projection::Perspective { yfov, .. } = Projection::default() else { return Err(EditError::Gone) };
+        let half = f64::from(yfov) / 2.0;
+        let narrow = libm::atan(libm::tan(half) * (width / height).min(1.0));
+        let distance = 1.1 * radius / libm::sin(narrow);
+        let front = state.map_or(DVec3::Z, |state| state.world_from_model.matrix3.z_axis);
+        let front = DVec3::new(front.x, 0.0, front.z).normalize_or(DVec3::Z);
+        let side = DVec3::Y.cross(front);
+        Ok((variable, distance, (front + side * 0.4 + DVec3::Y * 0.15).normalize()))
     }
 
     /// A new camera where the active view looks from, which is on from the playhead on.
@@ -146,8 +229,8 @@ impl Viewer {
         Some((coverage.followed(), coverage.moved))
     }
 
-    /// Puts models on stage where they were dropped: each with a clip that suits, in a row along x. `read`: the stage on which they
-    /// were read. Files from outside the script's folder are copied into `assets/` if the user agrees.
+    /// Puts models on stage where they were dropped, else at the nearest free places: each with a clip that suits, in a row along x. `read`:
+    /// the stage on which they were read. Files from outside the script's folder are copied into `assets/` if the user agrees.
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed.
@@ -159,6 +242,8 @@ impl Viewer {
         let text = super::read(&path)?;
         let (mut lines, mut copies, mut refused) = (String::new(), Vec::new(), Vec::new());
         let mut shown = scene.stage.actors.iter().peekable();
+        let now = self.playhead.time();
+        let mut taken = self.scene.as_ref().map(|own| room::taken(&own.stage, now)).unwrap_or_default();
         for file in &dropped.files {
             let is_it = |actor: &&Actor| file.file_name().is_some_and(|name| *name == *actor.asset.name);
             let Some(actor) = shown.next_if(is_it) else {
@@ -170,8 +255,16 @@ impl Viewer {
                 Ok(inside) => inside.to_path_buf(),
                 Err(_) => copied(&file, &folder, &read.read, &mut copies),
             };
-            let beside = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
-            let at = (dropped.at + beside).map(|v| (v * 100.0).round() / 100.0);
+            let along_x = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
+            let own =
+                room::footprint(actor, None, Time::ZERO).unwrap_or(Footprint::around(0.5).moved(along_x));
+            let own = own.moved(-along_x);
+            let at = match dropped.beside {
+                true => room::nearest_free(&taken, own, dropped.at),
+                false => dropped.at + along_x,
+            };
+            taken.push(own.moved(at));
+            let at = at.map(|v| (v * 100.0).round() / 100.0);
             let clip = suitable_clip(&actor.asset);
             lines += &cast_lines(&format!("{text}{lines}"), &slashed(&name), at, clip);
         }

@@ -28,24 +28,61 @@ fn command(editor: Option<&str>, terminal: Option<&str>, file: &str, line: usize
     all
 }
 
-/// Starts it and does not wait.
-///
-/// # Errors
-/// It cannot be started; the text says what to set.
-pub fn open(file: &Path, line: usize) -> Result<(), EditError> {
-    let set = |name: &str| std::env::var(name).ok().filter(|v| !v.trim().is_empty());
-    let editor = set("VISUAL").or_else(|| set("EDITOR"));
-    let all = command(editor.as_deref(), set("TERMINAL").as_deref(), &file.to_string_lossy(), line);
-    let started = Command::new(&all[0])
-        .args(&all[1..])
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn();
-    let mut child = started.map_err(|source| EditError::Editor { editor: all[0].clone(), source })?;
-    // Nobody else would collect it.
-    let _ = std::thread::Builder::new().name("editor".into()).spawn(move || drop(child.wait()));
-    Ok(())
+/// The user's editor, as the environment names it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Editor {
+    /// `$VISUAL`, else `$EDITOR`.
+    pub command: Option<String>,
+    /// The terminal for editors that need one: `$TERMINAL`.
+    pub terminal: Option<String>,
+}
+
+impl Editor {
+    pub fn of_environment() -> Editor {
+        let set = |name: &str| std::env::var(name).ok().filter(|v| !v.trim().is_empty());
+        Editor { command: set("VISUAL").or_else(|| set("EDITOR")), terminal: set("TERMINAL") }
+    }
+
+    /// Starts it and does not wait.
+    ///
+    /// # Errors
+    /// It is missing or cannot be started; the text says what to set.
+    pub fn open(&self, file: &Path, line: usize) -> Result<(), EditError> {
+        let all = command(self.command.as_deref(), self.terminal.as_deref(), &file.to_string_lossy(), line);
+        // A terminal opens for a moment only where the editor in it is missing.
+        let in_terminal = all.get(2).filter(|_| all[1] == "-e");
+        for (program, variable) in in_terminal
+            .map(|editor| (editor, "VISUAL"))
+            .into_iter()
+            .chain([(&all[0], if in_terminal.is_some() { "TERMINAL" } else { "VISUAL" })])
+        {
+            if !is_there(program) {
+                return Err(EditError::NoEditor { program: program.clone(), variable });
+            }
+        }
+        let started = Command::new(&all[0])
+            .args(&all[1..])
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn();
+        let mut child = started.map_err(|source| EditError::Editor { editor: all[0].clone(), source })?;
+        // Nobody else would collect it.
+        let _ = std::thread::Builder::new().name("editor".into()).spawn(move || drop(child.wait()));
+        Ok(())
+    }
+}
+
+/// Whether a program is found as the system would find it. On Windows the system itself has to say.
+fn is_there(program: &str) -> bool {
+    if cfg!(windows) {
+        return true;
+    }
+    if program.contains('/') {
+        return Path::new(program).is_file();
+    }
+    let folders = std::env::var_os("PATH").unwrap_or_default();
+    std::env::split_paths(&folders).any(|folder| folder.join(program).is_file())
 }
 
 #[cfg(test)]

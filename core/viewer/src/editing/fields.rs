@@ -189,7 +189,7 @@ impl Viewer {
     }
 
     /// Reads the call at a place, in the text of the script that is shown; `None` where it makes several things or is elsewhere.
-    fn read_object<R>(
+    pub(super) fn read_object<R>(
         &self,
         place: &Place,
         siblings: usize,

@@ -3,20 +3,25 @@
 //! changed on disk meanwhile, the user is asked, with the difference.
 
 mod adding;
+mod ambient;
 mod cues;
 pub(crate) mod difference;
 mod documents;
 mod error;
 pub mod expression;
-pub(crate) mod external_editor;
+pub mod external_editor;
 mod fields;
 mod keys;
+mod next_clip;
 pub mod placing;
 mod renaming;
+mod room;
 mod shared;
 mod signs;
 mod strips;
 
+pub use adding::ClipOf;
+pub use ambient::Ambient;
 pub use error::EditError;
 pub use fields::{FieldChange, StatedCall};
 pub use keys::ValueDrag;

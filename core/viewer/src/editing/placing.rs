@@ -8,9 +8,12 @@ use crate::state::history::ExpectedPlacement;
 use crate::state::keyed::ValueText;
 use crate::state::orbit::Orbit;
 use crate::state::selection::{Selected, actor};
+use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_script::Place;
-use choreo_session::edit::{Edit, EditRefused, KeyValue, ScriptObject, format_number, numbered_name};
+use choreo_session::edit::{
+    Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_number, numbered_name,
+};
 use choreo_stage::{Actor, Camera, Placement, Property, Rig, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
 
@@ -159,8 +162,8 @@ impl Viewer {
         }
     }
 
-    /// Lets a camera of the script stand where a free one does, and look at what that turns around: `.at` and `.look_at`, as one
-    /// change; where its place is keyed, the key at the playhead.
+    /// Lets a camera of the script stand where a free one does, look at what that turns around and see as much: `.at`, `.look_at` and its lens,
+    /// as one change; where they are keyed, the key at the playhead.
     ///
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
@@ -170,8 +173,10 @@ impl Viewer {
         if camera.channels.iter().any(|c| c.property == Property::Rotation) {
             return Err(EditError::refused_at(&place, "its rotation has keys; change them there"));
         }
-        let when = self.edit_time(self.playhead.time().as_secs());
+        let time = self.playhead.time();
+        let when = self.edit_time(time.as_secs());
         let (at, center) = (from.camera().world_from_view.translation, from.center);
+        let lens = from.camera().projection;
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             let looked = object.set_point("look_at", center)?.apply(text);
@@ -181,7 +186,10 @@ impl Viewer {
                 true => object.set_key("position", when, KeyValue::Point(at))?,
                 false => object.set("at", &at.to_array())?,
             };
-            Ok(Edit::between(text, &stood.apply(&looked)))
+            let stood = stood.apply(&looked);
+            let object = ScriptObject::at(&stood, place.line, place.column)?;
+            let seen = lens_edit(&object, &camera, time, when, lens)?;
+            Ok(Edit::between(text, &seen.map_or_else(|| stood.clone(), |edit| edit.apply(&stood))))
         })
     }
 
@@ -198,7 +206,14 @@ impl Viewer {
         let known = self.known().unwrap_or_default();
         let time = self.edit_time(self.playhead.time().as_secs()).written(&known);
         let cut = if scene.stage.cameras.is_empty() { String::new() } else { format!(".cut({time})") };
-        self.add_line(&format!("camera(\"{name}\").at({at}).look_at([{center}]){cut};\n"))?;
+        let lens = match from.camera().projection {
+            Projection::Perspective { yfov, .. } if is_usual(yfov) => String::new(),
+            Projection::Perspective { yfov, .. } => {
+                format!(".fov({})", format_number(f64::from(yfov).to_degrees()))
+            }
+            Projection::Orthographic { height, .. } => format!(".ortho({})", format_number(height.into())),
+        };
+        self.add_line(&format!("camera(\"{name}\").at({at}).look_at([{center}]){lens}{cut};\n"))?;
         self.selection = Some(Selected::Camera(name));
         Ok(())
     }
@@ -287,6 +302,55 @@ impl Viewer {
             )
         });
     }
+}
+
+/// Whether an angle is that of cameras of which the script states none.
+fn is_usual(yfov: f32) -> bool {
+    matches!(Projection::default(), Projection::Perspective { yfov: usual, .. } if (usual - yfov).abs() < 1e-5)
+}
+
+/// Gives a camera the lens of a view, where it has another: its angle, or its height without perspective.
+fn lens_edit(
+    object: &ScriptObject,
+    camera: &Camera,
+    time: Time,
+    when: EditTime,
+    lens: Projection,
+) -> Result<Option<Edit>, EditRefused> {
+    let key = |property| camera.channels.iter().find(|c| c.property == property);
+    let keyed = key(Property::FieldOfView).or_else(|| key(Property::FocalLength));
+    let (call, is_same) = match (lens, camera.projection) {
+        (Projection::Perspective { yfov, .. }, own) => {
+            let (yfov, in_millimetres) = (f64::from(yfov), object.line_of_call("focal_length").is_some());
+            let degrees = format_number(yfov.to_degrees());
+            let length = format_number(Camera::focal_length(yfov));
+            if let Some((channel, [now, ..])) = keyed.and_then(|channel| Some((channel, channel.at(time)?))) {
+                let (name, now, value) = match channel.property {
+                    Property::FocalLength => ("focal_length", Camera::yfov(now), length),
+                    _ => ("fov", now, degrees),
+                };
+                let is_same = (now - yfov).abs() < 1e-4;
+                return (!is_same).then(|| object.set_key(name, when, KeyValue::Text(&value))).transpose();
+            }
+            let is_same = matches!(own, Projection::Perspective { yfov: own, .. } if (f64::from(own) - yfov).abs() < 1e-4);
+            (
+                if in_millimetres { format!("focal_length({length})") } else { format!("fov({degrees})") },
+                is_same,
+            )
+        }
+        (Projection::Orthographic { .. }, _) if keyed.is_some() => {
+            let in_millimetres = keyed.is_some_and(|channel| channel.property == Property::FocalLength);
+            let name = if in_millimetres { "focal_length" } else { "fov" };
+            let line = object.line_of_call("key").unwrap_or(object.place().0);
+            let why = format!("its \"{name}\" has keys, which a camera without perspective cannot have");
+            return Err(EditRefused::at(line, &why));
+        }
+        (Projection::Orthographic { height, .. }, own) => {
+            let is_same = matches!(own, Projection::Orthographic { height: own, .. } if (height / own - 1.0).abs() < 1e-4);
+            (format!("ortho({})", format_number(height.into())), is_same)
+        }
+    };
+    (!is_same).then(|| object.state_one_of(&["fov", "focal_length", "ortho"], &call)).transpose()
 }
 
 fn faces(line: usize) -> EditRefused {

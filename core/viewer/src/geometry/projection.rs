@@ -78,6 +78,10 @@ impl Lens {
         depth.max(NEAREST) * self.height / self.size.y.max(1.0)
     }
 
+    pub(crate) fn is_perspective(&self) -> bool {
+        self.perspective
+    }
+
     /// Unit vector in which the camera looks.
     pub(crate) fn forward(&self) -> DVec3 {
         -self.view_from_world.inverse().matrix3.z_axis.normalize_or(DVec3::Z)

@@ -2,6 +2,7 @@
 
 use super::hint::Hint;
 use crate::app::Viewer;
+use crate::state::selection::Selected;
 use choreo_session::edit::{Addition, SHAPES};
 use egui::Ui;
 
@@ -11,7 +12,9 @@ const PLAIN: [(&str, &str, Addition); 2] = [
     ("Title", "words over the frame, from the playhead on", Addition::Title),
 ];
 const ORBIT: (&str, &str, Addition) =
-    ("Around the middle", "circles the stage, and is on from the playhead on", Addition::Orbit);
+    ("Around the middle", "circles the stage, and is on from the playhead on", Addition::Orbit(None));
+/// Actors of which cameras are offered at most.
+const MOST_ACTORS: usize = 100;
 const LIGHTS: [(&str, &str, Addition); 5] = [
     ("Sun", "light from one direction, with a shadow", Addition::Sun),
     ("Point", "light from a point to all sides", Addition::Point),
@@ -30,11 +33,56 @@ pub fn commands(viewer: &Viewer) -> Vec<(String, Option<Addition>)> {
     });
     let others = [
         ("Camera".to_string(), None),
-        ("Camera around the middle".to_string(), Some(Addition::Orbit)),
+        ("Camera around the middle".to_string(), Some(Addition::Orbit(None))),
         ("Marker".to_string(), Some(Addition::Marker)),
     ];
     let all = plain.chain(others).chain(shapes).chain(effects);
-    all.map(|(name, what)| (format!("add {}", name.to_lowercase()), what)).collect()
+    let all = all.map(|(name, what)| (format!("add {}", name.to_lowercase()), what));
+    let cameras = subjects(viewer).into_iter().flat_map(|name| {
+        [
+            (format!("add camera following {name}"), Some(Addition::Follow(name.clone()))),
+            (format!("add camera around {name}"), Some(Addition::Orbit(Some(name)))),
+        ]
+    });
+    all.chain(cameras).collect()
+}
+
+/// The actors that a camera can be about: the selected one, else all.
+fn subjects(viewer: &Viewer) -> Vec<String> {
+    let Some(scene) = &viewer.scene else { return Vec::new() };
+    let selected = viewer.selection.as_ref().and_then(Selected::actor);
+    let all = scene.stage.actors.iter().map(|actor| actor.name.clone());
+    all.filter(|name| selected.is_none_or(|selected| selected == name)).take(MOST_ACTORS).collect()
+}
+
+/// Cameras about the selected actor, else menus of all actors.
+fn cameras(ui: &mut Ui, viewer: &Viewer) -> Option<Addition> {
+    const FOLLOWING: &str = "goes with it as it moves, and is on from the playhead on";
+    const AROUND: &str = "circles it, and is on from the playhead on";
+    let kinds: [(&str, &str, fn(String) -> Addition); 2] = [
+        ("Camera following", FOLLOWING, Addition::Follow),
+        ("Camera around", AROUND, |name| Addition::Orbit(Some(name))),
+    ];
+    let (all, mut wanted) = (subjects(viewer), None);
+    let is_selected = viewer.selection.as_ref().and_then(Selected::actor).is_some();
+    for (words, about, make) in kinds {
+        if let ([name], true) = (&all[..], is_selected) {
+            let button = ui.button(format!("{words} {name}")).hint(about);
+            wanted = button.clicked().then(|| make(name.clone())).or(wanted);
+            continue;
+        }
+        ui.add_enabled_ui(!all.is_empty(), |ui| {
+            ui.menu_button(words, |ui| {
+                egui::ScrollArea::vertical().show(ui, |ui| {
+                    for name in &all {
+                        let button = ui.button(name).hint(about);
+                        wanted = button.clicked().then(|| make(name.clone())).or(wanted.take());
+                    }
+                });
+            });
+        });
+    }
+    wanted
 }
 
 /// Adds something to the script; a camera where `None`.
@@ -69,6 +117,7 @@ fn entries(ui: &mut Ui, viewer: &mut Viewer) {
             wanted = Some(None);
         }
         wanted = entry(ui, &ORBIT).or(wanted.take());
+        wanted = cameras(ui, viewer).map(Some).or(wanted.take());
     });
     ui.menu_button("Light", |ui| {
         for light in &LIGHTS {

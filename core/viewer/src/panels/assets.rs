@@ -3,9 +3,10 @@
 
 use super::hint::Hint;
 use super::icons;
-use super::inspector::{ClipDrag, ClipOf};
+use super::inspector::ClipDrag;
 use super::pictures::{self, Pictures};
 use crate::app::Viewer;
+use crate::editing::ClipOf;
 use crate::library::folder::{Entry, FileKind, list};
 use crate::library::thumbnails::{ClipEntry, Made, Subject};
 use crate::state::dropped_models::DroppedModels;
@@ -111,7 +112,8 @@ fn path_row(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, root: &Path
         ui.add(egui::Label::new(RichText::new(shown).monospace().small()).truncate());
     });
     let search = egui::TextEdit::singleline(&mut browser.search).hint_text("search files");
-    ui.add(search.desired_width(f32::INFINITY));
+    let search = ui.add(search.desired_width(f32::INFINITY));
+    super::values::named(search, egui::WidgetType::TextEdit, "search files");
 }
 
 fn tiles(
@@ -177,11 +179,11 @@ fn tile(ui: &Ui, viewer: &mut Viewer, pictures: &mut Pictures, entry: &Entry, pl
     ui.painter().galley(egui::pos2(place.left(), image.bottom() + 2.0), name, color);
 }
 
-/// Puts a model on stage where the view looks.
+/// Puts a model on stage at the free place that is nearest to where the view looks.
 fn add_model(viewer: &mut Viewer, file: &Path) {
     let at = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
     let at = DVec3::new(at.x, 0.0, at.z);
-    viewer.dropped_models = Some(DroppedModels { files: vec![file.to_path_buf()], at });
+    viewer.dropped_models = Some(DroppedModels { files: vec![file.to_path_buf()], at, beside: true });
 }
 
 /// The chosen file: its clips, and a preview of one of them.
@@ -240,7 +242,7 @@ fn preview(
     }
 }
 
-/// The clips of a file: a click previews one, a double click or `+` plays it at the playhead, a drag takes it to a row.
+/// The clips of a file: a click previews one, a double click or `+` plays it after the last, a drag takes it to a row.
 fn clips(
     ui: &mut Ui,
     viewer: &mut Viewer,
@@ -255,7 +257,7 @@ fn clips(
     for clip in all.iter().take(MOST_CLIPS) {
         ui.horizontal(|ui| {
             let hint = match on {
-                Some(name) => format!("{name} plays it from the playhead on"),
+                Some(name) => format!("{name} plays it after its last clip"),
                 None => "select a character first".to_string(),
             };
             let label = format!("play {} of the file", clip.name);
@@ -273,8 +275,8 @@ fn clips(
                 browser.clip = Some(clip.name.clone());
             }
             if let Some(name) = on.filter(|_| add.clicked() || response.double_clicked()) {
-                let secs = viewer.playhead.time().as_secs();
-                viewer.edit(|v| v.add_file_clip(name, file, &clip.name, secs));
+                let of = ClipOf::File(file.to_path_buf());
+                viewer.edit(|v| v.add_clip_to_layer(name, &of, &clip.name, None, 0));
             }
         });
     }

@@ -2,11 +2,11 @@
 
 use super::bar_menu::{self, Command};
 use super::hint::Hint;
-use super::inspector::{ClipDrag, ClipOf};
+use super::inspector::ClipDrag;
 use super::marks;
 use super::sequencer::{STRIP, color_of, followed, row_places};
 use crate::app::Viewer;
-use crate::editing::EditError;
+use crate::editing::{ClipOf, EditError};
 use crate::state::selection::Selected;
 use crate::state::timeline::{Bar, Timeline};
 use choreo_motion::{Repeat, Time};

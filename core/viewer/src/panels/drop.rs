@@ -12,6 +12,8 @@ use std::path::PathBuf;
 const PATIENCE: f64 = 0.4;
 /// Metres; the ground further away is taken for the sky.
 const FARTHEST: f64 = 500.0;
+/// Sine of the angle to the ground from which a view without perspective shows it.
+const STEEP_ENOUGH: f64 = 0.05;
 
 /// Files whose place is not known yet, and since when.
 #[derive(Default)]
@@ -44,12 +46,12 @@ pub fn take(waiting: &mut Waiting, ui: &Ui, viewer: &mut Viewer) {
     let pointer = ui.input(|i| i.pointer.latest_pos());
     let at = pointer.and_then(|at| ground(viewer, at)).filter(|_| scene && files.iter().all(is_model));
     match at {
-        Some(at) => viewer.dropped_models = Some(DroppedModels { files, at }),
+        Some(at) => viewer.dropped_models = Some(DroppedModels { files, at, beside: false }),
         None => viewer.dropped.extend(files),
     }
 }
 
-/// The place on the ground under a point of a viewport; where that is the sky, the point that the view is about.
+/// The place on the ground under a point of a viewport; where that is the sky, below that point at the distance of what the view is about.
 pub(super) fn ground(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
     let scene = viewer.scene.as_ref()?;
     let inside = |view: &&crate::state::view::View| {
@@ -62,9 +64,18 @@ pub(super) fn ground(viewer: &Viewer, at: Pos2) -> Option<DVec3> {
         Lens::new(&view.now(&scene.stage)?, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
     let (origin, direction) = lens.ray(DVec2::new(f64::from(at.x), f64::from(at.y)));
     let far = -origin.y / direction.y;
-    if far.is_finite() && far > 0.0 && far < FARTHEST {
+    let meets = match lens.is_perspective() {
+        true => far > 0.0 && far < FARTHEST,
+        // Its rays begin beside the camera, on either side of the ground.
+        false => direction.y.abs() > STEEP_ENOUGH,
+    };
+    if far.is_finite() && meets {
         return Some(origin + direction * far);
     }
+    // Where the ray goes along the ground or to the sky: as far away as what the view is about.
     let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
-    Some(DVec3::new(middle.x, 0.0, middle.z))
+    let forward = lens.forward();
+    let far = (middle - origin).dot(forward) / direction.dot(forward);
+    let there = if far > 0.0 && far.is_finite() { origin + direction * far } else { middle };
+    Some(DVec3::new(there.x, 0.0, there.z))
 }

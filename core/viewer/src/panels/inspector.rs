@@ -4,8 +4,8 @@ use super::hint::Hint;
 use super::rig::CallChange;
 use super::{fields as stated, icons, rig, values};
 use crate::app::Viewer;
-use crate::editing::FieldChange;
 use crate::editing::placing::{light_at, placement};
+use crate::editing::{ClipOf, FieldChange};
 use crate::geometry::gizmo::Change;
 use crate::state::keyed::{self, KeyRef, KeyedProperty};
 use crate::state::selection::{Selected, actor};
@@ -20,7 +20,6 @@ use choreo_stage::{
 use egui::{Grid, Response, RichText, Ui};
 use glam::{DQuat, DVec3, Vec3};
 use std::ops::RangeInclusive;
-use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A clip that is dragged onto the sequencer.
@@ -28,14 +27,6 @@ use std::sync::Arc;
 pub(crate) struct ClipDrag {
     pub of: ClipOf,
     pub clip: String,
-}
-
-/// The file that a dragged clip is in.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum ClipOf {
-    Actor(String),
-    /// A file of the script's folder.
-    File(PathBuf),
 }
 
 /// The change that the user makes here, applied once everything has been drawn.
@@ -442,19 +433,24 @@ fn parameter(
         }
         OptionKind::Bool { .. } => {
             let mut on = value[0] != 0.0;
-            if ui.checkbox(&mut on, "").changed() {
+            let checkbox = ui.checkbox(&mut on, "");
+            let (enabled, name) = (checkbox.enabled(), &option.name);
+            checkbox
+                .widget_info(|| egui::WidgetInfo::selected(egui::WidgetType::Checkbox, enabled, on, name));
+            if checkbox.changed() {
                 wanted = Some((option.name.clone(), on.to_string()));
             }
         }
         OptionKind::Text { one_of, .. } => {
             let shown = one_of.get(value[0] as usize).cloned().unwrap_or_default();
-            egui::ComboBox::from_id_salt(&option.name).selected_text(&shown).show_ui(ui, |ui| {
+            let combo = egui::ComboBox::from_id_salt(&option.name).selected_text(&shown).show_ui(ui, |ui| {
                 for choice in one_of {
                     if ui.selectable_label(*choice == shown, choice).clicked() && *choice != shown {
                         wanted = Some((option.name.clone(), format!("\"{choice}\"")));
                     }
                 }
             });
+            values::named(combo.response, egui::WidgetType::ComboBox, &option.name);
         }
         OptionKind::Texture { default, .. } => {
             let chosen = used.images.iter().find(|chosen| chosen.parameter == option.name);

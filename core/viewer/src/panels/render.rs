@@ -2,11 +2,12 @@
 
 use super::hint::Hint;
 use super::icons;
+use super::values::named;
 use crate::app::Viewer;
 use crate::commands::queue::{Job, JobState};
 use crate::commands::{Format, Kind};
 use crate::state::render_form::{FormScene, Range, RenderForm, Size};
-use egui::{ComboBox, DragValue, Grid, ProgressBar, RichText, TextEdit, Ui};
+use egui::{ComboBox, DragValue, Grid, ProgressBar, RichText, TextEdit, Ui, WidgetType};
 
 /// Sides in pixels that a render may have.
 const SIDES: std::ops::RangeInclusive<u32> = 1..=16_384;
@@ -54,11 +55,12 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Format]) {
     let format = &formats[form.format];
     ui.label("format");
-    ComboBox::from_id_salt("format").selected_text(name(format)).show_ui(ui, |ui| {
+    let combo = ComboBox::from_id_salt("format").selected_text(name(format)).show_ui(ui, |ui| {
         for (index, one) in formats.iter().enumerate() {
             ui.selectable_value(&mut form.format, index, name(one)).hint(&one.about);
         }
     });
+    named(combo.response, WidgetType::ComboBox, "format");
     ui.end_row();
 
     let label = ui.label("output");
@@ -85,7 +87,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
             Range::Chosen => {
                 form.chosen.iter_mut().zip(["first frame", "last frame"]).for_each(|(at, name)| {
                     let value = ui.add(DragValue::new(at).range(0..=scene.frames - 1));
-                    value.hint(name);
+                    named(value, WidgetType::DragValue, name).hint(name);
                 })
             }
             _ => drop(ui.label(format!("{first} to {last}"))),
@@ -123,7 +125,8 @@ fn of_images(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
         }
         match form.size {
             Size::Chosen => form.chosen_size.iter_mut().zip(["width", "height"]).for_each(|(side, name)| {
-                ui.add(DragValue::new(side).range(SIDES)).hint(name);
+                let value = ui.add(DragValue::new(side).range(SIDES));
+                named(value, WidgetType::DragValue, name).hint(name);
             }),
             Size::Scaled(..) => drop(ui.label(format!("{}×{}", pixels[0], pixels[1]))),
         }

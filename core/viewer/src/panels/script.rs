@@ -1,5 +1,6 @@
 //! The script's text, read-only; lines of what is on at the playhead, of the selection and of problems are marked.
 
+use super::hint::Hint;
 use crate::app::Viewer;
 use crate::editing::read;
 use crate::state::selection::Selected;
@@ -18,7 +19,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     };
     ui.horizontal(|ui| {
         let line = viewer.selection.as_ref().and_then(|s| line_of(viewer, s)).unwrap_or(1);
-        if viewer.path.is_some() && ui.small_button("open in editor").clicked() {
+        let hint = "starts $VISUAL at this line; so does Ctrl and a click on a line";
+        if viewer.path.is_some() && ui.small_button("open in editor").hint(hint).clicked() {
             open_in_editor(viewer, line);
         }
         if viewer.faulty {
@@ -63,11 +65,16 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             let text =
                 RichText::new(format!("{line:4} {}", lines[row])).font(font.clone()).background_color(back);
             let label = ui.add(egui::Label::new(text).extend().sense(Sense::click()));
-            if label.double_clicked() {
-                clicked = Some((line, true));
-            } else if label.clicked() {
-                clicked = Some((line, false));
+            if label.clicked() {
+                // Only where it is meant: a double click selects, as elsewhere.
+                clicked = Some((line, ui.input(|i| i.modifiers.command)));
             }
+            label.context_menu(|ui| {
+                if ui.button(format!("Open line {line} in the editor")).clicked() {
+                    clicked = Some((line, true));
+                    ui.close();
+                }
+            });
         }
     });
     match clicked {
@@ -79,7 +86,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 
 pub(crate) fn open_in_editor(viewer: &mut Viewer, line: usize) {
     if let Some(path) = &viewer.path {
-        let opened = crate::editing::external_editor::open(path, line);
+        let opened = viewer.editor.open(path, line);
         viewer.report(opened);
     }
 }

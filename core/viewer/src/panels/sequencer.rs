@@ -1,11 +1,11 @@
 //! Rows of bars over time: cues, active cameras; the playhead, and how to move it.
 
 use super::hint::Hint;
-use super::inspector::{ClipDrag, ClipOf};
+use super::inspector::ClipDrag;
 use super::marks::MarkAct;
 use super::{bar_menu, bars, headers, icons, key_menu, markers, marks};
 use crate::app::Viewer;
-use crate::editing::EditError;
+use crate::editing::{ClipOf, EditError};
 use crate::state::keyed::KeyRef;
 use crate::state::selection::Selected;
 use crate::state::span::Span;
@@ -249,10 +249,8 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         run_mark(ui, viewer, marked);
     }
     if let Some((clip, on, secs)) = dropped {
-        viewer.edit(|v| match &clip.of {
-            ClipOf::Actor(of) => v.add_clip(&on, of, &clip.clip, secs),
-            ClipOf::File(file) => v.add_file_clip(&on, file, &clip.clip, secs),
-        });
+        let layer = viewer.timeline.rows.get(index).and_then(|row| row.layer).unwrap_or(0);
+        viewer.edit(|v| v.add_clip_to_layer(&on, &clip.of, &clip.clip, Some(secs), layer));
     }
     if let Some(what) = clicked {
         viewer.selection = if viewer.selection.as_ref() == Some(&what) { None } else { Some(what) };

@@ -1,10 +1,12 @@
 //! Settings of the stage as a whole, in the inspector while nothing is selected.
 
 use super::fields::{self, Stated};
+use super::hint::Hint;
 use super::values;
 use crate::app::Viewer;
-use crate::editing::FieldChange;
-use choreo_session::edit::{Anew, format_number};
+use crate::editing::{Ambient, FieldChange};
+use crate::state::selection::Selected;
+use choreo_session::edit::{Addition, Anew, format_number};
 use choreo_stage::{Background, Settings, ViewTransform};
 use egui::{Grid, RichText, Ui};
 use glam::Vec3;
@@ -23,9 +25,49 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let (stated, settings) = (viewer.stage_written(), &scene.stage.settings);
     let mut wanted = None;
     Grid::new("stage").num_columns(2).show(ui, |ui| wanted = rows(ui, &stated, settings));
+    light(ui, viewer);
     ui.weak("select an actor, a bar, a camera or a light for more");
     if let Some(change) = wanted {
         viewer.edit(|v| v.change_stage(&change));
+    }
+}
+
+/// The light from all around: ambient, and the sky.
+fn light(ui: &mut Ui, viewer: &mut Viewer) {
+    let Some(now) = viewer.ambient() else { return };
+    let mut wanted = None;
+    Grid::new("light of the stage").num_columns(2).show(ui, |ui| {
+        let hint = match viewer.ambient_line() {
+            Some(line) => format!("light from above, from below, and how strong it is; line {line}"),
+            None => "light from above, from below, and how strong it is".to_string(),
+        };
+        ui.label("ambient").hint(hint);
+        ui.horizontal(|ui| {
+            let up = values::color(ui, "ambient above", now.up);
+            let down = values::color(ui, "ambient below", now.down);
+            let strength = values::number(ui, "ambient strength", now.strength, 0.01, 0.0..=1000.0);
+            if up.is_some() || down.is_some() || strength.is_some() {
+                // One color for both stays one.
+                let both = (now.up == now.down).then_some(up.or(down)).flatten();
+                wanted = Some(Ambient {
+                    up: both.or(up).unwrap_or(now.up),
+                    down: both.or(down).unwrap_or(now.down),
+                    strength: strength.unwrap_or(now.strength),
+                });
+            }
+        });
+        ui.end_row();
+        ui.label("sky").hint("an image all around, as light and reflections");
+        let sky = viewer.scene.as_ref().is_some_and(|scene| scene.stage.sky.is_some());
+        if sky && ui.button("select the sky").clicked() {
+            viewer.selection = Some(Selected::Sky);
+        } else if !sky && ui.button("add the studio").hint("a room with soft boxes").clicked() {
+            viewer.edit(|v| v.add(&Addition::StudioSky));
+        }
+        ui.end_row();
+    });
+    if let Some(wanted) = wanted {
+        viewer.edit(|v| v.set_ambient(wanted));
     }
 }
 
@@ -64,13 +106,14 @@ fn rows(ui: &mut Ui, stated: &Stated, settings: &Settings) -> Option<FieldChange
         let mut set = None;
         let name =
             VIEWS.iter().find(|(view, _)| *view == settings.view_transform).map_or("", |(_, name)| name);
-        egui::ComboBox::from_id_salt("view").selected_text(name).show_ui(ui, |ui| {
+        let combo = egui::ComboBox::from_id_salt("view").selected_text(name).show_ui(ui, |ui| {
             for (view, name) in VIEWS {
                 if ui.selectable_label(view == settings.view_transform, name).clicked() {
                     set = Some(format!("\"{name}\""));
                 }
             }
         });
+        values::named(combo.response, egui::WidgetType::ComboBox, "stage view");
         set
     });
     wanted

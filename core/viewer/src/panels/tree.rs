@@ -21,13 +21,21 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     ui.horizontal(|ui| {
         super::add_menu::menu(ui, viewer);
         let field = egui::TextEdit::singleline(&mut search).hint_text("search").desired_width(f32::INFINITY);
-        if ui.add(field).changed() {
+        let field = super::values::named(ui.add(field), egui::WidgetType::TextEdit, "search the stage");
+        if field.changed() {
             ui.data_mut(|d| d.insert_temp(id, search.clone()));
         }
     });
     let wanted = search.to_lowercase();
     let matches = |name: &str| wanted.is_empty() || name.to_lowercase().contains(&wanted);
     let stage = &scene.stage;
+    if ["stage", "ambient", "background", "exposure"].into_iter().any(matches) {
+        let response = entry(ui, viewer.selection.is_none(), RichText::new("Stage"));
+        let hint = "length, size, background, ambient light, sky, exposure: in the inspector";
+        if response.hint(hint).clicked() {
+            viewer.selection = None;
+        }
+    }
     section(ui, "actors", stage.actors.len());
     for (index, actor) in stage.actors.iter().enumerate() {
         // A search finds joints, too.
@@ -107,12 +115,7 @@ fn section(ui: &mut Ui, name: &str, count: usize) {
 }
 
 fn select(ui: &mut Ui, viewer: &mut Viewer, text: RichText, what: Selected) {
-    let selected = viewer.selection.as_ref() == Some(&what);
-    let name = text.text().to_string();
-    // A name that is cut off is shown whole under the mouse.
-    let response = ui.add(egui::Button::selectable(selected, text).truncate());
-    let is_cut = response.intrinsic_size().is_some_and(|whole| whole.x > response.rect.width() + 0.5);
-    let response = if is_cut { response.hint(name) } else { response };
+    let response = entry(ui, viewer.selection.as_ref() == Some(&what), text);
     let mut command = None;
     response.context_menu(|ui| {
         let suits =
@@ -126,4 +129,12 @@ fn select(ui: &mut Ui, viewer: &mut Viewer, text: RichText, what: Selected) {
     if let Some(command) = command {
         bar_menu::run(ui, viewer, command);
     }
+}
+
+fn entry(ui: &mut Ui, selected: bool, text: RichText) -> egui::Response {
+    let name = text.text().to_string();
+    // A name that is cut off is shown whole under the mouse.
+    let response = ui.add(egui::Button::selectable(selected, text).truncate());
+    let is_cut = response.intrinsic_size().is_some_and(|whole| whole.x > response.rect.width() + 0.5);
+    if is_cut { response.hint(name) } else { response }
 }

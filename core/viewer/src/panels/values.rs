@@ -1,7 +1,7 @@
 //! Numbers that are dragged or typed, also as expressions, and taken once the hand lets go: each is one change of the script.
 
 use crate::editing::expression;
-use egui::{DragValue, Response, Slider, Ui};
+use egui::{DragValue, Response, Slider, Ui, WidgetInfo, WidgetType};
 use std::ops::RangeInclusive;
 
 /// A number in a field.
@@ -82,13 +82,14 @@ pub fn unstated(ui: &mut Ui, name: &str, derived: Option<f64>, range: RangeInclu
             ui.visuals_mut().override_text_color = color;
             ui.add(widget)
         };
-        named(ui.scope(add).inner, name)
+        named(ui.scope(add).inner, WidgetType::DragValue, name)
     })
 }
 
-fn named(response: Response, name: &str) -> Response {
-    let text = name.to_string();
-    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::DragValue, true, text.clone()));
+/// Names a field for assistive technologies and tests.
+pub(super) fn named(response: Response, kind: WidgetType, name: &str) -> Response {
+    let enabled = response.enabled();
+    response.widget_info(|| WidgetInfo::labeled(kind, enabled, name));
     response
 }
 
@@ -102,18 +103,26 @@ impl Number<'_> {
         let (id, parser) = (ui.id().with(("number", name)), parser(ui));
         settled(ui, id, value, default, |ui, now| {
             let widget = DragValue::new(now).speed(speed).range(range).max_decimals(3).custom_parser(parser);
-            named(ui.add(widget), name)
+            named(ui.add(widget), WidgetType::DragValue, name)
         })
     }
 
     /// The same as a slider.
     pub fn slider(self, ui: &mut Ui) -> Option<f64> {
-        let Number { name, value, range, default, .. } = self;
+        let Number { name, value, speed, range, default } = self;
         let (id, parser) = (ui.id().with(("slider", name)), parser(ui));
         let wide = *range.start() > 0.0 && range.end() / range.start() > 1e3;
         settled(ui, id, value, default, |ui, now| {
-            let widget = Slider::new(now, range).logarithmic(wide).max_decimals(3).custom_parser(parser);
-            named(ui.add(widget), name)
+            ui.horizontal(|ui| {
+                let widget = Slider::new(now, range.clone()).logarithmic(wide).show_value(false);
+                let slider = named(ui.add(widget), WidgetType::Slider, name);
+                let widget =
+                    DragValue::new(now).speed(speed).range(range).max_decimals(3).custom_parser(parser);
+                let typed = named(ui.add(widget), WidgetType::DragValue, &format!("{name} number"));
+                let is_typed = typed.gained_focus() || typed.has_focus() || typed.lost_focus();
+                if is_typed { typed.union(slider) } else { slider.union(typed) }
+            })
+            .inner
         })
     }
 }
@@ -123,6 +132,7 @@ pub fn color(ui: &mut Ui, name: &str, value: [u8; 3]) -> Option<[u8; 3]> {
     let id = ui.id().with(("color", name));
     let mut now: [u8; 3] = ui.data(|d| d.get_temp(id)).unwrap_or(value);
     let response = egui::color_picker::color_edit_button_srgb(ui, &mut now);
+    let response = named(response, WidgetType::ColorButton, name);
     // The picker is a window of its own: it is over when it is closed.
     let is_open = egui::Popup::is_any_open(ui.ctx());
     if response.changed() || (now != value && is_open) {

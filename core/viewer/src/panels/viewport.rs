@@ -68,7 +68,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     if let Some(model) = response.dnd_release_payload::<ModelDrag>()
         && let Some(at) = ui.ctx().pointer_interact_pos().and_then(|at| super::drop::ground(viewer, at))
     {
-        viewer.dropped_models = Some(DroppedModels { files: vec![model.0.clone()], at });
+        viewer.dropped_models = Some(DroppedModels { files: vec![model.0.clone()], at, beside: false });
     }
     viewer.scrubs |= response.dragged();
     let fills = viewer.views[index].resolution == Resolution::Fitted;

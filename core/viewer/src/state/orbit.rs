@@ -18,22 +18,42 @@ pub struct Orbit {
     pub azimuth: f64,
     /// Radians above the horizon.
     pub elevation: f64,
+    /// Radians by which the camera is turned about its own axis.
+    pub roll: f64,
+    /// Without perspective its height is that of the image a metre of distance.
     pub projection: Projection,
 }
+
+/// Height of an image without perspective, metres a metre of distance.
+pub(crate) const FLAT_HEIGHT: f32 = 0.7;
 
 impl Orbit {
     /// Takes over from any camera: the same place and direction, around the point in front of it that is nearest to `near`.
     pub(crate) fn from_camera(camera: &CameraState, near: DVec3) -> Orbit {
-        let back = camera.world_from_view.matrix3.z_axis.normalize_or(DVec3::Z);
+        let axes = camera.world_from_view.matrix3;
+        let back = axes.z_axis.normalize_or(DVec3::Z);
         let position = camera.world_from_view.translation;
         let distance = (position - near).dot(back).clamp(0.5, 1e4);
-        Orbit {
-            center: position - back * distance,
-            distance,
-            azimuth: libm::atan2(back.x, back.z),
-            elevation: libm::asin(back.y.clamp(-1.0, 1.0)).clamp(-STEEPEST, STEEPEST),
-            projection: camera.projection,
-        }
+        let projection = match camera.projection {
+            Projection::Orthographic { height, near, far } => {
+                Projection::Orthographic { height: height / distance as f32, near, far }
+            }
+            perspective => perspective,
+        };
+        // Straight up and down, what lies to the right says how it is turned.
+        let level = DVec2::new(back.x, back.z).length() > 1e-6;
+        let azimuth = match level {
+            true => libm::atan2(back.x, back.z),
+            false => libm::atan2(-axes.x_axis.z, axes.x_axis.x),
+        };
+        let elevation = libm::asin(back.y.clamp(-1.0, 1.0));
+        let center = position - back * distance;
+        let mut orbit = Orbit { center, distance, azimuth, elevation, roll: 0.0, projection };
+        let right = orbit.rotation().inverse() * axes.x_axis.normalize_or(DVec3::X);
+        let roll = libm::atan2(right.y, right.x);
+        // Rounding is no roll.
+        orbit.roll = if roll.abs() < 1e-9 { 0.0 } else { roll };
+        orbit
     }
 
     fn rotation(&self) -> DQuat {
@@ -41,7 +61,7 @@ impl Orbit {
             let (sin, cos) = libm::sincos(angle / 2.0);
             DQuat::from_xyzw(axis.x * sin, axis.y * sin, axis.z * sin, cos)
         };
-        about(DVec3::Y, self.azimuth) * about(DVec3::X, -self.elevation)
+        about(DVec3::Y, self.azimuth) * about(DVec3::X, -self.elevation) * about(DVec3::Z, self.roll)
     }
 
     pub fn camera(&self) -> CameraState {
@@ -55,8 +75,9 @@ impl Orbit {
                 Projection::Perspective { yfov, near: near.min(near_limit.max(1e-4)), far }
             }
             // Going nearer is seeing less of it.
-            Projection::Orthographic { near, .. } => {
-                Projection::Orthographic { height: (self.distance * 0.7) as f32, near, far: 10_000.0 }
+            Projection::Orthographic { height, near, .. } => {
+                let height = (self.distance * f64::from(height)) as f32;
+                Projection::Orthographic { height, near, far: 10_000.0 }
             }
         };
         CameraState { camera: None, world_from_view, projection }
@@ -73,7 +94,7 @@ impl Orbit {
     pub fn pan(&mut self, by: DVec2) {
         let height = match self.projection {
             Projection::Perspective { yfov, .. } => 2.0 * libm::tan(f64::from(yfov) / 2.0) * self.distance,
-            Projection::Orthographic { .. } => self.distance * 0.7,
+            Projection::Orthographic { height, .. } => self.distance * f64::from(height),
         };
         self.center += self.rotation() * DVec3::new(-by.x * height, by.y * height, 0.0);
     }
@@ -99,6 +120,7 @@ impl Orbit {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::projection::Lens;
 
     fn close(a: DVec3, b: DVec3) -> bool {
         (a - b).length() < 1e-9
@@ -110,6 +132,7 @@ mod tests {
             distance: 5.0,
             azimuth: 0.6,
             elevation: 0.3,
+            roll: 0.0,
             projection: Projection::default(),
         }
     }
@@ -124,6 +147,32 @@ mod tests {
         );
         let (a, b) = (again.camera().world_from_view.matrix3, first.world_from_view.matrix3);
         assert!(close(a.z_axis, b.z_axis) && close(a.x_axis, b.x_axis));
+    }
+
+    /// Any camera, also one that is turned about its axis, looks straight down or has no perspective.
+    #[test]
+    fn the_image_stays_when_a_view_is_taken_over() {
+        let rotations = [
+            DQuat::from_xyzw(0.1, 0.6, -0.1, 0.8).normalize(),
+            DQuat::from_rotation_y(0.4) * DQuat::from_rotation_x(-core::f64::consts::FRAC_PI_2),
+            DQuat::from_rotation_y(-2.0) * DQuat::from_rotation_x(0.2) * DQuat::from_rotation_z(0.5),
+        ];
+        let projections = [
+            Projection::Perspective { yfov: 0.4, near: 0.1, far: None },
+            Projection::Orthographic { height: 3.0, near: 0.1, far: 50.0 },
+        ];
+        for (rotation, projection) in rotations.into_iter().flat_map(|r| projections.map(|p| (r, p))) {
+            let world_from_view = DAffine3::from_rotation_translation(rotation, DVec3::new(1.0, 2.0, 3.0));
+            let before = CameraState { camera: None, world_from_view, projection };
+            let after = Orbit::from_camera(&before, DVec3::new(0.3, 0.9, -1.0)).camera();
+            let size = DVec2::new(640.0, 360.0);
+            let [a, b] = [before, after].map(|camera| Lens::new(&camera, DVec2::ZERO, size));
+            for point in [DVec3::new(0.4, 0.2, -3.0), DVec3::new(-0.7, 0.1, -8.0)] {
+                let world = world_from_view.transform_point3(point);
+                let [a, b] = [a.point(world), b.point(world)].map(Option::unwrap);
+                assert!((a - b).length() < 1e-3, "{rotation} {projection:?}: {a} {b}");
+            }
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Views along the axes: from above, from the front, from the side.
 
-use crate::state::orbit::Orbit;
+use crate::state::orbit::{FLAT_HEIGHT, Orbit};
 use choreo_asset::Projection;
 use core::f64::consts::{FRAC_PI_2, PI};
 use glam::DVec3;
@@ -78,9 +78,9 @@ impl Orbit {
     /// Looks from a side, without perspective, at what it turned around.
     pub fn look_from(&mut self, side: Side) {
         [self.azimuth, self.elevation] = side.angles();
+        self.roll = 0.0;
         let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = self.projection;
-        // The orbit gives the height; see `Orbit::camera`.
-        self.projection = Projection::Orthographic { height: 1.0, near, far: 10_000.0 };
+        self.projection = Projection::Orthographic { height: FLAT_HEIGHT, near, far: 10_000.0 };
     }
 
     /// Has perspective again.
@@ -100,9 +100,15 @@ mod tests {
     fn a_side_looks_along_its_axis() {
         for side in Side::ALL {
             let [azimuth, elevation] = side.angles();
-            let projection = Projection::Orthographic { height: 1.0, near: 0.1, far: 100.0 };
-            let orbit =
-                Orbit { center: DVec3::new(1.0, 2.0, 3.0), distance: 5.0, azimuth, elevation, projection };
+            let projection = Projection::Orthographic { height: FLAT_HEIGHT, near: 0.1, far: 100.0 };
+            let orbit = Orbit {
+                center: DVec3::new(1.0, 2.0, 3.0),
+                distance: 5.0,
+                azimuth,
+                elevation,
+                roll: 0.0,
+                projection,
+            };
             let camera = orbit.camera();
             let eye = orbit.center + side.direction() * 5.0;
             assert!((camera.world_from_view.translation - eye).length() < 1e-12, "{side:?}");

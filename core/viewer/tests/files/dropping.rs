@@ -4,8 +4,10 @@ use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
 use choreo_motion::retarget::bind_or_retarget;
 use choreo_session::{SceneSource, Session};
+use choreo_viewer::editing::ClipOf;
 use choreo_viewer::state::dropped_models::DroppedModels;
 use choreo_viewer::state::selection::Selected;
+use choreo_viewer::state::side::Side;
 use egui::{Pos2, pos2, vec2};
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
@@ -90,10 +92,14 @@ fn a_clip_on_another_character_is_retargeted_and_the_joints_that_follow_are_coun
 
 /// Reads models as the window does, and puts them on stage.
 fn put(place: &mut Place, files: &[PathBuf], at: DVec3) {
-    let (source, _) = SceneSource::of_models(files.to_vec(), place.session.source()).unwrap();
+    put_as(place, &DroppedModels { files: files.to_vec(), at, beside: false });
+}
+
+fn put_as(place: &mut Place, dropped: &DroppedModels) {
+    let files = &dropped.files;
+    let (source, _) = SceneSource::of_models(files.clone(), place.session.source()).unwrap();
     let version = Session::new(source, &choreo::registry(), false).unwrap().build(BTreeSet::new());
-    let dropped = DroppedModels { files: files.to_vec(), at };
-    place.viewer.edit(|v| v.add_models(&dropped, &version));
+    place.viewer.edit(|v| v.add_models(dropped, &version));
 }
 
 const TRIANGLE: &str = "mtllib t.mtl\nusemtl red\nv -1 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
@@ -172,4 +178,163 @@ fn a_model_that_is_dropped_on_the_image_stands_on_the_ground_under_the_pointer()
     assert!((stage.actors[2].transform.translation - expected).length() < 0.01);
     assert_eq!(place.viewer.playhead.time(), Time::ZERO);
     assert_eq!(place.viewer.selection, None::<Selected>);
+}
+
+/// Views without perspective, and the sky of one with it: what is put there lies under the pointer. Truth: projected as the renderer does.
+#[test]
+fn a_model_is_dropped_under_the_pointer_in_every_view() {
+    let mut place = Place::new(SCRIPT);
+    place.paint();
+    place.viewer.free_camera(0);
+    let mut desk = place.harness(vec2(1500.0, 1000.0));
+    let file = model(&desk.state().folder.path().canonicalize().unwrap());
+    for (view, part) in [
+        ("Perspective", [0.75, 0.9]),
+        ("Perspective", [0.3, 0.2]),
+        ("Top", [0.7, 0.3]),
+        ("Bottom", [0.2, 0.3]),
+        ("Front", [0.8, 0.1]),
+        ("Left", [0.1, 0.95]),
+    ] {
+        let place = desk.state_mut();
+        let orbit = place.viewer.free_camera(0).unwrap();
+        match Side::ALL.into_iter().find(|side| side.name() == view) {
+            Some(side) => orbit.look_from(side),
+            None => orbit.projection = choreo_asset::Projection::default(),
+        }
+        place.paint();
+        desk.run();
+        let [left, top, right, bottom] = desk.state().viewer.views[0].place;
+        let at = pos2(left + (right - left) * part[0], top + (bottom - top) * part[1]);
+        desk.hover_at(at);
+        desk.run();
+        desk.input_mut().dropped_files.push(std::sync::Arc::new(Dropped(file.clone())));
+        desk.run_steps(60);
+        let dropped = desk.state_mut().viewer.dropped_models.take().unwrap();
+        assert!(dropped.at.y.abs() < 1e-9, "{view}: on the ground, {}", dropped.at);
+        let viewer = &desk.state().viewer;
+        let camera = viewer.views[0].now(&viewer.scene.as_ref().unwrap().stage).unwrap();
+        let seen = choreo_render::plan::View::new(&camera, [right - left, bottom - top].map(|v| v as u32));
+        let clip = seen.clip_from_relative * (dropped.at - seen.position).as_vec3().extend(1.0);
+        let on_screen = pos2(
+            left + (clip.x / clip.w + 1.0) / 2.0 * (right - left),
+            top + (clip.y / clip.w + 1.0) / 2.0 * (bottom - top),
+        );
+        let off = on_screen - at;
+        // Where the ground is not seen from above, as far to the side as the pointer.
+        let lies_there = matches!(view, "Top" | "Bottom") || part == [0.75, 0.9];
+        let off = if lies_there { off.length() } else { off.x.abs() };
+        // A view with perspective is farther off at the ground than at the height of the pointer.
+        let limit = if part == [0.3, 0.2] { 40.0 } else { 1.0 };
+        assert!(off < limit, "{view}: {on_screen:?} for {at:?}");
+    }
+}
+
+/// Models of the browser stand beside those there, whatever their sizes. Truth: the vertices of all of them as posed.
+#[test]
+fn models_are_put_beside_each_other_where_there_is_room() {
+    let script = SCRIPT.replace(
+        "camera(\"wide\")",
+        "cast(\"ground\", shape(\"plane\", #{ size: 30.0 }));\ncamera(\"wide\")",
+    );
+    let mut place = Place::new(&script);
+    let folder = place.folder.path().canonicalize().unwrap();
+    fs::write(folder.join("small.obj"), "v -0.1 0 -0.1\nv 0.1 0 0.1\nv 0 0.2 0\nf 1 2 3\n").unwrap();
+    fs::write(folder.join("aside.obj"), "v 3 0 0\nv 5 0 0.5\nv 4 2 0\nf 1 2 3\n").unwrap();
+    let tri = model(&folder);
+    for files in [
+        vec![tri.clone()],
+        vec![tri.clone()],
+        vec![folder.join("small.obj"), folder.join("aside.obj")],
+        vec![tri],
+    ] {
+        put_as(&mut place, &DroppedModels { files, at: DVec3::ZERO, beside: true });
+        assert_eq!(place.viewer.message, None);
+        place.reload();
+    }
+    place.viewer.add(&choreo_session::edit::Addition::Shape("torus")).unwrap();
+    place.reload();
+    let stage = &place.viewer.scene.as_ref().unwrap().stage;
+    let snapshot = stage.at(Time::ZERO).unwrap();
+    let mut all: Vec<(String, [f64; 4])> = Vec::new();
+    for (actor, state) in
+        stage.actors.iter().zip(&snapshot.actors).filter(|(actor, _)| actor.name != "ground")
+    {
+        let vertices: Vec<DVec3> = choreo_stage::posed_meshes(&actor.asset, state)
+            .into_iter()
+            .flat_map(|posed| posed.primitives)
+            .flat_map(|primitive| primitive.positions)
+            .collect();
+        let of =
+            |pick: fn(f64, f64) -> f64, axis: usize| vertices.iter().map(|v| v[axis]).reduce(pick).unwrap();
+        all.push((actor.name.clone(), [of(f64::min, 0), of(f64::max, 0), of(f64::min, 2), of(f64::max, 2)]));
+    }
+    assert_eq!(all.len(), 8);
+    for (index, (name, a)) in all.iter().enumerate() {
+        for (other, b) in all[..index].iter().filter(|(other, _)| other != "hat" && name != "hat") {
+            let meet = a[0] < b[1] && b[0] < a[1] && a[2] < b[3] && b[2] < a[3];
+            assert!(!meet, "{name} {a:?} and {other} {b:?}\n{}", place.text());
+        }
+        assert!(a[0].abs() < 12.0, "{name} is far away: {a:?}");
+    }
+}
+
+/// A clip of the browser comes after those that play, one on a row where the hand is; each says what becomes of the others.
+#[test]
+fn an_added_clip_follows_the_last_or_says_what_it_takes_over_from() {
+    const PLAIN: &str = "stage(#{ fps: 25, length: 10.0 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+PLAYS
+";
+    let of = || ClipOf::Actor("ada".into());
+    let length = |name: &str| {
+        let place = Place::new(&PLAIN.replace("PLAYS", ""));
+        let stage = &place.viewer.scene.as_ref().unwrap().stage;
+        let clip = stage.actors[0].asset.clips.iter().find(|clip| clip.name == name).unwrap().clone();
+        clip.duration.as_secs()
+    };
+    let (wave, walk) = (length("Wave"), length("Walk"));
+    for (plays, playhead, starts, note) in [
+        ("", 1.0, 1.0, None),
+        ("ada.play(moves.clip(\"Walk\")).until(2.0);", 0.0, 2.0, None),
+        ("ada.play(moves.clip(\"Wave\")).once();", 0.0, wave - 0.3, None),
+        ("ada.play(moves.clip(\"Walk\"));", 0.0, walk, Some("takes over from Walk at")),
+        ("ada.play(moves.clip(\"Walk\"));", 3.0, 3.0, Some("takes over from Walk at 3.000 s")),
+        ("ada.play(moves.clip(\"Walk\")).until(10.0);", 0.0, 10.0, Some("where the scene ends")),
+    ] {
+        let mut place = Place::new(&PLAIN.replace("PLAYS", plays));
+        place.viewer.playhead.seek(Time::from_secs(playhead));
+        place.viewer.edit(|v| v.add_clip_to_layer("ada", &of(), "Run", None, 0));
+        assert_eq!(place.viewer.message, None);
+        let said = place.viewer.note.clone();
+        match note {
+            Some(part) => assert!(said.as_ref().is_some_and(|said| said.contains(part)), "{plays}: {said:?}"),
+            None => assert_eq!(said, None, "{plays}"),
+        }
+        place.reload();
+        let stage = &place.viewer.scene.as_ref().unwrap().stage;
+        let run = stage.actors[0].layers[0].cues.iter().find(|cue| cue.clip.name == "Run").unwrap();
+        assert!(
+            (run.start.as_secs() - starts).abs() < 0.021,
+            "{plays}: {} for {starts}",
+            run.start.as_secs()
+        );
+        let fade = if plays.is_empty() { 0.0 } else { 0.3 };
+        assert!((run.fade_in.as_secs() - fade).abs() < 1e-9, "{plays}");
+    }
+    let plays = "ada.play(moves.clip(\"Walk\")).until(4.0);\nada.play(moves.clip(\"Wave\")).from(6.0);\n\
+                 ada.play(moves.clip(\"Wave\")).on(\"Head\");";
+    for (secs, layer, parts) in [
+        (1.0, 0, vec!["Run takes over from Walk at 1.000 s until Wave at 6.000 s", "state a mask"]),
+        (5.0, 0, vec!["Run plays until Wave takes over at 6.000 s"]),
+        (8.0, 1, vec!["Run has no mask as row +1 has: it plays on the whole body of ada", "state a mask"]),
+    ] {
+        let mut place = Place::new(&PLAIN.replace("PLAYS", plays));
+        place.viewer.edit(|v| v.add_clip_to_layer("ada", &of(), "Run", Some(secs), layer));
+        let said = place.viewer.note.clone().unwrap_or_default();
+        assert!(parts.iter().all(|part| said.contains(part)), "{secs}: {said}");
+        assert_eq!(said.contains("mask"), parts.len() == 2, "{said}");
+        place.reload();
+    }
 }

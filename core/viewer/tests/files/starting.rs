@@ -309,8 +309,12 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
     harness.step();
     harness.get_by_label(&format!("play {} of the file", clip.name)).click();
     harness.step();
-    let line =
-        format!("ada.play(load(\"moves/wave.bvh\").clip(\"{}\"), #{{ fade: 0.3 }}).from(0.0);\n", clip.name);
+    // Idle goes on without end: it comes after one round of it.
+    let round = scene.stage.actors[0].layers[0].cues[0].clip.duration.as_secs();
+    let line = format!(
+        "ada.play(load(\"moves/wave.bvh\").clip(\"{}\"), #{{ fade: 0.3 }}).from({round:.1});\n",
+        clip.name
+    );
     let expected = SCRIPT.replace("camera(", &format!("{line}camera("));
     assert_eq!(harness.state().text(), expected);
     harness.state_mut().reload();

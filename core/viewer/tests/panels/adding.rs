@@ -1,11 +1,15 @@
 //! What the menus Add and Edit do, the fields of the stage, and a field that is left by a click on something else.
 
 use crate::place::Place;
+use choreo_asset::Projection;
+use choreo_motion::Time;
 use choreo_session::edit::{Addition, SHAPES};
+use choreo_viewer::editing::external_editor::Editor;
 use choreo_viewer::state::selection::Selected;
 use egui::{Event, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
+use glam::{DVec2, DVec3};
 
 const SCRIPT: &str = r##"// A scene.
 stage(#{ size: [64, 36], fps: 25, length: 4.0 });
@@ -41,7 +45,9 @@ fn everything_that_is_added_is_good() {
     let mut all = vec![
         Addition::Character,
         Addition::Character,
-        Addition::Orbit,
+        Addition::Orbit(None),
+        Addition::Orbit(Some("ada".into())),
+        Addition::Follow("ada".into()),
         Addition::Sun,
         Addition::Point,
         Addition::Spot,
@@ -111,6 +117,160 @@ fn characters_come_from_the_menu_in_their_own_colors_beside_each_other() {
         desk.state_mut().viewer.delete_object(&what).unwrap();
         assert_eq!(desk.state().text(), SCRIPT.replace(line, ""));
     }
+}
+
+/// Where the corners of an actor's posed bounds lie in the image of the camera that is on, as parts of half its height and width: computed
+/// here from the snapshot, in f64.
+fn corners_in_image(place: &Place, name: &str, at: Time) -> Vec<DVec2> {
+    let scene = place.viewer.scene.clone().unwrap();
+    let snapshot = scene.stage.at(at).unwrap();
+    let index = scene.stage.actors.iter().position(|actor| actor.name == name).unwrap();
+    let (asset, state) = (&scene.stage.actors[index].asset, &snapshot.actors[index]);
+    let Projection::Perspective { yfov, .. } = snapshot.camera.projection else { panic!() };
+    let [width, height] = scene.stage.settings.size.map(f64::from);
+    let tan = (f64::from(yfov) / 2.0).tan();
+    let posed = choreo_stage::posed_meshes(asset, state).into_iter().flat_map(|posed| posed.primitives);
+    let vertices: Vec<DVec3> = posed.flat_map(|primitive| primitive.positions).collect();
+    assert!(vertices.len() > 100);
+    let view_from_world = snapshot.camera.world_from_view.inverse();
+    let in_view = vertices.into_iter().map(|vertex| view_from_world.transform_point3(vertex));
+    in_view.map(|v| DVec2::new(v.x / (width / height), v.y) / (-v.z * tan)).collect()
+}
+
+/// A camera of the selected actor is in the menu itself, those of others one menu deeper; all of the actor is in the image, and large.
+#[test]
+fn cameras_that_follow_or_circle_an_actor_come_from_the_menu() {
+    let script = SCRIPT.replace("ada.play(", "let tiny = cast(\"tiny\", coral).scale(0.05).at(3.0, 0.0, 1.0).turn(120);\nada.key(\"position\", [[0.0, [0, 0, 0]], [4.0, [2, 0, 1]]]);\nada.play(");
+    for (name, selected, kind) in [
+        ("ada", true, "following"),
+        ("ada", false, "around"),
+        ("tiny", false, "following"),
+        ("tiny", true, "around"),
+    ] {
+        let mut desk = desk(&script);
+        desk.state_mut().viewer.selection = selected.then(|| Selected::Actor(name.into()));
+        desk.run();
+        desk.get_all_by_label("Add").next().unwrap().click();
+        desk.run();
+        for label in ["Camera".to_string(), format!("Camera {kind}")] {
+            if !selected || label == "Camera" {
+                desk.get_by_label_contains(&format!("{label} ⏵")).click();
+                desk.run();
+            }
+        }
+        let label = if selected { format!("Camera {kind} {name}") } else { name.to_string() };
+        // The tree and the sequencer have its name, too.
+        desk.get_all_by_label(&label).find(|node| node.rect().left() > 180.0).unwrap().click();
+        desk.run();
+        let place = desk.state_mut();
+        assert_eq!(place.viewer.message, None);
+        let text = place.text();
+        let call = if kind == "around" { ".orbit(" } else { ".follow(" };
+        let line = text.lines().last().unwrap();
+        assert!(line.contains(&format!("{call}{name}, ")) && line.ends_with(".cut(0.0);"), "{line}");
+        place.reload();
+        assert!(place.viewer.problems.is_empty(), "{:?}", place.viewer.problems);
+        assert!(matches!(&place.viewer.selection, Some(Selected::Camera(camera)) if line.contains(camera)));
+        for secs in [0.0, 1.3, 3.9] {
+            let seen = corners_in_image(place, name, Time::from_secs(secs));
+            let reach = seen.iter().map(|at| at.abs().max_element()).fold(0.0, f64::max);
+            assert!((0.35..1.0).contains(&reach), "{line} at {secs}: {reach}");
+        }
+    }
+    // One that the script cannot name is refused, with its line.
+    let mut place = Place::new("cast(\"box\", shape(\"box\"));\n");
+    let error = place.viewer.add(&Addition::Follow("box".into())).unwrap_err().to_string();
+    assert!(error.contains("a.rhai:1: a camera needs its name in the script; write let NAME"), "{error}");
+}
+
+/// The light from all around is changed where the script states it; the row Stage of the tree shows its fields.
+#[test]
+fn the_stage_is_a_row_of_the_tree_with_ambient_light_and_sky() {
+    let call = format!("{SCRIPT}ambient(\"#8fa3c8\", 0.5);\n");
+    let number = SCRIPT.replace("length: 4.0", "length: 4.0, ambient: 0.25");
+    let map = format!("{SCRIPT}ambient(#{{ up: \"white\", down: \"#404040\", strength: 0.5 }});\n");
+    for (script, wanted) in [
+        (call.clone(), call.replace("0.5);", "0.75);")),
+        (number.clone(), number.replace("ambient: 0.25", "ambient: 0.75")),
+        (
+            map.clone(),
+            map.replace("up: \"white\"", "up: \"#ffffff\"").replace("strength: 0.5", "strength: 0.75"),
+        ),
+    ] {
+        let mut desk = desk(&script);
+        desk.state_mut().viewer.selection = Some(Selected::Light(0));
+        desk.run();
+        assert!(desk.query_by_label("ambient strength").is_none());
+        desk.get_all_by_label("Stage").last().unwrap().click();
+        desk.run();
+        assert_eq!(desk.state().viewer.selection, None);
+        desk.get_by_label("ambient strength").click();
+        desk.run();
+        desk.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::A);
+        desk.event(Event::Text("0.75".into()));
+        desk.key_press(egui::Key::Enter);
+        desk.run();
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().text(), wanted);
+        desk.state_mut().reload();
+        assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
+    }
+    // What the script computes stays.
+    let script = format!("{SCRIPT}let s = 0.5;\nambient(\"white\", s * 0.5);\n");
+    let mut place = Place::new(&script);
+    let now = place.viewer.ambient().unwrap();
+    let error =
+        place.viewer.set_ambient(choreo_viewer::editing::Ambient { strength: 2.0, ..now }).unwrap_err();
+    assert!(error.to_string().contains("ambient(\"white\", s * 0.5) is computed"), "{error}");
+    assert_eq!(place.text(), script);
+    // A sky is added here, and then selected.
+    let mut desk = desk(SCRIPT);
+    desk.get_by_label("add the studio").click();
+    desk.run();
+    assert_eq!(desk.state().text(), format!("{SCRIPT}sky(\"studio\");\n"));
+    desk.state_mut().reload();
+    desk.run();
+    desk.get_by_label("select the sky").click();
+    desk.run();
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Sky));
+}
+
+/// Another program starts only where it is meant, and says what is missing.
+#[test]
+fn a_line_is_opened_in_the_editor_on_purpose_only() {
+    let mut desk = desk(SCRIPT);
+    desk.state_mut().viewer.editor = Editor { command: Some("no-such-editor --wait".into()), terminal: None };
+    desk.state_mut().viewer.go_to = Some(4);
+    desk.run();
+    let pos = desk.get_by_label_contains("   4 let ada").rect().left_center() + vec2(60.0, 0.0);
+    let click = |desk: &mut Harness<'static, Place>, button, modifiers, times: usize| {
+        desk.hover_at(pos);
+        desk.run();
+        let event = |pressed| Event::PointerButton { pos, button, pressed, modifiers };
+        let events = (0..times).flat_map(|_| [true, false].map(event));
+        match modifiers.is_none() {
+            true => desk.input_mut().events.extend(events),
+            false => events.for_each(|event| desk.event_modifiers(event, modifiers)),
+        }
+        desk.step();
+        desk.run();
+    };
+    let primary = egui::PointerButton::Primary;
+    click(&mut desk, primary, egui::Modifiers::NONE, 2);
+    assert_eq!(desk.state().viewer.message, None);
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
+    let missing = "no program \"no-such-editor\" was found to open the script in; set VISUAL in the environment to one that is installed";
+    click(&mut desk, primary, egui::Modifiers::COMMAND, 1);
+    assert_eq!(desk.state().viewer.message.as_deref(), Some(missing));
+    desk.state_mut().viewer.message = None;
+    click(&mut desk, egui::PointerButton::Secondary, egui::Modifiers::NONE, 1);
+    desk.get_by_label("Open line 4 in the editor").click();
+    desk.run();
+    assert_eq!(desk.state().viewer.message.as_deref(), Some(missing));
+    // An editor in a terminal that is missing.
+    let editor = Editor { command: Some("nvim".into()), terminal: Some("no-such-terminal".into()) };
+    let error = editor.open(std::path::Path::new("a.rhai"), 1).unwrap_err().to_string();
+    assert!(error.contains("no program \"") && error.contains("set "), "{error}");
 }
 
 /// A number is typed, and the next click selects another clip: the number belongs to the first.

@@ -6,6 +6,7 @@ mod place;
 mod adding;
 mod finding;
 mod inspecting;
+mod naming;
 mod panels;
 mod renaming;
 mod working;

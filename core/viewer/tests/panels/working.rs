@@ -347,7 +347,7 @@ fn the_inspector_tells_layers_materials_joints_and_parameters() {
     assert!(has(&desk, "metallic 1.00") && has(&desk, "roughness 0.25"));
     // The slider has the range of the manifest, and writes its value into the script.
     click(&mut desk, "vignette on effects");
-    let slider = desk.get_by_role_and_label(Role::SpinButton, "strength").rect();
+    let slider = desk.get_by_role_and_label(Role::Slider, "strength").rect();
     let to = pos2(slider.left() + 4.0, slider.center().y);
     desk.drag_at(to);
     desk.run();

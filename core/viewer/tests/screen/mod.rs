@@ -57,6 +57,29 @@ pub fn there(program: &str) -> bool {
     std::env::split_paths(&std::env::var_os("PATH").unwrap_or_default()).any(|p| p.join(program).is_file())
 }
 
+/// The viewer, to be connected with a display; its settings lie in a folder of their own, and nothing is laid over the images, so that
+/// their pixels are the scene's alone.
+pub fn viewer(device: &str, args: &[&str], folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_choreo-view"));
+    command.args(args).args(["--device", device]).env("XDG_STATE_HOME", folder.join("state"));
+    let settings = folder.join("state/choreo/view.json");
+    if !settings.exists() {
+        fs::create_dir_all(folder.join("state/choreo")).unwrap();
+        fs::write(settings, r#"{"overlays": {"grid": false, "axes": false, "signs": false}}"#).unwrap();
+    }
+    command
+}
+
+/// Starts a viewer in a folder; what it says goes into a file there. `validation`: under the validation layer.
+pub fn started_in(mut command: Command, folder: &Path, validation: bool) -> Running {
+    command.current_dir(folder);
+    if validation {
+        command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
+    }
+    let said = fs::File::create(folder.join("said.txt")).unwrap();
+    Running(command.stdout(said.try_clone().unwrap()).stderr(said).spawn().unwrap())
+}
+
 impl Screen {
     /// `None`, with a word, where this machine lacks what it takes.
     pub fn new() -> Option<Screen> {
@@ -93,34 +116,16 @@ impl Screen {
         self.command_on("vulkan", args, folder)
     }
 
-    /// The viewer on this display, with images of the script's own size; its settings lie in a folder of their own, and
-    /// nothing is laid over the images.
+    /// The viewer on this display, with images of the script's own size, as [`viewer`] has it.
     pub fn command_on(&self, device: &str, args: &[&str], folder: &Path) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_choreo-view"));
-        command
-            .args(args)
-            .args(["--full-size", "--device", device])
-            .env("DISPLAY", &self.display)
-            .env_remove("WAYLAND_DISPLAY");
-        command.env("XDG_STATE_HOME", folder.join("state"));
-        let settings = folder.join("state/choreo/view.json");
-        if !settings.exists() {
-            // Pixels of the image are the scene's alone.
-            fs::create_dir_all(folder.join("state/choreo")).unwrap();
-            fs::write(settings, r#"{"overlays": {"grid": false, "axes": false, "signs": false}}"#).unwrap();
-        }
+        let mut command = viewer(device, args, folder);
+        command.arg("--full-size").env("DISPLAY", &self.display).env_remove("WAYLAND_DISPLAY");
         command
     }
 
     /// Started in that folder; what it says goes into a file.
     pub fn view(&self, args: &[&str], folder: &Path) -> Running {
-        let mut command = self.command(args, folder);
-        command.current_dir(folder);
-        if validated() {
-            command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
-        }
-        let said = std::fs::File::create(folder.join("said.txt")).unwrap();
-        Running(command.stdout(said.try_clone().unwrap()).stderr(said).spawn().unwrap())
+        started_in(self.command(args, folder), folder, validated())
     }
 
     /// Waits for the window.

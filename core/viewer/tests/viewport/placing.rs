@@ -222,3 +222,61 @@ fn a_color_takes_the_place_of_kelvin_if_the_user_agrees_and_keys_get_numbers() {
     );
     harness.state_mut().reload();
 }
+
+/// What a view shows is what the script's camera then shows, and the other way round. Truth: points of the world, projected by the matrices of
+/// the renderer.
+#[test]
+fn a_view_and_the_camera_made_of_it_show_the_same() {
+    const LENSES: [&str; 5] =
+        [".fov(24)", ".focal_length(85)", ".ortho(2.5)", "", ".key(\"fov\", [[0.0, 30], [2.0, 60]])"];
+    let script = |lens: &str, other: &str| {
+        format!(
+            "stage(#{{ size: [640, 360], fps: 25, length: 2.0 }});\ncast(\"box\", shape(\"box\", #{{ size: 1.0 }}));\n\
+             camera(\"from\"){lens}.at(1.5, 2.0, 4.0).look_at([0.1, 0.4, 0.2]);\n\
+             camera(\"to\"){other}.at(-3.0, 1.0, 2.0).look_at([0.0, 0.0, 0.0]);\n"
+        )
+    };
+    let seen = |camera: &choreo_stage::CameraState| -> Vec<glam::DVec2> {
+        let view = choreo_render::plan::View::new(camera, [640, 360]);
+        let points =
+            [[0.5, 0.5, 0.5], [-0.5, 0.5, 0.5], [0.5, -0.5, -0.5], [0.0, 1.0, 0.0], [0.3, 0.0, -1.0]];
+        points
+            .map(|point| {
+                let clip = view.clip_from_relative
+                    * (DVec3::from_array(point) - view.position).as_vec3().extend(1.0);
+                glam::DVec2::new(f64::from(clip.x / clip.w) * 320.0, f64::from(clip.y / clip.w) * 180.0)
+            })
+            .to_vec()
+    };
+    let of_camera = |place: &Place, name: &str| {
+        let mut stage = place.viewer.scene.as_ref().unwrap().stage.as_ref().clone();
+        let camera = stage.cameras.iter().position(|camera| camera.name == name).unwrap();
+        stage.cuts = vec![choreo_stage::Cut { at: Time::ZERO, camera, dissolve: Time::ZERO }];
+        seen(&stage.at(Time::ZERO).unwrap().camera)
+    };
+    let near = |a: &[glam::DVec2], b: &[glam::DVec2]| a.iter().zip(b).all(|(a, b)| (*a - *b).length() < 0.5);
+    for lens in LENSES {
+        for other in LENSES {
+            let mut place = Place::new(&script(lens, other));
+            place.paint();
+            let wanted = of_camera(&place, "from");
+            // The view takes over from the camera.
+            let orbit = *place.viewer.free_camera(0).unwrap();
+            assert!(near(&seen(&orbit.camera()), &wanted), "{lens}: the view");
+            // Another camera, and a new one, take over from the view.
+            place.viewer.edit(|v| v.set_camera("to", &orbit));
+            if lens.contains("ortho") && other.contains("key") {
+                let why = place.viewer.message.clone().unwrap();
+                assert!(why.contains("its \"fov\" has keys"), "{why}");
+                continue;
+            }
+            assert_eq!(place.viewer.message, None, "{lens} to {other}");
+            place.reload();
+            assert!(place.viewer.problems.is_empty(), "{:?}", place.viewer.problems);
+            assert!(near(&of_camera(&place, "to"), &wanted), "{lens} to {other}:\n{}", place.text());
+            place.viewer.edit(|v| v.add_camera_of_view());
+            place.reload();
+            assert!(near(&of_camera(&place, "view 1"), &wanted), "{lens}:\n{}", place.text());
+        }
+    }
+}

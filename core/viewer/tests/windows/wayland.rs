@@ -2,10 +2,9 @@
 //! the validation layer, and on the CPU.
 
 use crate::screen::wayland::{Compositor, KEY_Q, KEY_Z, SIZE};
-use crate::screen::{Running, Shot, assert_quiet, rest, until, validated};
+use crate::screen::{self, Running, Shot, assert_quiet, rest, started_in, until, validated};
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 const SCRIPT: &str = r##"stage(#{ size: [640, 360], fps: 30, length: 4.0, background: #{ top: "#204060", bottom: "#204060" }, view: "none" });
 let ada = cast("ada", load("choreo:mannequin", #{ color: "coral" })).at(-0.8, 0.0, 0.0);
@@ -21,20 +20,9 @@ const PICTURE: [usize; 4] = [200, 110, 900, 540];
 
 fn viewer(compositor: &Compositor, folder: &Path, vulkan: bool) -> Running {
     fs::write(folder.join("a.rhai"), SCRIPT).unwrap();
-    fs::create_dir_all(folder.join("state/choreo")).unwrap();
-    let nothing_above = r#"{"overlays": {"grid": false, "axes": false, "signs": false}}"#;
-    fs::write(folder.join("state/choreo/view.json"), nothing_above).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_choreo-view"));
-    compositor
-        .connect(&mut command)
-        .args(["a.rhai", "--device", if vulkan { "vulkan" } else { "cpu" }])
-        .current_dir(folder);
-    command.env("XDG_STATE_HOME", folder.join("state"));
-    if vulkan && validated() {
-        command.env("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation");
-    }
-    let said = fs::File::create(folder.join("said.txt")).unwrap();
-    Running(command.stdout(said.try_clone().unwrap()).stderr(said).spawn().unwrap())
+    let mut command = screen::viewer(if vulkan { "vulkan" } else { "cpu" }, &["a.rhai"], folder);
+    compositor.connect(&mut command);
+    started_in(command, folder, vulkan && validated())
 }
 
 /// Pixels of the viewport of which this holds, from left to right.

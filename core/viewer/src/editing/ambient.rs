@@ -1,0 +1,131 @@
+//! The light from all around as the script states it: by a call of its own, else as an option of the stage.
+
+use super::{EditError, FieldChange};
+use crate::app::Viewer;
+use choreo_asset::srgb_from_linear;
+use choreo_session::edit::{Anew, ScriptObject, format_number};
+use glam::Vec3;
+
+/// The light from all around: colors in sRGB, and how strong they are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ambient {
+    pub up: [u8; 3],
+    pub down: [u8; 3],
+    pub strength: f64,
+}
+
+impl Viewer {
+    /// The light from all around, with the strength that the script writes.
+    pub fn ambient(&self) -> Option<Ambient> {
+        let settings = &self.scene.as_ref()?.stage.settings;
+        let strength = strength_of(&self.ambient_written().unwrap_or_default());
+        let color = |linear: Vec3| {
+            let one = linear / strength.max(1e-9) as f32;
+            one.to_array().map(|v| (srgb_from_linear(f64::from(v.clamp(0.0, 1.0))) * 255.0).round() as u8)
+        };
+        Some(Ambient { up: color(settings.ambient_up), down: color(settings.ambient_down), strength })
+    }
+
+    /// The line of the call that states it, where it is no option of the stage.
+    pub fn ambient_line(&self) -> Option<usize> {
+        self.scene.as_ref()?.places.ambient.as_ref().map(|place| place.line)
+    }
+
+    fn ambient_written(&self) -> Option<String> {
+        let place = self.scene.as_ref()?.places.ambient.clone();
+        match place {
+            Some(place) => self.read_object(&place, 1, |object| Some(object.inside().to_string())),
+            None => self.stage_written().remove("ambient"),
+        }
+    }
+
+    /// Changes it where the script states it, else as an option of the stage.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn set_ambient(&mut self, to: Ambient) -> Result<(), EditError> {
+        let place = self.scene.as_ref().ok_or(EditError::NothingShown)?.places.ambient.clone();
+        let (from, written) = (self.ambient(), self.ambient_written().unwrap_or_default());
+        let same_color = from.is_some_and(|from| from.up == to.up && from.down == to.down);
+        let hex = |[r, g, b]: [u8; 3]| format!("\"#{r:02x}{g:02x}{b:02x}\"");
+        let strength = format_number(to.strength);
+        let (even, is_one) = (to.up == to.down, to.strength == 1.0);
+        let white = even && to.up == [255; 3];
+        let map = |colors: String| match is_one {
+            true => format!("#{{ {colors} }}"),
+            false => format!("#{{ {colors}, strength: {strength} }}"),
+        };
+        let value = match (&place, even) {
+            _ if white && (place.is_none() || written.parse::<f64>().is_ok()) => strength,
+            (_, false) => map(format!("up: {}, down: {}", hex(to.up), hex(to.down))),
+            (None, true) if is_one => hex(to.up),
+            (None, true) => map(format!("color: {}", hex(to.up))),
+            (Some(_), true) => {
+                let first =
+                    arguments(&written).first().filter(|first| same_color && is_color(first)).copied();
+                let color = first.map_or_else(|| hex(to.up), str::to_string);
+                if is_one { color } else { format!("{color}, {strength}") }
+            }
+        };
+        match place {
+            Some(place) => self.change(&place, 1, |text| {
+                ScriptObject::at(text, place.line, place.column)?.state_inside(&value)
+            }),
+            None => self.change_stage(&FieldChange::Value("ambient", value, Anew::Option)),
+        }
+    }
+}
+
+/// The arguments of a call, as they are written.
+fn arguments(written: &str) -> Vec<&str> {
+    let (mut depth, mut from, mut all) = (0usize, 0, Vec::new());
+    for (at, c) in written.char_indices() {
+        match c {
+            '[' | '{' | '(' => depth += 1,
+            ']' | '}' | ')' => depth = depth.saturating_sub(1),
+            ',' if depth == 0 => {
+                all.push(written[from..at].trim());
+                from = at + 1;
+            }
+            _ => {}
+        }
+    }
+    all.push(written[from..].trim());
+    all
+}
+
+fn is_color(argument: &str) -> bool {
+    argument.starts_with(['"', '['])
+}
+
+/// The strength that is written beside colors; 1 where none is.
+fn strength_of(written: &str) -> f64 {
+    let in_map = written.trim().strip_prefix("#{").and_then(|map| map.split_once("strength:"));
+    let number = match in_map {
+        Some((_, rest)) => rest.split([',', '}']).next(),
+        None => arguments(written).last().copied(),
+    };
+    let number = number.and_then(|number| number.trim().parse::<f64>().ok());
+    number.filter(|number| *number > 0.0).unwrap_or(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::strength_of;
+
+    #[test]
+    fn the_strength_is_read_in_each_form() {
+        for (written, strength) in [
+            ("", 1.0),
+            ("\"white\"", 1.0),
+            ("\"white\", 0.4", 0.4),
+            ("[0.1, 0.2, 0.3]", 1.0),
+            ("[0.1, 0.2, 0.3], 2", 2.0),
+            ("0.5", 0.5),
+            ("#{ up: \"white\", down: \"black\", strength: 0.25 }", 0.25),
+            ("#{ up: \"white\" }", 1.0),
+        ] {
+            assert_eq!(strength_of(written), strength, "{written}");
+        }
+    }
+}

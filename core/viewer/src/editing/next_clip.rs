@@ -1,0 +1,92 @@
+//! When a clip that is added to an actor begins, and what becomes of the clips that play there already.
+
+use crate::app::Viewer;
+use crate::state::selection::actor;
+use choreo_motion::{Repeat, Time};
+use choreo_stage::Cue;
+
+/// Seconds in which an added clip takes over from the one before it.
+pub(super) const FADE: f64 = 0.3;
+
+/// When a clip ends, by itself or since the script says so; `None` where it repeats.
+fn end_of(cue: &Cue) -> Option<Time> {
+    cue.end.or_else(|| cue.played_through().filter(|_| cue.repeat == Repeat::Once))
+}
+
+impl Viewer {
+    /// The clips of an actor's base layer in the order of their starts.
+    fn base_cues(&self, name: &str) -> Vec<&Cue> {
+        let stage = self.scene.as_ref().map(|scene| &scene.stage);
+        let layer = stage.and_then(|stage| stage.actors[actor(stage, name)?].layers.first());
+        let mut cues: Vec<&Cue> = layer.into_iter().flat_map(|layer| &layer.cues).collect();
+        cues.sort_by_key(|cue| cue.start);
+        cues
+    }
+
+    /// Whether an actor plays a clip on its whole body.
+    pub(super) fn plays(&self, name: &str) -> bool {
+        !self.base_cues(name).is_empty()
+    }
+
+    /// When a clip begins that comes after all others of an actor: at the end of the last, less the crossfade where that plays to its end. A last
+    /// clip without end goes on until the playhead, else for one round. Where there is none, the playhead.
+    pub(super) fn after_last_clip(&self, name: &str) -> f64 {
+        let now = self.playhead.time();
+        let cues = self.base_cues(name);
+        let Some(last) = cues.last() else { return now.as_secs() };
+        let begins = last.start.as_secs();
+        match (last.end, end_of(last)) {
+            (Some(end), _) => end.as_secs(),
+            (None, Some(end)) => {
+                let end = end.as_secs();
+                end - FADE.min((end - begins) / 2.0)
+            }
+            _ if now > last.start => now.as_secs(),
+            _ => {
+                let (from, to) = last.trim;
+                begins + (to - from).as_secs() / last.speed.abs().max(1e-9)
+            }
+        }
+    }
+
+    /// What a clip does to others that an actor plays, where it begins: in words, since only one of them has the whole body. `layer`: the
+    /// row to which it was added.
+    pub(super) fn takes_over(&self, name: &str, clip: &str, secs: f64, layer: usize) -> Option<String> {
+        let at = Time::from_secs(secs);
+        let cues = self.base_cues(name);
+        let before = cues.iter().rev().find(|cue| cue.start <= at);
+        // A crossfade at its end takes nothing away from it.
+        let over = before.filter(|cue| end_of(cue).is_none_or(|end| end.as_secs() > secs + FADE + 1e-3));
+        let next = cues.iter().find(|cue| cue.start > at);
+        let mut parts = Vec::new();
+        if layer > 0 {
+            parts.push(format!(
+                "{clip} has no mask as row +{layer} has: it plays on the whole body of {name}"
+            ));
+        }
+        let time = |time: Time| self.shown_time(time);
+        match (over, next) {
+            (Some(over), next) => {
+                let until = next.map(|next| format!(" until {} at {}", next.clip.name, time(next.start)));
+                let until = until.unwrap_or_default();
+                parts.push(format!("{clip} takes over from {} at {}{until}", over.clip.name, time(at)));
+            }
+            (None, Some(next)) => {
+                parts.push(format!(
+                    "{clip} plays until {} takes over at {}",
+                    next.clip.name,
+                    time(next.start)
+                ));
+            }
+            (None, None) => {}
+        }
+        if over.is_some() || layer > 0 {
+            parts.push("state a mask (on, in the inspector) to play it beside what plays".to_string());
+        }
+        let length = self.playhead.length();
+        if at >= length {
+            parts.push(format!("it begins where the scene ends, at {}: make the stage longer", time(length)));
+        }
+        (!parts.is_empty()).then(|| parts.join("; "))
+    }
+}

@@ -1,0 +1,124 @@
+//! Free places on the ground for what is added: beside what stands there, by bounds.
+
+use super::placing::placement;
+use crate::geometry::picking;
+use choreo_motion::Time;
+use choreo_stage::{Actor, ActorState, Stage};
+use glam::{DAffine3, DVec2, DVec3};
+
+/// Height of ground as a part of its width.
+const FLAT: f64 = 0.05;
+/// What is so many times as wide as the added object in both directions is a set, within which it stands.
+const SET: f64 = 8.0;
+/// Metres between bounds, as a part of the added object's width.
+const GAP: f64 = 0.15;
+
+/// The rectangle that an object covers on the ground: x and z, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Footprint {
+    pub low: DVec2,
+    pub high: DVec2,
+}
+
+impl Footprint {
+    fn of(low: DVec3, high: DVec3) -> Footprint {
+        Footprint { low: DVec2::new(low.x, low.z), high: DVec2::new(high.x, high.z) }
+    }
+
+    /// Around a place at which nothing is known of an object but how wide it is.
+    pub fn around(half: f64) -> Footprint {
+        Footprint { low: DVec2::splat(-half), high: DVec2::splat(half) }
+    }
+
+    pub fn moved(self, by: DVec3) -> Footprint {
+        let by = DVec2::new(by.x, by.z);
+        Footprint { low: self.low + by, high: self.high + by }
+    }
+
+    fn size(self) -> DVec2 {
+        self.high - self.low
+    }
+
+    fn meets(self, other: Footprint, gap: f64) -> bool {
+        (self.low - gap).cmplt(other.high).all() && (self.high + gap).cmpgt(other.low).all()
+    }
+}
+
+/// The bounds of an actor as it stands at a time, else as it rests; `None` where it has no surface or is ground.
+pub(super) fn footprint(actor: &Actor, state: Option<&ActorState>, time: Time) -> Option<Footprint> {
+    let posed = state.filter(|state| state.visible).and_then(|state| picking::bounds(&actor.asset, state));
+    let (low, high) = posed.or_else(|| {
+        let rest = actor.asset.rest_bounds();
+        let placed = placement(actor, time);
+        let world_from_model =
+            DAffine3::from_scale_rotation_translation(placed.scale, placed.rotation, placed.translation);
+        let corners = rest.corners().map(|corner| world_from_model.transform_point3(corner.as_dvec3()));
+        let low = corners.into_iter().reduce(DVec3::min).filter(|_| !rest.is_empty())?;
+        Some((low, corners.into_iter().reduce(DVec3::max)?))
+    })?;
+    let size = high - low;
+    (size.y > FLAT * size.x.max(size.z)).then(|| Footprint::of(low, high))
+}
+
+/// Where the actors of a stage stand at a time.
+pub(super) fn taken(stage: &Stage, time: Time) -> Vec<Footprint> {
+    // A stage that cannot be evaluated has its rest poses.
+    let snapshot = stage.at(time).ok();
+    let state = |index: usize| snapshot.as_ref().and_then(|s| s.actors.get(index));
+    let all = stage.actors.iter().enumerate();
+    all.filter_map(|(index, actor)| footprint(actor, state(index), time)).collect()
+}
+
+/// Those of the places that stand in the way of an object of a width.
+fn in_the_way(taken: &[Footprint], own: Footprint) -> impl Iterator<Item = Footprint> {
+    let is_set =
+        move |other: &Footprint| (other.size() / own.size().max(DVec2::splat(1e-9))).min_element() > SET;
+    taken.iter().copied().filter(move |other| !is_set(other))
+}
+
+/// Whether an object has room where it stands.
+pub(super) fn is_free(taken: &[Footprint], own: Footprint) -> bool {
+    in_the_way(taken, own).all(|other| !own.meets(other, 0.0))
+}
+
+/// The free place that is nearest to a point along x. `own`: as the object stands at the origin.
+pub(super) fn nearest_free(taken: &[Footprint], own: Footprint, around: DVec3) -> DVec3 {
+    let gap = GAP * own.size().max_element();
+    let others: Vec<Footprint> = in_the_way(taken, own).collect();
+    let beside = others
+        .iter()
+        .flat_map(|other| [(other.high.x - own.low.x + gap, 1.0), (other.low.x - own.high.x - gap, -1.0)]);
+    // Outward to the tenth, or to a digit of what is small.
+    let parts = if own.size().max_element() > 0.5 { 10.0 } else { 1000.0 };
+    let beside = beside.map(|(x, side)| side * (x * side * parts).ceil() / parts);
+    let at = |x: f64| DVec3::new(x, around.y, around.z);
+    let mut places: Vec<f64> = std::iter::once(around.x).chain(beside).collect();
+    places.sort_by(|a, b| (a - around.x).abs().total_cmp(&(b - around.x).abs()));
+    let free = |x: &f64| others.iter().all(|other| !own.moved(at(*x)).meets(*other, gap * 0.5));
+    places.iter().copied().find(free).map_or(around, at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn foot(x: [f64; 2], z: [f64; 2]) -> Footprint {
+        Footprint { low: DVec2::new(x[0], z[0]), high: DVec2::new(x[1], z[1]) }
+    }
+
+    #[test]
+    fn the_next_stands_beside_those_there_and_inside_a_hall() {
+        let own = foot([-0.5, 0.5], [-0.5, 0.5]);
+        let mut taken = vec![foot([-20.0, 20.0], [-20.0, 20.0])];
+        assert_eq!(nearest_free(&taken, own, DVec3::new(1.0, 0.0, 2.0)), DVec3::new(1.0, 0.0, 2.0));
+        for _ in 0..5 {
+            let at = nearest_free(&taken, own, DVec3::ZERO);
+            assert!(is_free(&taken, own.moved(at)), "{at}");
+            assert!(at.x.abs() <= 2.0 * 1.3 && at.z == 0.0, "{at}");
+            taken.push(own.moved(at));
+        }
+        // Behind them there is room.
+        let behind = DVec3::new(0.0, 0.0, -3.0);
+        assert_eq!(nearest_free(&taken, own, behind), behind);
+    }
+}
