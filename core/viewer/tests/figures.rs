@@ -329,3 +329,170 @@ fn five_thousand_bars_are_scrolled_and_zoomed() {
         load()
     );
 }
+
+/// An effect that only takes time: TIMES turns of a loop for each pixel.
+const HEAVY: &str = "// effect: heavy\n// about: takes its time\n// version: 1\n// param amount = 0.5 in 0..1: how much\n\
+    fn effect(color: vec4<f32>, uv: vec2<f32>, p: array<f32, 8>) -> vec4<f32> {\n    var sum = 0.0;\n    \
+    for (var i = 0; i < TIMES; i = i + 1) {\n        sum = sum + fract(sum * 1.7 + uv.x * f32(i));\n    }\n    \
+    return color * (1.0 + 0.0001 * p[amount] * fract(sum));\n}\n";
+
+/// Dancers, so that each frame has another image.
+const DANCERS: &str = r##"stage(#{ size: [640, 360], fps: 30, length: 8.0 });
+let moves = load("choreo:mannequin");
+for n in 0..4 { cast(`d${n}`, moves).at(n - 1.5, 0.0, 0.0).play(moves.clip("Dance_Groove")); }
+camera("wide").at(0.0, 1.5, 5.0).look_at([0.0, 0.9, 0.0]);
+sun(#{ direction: [-0.6, -1.0, -0.9] });
+effect("heavy");
+"##;
+
+/// Times of the viewer's own clock and of the frames, as it reports them.
+struct Seen {
+    /// Milliseconds of the viewer's clock at which an image was on the screen.
+    at: f64,
+    frame: f64,
+    when: Instant,
+}
+
+/// Everything of one measurement ends before this, whatever the machine does.
+const LIMIT: Duration = Duration::from_secs(120);
+
+/// A viewer with slow frames, and the time at which its measurement ends.
+struct Slow<'s> {
+    screen: &'s Screen,
+    viewer: &'s ViewerProcess,
+    window: String,
+    end: Instant,
+}
+
+impl Slow<'_> {
+    fn image(&self, patience: Duration) -> Option<Seen> {
+        let (when, shown) = self.viewer.shown_before(self.end.min(Instant::now() + patience))?;
+        let number = |name: &str| shown[name].as_f64().unwrap_or(f64::NAN);
+        Some(Seen { at: number("ms"), frame: number("frame_ms"), when })
+    }
+
+    fn to(&self, x: usize, y: usize) {
+        let place = [x.to_string(), y.to_string()];
+        self.screen.xdotool(&["mousemove", "--window", &self.window, &place[0], &place[1]]);
+    }
+
+    /// Waits until no image comes any more.
+    fn quiet(&self, frame: Duration) {
+        while self.image(frame * 2).is_some() {}
+    }
+
+    /// From a move of the mouse with its button down until its image is on the screen, in times of that frame, move by move.
+    fn moves(&self, y: usize, frame: Duration) -> Vec<f64> {
+        self.to(300, y);
+        self.quiet(frame);
+        self.screen.xdotool(&["mousedown", "1"]);
+        self.quiet(frame);
+        let mut ratios = Vec::new();
+        for step in 1..=8 {
+            self.viewer.meanwhile();
+            let begin = Instant::now();
+            self.to(300 + step * 40, y);
+            let Some(seen) = self.image(frame * 10) else { break };
+            ratios.push((seen.when - begin).as_secs_f64() * 1e3 / seen.frame);
+            self.quiet(frame);
+        }
+        self.screen.xdotool(&["mouseup", "1"]);
+        ratios.sort_by(f64::total_cmp);
+        ratios
+    }
+
+    /// Moves over a height of the window, to and fro, 125 times a second for some time; the images that were shown meanwhile.
+    fn glide(&self, y: usize, secs: f64) -> Vec<Seen> {
+        let steps = (secs / 0.008) as usize;
+        let moves: Vec<String> = (0..steps)
+            .flat_map(|n| {
+                let x = (300 + (n % 600)).to_string();
+                ["mousemove", "--window", &self.window, &x, &y.to_string(), "sleep", "0.008"]
+                    .map(str::to_string)
+            })
+            .collect();
+        self.screen.xdotool(&moves.iter().map(String::as_str).collect::<Vec<_>>());
+        std::iter::from_fn(|| self.image(Duration::from_millis(100))).collect()
+    }
+}
+
+/// From a move of the mouse to the image that belongs to it; images while it goes on moving; and how often the window is drawn while a frame
+/// takes a second. An effect is made so slow that one does. Every wait has an end: what is late is left out, with a word.
+#[test]
+#[ignore = "takes two minutes, and is a measurement"]
+fn drags_and_scrubs_beside_slow_frames() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let heavy =
+        |times: usize| fs::write(at("heavy.wgsl"), HEAVY.replace("TIMES", &times.to_string())).unwrap();
+    heavy(20);
+    fs::write(at("a.rhai"), DANCERS).unwrap();
+    let script = at("a.rhai");
+    let viewer = ViewerProcess::start(screen.command_on("auto", &[script.to_str().unwrap()], folder.path()));
+    let end = Instant::now() + LIMIT;
+    let Some((_, first)) = viewer.shown_before(end) else {
+        return println!("no image within {} s: the machine is too busy to measure", LIMIT.as_secs());
+    };
+    let window = screen.window();
+    let slow = Slow { screen: &screen, viewer: &viewer, window, end };
+    // More turns until a frame takes a second.
+    let (mut times, mut frame) = (20, first["frame_ms"].as_f64().unwrap());
+    while frame < 1000.0 && times < 100_000 {
+        times = ((times as f64 * (1300.0 / frame.max(1.0)).min(8.0)) as usize).max(times + 1);
+        heavy(times);
+        let Some(seen) = slow.image(LIMIT) else { break };
+        frame = seen.frame;
+    }
+    let one = Duration::from_secs_f64(frame / 1e3);
+    println!("a frame takes {frame:.0} ms on {}, load {}\n", first["device"], load());
+    println!("| the mouse | images | to the screen, in frame times, median | worst |\n|---|---|---|---|");
+    let ruler = 636;
+    for (name, y) in [("scrubs on the ruler", ruler), ("turns the camera", 300)] {
+        let ratios = slow.moves(y, one);
+        match ratios.is_empty() {
+            true => println!("| {name} | 0: none came in time | | |"),
+            false => println!(
+                "| {name} | {} | {:.2} | {:.2} |",
+                ratios.len(),
+                part(&ratios, 50),
+                part(&ratios, 100)
+            ),
+        }
+    }
+    // While the mouse goes on and on, each frame is followed by the next.
+    slow.to(300, ruler);
+    slow.screen.xdotool(&["mousedown", "1"]);
+    slow.viewer.meanwhile();
+    let images = slow.glide(ruler, 8.0 * one.as_secs_f64().min(2.0));
+    slow.screen.xdotool(&["mouseup", "1"]);
+    let gaps: Vec<f64> = images.windows(2).map(|pair| (pair[1].at - pair[0].at) / pair[1].frame).collect();
+    match gaps.is_empty() {
+        true => println!("\nno two images came while it scrubbed"),
+        false => println!("\nwhile it scrubs without a rest: an image every {:.2} frame times", median(gaps)),
+    }
+    slow.quiet(one);
+    // A frame is asked for, and the mouse moves over the bars while it is drawn.
+    slow.screen.save(&slow.window, "slow_frames.png");
+    viewer.painted();
+    slow.to(1100, ruler);
+    screen.xdotool(&["click", "1"]);
+    let mut images = Vec::new();
+    while images.is_empty() && Instant::now() < end {
+        images = slow.glide(760, 0.5);
+    }
+    let Some(seen) = images.first() else { return println!("the frame did not come in time") };
+    let number = |paint: &serde_json::Value, name: &str| paint[name].as_f64().unwrap_or(f64::NAN);
+    let drawn = seen.at - seen.frame..seen.at;
+    let paints: Vec<_> = viewer.painted().into_iter().filter(|p| drawn.contains(&number(p, "ms"))).collect();
+    let all = |name: &str| paints.iter().map(|paint| number(paint, name)).collect::<Vec<_>>();
+    let (panels, whole) = (all("panels_ms"), all("whole_ms"));
+    println!(
+        "the window is drawn {:.0} times a second while a frame takes {:.0} ms: {:.1} ms each, {:.1} ms of it panels; load {}",
+        paints.len() as f64 / (seen.frame / 1e3),
+        seen.frame,
+        if whole.is_empty() { f64::NAN } else { median(whole) },
+        if panels.is_empty() { f64::NAN } else { median(panels) },
+        load()
+    );
+}

@@ -14,6 +14,7 @@ mod image;
 mod lost_display;
 mod open;
 mod painter;
+mod priority;
 mod raster;
 mod shot;
 mod software;

@@ -54,6 +54,17 @@ impl ViewerProcess {
         }
     }
 
+    /// The next image on the screen that comes before a time; `None` where none does.
+    pub fn shown_before(&self, end: Instant) -> Option<(Instant, Value)> {
+        loop {
+            let left = end.checked_duration_since(Instant::now())?;
+            let (when, value) = self.lines.recv_timeout(left).ok()?;
+            if value["event"] == "shown" {
+                return Some((when, value));
+            }
+        }
+    }
+
     /// The next version that is there, later than `after`: its number, and whether it is faulty.
     pub fn version(&self, after: u64) -> (u64, bool) {
         loop {
