@@ -152,12 +152,16 @@ fn quality_trades_size_for_error() {
     };
     let (Some(low), Some(high)) = (at(20.0), at(95.0)) else { return };
     assert!(low.0 > 1.3 * high.0 && low.1 * 2 < high.1, "{low:?} {high:?}");
-    // Every quantizer that the encoder has left at the end of the scale: 14, 13 and 12, each for two numbers.
+    // Each number at the end of the scale has a quantizer of its own: 17, 16, … 12.
     let all: Vec<(f64, usize)> = (95..=100).map(|quality| at(f64::from(quality)).unwrap()).collect();
     println!("error and size from quality 95 to 100: {all:?}");
-    let pairs = all.as_chunks::<2>().0;
-    assert!(pairs.iter().all(|[a, b]| a == b), "{all:?}");
-    assert!(pairs.is_sorted_by(|a, b| a[0].0 > b[0].0 && a[0].1 < b[0].1), "{all:?}");
+    assert!(all.is_sorted_by(|a, b| a.0 > b.0 && a.1 < b.1), "{all:?}");
+    // And the numbers between the default and these are no better than them.
+    let default = at(75.0).unwrap();
+    assert!(
+        default.0 > all[0].0 && default.1 < all[0].1 && at(94.0).unwrap() == all[0],
+        "{default:?} {all:?}"
+    );
 }
 
 #[test]
