@@ -82,7 +82,7 @@ impl ScriptObject<'_> {
         }
     }
 
-    /// Where its variable is declared in the statement that makes it, and the variable.
+    /// The byte at which its variable is declared in the statement that makes it, and the variable.
     fn declared(&self) -> Option<(usize, &str)> {
         let start = self.text.statement_start(self.made.name.start);
         let name = self.text.variable_of(start).filter(|name| self.variable.as_deref() == Some(name))?;

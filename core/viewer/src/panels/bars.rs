@@ -69,14 +69,18 @@ impl Lane {
         self.secs(viewer, REACH) - self.secs(viewer, 0.0)
     }
 
-    /// A dragged time, snapped to times near it that do not belong to what is dragged, else to a tenth of a second that is a frame, which
-    /// reads better, else to frames.
+    /// A dragged time, snapped to times near it that do not belong to what is dragged, else to a frame.
     pub fn snapped(&self, viewer: &Viewer, x: f32, not: Option<&Bar>) -> f64 {
-        let (secs, reach) = (self.secs(viewer, x), self.reach(viewer));
+        let secs = self.secs(viewer, x);
+        let near = viewer.attracted(secs, self.reach(viewer), not);
+        near.unwrap_or_else(|| self.on_frame(viewer, secs))
+    }
+
+    /// A tenth of a second near a time that is a frame, which reads better, else the nearest frame.
+    fn on_frame(&self, viewer: &Viewer, secs: f64) -> f64 {
         let tenth = (secs * 10.0).round() / 10.0;
-        let is_near = viewer.snap && (tenth - secs).abs() <= reach / 2.0 && viewer.snapped(tenth) == tenth;
-        let near = viewer.attracted(secs, reach, not);
-        near.or(is_near.then_some(tenth)).unwrap_or_else(|| viewer.snapped(secs))
+        let is_near = (tenth - secs).abs() <= self.reach(viewer) / 2.0 && viewer.snapped(tenth) == tenth;
+        if viewer.snap && is_near { tenth } else { viewer.snapped(secs) }
     }
 
     fn place(&self, viewer: &Viewer, from: f64, to: f64) -> Rect {
@@ -237,7 +241,7 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
     let ends = viewer.attracted(wanted + length, reach, Some(bar)).map(|end| end - length);
     let near = starts.into_iter().chain(ends);
     let near = near.min_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs()));
-    let start = near.unwrap_or_else(|| viewer.snapped(wanted));
+    let start = near.unwrap_or_else(|| lane.on_frame(viewer, wanted));
     let start = start.max(0.0);
     if let Some(other) = other_row(ui, viewer, bar, lane, response.interact_pointer_pos()?) {
         let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Foreground, id));
@@ -271,7 +275,7 @@ fn other_row(ui: &Ui, viewer: &Viewer, bar: &Bar, lane: &Lane, at: Pos2) -> Opti
     (row != lane.row && (bar.strip.is_some() || is_actor)).then_some(Lane { rect, row })
 }
 
-/// What happens to a clip that is let go over a row: why it is refused, else how many joints follow.
+/// A text for a clip that is held over a row: why it is refused there, else how many joints follow.
 fn onto(ui: &Ui, viewer: &Viewer, bar: &Bar, row: usize) -> Option<String> {
     let on = match viewer.actor_for(bar, row) {
         Ok(on) => on,

@@ -44,7 +44,7 @@ impl Form<'_> {
         Form { stated, owner: "", is_cue: matches!(what, Selected::Cue { .. }), end: None }
     }
 
-    /// With the end of its bar.
+    /// The same form, which knows the end of the bar.
     fn with_end(self, viewer: &Viewer, what: &Selected) -> Self {
         let bar = viewer.bars().find(|bar| bar.what == *what);
         Form { end: bar.map(|bar| bar.until.as_secs()), ..self }

@@ -7,7 +7,7 @@ use crate::state::selection::Selected;
 use egui::text::{CCursor, CCursorRange};
 use egui::{Area, Frame, Key, Order, Pos2, TextEdit, Ui};
 
-/// What is renamed, and what was typed so far.
+/// The thing that is renamed, and the text that was typed so far.
 #[derive(Default)]
 pub struct NameField {
     what: Option<Selected>,

@@ -161,7 +161,7 @@ fn images_are_kept_by_content() {
     assert!(failed.contains("size"), "{failed}");
 }
 
-/// Of 64 MB of images, the oldest goes when another one comes; of 63 MB none.
+/// The oldest of 64 MB of images goes when another one comes; none of 63 MB does.
 #[test]
 fn no_more_than_64_mb_of_images_are_kept() {
     let folder = tempfile::tempdir().unwrap();

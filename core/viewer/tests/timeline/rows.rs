@@ -170,3 +170,20 @@ fn bars_keep_their_colors_when_others_come() {
         after.iter().filter(|(label, _)| !label.contains('\u{201c}')).map(|(_, kind)| kind % 16).collect();
     assert!(distinct.len() >= 3, "{after:?}");
 }
+
+/// Each tenth is a frame at 30 frames a second: a bar that is let go near one begins there, as a person would write it.
+#[test]
+fn a_bar_prefers_tenths_that_are_frames() {
+    let script = SCRIPT.replace("fps: 25", "fps: 30").replace("length: 8.0", "length: 2.5");
+    let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
+    let second = desk.get_by_label("time").rect().width() / 2.5;
+    let bow = desk.get_by_label("Bow on ada +1").rect().center();
+    // 17 of 30 frames are 0.567 s; the tenth is within reach of 0.305.
+    for (by, start) in [(0.305, "1.3"), (17.0 / 30.0, "1.566666667")] {
+        drag(&mut desk, bow, bow + vec2(by * second, 0.0));
+        let written = format!("\"Bow\")).from({start})");
+        assert!(desk.state().text().contains(&written), "{}", desk.state().text());
+        desk.state_mut().reload_with(&script);
+        desk.run();
+    }
+}
