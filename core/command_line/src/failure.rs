@@ -181,3 +181,12 @@ pub(crate) fn write_failure(shown: &str, error: WriteError) -> Failure {
         error => Failure::Output(format!("{shown}: cannot write: {error}")),
     }
 }
+
+/// Refuses more of something than its limit.
+pub(crate) fn too_many(count: u64, name: &str, limit: u64) -> Result<(), Failure> {
+    if count <= limit {
+        return Ok(());
+    }
+    let hint = choreo_script::raise_hint(name, limit);
+    Err(Failure::input(format!("too many {name} for one render: {count}\n    hint: {hint}")))
+}

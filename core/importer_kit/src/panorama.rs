@@ -14,7 +14,7 @@ pub(crate) const MAX_PANORAMA_PIXELS: u64 = 32 << 20;
 /// Reads a panorama from the bytes of a Radiance or OpenEXR file.
 ///
 /// # Errors
-/// Another format, a damaged file, more than [`MAX_PANORAMA_PIXELS`], other proportions than 2:1, and texels that are not finite.
+/// Another format, a damaged file, more than `MAX_PANORAMA_PIXELS`, other proportions than 2:1, and texels that are not finite.
 pub fn panorama(name: &str, bytes: &[u8]) -> Result<Panorama> {
     let fail = |what: String| Problem::new(name.to_string(), what);
     let image = match bytes {

@@ -66,7 +66,7 @@ pub use run::{NO_THREAD, Script, ScriptOptions, Touched, run_file, run_file_touc
 pub use tokens::{InnerCode, comments, token_ranges, tokens_with_inner};
 // The same words for a slip of the hand everywhere.
 pub use api::clip::{NothingFollows, mapping_lines};
-pub use api::cue::easing_names;
+pub use api::easing::easing_names;
 pub use api::keys::HOW as KEY_INTERPOLATIONS;
 pub(crate) use choreo_plugin::suggest;
 pub use choreo_plugin::suggest::{closest, did_you_mean};

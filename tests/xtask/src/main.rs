@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cargo xtask test [--no-install] [FILTER]   install what the tests need, run all of them, count
-//! cargo xtask lint                           formatting and clippy
+//! cargo xtask lint                           formatting, clippy, and links of the documentation
 //! cargo xtask bench [--quick]                the README's table: CPU seconds, memory, first image
 //! cargo xtask frames [--quick] [--gpu NAME] [FILTER]  frames a second of scenes, and what each effect costs
 //! cargo xtask fuzz TARGET [--seconds N]      libFuzzer on a target of tests/fuzz

@@ -1,10 +1,10 @@
-//! Imports between the modules of a crate point one way: a test reads every crate's sources and refuses cycles that contain a folder.
-//! Files that lie side by side in a flat crate may know each other.
+//! Imports between the modules of a crate point one way: a test reads every crate's sources and refuses cycles that contain a folder,
+//! in the crate's root and in each of its folders. Files that lie side by side may know each other.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// A top-level module of a crate.
+/// A module in the root of a crate or in one of its folders.
 #[derive(Default)]
 struct Module {
     is_folder: bool,
@@ -14,30 +14,53 @@ struct Module {
 
 type Modules = BTreeMap<String, Module>;
 
-/// The modules of a `src` folder. Texts of files with tests alone are left out.
-fn modules(src: &Path) -> Modules {
+/// The modules in a folder, `api::` for that of the module `api` and empty for the root. Texts of files with tests alone are left out.
+fn modules(folder: &Path, at: &str) -> Modules {
     let mut modules = Modules::new();
-    for entry in std::fs::read_dir(src).unwrap().flatten() {
+    for entry in std::fs::read_dir(folder).unwrap().flatten() {
         let path = entry.path();
-        let name = path.file_stem().unwrap().to_string_lossy().into_owned();
+        let name = stem(&path);
+        let inside = below(at, &name);
         let module = modules.entry(name).or_default();
-        module.is_folder |= path.is_dir();
-        read(&path, &mut module.code);
+        // A folder with nothing but tests belongs to the file beside it.
+        module.is_folder |= std::fs::read_dir(&path)
+            .is_ok_and(|mut files| files.any(|file| file.is_ok_and(|file| stem(&file.path()) != "tests")));
+        read(&path, &inside, &mut module.code);
     }
     modules
 }
 
-fn read(path: &Path, code: &mut String) {
+fn stem(path: &Path) -> String {
+    path.file_stem().unwrap().to_string_lossy().into_owned()
+}
+
+/// The path of a file's module, which is that of the folder for `mod.rs`.
+fn below(at: &str, name: &str) -> String {
+    if ["lib", "main", "mod"].contains(&name) { at.to_string() } else { format!("{at}{name}::") }
+}
+
+fn read(path: &Path, at: &str, code: &mut String) {
     if path.is_dir() {
-        std::fs::read_dir(path).unwrap().flatten().for_each(|entry| read(&entry.path(), code));
-    } else if path.extension().is_some_and(|e| e == "rs")
-        && path.file_stem().is_some_and(|stem| stem != "tests")
-    {
+        for entry in std::fs::read_dir(path).unwrap().flatten() {
+            read(&entry.path(), &below(at, &stem(&entry.path())), code);
+        }
+    } else if path.extension().is_some_and(|e| e == "rs") && stem(path) != "tests" {
         let text = std::fs::read_to_string(path).unwrap();
         let text = text.split("#[cfg(test)]\nmod").next().unwrap_or_default();
         let lines = text.lines().filter(|line| !line.trim_start().starts_with("//"));
-        lines.for_each(|line| *code += &format!("{line}\n"));
+        lines.for_each(|line| *code += &format!("{}\n", from_root(line, at)));
     }
+}
+
+/// A line of the module at a path with `crate::a::` in place of `super::`.
+fn from_root(line: &str, at: &str) -> String {
+    let names: Vec<&str> = at.split_terminator("::").collect();
+    let mut line = line.to_string();
+    for up in (1..=names.len()).rev() {
+        let around: String = names[..names.len() - up].iter().map(|name| format!("{name}::")).collect();
+        line = line.replace(&"super::".repeat(up), &format!("crate::{around}"));
+    }
+    line
 }
 
 fn first_name(text: &str) -> &str {
@@ -64,10 +87,10 @@ fn names_after<'t>(text: &'t str, prefix: &str) -> Vec<&'t str> {
     names
 }
 
-/// The module that each name re-exported by `lib.rs` comes from.
-fn re_exports(lib: &str) -> BTreeMap<&str, &str> {
+/// The module that each name re-exported by `lib.rs` or `mod.rs` comes from.
+fn re_exports(head: &str) -> BTreeMap<&str, &str> {
     let mut from = BTreeMap::new();
-    for item in lib.split("pub use ").skip(1) {
+    for item in head.split("pub use ").chain(head.split("pub(crate) use ").skip(1)).skip(1) {
         let item = item.split(';').next().unwrap_or_default().trim_start_matches("crate::");
         let words = item.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|word| !word.is_empty());
         words.skip(1).for_each(|word| {
@@ -77,18 +100,20 @@ fn re_exports(lib: &str) -> BTreeMap<&str, &str> {
     from
 }
 
-/// The modules that each module imports.
-fn imports(modules: &Modules) -> BTreeMap<&str, BTreeSet<&str>> {
-    let exported = modules.get("lib").map(|lib| re_exports(&lib.code)).unwrap_or_default();
+/// The modules that each module of the folder at a path imports.
+fn imports<'m>(modules: &'m Modules, at: &str) -> BTreeMap<&'m str, BTreeSet<&'m str>> {
+    let head = modules.get("lib").or(modules.get("mod"));
+    let exported = head.map(|head| re_exports(&head.code)).unwrap_or_default();
+    let prefix = format!("crate::{at}");
     let own = |name: &str| modules.get_key_value(name).map(|(name, _)| name.as_str());
-    let of = |(name, module): (&'_ String, &Module)| -> BTreeSet<&str> {
-        let names = names_after(&module.code, "crate::").into_iter();
+    let of = |(name, module): (&'m String, &'m Module)| -> BTreeSet<&'m str> {
+        let names = names_after(&module.code, &prefix).into_iter();
         let found = names.filter_map(|n| own(n).or_else(|| exported.get(n).and_then(|from| own(from))));
         found.filter(|found| found != name).collect()
     };
     modules
         .iter()
-        .filter(|(name, _)| *name != "lib" && *name != "main")
+        .filter(|(name, _)| !["lib", "main", "mod"].contains(&name.as_str()))
         .map(|m| (m.0.as_str(), of(m)))
         .collect()
 }
@@ -106,8 +131,8 @@ fn reached<'m>(from: &str, imports: &BTreeMap<&'m str, BTreeSet<&'m str>>) -> BT
 }
 
 /// Pairs of modules that import each other, directly or through others, and of which one is a folder.
-fn cycles(modules: &Modules) -> Vec<String> {
-    let imports = imports(modules);
+fn cycles(modules: &Modules, at: &str) -> Vec<String> {
+    let imports = imports(modules, at);
     let reached: BTreeMap<&str, _> = imports.keys().map(|name| (*name, reached(name, &imports))).collect();
     let mut found = Vec::new();
     for (a, from_a) in &reached {
@@ -117,6 +142,15 @@ fn cycles(modules: &Modules) -> Vec<String> {
                 found.push(format!("{a} and {b}"));
             }
         }
+    }
+    found
+}
+
+/// The cycles in a folder and in all folders below it.
+fn cycles_below(folder: &Path, at: &str) -> Vec<String> {
+    let mut found = cycles(&modules(folder, at), at);
+    for entry in std::fs::read_dir(folder).unwrap().flatten().filter(|entry| entry.path().is_dir()) {
+        found.extend(cycles_below(&entry.path(), &below(at, &stem(&entry.path()))));
     }
     found
 }
@@ -133,7 +167,7 @@ mod tests {
                 let src = entry.path().join("src");
                 if src.is_dir() {
                     crates += 1;
-                    let cycles = cycles(&modules(&src)).into_iter();
+                    let cycles = cycles_below(&src, "").into_iter();
                     found.extend(cycles.map(|pair| format!("{}: {pair} import each other", src.display())));
                 }
             }
@@ -147,7 +181,7 @@ mod tests {
         let planted = |folder: bool, a: &str, b: &str, lib: &str| {
             let of = |code: &str| Module { is_folder: folder, code: code.into() };
             let modules = [("a", of(a)), ("b", of(b)), ("c", of("use crate::b;")), ("lib", of(lib))];
-            cycles(&modules.into_iter().map(|(name, module)| (name.to_string(), module)).collect())
+            cycles(&modules.into_iter().map(|(name, module)| (name.to_string(), module)).collect(), "")
         };
         assert_eq!(planted(true, "use crate::b::B;", "use crate::{x::y, a};", ""), ["a and b"]);
         assert_eq!(
@@ -156,5 +190,16 @@ mod tests {
         );
         assert_eq!(planted(true, "use crate::c;", "", ""), Vec::<String>::new());
         assert_eq!(planted(false, "use crate::b;", "use crate::a;", ""), Vec::<String>::new());
+    }
+
+    #[test]
+    fn planted_cycles_within_a_folder_are_found() {
+        assert_eq!(from_root("super::super::b + super::c", "x::y::"), "crate::b + crate::x::c");
+        let of = |is_folder, code: &str| Module { is_folder, code: code.into() };
+        let files = [("a", of(true, "use crate::x::B;")), ("b", of(false, "use crate::x::a::A;"))];
+        let head = [("mod", of(false, "pub(crate) use b::B;"))];
+        let modules: Modules = files.into_iter().chain(head).map(|(n, module)| (n.into(), module)).collect();
+        assert_eq!(cycles(&modules, "x::"), ["a and b"]);
+        assert_eq!(cycles(&modules, "y::"), Vec::<String>::new());
     }
 }

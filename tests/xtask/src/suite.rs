@@ -8,7 +8,14 @@ use std::time::Instant;
 
 pub fn lint() -> Result<(), String> {
     run(cargo(&["fmt", "--all", "--check"]), "cargo fmt --check")?;
-    run(cargo(&["clippy", "--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"]), "cargo clippy")
+    run(
+        cargo(&["clippy", "--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"]),
+        "cargo clippy",
+    )?;
+    // Links within the documentation; a minute of CPU after clippy.
+    let mut doc = cargo(&["doc", "--quiet", "--workspace", "--no-deps"]);
+    doc.env("RUSTDOCFLAGS", "-D warnings");
+    run(doc, "cargo doc")
 }
 
 pub fn test(args: &[&str]) -> Result<(), String> {

@@ -96,7 +96,7 @@ impl Choice {
     }
 
     /// Rows that no other beats in both error and cost, in the order of the rows. A row at the same place as another is on
-    /// the front with it. Times that differ by chance count as equal ([`Nanos::is_less`]).
+    /// the front with it. Times that differ by chance count as equal (`Nanos::is_less`).
     pub fn front(&self) -> Vec<usize> {
         let on_front = |i: &usize| {
             let row = &self.rows[*i];

@@ -2,8 +2,7 @@
 
 use crate::args::ExportArgs;
 use crate::args::values;
-use crate::commands::render::too_many;
-use crate::failure::{Failure, output_error, print_json, print_message, write_failure};
+use crate::failure::{Failure, output_error, print_json, print_message, too_many, write_failure};
 use crate::output::budget::Budget;
 use crate::output::provenance;
 use crate::output::target::export_failure;

@@ -1,6 +1,5 @@
 //! Actors: assets on stage, their transforms, parents, morph targets, keyframes and clips.
 
-pub use super::joint::find_joint;
 pub(crate) use super::look_at::before_start;
 use super::{expression, keys};
 use crate::build::{ActorDraft, Chain, CueDraft, ParentDraft, room};

@@ -1,6 +1,6 @@
 //! Mirrored, retargeted and bound clips. Edited clips: [`super::clip_edit`].
 
-use super::actor::find_joint;
+use super::joint_names::find_joint;
 use crate::call::{ApiError, Call, Options, Reply, api, describe};
 use crate::diagnostic::Severity;
 use crate::limits::raise_hint;

@@ -1,7 +1,7 @@
 //! Edited and authored clips: cut, append, offset, smooth, reduce, compress, additive, keyframes.
 
-use super::actor::find_joint;
 use super::clip::made;
+use super::joint_names::find_joint;
 use super::keys;
 use crate::call::{ApiError, Call, Reply, api, euler, point};
 use crate::value::ClipRef;

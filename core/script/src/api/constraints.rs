@@ -1,6 +1,7 @@
 //! Constraints: inverse kinematics (reach), aim, foot locking, mirroring, joint limits; and spring bones.
 
-use super::actor::{before_start, find_joint};
+use super::actor::before_start;
+use super::joint_names::find_joint;
 use super::spring_bones::{collider, spring, springs, wind};
 use crate::build::room;
 use crate::call::{ApiError, Call, Options, Reply, api, fields, radians, text};

@@ -1,10 +1,10 @@
 //! Joints of actors: found by name, rotated for a frame, animated with keyframes.
 
+use super::joint_names::find_joint;
 use super::{clip_edit, keys};
-use crate::call::{ApiError, Call, Reply, api, euler, radians, unknown_of};
+use crate::call::{ApiError, Call, Reply, api, euler, radians};
 use crate::hook;
 use crate::value::{ActorRef, JointRef};
-use choreo_asset::Asset;
 use choreo_stage::{ActorEdit, Placement};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
@@ -27,25 +27,6 @@ api! {
     Joint.key("property, keys, how?") = key;
     /// Returns the name of the joint.
     Joint.name("") -> "text" = joint_name, in_frames;
-}
-
-pub fn find_joint(asset: &Asset, name: &str) -> Result<u32, ApiError> {
-    if let Some(joint) = asset.skeleton.find(name) {
-        return Ok(joint as u32);
-    }
-    // `mixamorig:LeftHand` is found as `LeftHand`, and suggested so: with its prefix it is far from any slip of the hand.
-    let bare = |full: &'_ str| -> usize {
-        let tail = full.rfind([':', '|']).map_or(0, |at| at + 1);
-        if asset.skeleton.find(&full[tail..]).is_some() { tail } else { 0 }
-    };
-    let names: Vec<&str> = asset.skeleton.names().iter().map(|n| &n[bare(n)..]).collect();
-    // So are short names: `hand.l` and `LeftHand` of `hand.l_Armature`.
-    let heads = names.iter().filter_map(|full| full.rsplit_once('_')).map(|(head, _)| head);
-    let short = asset.skeleton.short_names();
-    let heads = heads.filter(|head| asset.skeleton.find(head).is_some());
-    let taken: Vec<&str> =
-        names.iter().copied().chain(short.iter().map(String::as_str)).chain(heads).collect();
-    Err(unknown_of("joint", name, &format!(" in skeleton \"{}\"", asset.name), names, taken))
 }
 
 fn joint(c: &mut Call) -> Reply {

@@ -123,7 +123,7 @@ pub(super) fn read(
     form: Form,
 ) -> Result<KeyShape, ApiError> {
     let Some(given) = given else { return Ok(KeyShape::default()) };
-    let ease = |v: &Dynamic| super::cue::ease_of(v, &format!("{of}: ease of key {n}"));
+    let ease = |v: &Dynamic| super::easing::ease_of(v, &format!("{of}: ease of key {n}"));
     let Some(map) = given.clone().try_cast::<rhai::Map>() else {
         return Ok(KeyShape { ease: Some(ease(given)?), ..KeyShape::default() });
     };

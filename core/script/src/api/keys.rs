@@ -228,7 +228,7 @@ pub fn given_how(c: &Call, i: usize) -> Result<Given, ApiError> {
     let (value, label) = (c.value(i), format!("{}: how", c.def.name));
     let text = value.clone().into_string().unwrap_or_default();
     match value.is_array() || ["in_", "out_"].iter().any(|p| text.starts_with(p)) {
-        true => Ok(Given { ease: Some(super::cue::ease_of(&value, &label)?), ..Given::LINEAR }),
+        true => Ok(Given { ease: Some(super::easing::ease_of(&value, &label)?), ..Given::LINEAR }),
         false => Ok(Given { how: one_of(&value, &label, HOW)?, ease: None }),
     }
 }

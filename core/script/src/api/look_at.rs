@@ -1,7 +1,7 @@
 //! The look-at constraint of heads and eyes: `look_at`.
 
 use super::constraints::span;
-use super::joint::find_joint;
+use super::joint_names::find_joint;
 use crate::build::room;
 use crate::call::{ApiError, Call, Reply, api};
 use crate::suggest::list;

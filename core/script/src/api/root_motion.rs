@@ -49,7 +49,7 @@ fn read(c: &Call, used: RootUse) -> Result<(Option<String>, RootDraft), ApiError
 fn of_actor(c: &Call, used: RootUse) -> Reply {
     let this: ActorRef = c.this()?;
     let (joint, mut draft) = read(c, used)?;
-    draft.joint = joint.map(|name| super::actor::find_joint(&this.asset, &name)).transpose()?;
+    draft.joint = joint.map(|name| super::joint_names::find_joint(&this.asset, &name)).transpose()?;
     c.build().actor(this.id)?.root = Some(draft);
     c.itself()
 }
@@ -71,7 +71,7 @@ fn of_cue(c: &Call, used: RootUse) -> Reply {
         let actor = build.chains[chain].actor;
         build.actor(actor)?.actor.asset.clone()
     };
-    draft.joint = joint.map(|name| super::actor::find_joint(&asset, &name)).transpose()?;
+    draft.joint = joint.map(|name| super::joint_names::find_joint(&asset, &name)).transpose()?;
     c.build().cue(this.0)?.root = Some(draft);
     c.itself()
 }
@@ -121,7 +121,7 @@ fn travel(c: &mut Call) -> Reply {
     c.build().used(&this.asset);
     let joint = match c.len() {
         0 => None,
-        _ => Some(super::actor::find_joint(&this.asset, &c.text(0)?)?),
+        _ => Some(super::joint_names::find_joint(&this.asset, &c.text(0)?)?),
     };
     let trim = (Time::ZERO, this.clip.duration);
     let motion = RootMotion::new(&this.asset.skeleton, &this.clip, joint, RootParts::default(), trim);
@@ -141,7 +141,7 @@ fn clip_contacts(c: &mut Call) -> Reply {
                 return Err(c.wrong(0, "an array of joint names"));
             };
             let foot = |name: &Dynamic| {
-                let joint = super::actor::find_joint(&this.asset, &crate::call::text(name, &label)?)?;
+                let joint = super::joint_names::find_joint(&this.asset, &crate::call::text(name, &label)?)?;
                 Ok(Foot { joints: vec![joint] })
             };
             names.iter().map(foot).collect::<Result<Vec<_>, ApiError>>()?

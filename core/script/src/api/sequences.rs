@@ -1,7 +1,8 @@
 //! Markers of clips and of the stage, footsteps of clips, and sequences for several actors.
 
+use super::markers::{clip_marker, find};
 use crate::build::{Build, ClipNotes};
-use crate::call::{ApiError, Call, Reply, api, unknown};
+use crate::call::{ApiError, Call, Reply, api};
 use crate::value::{ActorRef, ClipRef};
 use choreo_motion::{Clip, Time};
 use rhai::{Dynamic, FnPtr};
@@ -44,19 +45,6 @@ fn set(markers: &mut Vec<(String, Time)>, name: String, time: Time) -> Result<()
     }
     markers.push((name, time));
     Ok(())
-}
-
-fn find(markers: &[(String, Time)], name: &str, place: &str) -> Result<Time, ApiError> {
-    let found = markers.iter().find(|(known, _)| known == name).map(|(_, time)| *time);
-    let known = markers.iter().map(|(known, _)| known.as_str()).collect::<Vec<_>>();
-    found.ok_or_else(|| unknown("marker", name, place, known))
-}
-
-/// Time of a marker of a clip, in seconds of the clip.
-pub(crate) fn clip_marker(c: &Call, clip: &Arc<Clip>, name: &str) -> Result<Time, ApiError> {
-    let build = c.build();
-    let markers = build.notes_of(clip).map_or(&[][..], |notes| &notes.markers);
-    find(markers, name, &format!(" in clip \"{}\"", clip.name))
 }
 
 fn marker_of_clip(c: &mut Call) -> Reply {

@@ -1,6 +1,6 @@
 //! Spring bones (secondary motion), their colliders, and wind.
 
-use super::actor::find_joint;
+use super::joint_names::find_joint;
 use crate::call::{ApiError, Call, Reply, fields, text};
 use crate::hook;
 use crate::suggest::list;

@@ -121,7 +121,7 @@ impl Viewer {
     /// Changes a value of a constraint, an attachment or springs, which a call at a place states.
     ///
     /// # Errors
-    /// Fails as [`Viewer::change_field`] does.
+    /// Fails as `Viewer::change_field` does.
     pub fn change_call(&mut self, call: &StatedCall, change: &FieldChange) -> Result<(), EditError> {
         let fps = self.playhead.fps().as_fps();
         self.change(&call.place, call.siblings, |text| {

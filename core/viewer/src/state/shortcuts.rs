@@ -3,7 +3,7 @@
 //! ```json
 //! { "preset": "blender", "keys": { "split": "Shift+Y", "hide": "" } }
 //! ```
-//! A value is one key or several, separated by a comma and a blank; an empty one takes the key away. [`PRESETS`] lists the presets.
+//! A value is one key or several, separated by a comma and a blank; an empty one takes the key away. `PRESETS` lists the presets.
 
 use choreo_files::write_whole_beneath;
 use serde_json::{Value, json};

@@ -12,7 +12,7 @@ use crate::args::RenderArgs;
 use crate::args::values;
 use crate::commands::export;
 use crate::drawing::device;
-use crate::failure::{Failure, output_error};
+use crate::failure::{Failure, output_error, too_many};
 use crate::output::budget::Budgeted;
 use crate::output::segment::SegmentExporter;
 use crate::output::target::Target;
@@ -281,15 +281,6 @@ fn loop_for(scene: &mut OpenedScene, length: Time) -> Result<(), Failure> {
     }
     scene.arguments.push(format!("--length {}", length.as_secs()));
     Ok(())
-}
-
-/// Refuses more of something than its limit.
-pub fn too_many(count: u64, name: &str, limit: u64) -> Result<(), Failure> {
-    if count <= limit {
-        return Ok(());
-    }
-    let hint = choreo_script::raise_hint(name, limit);
-    Err(Failure::input(format!("too many {name} for one render: {count}\n    hint: {hint}")))
 }
 
 /// `out.png` → `out/%04d.png`.

@@ -175,7 +175,8 @@ fn mask(asset: &Asset, patterns: &[(String, f32)]) -> Result<Vec<f32>, ApiError>
                 .hint(format!("joints: {}", list(skeleton.names().iter().map(String::as_str), 24))));
             }
         } else {
-            let joint = super::super::actor::find_joint(asset, name).map_err(|e| e.focus(pattern.clone()))?;
+            let joint =
+                crate::api::joint_names::find_joint(asset, name).map_err(|e| e.focus(pattern.clone()))?;
             let closeness = if below { Closeness::Below(depths[joint as usize]) } else { Closeness::Name };
             hit[joint as usize] = Some(closeness);
         }

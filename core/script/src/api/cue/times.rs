@@ -35,7 +35,7 @@ pub fn time_of(c: &mut Call) -> Reply {
     let value = c.value(0);
     let draft = c.build().cue(this.0)?.clone();
     let at = if value.is_string() {
-        super::super::sequences::clip_marker(c, &draft.cue.clip, &c.text(0)?)?
+        crate::api::markers::clip_marker(c, &draft.cue.clip, &c.text(0)?)?
     } else {
         c.duration(0)?
     };
