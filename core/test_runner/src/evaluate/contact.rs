@@ -14,13 +14,17 @@ pub(crate) fn foot_at(looks: &mut Looks, contact: &Contact, time: Time) -> Resul
     Ok(looks.attachment(&at, time)?.translation)
 }
 
-/// Whether a joint that moves from one place to another touches the floor; `stands`: whether it stood there before.
-pub fn touches(contact: &Contact, stands: bool, [before, now]: [DVec3; 2], secs: f64) -> bool {
+/// Metres by which a standing joint may rise and still be dragged.
+const RISEN: f64 = 0.005;
+
+/// Whether a joint that moves from one place to another touches the floor; `stands`: the lowest height since it came down, if it stood
+/// before.
+pub fn touches(contact: &Contact, stands: Option<f64>, [before, now]: [DVec3; 2], secs: f64) -> bool {
     let way = now - before;
     now.y - contact.ground <= contact.height
         && way.y.abs() <= contact.speed * secs
-        // A foot that swings low past the floor is no step; one that stands can be dragged at any speed.
-        && (stands || way.with_y(0.0).length() <= contact.swing * secs)
+        // A foot that swings low past the floor is no step, from a stand either; one that stays down can be dragged at any speed.
+        && (stands.is_some_and(|lowest| now.y <= lowest + RISEN) || way.with_y(0.0).length() <= contact.swing * secs)
 }
 
 pub fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Series, Unjudged> {
@@ -36,18 +40,19 @@ pub fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Se
     let mut values = Vec::with_capacity(times.len());
     let Some(first) = times.first() else { return Ok(Series { times, values }) };
     let mut before = (foot_at(looks, contact, *first - step)?, *first - step);
-    let mut slid: Option<f64> = None;
+    // How far, and the lowest height since it came down.
+    let mut slid: Option<(f64, f64)> = None;
     let (mut touched, mut lowest) = (false, f64::INFINITY);
     for time in &times {
         let now = foot_at(looks, contact, *time)?;
         lowest = lowest.min(now.y - contact.ground);
-        let down = touches(contact, slid.is_some(), [before.0, now], (*time - before.1).as_secs());
+        let down = touches(contact, slid.map(|s| s.1), [before.0, now], (*time - before.1).as_secs());
         touched |= down;
         slid = down.then(|| match slid {
-            Some(slid) => slid + (now - before.0).with_y(0.0).length(),
-            None => 0.0,
+            Some((slid, lowest)) => (slid + (now - before.0).with_y(0.0).length(), lowest.min(now.y)),
+            None => (0.0, now.y),
         });
-        values.push(if now.is_nan() { f64::NAN } else { slid.unwrap_or(0.0) });
+        values.push(if now.is_nan() { f64::NAN } else { slid.map_or(0.0, |s| s.0) });
         before = (now, *time);
     }
     // A joint that is hidden all the time has no values.

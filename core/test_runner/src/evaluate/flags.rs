@@ -23,7 +23,7 @@ pub fn judge(looks: &mut Looks, e: &Expectation, flag: &Flag) -> Judged {
             }
             Flag::OnFloor(contact) => {
                 let (before, now) = (foot_at(looks, contact, time - step)?, foot_at(looks, contact, time)?);
-                touches(contact, false, [before, now], step.as_secs())
+                touches(contact, None, [before, now], step.as_secs())
             }
         })
     };
