@@ -45,7 +45,7 @@ fn effect_color(value: vec4<f32>, first: u32) -> vec4<f32> {
     return value;
 }
 
-// What is reflected of one light; a pixel where it fails is magenta as a whole.
+// The reflected light of one light source; a pixel where it fails is magenta as a whole.
 fn effect_light(value: vec3<f32>, first: u32) -> vec3<f32> {
     if (!effect_failed(vec4(value, 0.0), first)) { return value; }
     effect_light_failed = true;

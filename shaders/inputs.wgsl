@@ -1,4 +1,4 @@
-// What effects on images read of the scene: one pass over opaque surfaces, one sample per pixel. The names are those of
+// The inputs of effects on images from the scene: one pass over opaque surfaces, one sample per pixel. The names are those of
 // `SceneImages` (core/plugin/src/scene_inputs.rs). CPU reference: core/render/src/cpu/scene_inputs.rs.
 
 @if(INPUT_PASS)
@@ -62,7 +62,7 @@ fn inputs_fs(in: VertexOut, @builtin(front_facing) front: bool) -> Inputs {
     out.surface = vec4(n, depth);
     @if(MOTION)
     let before = in.clip_before;
-    // What was behind the camera has no place in the image before.
+    // A point that was behind the camera has no place in the image before.
     var moved = vec2(0.0);
     if (before.w > 0.0) { moved = in.position.xy - (before.xy / before.w * 0.5 + 0.5) * frame.size; }
     out.motion = vec4(moved, in.numbers);

@@ -20,7 +20,7 @@ fn bright(at: vec2<i32>, p: Parameters) -> vec4<f32> {
     for (var y = 0; y < side; y++) {
         for (var x = 0; x < side; x++) {
             let c = clamp(picture(at * side + vec2<i32>(x, y)).rgb, vec3<f32>(0.0), vec3<f32>(1000.0));
-            // What is above the threshold, with its hue.
+            // The part of the color above the threshold, with its hue.
             let most = max(c.r, max(c.g, c.b));
             sum += c * (max(most - p.threshold, 0.0) / max(most, 1e-6));
         }

@@ -1,23 +1,48 @@
 //! Content hashes (BLAKE3): equal content, equal hash, on every machine. Floats count by their bits, lists by length and content.
+//!
+//! Types are hashed member by member ([`hashed!`](crate::hashed)) or by a function ([`written!`](crate::written)).
 
 use choreo_motion::Time;
-use glam::{Affine2, DQuat, DVec3, Mat4, Quat, Vec2, Vec3, Vec4};
+use glam::{Affine2, Affine3A, DAffine3, DQuat, DVec2, DVec3, Mat4, Quat, Vec2, Vec3, Vec4};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// BLAKE3 of content.
 pub type ContentHash = [u8; 32];
 
-/// Vectors that are copied together to be hashed: 64 KiB at most.
+/// Numbers and vectors that are copied together to be hashed: 64 KiB of the largest.
 const BLOCK: usize = 4096;
 
 /// Feeds a hasher with a length or tag before everything whose extent is not fixed, so that no two contents share a byte stream.
 #[derive(Default)]
-pub struct Writer(blake3::Hasher);
+pub struct Writer {
+    hasher: blake3::Hasher,
+    /// Hashes of the images that textures refer to. A texture whose image is not among them counts by its index.
+    pub(crate) images: Vec<ContentHash>,
+    /// Textures count nothing.
+    pub(crate) without_textures: bool,
+    /// Hashes of contents that many values share, by address; the content outlives the writer.
+    shared: BTreeMap<usize, ContentHash>,
+}
+
+/// A type that is part of a content hash.
+pub trait Hashed {
+    /// Adds the value to a hash.
+    fn hash(&self, w: &mut Writer);
+    /// Adds the elements of a list, without their number.
+    fn hash_all(list: &[Self], w: &mut Writer)
+    where
+        Self: Sized,
+    {
+        list.iter().for_each(|item| item.hash(w));
+    }
+}
 
 impl Writer {
-    /// Adds bytes, without their number.
+    /// Adds bytes with their number.
     pub fn bytes(&mut self, bytes: &[u8]) {
         self.count(bytes.len());
-        self.0.update(bytes);
+        self.hasher.update(bytes);
     }
     /// Adds a text with its length.
     pub fn text(&mut self, text: &str) {
@@ -25,116 +50,21 @@ impl Writer {
     }
     /// Adds the number of a variant.
     pub fn tag(&mut self, tag: u8) {
-        self.0.update(&[tag]);
-    }
-    /// Adds a flag.
-    pub fn flag(&mut self, flag: bool) {
-        self.tag(flag.into());
+        self.hasher.update(&[tag]);
     }
     /// Adds a number of elements.
     pub fn count(&mut self, n: usize) {
-        self.0.update(&(n as u64).to_le_bytes());
+        self.hasher.update(&(n as u64).to_le_bytes());
     }
-    /// Adds a number.
-    pub fn u32(&mut self, v: u32) {
-        self.0.update(&v.to_le_bytes());
-    }
-    /// Adds the bits of a number.
-    pub fn f32(&mut self, v: f32) {
-        self.u32(v.to_bits());
-    }
-    /// Adds the bits of a number.
-    pub fn f64(&mut self, v: f64) {
-        self.0.update(&v.to_bits().to_le_bytes());
-    }
-    /// Adds a time.
-    pub fn time(&mut self, t: Time) {
-        self.0.update(&t.0.to_le_bytes());
-    }
-    /// A list of numbers of `word` bytes.
-    pub(crate) fn numbers<T: bytemuck::Pod>(&mut self, list: &[T], word: usize) {
-        self.count(list.len());
-        self.little_endian(list, word);
-    }
-    /// Plain little-endian numbers in one go; every supported machine is little-endian or takes the loop.
-    fn little_endian<T: bytemuck::Pod>(&mut self, list: &[T], word: usize) {
-        let bytes: &[u8] = bytemuck::cast_slice(list);
-        if cfg!(target_endian = "little") {
-            self.0.update(bytes);
-        } else {
-            for chunk in bytes.chunks(word) {
-                let mut chunk = chunk.to_vec();
-                chunk.reverse();
-                self.0.update(&chunk);
-            }
-        }
-    }
-    /// Adds a list of numbers with its length.
-    pub fn f32s(&mut self, list: &[f32]) {
-        self.numbers(list, 4);
-    }
-    /// A list of vectors, as arrays block by block.
-    fn vectors<V: Copy, const N: usize>(&mut self, list: &[V], array: fn(&V) -> [f32; N]) {
-        self.count(list.len());
-        let mut numbers = Vec::with_capacity(list.len().min(BLOCK));
-        for block in list.chunks(BLOCK) {
-            numbers.clear();
-            numbers.extend(block.iter().map(array));
-            self.little_endian(numbers.as_flattened(), 4);
-        }
-    }
-    pub(crate) fn vec2s(&mut self, list: &[Vec2]) {
-        self.vectors(list, Vec2::to_array);
-    }
-    pub(crate) fn vec3s(&mut self, list: &[Vec3]) {
-        self.vectors(list, Vec3::to_array);
-    }
-    pub(crate) fn vec4s(&mut self, list: &[Vec4]) {
-        self.vectors(list, Vec4::to_array);
-    }
-    /// Adds a vector.
-    pub fn vec3(&mut self, v: Vec3) {
-        v.to_array().into_iter().for_each(|c| self.f32(c));
-    }
-    /// Adds a vector.
-    pub fn vec4(&mut self, v: Vec4) {
-        v.to_array().into_iter().for_each(|c| self.f32(c));
-    }
-    /// Adds a rotation.
-    pub fn quat(&mut self, q: Quat) {
-        self.vec4(q.into());
-    }
-    pub(crate) fn mat4(&mut self, m: &Mat4) {
-        m.to_cols_array().into_iter().for_each(|c| self.f32(c));
-    }
-    /// Adds a vector.
-    pub fn dvec3(&mut self, v: DVec3) {
-        v.to_array().into_iter().for_each(|c| self.f64(c));
-    }
-    /// Adds a rotation.
-    pub fn dquat(&mut self, q: DQuat) {
-        q.to_array().into_iter().for_each(|c| self.f64(c));
-    }
-    pub(crate) fn affine2(&mut self, a: &Affine2) {
-        a.to_cols_array().into_iter().for_each(|c| self.f32(c));
-    }
-    /// Adds a value that may be absent.
-    pub fn option<T>(&mut self, value: &Option<T>, write: impl FnOnce(&mut Writer, &T)) {
-        self.flag(value.is_some());
-        if let Some(value) = value {
-            write(self, value);
-        }
-    }
-    /// Adds a list with its length.
-    pub fn list<T>(&mut self, list: &[T], mut write: impl FnMut(&mut Writer, &T)) {
-        self.count(list.len());
-        for item in list {
-            write(self, item);
-        }
+    /// Adds the hash of content that many values share, which is computed once.
+    pub fn once<T: ?Sized>(&mut self, content: &Arc<T>, hash: impl FnOnce() -> ContentHash) {
+        let address = Arc::as_ptr(content).cast::<()>() as usize;
+        let hash = *self.shared.entry(address).or_insert_with(hash);
+        self.bytes(&hash);
     }
     /// The hash of all that was added.
     pub fn finish(self) -> ContentHash {
-        *self.0.finalize().as_bytes()
+        *self.hasher.finalize().as_bytes()
     }
 }
 
@@ -143,4 +73,166 @@ pub fn hash_of(write: impl FnOnce(&mut Writer)) -> ContentHash {
     let mut w = Writer::default();
     write(&mut w);
     w.finish()
+}
+
+/// Hashes values by a function of the value and the [`Writer`](crate::hash::Writer).
+#[macro_export]
+macro_rules! written {
+    ($($ty:ty: |$this:ident, $w:ident| $write:expr;)*) => {
+        $(impl $crate::hash::Hashed for $ty {
+            fn hash(&self, $w: &mut $crate::hash::Writer) {
+                let $this = self;
+                $write
+            }
+        })*
+    };
+}
+
+/// Hashes structs member by member and enums by number and members. The numbers stay, so that hashes do.
+#[macro_export]
+macro_rules! hashed {
+    (@one struct $name:ident { $($member:ident),* $(; without $($skipped:ident),*)? }) => {
+        impl $crate::hash::Hashed for $name {
+            fn hash(&self, w: &mut $crate::hash::Writer) {
+                let $name { $($member,)* $($($skipped: _),*)? } = self;
+                $($crate::hash::Hashed::hash($member, w);)*
+            }
+        }
+    };
+    (@one enum $name:ident {
+        $($number:literal $variant:ident $(($($item:ident),+))? $({ $($member:ident),* $(; without $($skipped:ident),*)? })?,)*
+    }) => {
+        impl $crate::hash::Hashed for $name {
+            fn hash(&self, w: &mut $crate::hash::Writer) {
+                match self {
+                    $($name::$variant $(($($item),+))? $({ $($member,)* $($($skipped: _),*)? })? => {
+                        w.tag($number);
+                        $($($crate::hash::Hashed::hash($item, w);)+)?
+                        $($($crate::hash::Hashed::hash($member, w);)*)?
+                    })*
+                }
+            }
+        }
+    };
+    ($($what:ident $name:ident { $($body:tt)* })*) => {
+        $($crate::hashed!(@one $what $name { $($body)* });)*
+    };
+}
+
+/// Numbers, and vectors of numbers: little-endian, lists of them block by block.
+macro_rules! numbers {
+    ($($ty:ty: |$value:ident| $numbers:expr;)*) => {
+        $(impl Hashed for $ty {
+            fn hash(&self, w: &mut Writer) {
+                let $value = self;
+                $numbers.iter().for_each(|number| _ = w.hasher.update(&number.to_le_bytes()));
+            }
+            fn hash_all(list: &[$ty], w: &mut Writer) {
+                let mut bytes = Vec::with_capacity(size_of_val(list).min(BLOCK * size_of::<$ty>()));
+                for block in list.chunks(BLOCK) {
+                    bytes.clear();
+                    for $value in block {
+                        $numbers.iter().for_each(|number| bytes.extend(number.to_le_bytes()));
+                    }
+                    w.hasher.update(&bytes);
+                }
+            }
+        })*
+    };
+}
+
+numbers! {
+    u16: |v| [*v];
+    u32: |v| [*v];
+    f32: |v| [*v];
+    f64: |v| [*v];
+    Time: |t| [t.0];
+    Vec2: |v| v.to_array();
+    Vec3: |v| v.to_array();
+    Vec4: |v| v.to_array();
+    Quat: |v| v.to_array();
+    DVec2: |v| v.to_array();
+    DVec3: |v| v.to_array();
+    DQuat: |v| v.to_array();
+    Mat4: |v| v.to_cols_array();
+    Affine2: |v| v.to_cols_array();
+    Affine3A: |v| v.to_cols_array();
+    DAffine3: |v| v.to_cols_array();
+}
+
+written! {
+    bool: |v, w| w.tag((*v).into());
+    usize: |v, w| w.count(*v);
+    String: |v, w| w.text(v);
+    ContentHash: |v, w| w.bytes(v);
+    // The coefficients of an attenuation.
+    [f32; 3]: |v, w| v.as_slice().hash(w);
+}
+
+impl Hashed for u8 {
+    fn hash(&self, w: &mut Writer) {
+        w.tag(*self);
+    }
+    fn hash_all(list: &[u8], w: &mut Writer) {
+        w.hasher.update(list);
+    }
+}
+
+/// Values behind pointers.
+macro_rules! passed_on {
+    ($($ty:ty),*) => {
+        $(impl<T: Hashed + ?Sized> Hashed for $ty {
+            fn hash(&self, w: &mut Writer) {
+                (**self).hash(w);
+            }
+        })*
+    };
+}
+
+passed_on!(&T, Box<T>, Arc<T>);
+
+impl<T: Hashed> Hashed for Option<T> {
+    fn hash(&self, w: &mut Writer) {
+        self.is_some().hash(w);
+        self.iter().for_each(|v| v.hash(w));
+    }
+}
+
+impl<T: Hashed> Hashed for [T] {
+    fn hash(&self, w: &mut Writer) {
+        w.count(self.len());
+        T::hash_all(self, w);
+    }
+}
+
+impl<T: Hashed> Hashed for Vec<T> {
+    fn hash(&self, w: &mut Writer) {
+        self.as_slice().hash(w);
+    }
+}
+
+impl<T: Hashed> Hashed for [T; 2] {
+    fn hash(&self, w: &mut Writer) {
+        self.iter().for_each(|v| v.hash(w));
+    }
+}
+
+impl<T: Hashed> Hashed for [T; 4] {
+    fn hash(&self, w: &mut Writer) {
+        self.iter().for_each(|v| v.hash(w));
+    }
+}
+
+impl<A: Hashed, B: Hashed> Hashed for (A, B) {
+    fn hash(&self, w: &mut Writer) {
+        self.0.hash(w);
+        self.1.hash(w);
+    }
+}
+
+impl<A: Hashed, B: Hashed, C: Hashed> Hashed for (A, B, C) {
+    fn hash(&self, w: &mut Writer) {
+        (&self.0, &self.1).hash(w);
+        self.2.hash(w);
+    }
 }

@@ -22,16 +22,10 @@ pub enum ImageSourceError {
     Undecodable { file: String, what: String },
 }
 
-impl std::fmt::Display for ImageSourceError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            ImageSourceError::Missing(index) => write!(f, "there is no image {index}"),
-            ImageSourceError::Undecodable { file, what } => write!(f, "\"{file}\": {what}"),
-        }
-    }
+choreo_motion::error_texts! { ImageSourceError:
+    Self::Missing(index) => "there is no image {index}";
+    Self::Undecodable { file, what } => "\"{file}\": {what}";
 }
-
-impl std::error::Error for ImageSourceError {}
 
 /// Images that replace textures of a material; the material's own images are the first of each. All change together.
 #[derive(Clone, Debug, PartialEq)]

@@ -28,7 +28,7 @@ pub struct PosedPrimitive {
 /// The placement and copy that are posed: the first placement of a copy, or the character once without placements.
 #[derive(Clone, Copy)]
 pub enum Standing {
-    /// The first placement of a copy; of none where `None`.
+    /// The first placement of a copy; `None` where there is no copy.
     First(Option<u32>),
     /// The character once, without placements.
     Once,

@@ -19,7 +19,7 @@ pub struct ImageMetric {
     pub name: &'static str,
     /// Name of the limited quantity, as in the API reference.
     pub doc: &'static str,
-    /// The limit where a test states none: a difference that nobody sees side by side, and hardly anybody when the images
+    /// The limit where a test states none: a difference that is not visible side by side, and hardly when the images
     /// alternate.
     pub limit: f64,
     pub value: fn(&ImageDifference) -> f64,

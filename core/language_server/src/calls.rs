@@ -6,8 +6,8 @@ use choreo_script::describe::{self, Entry};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// The scripts of the documentation are read one by one.
-struct NoModules;
+/// A script that is read alone.
+pub(crate) struct NoModules;
 
 impl Modules for NoModules {
     fn module(&self, _: &str) -> Option<Arc<Source>> {

@@ -41,6 +41,7 @@ mod values;
 mod view;
 
 pub use calls::calls;
+pub use references::{NotRenamed, variable_uses};
 pub use server::{Ended, serve};
 
 use choreo_plugin::Registry;

@@ -1,5 +1,6 @@
 //! Declarations and uses of names, here and in the modules of the folder, and their change everywhere.
 
+use crate::calls::NoModules;
 use crate::document::uri_of;
 use crate::request::Request;
 use crate::source::{InnerWord, Source, is_string, is_word};
@@ -10,6 +11,7 @@ use choreo_script::describe;
 use serde_json::{Map, Value, json};
 use std::ops::Range;
 use std::sync::Arc;
+use thiserror::Error;
 
 /// A name that the cursor is on.
 struct Named {
@@ -219,19 +221,11 @@ pub fn rename(request: &Request) -> Result<Value, ResponseError> {
         return Err(refused("only variables, parameters, functions and names of modules can be renamed"));
     };
     let new = request.parameters["newName"].as_str().unwrap_or_default();
-    let plain = is_word(new) && new.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
-    if !plain || is_keyword(new) {
-        return Err(refused(&format!(
-            "\"{new}\" cannot be a name: write letters, digits and _, and no word of the language"
-        )));
-    }
-    if describe::entry("", new).is_some() {
-        return Err(refused(&format!("{new} is a function of the API")));
-    }
+    unfit_name(new).map_or(Ok(()), |why| Err(refused(&why)))?;
     let places = places(request, &named);
     let mut changes: Map<String, Value> = Map::new();
     for (uri, source, bytes) in &places {
-        unsafe_name(source, &named, new).map_or(Ok(()), |why| Err(refused(&why)))?;
+        unsafe_name(source, &named, new).map_or(Ok(()), |not| Err(refused(&not.why)))?;
         let edit = json!({ "range": source.range(bytes), "newText": new });
         match changes.get_mut(uri).and_then(Value::as_array_mut) {
             Some(edits) => edits.push(edit),
@@ -241,12 +235,55 @@ pub fn rename(request: &Request) -> Result<Value, ResponseError> {
     Ok(json!({ "changes": changes }))
 }
 
+/// Why a text can be no name of a script.
+fn unfit_name(new: &str) -> Option<String> {
+    let plain = is_word(new) && new.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+    if !plain || is_keyword(new) {
+        let why = "cannot be a name: write letters, digits and _, and no word of the language";
+        return Some(format!("\"{new}\" {why}"));
+    }
+    describe::entry("", new).map(|_| format!("{new} is a function of the API"))
+}
+
+/// Why a variable is not renamed, for the user.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("{why}")]
+pub struct NotRenamed {
+    pub why: String,
+    /// The line in the way, from 1.
+    pub line: Option<usize>,
+}
+
+/// The bytes of a script that mean the variable which is declared at a byte, where all of them can be given another name with certainty.
+///
+/// # Errors
+/// Something else has the new name, or the variable is known to other scripts or by a text.
+pub fn variable_uses(text: &str, byte: usize, new: &str) -> Result<Vec<Range<usize>>, NotRenamed> {
+    let (source, budget) = (Source::new(text), Budget::default());
+    let line = source.lines.line_of(byte) + 1;
+    let refuse = |why: String| NotRenamed { why: format!("line {line}: {why}"), line: Some(line) };
+    unfit_name(new).map_or(Ok(()), |why| Err(refuse(why)))?;
+    let token = source.token_at(byte);
+    let types = Types::new(&source, &NoModules, &budget);
+    let declared = token.and_then(|token| Some((token, types.declares(token)?)));
+    let (token, declaration) = declared.ok_or_else(|| refuse("no variable is made there".to_string()))?;
+    let (name, range) = (source.get(token).to_string(), source.tokens[token].clone());
+    if exported(&source, &name, &NoModules).as_ref() == Some(&declaration) {
+        return Err(refuse(format!("other scripts can know it as {name}; rename it in the script")));
+    }
+    let named = Named { name, range, module: None, declaration };
+    unsafe_name(&source, &named, new).map_or(Ok(()), Err)?;
+    Ok(uses(&source, &named, &NoModules))
+}
+
 /// Why a name cannot be changed with certainty in a source.
-fn unsafe_name(source: &Source, named: &Named, new: &str) -> Option<String> {
+fn unsafe_name(source: &Source, named: &Named, new: &str) -> Option<NotRenamed> {
     let is_function = named.declaration.kind == Declared::Function;
     let line = |range: &Range<usize>| source.lines.line_of(range.start) + 1;
-    let used = |line: usize| Some(format!("line {line} uses the name {new} already"));
-    let as_method = |line: usize| Some(format!("line {line} may call {} as a method", named.name));
+    let not =
+        |line: usize, why: String| Some(NotRenamed { why: format!("line {line} {why}"), line: Some(line) });
+    let used = |line: usize| not(line, format!("uses the name {new} already"));
+    let as_method = |line: usize| not(line, format!("may call {} as a method", named.name));
     for token in 0..source.tokens.len() {
         let (text, line) = (source.get(token), line(&source.tokens[token]));
         if text == new && !is_member(source, token) {
@@ -255,7 +292,7 @@ fn unsafe_name(source: &Source, named: &Named, new: &str) -> Option<String> {
         let words =
             |text: &str| text.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|w| w == named.name);
         if is_function && is_string(text) && source.before(token, 2) == "Fn" && words(text) {
-            return Some(format!("line {line} calls {} by a text", named.name));
+            return not(line, format!("calls {} by a text", named.name));
         }
         if is_function && text == named.name && matches!(source.before(token, 1), "." | "?.") {
             return as_method(line);
@@ -270,11 +307,57 @@ fn unsafe_name(source: &Source, named: &Named, new: &str) -> Option<String> {
             || word.next == "|"
             || (word.before[0] == "(" && word.before[1] == "for");
         if word.text == named.name && declares {
-            return Some(format!("line {line} declares another {} inside a text", named.name));
+            return not(line, format!("declares another {} inside a text", named.name));
         }
         if is_function && word.text == named.name && matches!(word.before[0], "." | "?.") {
             return as_method(line);
         }
     }
     None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The variable is declared where `|` stands.
+    fn renamed(text: &str, new: &str) -> Result<String, NotRenamed> {
+        let at = text.find('|').unwrap();
+        let mut text = text.replacen('|', "", 1);
+        for range in variable_uses(&text, at, new)?.into_iter().rev() {
+            text.replace_range(range, new);
+        }
+        Ok(text)
+    }
+
+    #[test]
+    fn a_variable_is_renamed_where_it_is_meant() {
+        let text = "let |a = cast(\"a\", m);\na.play(`${a.name} a`); b.a(#{ a: a });\nfn f(a) { a }\n{ let a = 2; a }\nlist.map(|a| a + 1); c(|x| x + a);";
+        let wanted = "let e = cast(\"a\", m);\ne.play(`${e.name} a`); b.a(#{ a: e });\nfn f(a) { a }\n{ let a = 2; a }\nlist.map(|a| a + 1); c(|x| x + e);";
+        assert_eq!(renamed(text, "e").unwrap(), wanted);
+    }
+
+    #[test]
+    fn what_is_not_certain_is_refused_with_its_line() {
+        for (text, new, why, line) in [
+            ("let |a = 1;\nlet e = a;", "e", "line 2 uses the name e already", 2),
+            ("let |a = 1;", "sun", "line 1: sun is a function of the API", 1),
+            (
+                "let |a = 1;",
+                "if",
+                "line 1: \"if\" cannot be a name: write letters, digits and _, and no word of the language",
+                1,
+            ),
+            ("x = 1;\n|a.b();", "e", "line 2: no variable is made there", 2),
+            (
+                "let b = 1;\nexport let |a = 1;",
+                "e",
+                "line 2: other scripts can know it as a; rename it in the script",
+                2,
+            ),
+        ] {
+            let refused = renamed(text, new).unwrap_err();
+            assert_eq!((refused.why.as_str(), refused.line), (why, Some(line)));
+        }
+    }
 }

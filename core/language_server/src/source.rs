@@ -82,7 +82,7 @@ impl Source {
         for index in 0..source.tokens.len() {
             let token = source.get(index);
             let is_close = matches!(token, ")" | "]" | "}");
-            // What is not closed ends with the bracket around it.
+            // A bracket that is not closed ends with the one around it.
             let matching = open.iter().rposition(|o| is_close && closes(source.get(*o), token));
             if let Some(depth) = matching {
                 source.partner[index] = Some(open[depth]);

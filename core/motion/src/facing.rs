@@ -183,7 +183,7 @@ fn together(directions: &[DVec3]) -> DVec3 {
     if sum.length() > 0.5 * directions.len() as f64 { sum } else { DVec3::ZERO }
 }
 
-/// Limbs that turn in a clip of somebody who walks. Where fewer do, something slides: a door, a cart, a camera.
+/// Limbs that turn in a clip of a walking character. Where fewer do, something slides: a door, a cart, a camera.
 const LIMBS: usize = 4;
 
 /// Direction in which most clips that get anywhere on limbs go.

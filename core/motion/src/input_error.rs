@@ -10,24 +10,12 @@ pub enum InputError {
     Nested { field: &'static str, error: String },
 }
 
-impl std::fmt::Display for InputError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            InputError::Length { field, length, expected } => {
-                write!(f, "`{field}` holds {length}, must hold {expected}")
-            }
-            InputError::Value { field, value, allowed } => {
-                write!(f, "`{field}` is {value}, must be {allowed}")
-            }
-            InputError::Joint { field, at, index, count } => {
-                write!(f, "`{field}[{at}]` is {index}, there are {count} joints")
-            }
-            InputError::Nested { field, error } => write!(f, "`{field}`: {error}"),
-        }
-    }
+crate::error_texts! { InputError:
+    Self::Length { field, length, expected } => "`{field}` holds {length}, must hold {expected}";
+    Self::Value { field, value, allowed } => "`{field}` is {value}, must be {allowed}";
+    Self::Joint { field, at, index, count } => "`{field}[{at}]` is {index}, there are {count} joints";
+    Self::Nested { field, error } => "`{field}`: {error}";
 }
-
-impl std::error::Error for InputError {}
 
 impl InputError {
     /// The first field whose length is not the expected one, of (field, length, expected).

@@ -47,6 +47,7 @@ pub mod clip;
 mod compress;
 pub mod contacts;
 pub mod edit;
+mod error_texts;
 pub mod facing;
 pub mod ik;
 pub(crate) mod input_error;

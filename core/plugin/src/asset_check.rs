@@ -12,14 +12,9 @@ pub(crate) struct AssetFault {
     pub what: String,
 }
 
-impl std::fmt::Display for AssetFault {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let AssetFault { place, what } = self;
-        write!(f, "{place}: {what}")
-    }
+choreo_motion::error_texts! { AssetFault:
+    Self { place, what } => "{place}: {what}";
 }
-
-impl std::error::Error for AssetFault {}
 
 /// How far the weights of a vertex may sum to another number than 1; beyond, they are normalized.
 const WEIGHT_SUM_TOLERANCE: f32 = 1e-3;

@@ -47,13 +47,9 @@ impl BinaryError {
     }
 }
 
-impl std::fmt::Display for BinaryError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "byte {}: {}", self.at, self.what)
-    }
+choreo_motion::error_texts! { BinaryError:
+    Self { at, what, .. } => "byte {at}: {what}";
 }
-
-impl std::error::Error for BinaryError {}
 
 type Result<T> = std::result::Result<T, BinaryError>;
 

@@ -100,13 +100,9 @@ pub struct UnknownPass {
     pub name: String,
 }
 
-impl std::fmt::Display for UnknownPass {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "\"{}\" is no pass; the passes are {}", self.name, Passes::NAMES.join(", "))
-    }
+choreo_motion::error_texts! { UnknownPass:
+    Self { name, .. } => "\"{}\" is no pass; the passes are {}", name, Passes::NAMES.join(", ");
 }
-
-impl std::error::Error for UnknownPass {}
 
 /// Images of one frame, each with a value per pixel, rows from the top; those that were not asked for are empty.
 ///

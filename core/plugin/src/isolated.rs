@@ -33,14 +33,9 @@ pub struct PluginPanic {
     pub text: String,
 }
 
-impl std::fmt::Display for PluginPanic {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let PluginPanic { plugin, version, text } = self;
-        write!(f, "the plugin {plugin} {version} has failed: {text}")
-    }
+choreo_motion::error_texts! { PluginPanic:
+    Self { plugin, version, text } => "the plugin {plugin} {version} has failed: {text}";
 }
-
-impl std::error::Error for PluginPanic {}
 
 impl PluginPanic {
     /// A panic of the plugin with this manifest.

@@ -178,13 +178,9 @@ pub struct OptionError {
     pub hint: Option<String>,
 }
 
-impl std::fmt::Display for OptionError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.message)
-    }
+choreo_motion::error_texts! { OptionError:
+    Self { message, .. } => "{message}";
 }
-
-impl std::error::Error for OptionError {}
 
 /// Name and version, as provenance has them: "gltf 0.1.0".
 impl std::fmt::Display for Manifest {

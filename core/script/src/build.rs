@@ -52,7 +52,7 @@ pub(crate) struct Shared {
     /// Set once the engine is made: what runs later, callbacks and formulas, keeps it alive.
     pub engine: Mutex<Weak<rhai::Engine>>,
     pub mode: Mode,
-    /// When the section that is being run must be over, files being loaded counted too.
+    /// The time at which the section that is being run must be over, files being loaded counted too.
     pub timeout: Option<Timeout>,
     pub test: Mutex<TestState>,
 }
@@ -268,7 +268,7 @@ pub(crate) struct ClipNotes {
     pub _clip: Arc<Clip>,
     /// Named times of the clip, seconds.
     pub markers: Vec<(String, Time)>,
-    /// When feet come down, where the script states it.
+    /// The times at which feet come down, where the script states them.
     pub steps: Option<Vec<Time>>,
 }
 

@@ -105,7 +105,7 @@ impl Folders {
         Ok(self)
     }
 
-    /// Only the script's own folder: for modules.
+    /// Reads the script's own folder alone, for modules.
     pub(crate) fn base_only(&self) -> Folders {
         Folders { roots: self.roots[..self.own].to_vec(), own: self.own, max_bytes: self.max_bytes }
     }

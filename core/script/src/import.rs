@@ -39,7 +39,7 @@ pub enum Phase {
     /// It is read and imported.
     Running,
     Done,
-    /// Also where it was cancelled.
+    /// It is set where the import was cancelled, too.
     Failed,
 }
 

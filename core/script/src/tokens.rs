@@ -21,7 +21,7 @@ pub(crate) enum TokenKind {
     Prefix,
     /// Another operator, a bracket or a separator.
     Symbol,
-    /// Not a token of the language.
+    /// Text that is no token of the language.
     Error,
 }
 

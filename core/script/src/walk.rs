@@ -25,7 +25,7 @@ pub(crate) enum WalkPace {
 /// Inputs from which a walk is computed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WalkPlan {
-    /// When the turn begins.
+    /// Time at which the turn begins.
     pub from: Time,
     pub start: DVec3,
     /// Rotation of the actor at the start.
@@ -44,11 +44,11 @@ pub(crate) struct WalkPlan {
 #[derive(Clone, Debug)]
 pub(crate) struct Walk {
     pub from: Time,
-    /// When the first step begins to fade in.
+    /// Time at which the first step begins to fade in.
     pub walks_from: Time,
-    /// When it has full weight.
+    /// Time at which it has full weight.
     pub walks: Time,
-    /// When the stop begins.
+    /// Time at which the stop begins.
     pub stops_from: Time,
     /// Arrival.
     pub until: Time,

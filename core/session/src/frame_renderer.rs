@@ -122,7 +122,7 @@ pub struct FrameInfo {
 struct Requests {
     /// The next request of each view.
     next: BTreeMap<u32, FrameRequest>,
-    /// Whose turn it was last.
+    /// The view whose turn it was last.
     last: u32,
     /// Shaders have changed.
     shaders: bool,

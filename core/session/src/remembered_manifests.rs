@@ -19,7 +19,7 @@ pub fn manifest(plugin: &[u8]) -> Result<Manifest, WasmError> {
     remembered(&folder, &name).map_or_else(
         || {
             let manifest = choreo_wasm_plugin::manifest(plugin)?;
-            // Without it the plugin is compiled the next time, too.
+            // Without this file the plugin is compiled the next time, too.
             let _ = std::fs::create_dir_all(&folder);
             let _ = choreo_files::write_whole(&folder.join(name), &to_bytes(&manifest));
             Ok(manifest)

@@ -12,7 +12,7 @@ use crate::root_motion::apply::RootMotionScratch;
 use crate::snapshot::{ActorState, Snapshot};
 use crate::stage::actor::{Placement, Target};
 use crate::stage::camera::Rig;
-use crate::stage::edits::{ActorEdit, CameraEdit, FrameEdits};
+use crate::stage::edits::{ActorEdit, CameraEdit, FrameEdits, edits_of};
 use crate::stage::sky::SkyEdit;
 use crate::stage::{Stage, StageError};
 use crate::transforms::facing;
@@ -135,20 +135,19 @@ fn run_hooks(
         hook.run(time, edits)?;
     }
     scratch.pose_edits.clear();
-    for (place, edit) in scratch.edits.actors.iter().enumerate() {
-        let index = edit.actor();
-        let (Some(placement), Some(state)) = (scratch.placements.get_mut(index), actors.get_mut(index))
+    for (place, (index, edit)) in scratch.edits.actors.iter().enumerate() {
+        let (Some(placement), Some(state)) = (scratch.placements.get_mut(*index), actors.get_mut(*index))
         else {
             continue;
         };
         edit.place(placement);
         match *edit {
-            ActorEdit::Visible { visible, .. } => state.visible = visible,
-            ActorEdit::Tint { tint, .. } => state.tint = tint,
-            ActorEdit::LineWidth { width, .. } => state.line_width = Some(width),
-            ActorEdit::Copies { count, .. } => state.copies = Some(count),
+            ActorEdit::Visible(visible) => state.visible = visible,
+            ActorEdit::Tint(tint) => state.tint = tint,
+            ActorEdit::LineWidth(width) => state.line_width = Some(width),
+            ActorEdit::Copies(count) => state.copies = Some(count),
             ActorEdit::Morph { .. } | ActorEdit::Expression { .. } | ActorEdit::TurnJoint { .. } => {
-                scratch.pose_edits.push((index, place))
+                scratch.pose_edits.push((*index, place))
             }
             _ => {}
         }
@@ -167,8 +166,8 @@ fn cull(
     let mut out = std::mem::take(&mut scratch.culled);
     out.clear();
     // If a callback attaches an actor or aims the camera, the camera may depend on a pose; then nothing is culled.
-    let attaches = |edit: &ActorEdit| matches!(edit, ActorEdit::Attach { .. });
-    let looks = |edit: &CameraEdit| matches!(edit, CameraEdit::LookAt { .. } | CameraEdit::Rig { .. });
+    let attaches = |(_, edit): &(usize, ActorEdit)| matches!(edit, ActorEdit::Attach(_));
+    let looks = |(_, edit): &(usize, CameraEdit)| matches!(edit, CameraEdit::LookAt(_) | CameraEdit::Rig(_));
     let edits = &scratch.edits;
     let bounds = bounds.filter(|_| !edits.actors.iter().any(attaches) && !edits.cameras.iter().any(looks));
     if let (Some(pose_bounds), Some(aspect)) = (bounds, scratch.aspect) {
@@ -273,7 +272,7 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
                 for parent in parents.of_mut(a) {
                     parent.find_space(stage, actors);
                     space = parent.world_from_parent;
-                    let local = parent.local(own, edits_of(edits, a));
+                    let local = parent.local(own, edits_of(&edits.actors, a));
                     position = match space.transform_point3(local.translation) {
                         here if parent.weight >= 1.0 => here,
                         here => position.lerp(here, parent.weight),
@@ -299,7 +298,8 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
                 let all = parents.of(a);
                 let mut placed = in_space(&DAffine3::IDENTITY, own);
                 for parent in all {
-                    let here = in_space(&parent.world_from_parent, &parent.local(own, edits_of(edits, a)));
+                    let here =
+                        in_space(&parent.world_from_parent, &parent.local(own, edits_of(&edits.actors, a)));
                     placed = if parent.weight >= 1.0 { here } else { mixed(&placed, &here, parent.weight) };
                 }
                 unscaled[a] = placed;
@@ -307,10 +307,6 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
             }
         }
     }
-}
-
-fn edits_of(edits: &FrameEdits, actor: usize) -> impl Iterator<Item = &ActorEdit> {
-    edits.actors.iter().filter(move |edit| edit.actor() == actor)
 }
 
 /// Finds out where actors are kept whose parents have changed before a time. `evaluate` evaluates the stage at the moment of a change,
@@ -322,7 +318,7 @@ pub(crate) fn settle_parents(
     evaluate: impl Fn(Time, Scratch) -> Result<(Scratch, Snapshot), StageError>,
 ) -> Result<(), StageError> {
     let kept = &scratch.kept_transforms;
-    // The earliest first: what is kept later depends on it.
+    // The earliest first: transforms that later parents keep depend on it.
     for changes in kept.unknown(stage, time).chunk_by(|a, b| a.0 == b.0) {
         let parent_of = |actor: usize, number: usize| &stage.actors[actor].parents[number];
         let parents = changes.iter().filter_map(|(_, a, n)| Some(parent_of(*a, *n).to?.actor));

@@ -7,7 +7,7 @@ use crate::stage::actor::{Actor, Attachment, Target};
 use crate::stage::camera::{Camera, Rig};
 use crate::stage::channel::Property;
 use crate::stage::channel::{keyed, vec3};
-use crate::stage::edits::{CameraEdit, FrameEdits};
+use crate::stage::edits::{CameraEdit, FrameEdits, edits_of};
 use crate::stage::fade::fraction;
 use crate::stage::{Stage, StageError};
 use crate::transforms::{target_position, world_from_attachment};
@@ -135,7 +135,7 @@ fn with_planes_in_order(
     time: Time,
     state: CameraState,
 ) -> Result<CameraState, StageError> {
-    let given = |edit: &CameraEdit| matches!(edit, CameraEdit::Near { .. } | CameraEdit::Far { .. });
+    let given = |(_, edit): &(usize, CameraEdit)| matches!(edit, CameraEdit::Near(_) | CameraEdit::Far(_));
     let (near, far) = match state.projection {
         Projection::Perspective { near, far, .. } => (near, far),
         Projection::Orthographic { near, far, .. } => (near, Some(far)),
@@ -151,9 +151,9 @@ fn with_planes_in_order(
 
 /// Position that callbacks give a camera, unless they give it a rig after that.
 fn moved_to(edits: &FrameEdits, index: usize) -> Option<DVec3> {
-    edits.cameras.iter().rev().filter(|edit| edit.camera() == index).find_map(|edit| match edit {
-        CameraEdit::MoveTo { position, .. } => Some(Some(*position)),
-        CameraEdit::Rig { .. } => Some(None),
+    edits_of(&edits.cameras, index).rev().find_map(|edit| match edit {
+        CameraEdit::MoveTo(position) => Some(Some(*position)),
+        CameraEdit::Rig(_) => Some(None),
         _ => None,
     })?
 }

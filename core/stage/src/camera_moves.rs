@@ -6,7 +6,7 @@ use crate::stage::Stage;
 use crate::stage::actor::Target;
 use crate::stage::camera::Camera;
 use crate::stage::camera_moves::{CameraLook, CameraShake};
-use crate::stage::edits::{CameraEdit, FrameEdits};
+use crate::stage::edits::{CameraEdit, FrameEdits, edits_of};
 use crate::stage::fade::{eased, fraction};
 use crate::transforms::target_position;
 use choreo_asset::Projection;
@@ -64,8 +64,8 @@ pub(crate) fn targets<'a>(
     edits: &'a FrameEdits,
     time: Time,
 ) -> impl Iterator<Item = Target> + 'a {
-    let edited = edits.cameras.iter().filter_map(move |edit| match edit {
-        CameraEdit::LookAt { camera, target } if *camera == index => Some(*target),
+    let edited = edits_of(&edits.cameras, index).filter_map(|edit| match edit {
+        CameraEdit::LookAt(target) => Some(*target),
         _ => None,
     });
     active_looks(camera, time).filter_map(|(look, _)| look.target).chain(edited)
@@ -81,7 +81,7 @@ pub(crate) fn moved(
     state: CameraState,
 ) -> CameraState {
     let camera = &stage.cameras[index];
-    let own = || edits.cameras.iter().filter(|edit| edit.camera() == index);
+    let own = || edits_of(&edits.cameras, index);
     if camera.looks.is_empty() && camera.shakes.is_empty() && own().next().is_none() {
         return state;
     }
@@ -102,19 +102,17 @@ pub(crate) fn moved(
     }
     for edit in own() {
         match edit {
-            CameraEdit::MoveTo { .. } | CameraEdit::Rig { .. } | CameraEdit::Shake { .. } => {}
-            CameraEdit::Near { .. } | CameraEdit::Far { .. } => {}
-            CameraEdit::LookAt { target, .. } => {
-                rotation = look(target, &mut projection).unwrap_or(rotation);
-            }
-            CameraEdit::Turn { rotation: turn, .. } => rotation = (*turn * rotation).normalize(),
-            CameraEdit::FieldOfView { yfov, .. } => {
+            CameraEdit::MoveTo(_) | CameraEdit::Rig(_) | CameraEdit::Shake(_) => {}
+            CameraEdit::Near(_) | CameraEdit::Far(_) => {}
+            CameraEdit::LookAt(target) => rotation = look(target, &mut projection).unwrap_or(rotation),
+            CameraEdit::Turn(turn) => rotation = (*turn * rotation).normalize(),
+            CameraEdit::FieldOfView(yfov) => {
                 let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) =
                     projection;
                 let far = camera.far().filter(|_| matches!(projection, Projection::Perspective { .. }));
                 projection = Projection::Perspective { yfov: *yfov, near, far };
             }
-            CameraEdit::Height { height, .. } => {
+            CameraEdit::Height(height) => {
                 let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) =
                     projection;
                 let far = camera.far().unwrap_or(ORTHOGRAPHIC_FAR);
@@ -126,7 +124,7 @@ pub(crate) fn moved(
     moved.projection = planes(projection, own());
     moved.world_from_view.translation = position;
     let shaken = own().filter_map(|edit| match edit {
-        CameraEdit::Shake { shake, .. } => Some(shake.at(time, 1.0)),
+        CameraEdit::Shake(shake) => Some(shake.at(time, 1.0)),
         _ => None,
     });
     let shakes = camera.shakes.iter().map(|shake| shake.at(time, shake.presence(time)));
@@ -143,11 +141,11 @@ fn planes<'a>(mut projection: Projection, edits: impl Iterator<Item = &'a Camera
     for edit in edits {
         match (edit, &mut projection) {
             (
-                CameraEdit::Near { near: given, .. },
+                CameraEdit::Near(given),
                 Projection::Perspective { near, .. } | Projection::Orthographic { near, .. },
             ) => *near = *given,
-            (CameraEdit::Far { far: given, .. }, Projection::Perspective { far, .. }) => *far = Some(*given),
-            (CameraEdit::Far { far: given, .. }, Projection::Orthographic { far, .. }) => *far = *given,
+            (CameraEdit::Far(given), Projection::Perspective { far, .. }) => *far = Some(*given),
+            (CameraEdit::Far(given), Projection::Orthographic { far, .. }) => *far = *given,
             _ => {}
         }
     }

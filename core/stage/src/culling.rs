@@ -145,7 +145,7 @@ fn widen_by(
             let here = match carries {
                 // The difference of two of its poses.
                 _ if additive => 2.0 * most,
-                // Without the distance that it has come; it turns about its start.
+                // The distance travelled is not counted: it turns about its start.
                 true => most + 2.0 * keys().map(away).fold(0.0, f64::max),
                 false => most,
             };
@@ -301,7 +301,7 @@ impl Culling<'_> {
     /// How far from its parent's joint an actor is placed, and how large.
     fn placed(&self, index: usize, parent: &ActiveParent) -> Option<(f64, f64)> {
         let actor = &self.stage.actors[index];
-        let moved = self.edits.actors.iter().any(|edit| edit.actor() == index);
+        let moved = self.edits.actors.iter().any(|(of, _)| *of == index);
         if moved || !actor.channels.is_empty() || actor.path_following.is_some() {
             return None;
         }

@@ -2,13 +2,18 @@
 
 use crate::snapshot::Layer2dState;
 use crate::stage::Stage;
-use crate::stage::channel::Property;
-use crate::stage::channel::keyed;
+use crate::stage::channel::{Property, keyed};
+use crate::stage::edits::edits_of;
 use crate::stage::layers_2d::Layer2dEdit;
 use choreo_motion::Time;
 use glam::DVec2;
 
-pub(crate) fn evaluate(stage: &Stage, edits: &[Layer2dEdit], time: Time, out: &mut Vec<Layer2dState>) {
+pub(crate) fn evaluate(
+    stage: &Stage,
+    edits: &[(usize, Layer2dEdit)],
+    time: Time,
+    out: &mut Vec<Layer2dState>,
+) {
     out.clear();
     for (index, layer_2d) in stage.layers_2d.iter().enumerate() {
         let key = |property| keyed(&layer_2d.channels, property, time);
@@ -16,14 +21,11 @@ pub(crate) fn evaluate(stage: &Stage, edits: &[Layer2dEdit], time: Time, out: &m
             (key(Property::Translation).map_or(layer_2d.at, |v| DVec2::new(v[0], v[1])), None);
         let mut opacity = key(Property::Opacity).map_or(layer_2d.opacity, |v| v[0]);
         let scale = key(Property::Scale).map_or(layer_2d.scale, |v| v[0]);
-        for edit in edits {
+        for edit in edits_of(edits, index) {
             match edit {
-                Layer2dEdit::At { layer_2d, at: to } if *layer_2d == index => at = *to,
-                Layer2dEdit::Opacity { layer_2d, opacity: to } if *layer_2d == index => opacity = *to,
-                Layer2dEdit::Words { layer_2d, words: now } if *layer_2d == index => {
-                    words = Some(now.clone())
-                }
-                _ => {}
+                Layer2dEdit::At(to) => at = *to,
+                Layer2dEdit::Opacity(to) => opacity = *to,
+                Layer2dEdit::Words(now) => words = Some(now.clone()),
             }
         }
         // Splines overshoot.

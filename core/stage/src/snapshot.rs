@@ -1,15 +1,11 @@
 //! The stage at one time: what the renderer, `choreo pose` and tests look at.
 
 use crate::stage::Background;
-use crate::stage::hash::{StageWriter, hash_of, hashed, written};
 use crate::stage::light::Shadow;
-use choreo_asset::ContentHash;
-use choreo_asset::Material;
-use choreo_asset::Panorama;
-use choreo_asset::{Light, Projection};
+use choreo_asset::hash::{Hashed, hash_of};
+use choreo_asset::{ContentHash, Light, Material, Panorama, Projection, hashed};
 use choreo_motion::{Skinning, Time};
-use glam::DVec2;
-use glam::{Affine3A, DAffine3, DVec3, Mat3, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, DVec2, DVec3, Mat3, Vec3, Vec4};
 use std::sync::Arc;
 
 /// Everything of a stage at one time.
@@ -187,7 +183,7 @@ pub struct ChangedMaterial {
 impl Snapshot {
     /// Every bit of it: two evaluations of one stage at one time must agree, wherever they ran.
     pub fn content_hash(&self) -> ContentHash {
-        hash_of(self, StageWriter::default())
+        hash_of(|w| self.hash(w))
     }
 }
 
@@ -204,11 +200,5 @@ hashed! {
     struct Layer2dState { layer_2d, at, scale, opacity, words }
     struct SkyState { panorama, turn, strength, background }
     struct EffectState { effect, parameters }
-}
-
-written! {
-    ChangedMaterial: |v, w| {
-        w.u32(v.material);
-        v.now.write_content(w, &|_| None)
-    };
+    struct ChangedMaterial { material, now }
 }

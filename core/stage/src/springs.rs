@@ -18,7 +18,7 @@ use crate::actors;
 use crate::constraints::foot_locks::FootLocks;
 use crate::constraints::{ConstrainedScratch, evaluate_actors};
 use crate::snapshot::{ActorState, Snapshot};
-use crate::stage::edits::ActorEdit;
+use crate::stage::edits::{ActorEdit, edits_of};
 use crate::stage::parenting::Parenting;
 use crate::stage::{Stage, StageError};
 use crate::transforms::order::PlacementStep;
@@ -172,11 +172,9 @@ impl Groups {
     }
 
     /// Whether a callback attaches an actor that springs can move along with to one of another set.
-    fn are_joined_by(&self, edits: &[ActorEdit]) -> bool {
-        edits.iter().any(|edit| {
-            let ActorEdit::Attach { actor, parent: Parenting { to: Some(to), .. } } = edit else {
-                return false;
-            };
+    fn are_joined_by(&self, edits: &[(usize, ActorEdit)]) -> bool {
+        edits.iter().any(|(actor, edit)| {
+            let ActorEdit::Attach(Parenting { to: Some(to), .. }) = edit else { return false };
             let (Some(own), Some(other)) = (self.sets.get(*actor), self.sets.get(to.actor)) else {
                 return false;
             };
@@ -431,9 +429,9 @@ fn swing(
 }
 
 /// The wind that a callback has set last.
-fn wind(edits: &[ActorEdit], of: usize) -> Option<DVec3> {
-    edits.iter().rev().find_map(|edit| match edit {
-        ActorEdit::Wind { actor, wind } if *actor == of => Some(*wind),
+fn wind(edits: &[(usize, ActorEdit)], of: usize) -> Option<DVec3> {
+    edits_of(edits, of).rev().find_map(|edit| match edit {
+        ActorEdit::Wind(wind) => Some(*wind),
         _ => None,
     })
 }

@@ -20,7 +20,7 @@ pub enum Accept {
     #[default]
     None,
     All,
-    /// Only images of these names.
+    /// If given, only images of these names are compared.
     Named(Vec<String>),
 }
 
@@ -38,7 +38,7 @@ impl Accept {
 #[derive(Clone, Debug, Default)]
 pub struct ImageOptions {
     pub accept: Accept,
-    /// Instead of what the scripts say.
+    /// If given, it is used instead of the device that the scripts state.
     pub device: Option<Device>,
     /// Images accepted on another device count too.
     pub any_device: bool,
@@ -46,7 +46,7 @@ pub struct ImageOptions {
     pub failures: Option<PathBuf>,
 }
 
-/// Whose image it is.
+/// The section that the image belongs to.
 pub struct Whose<'a> {
     pub path: &'a Path,
     /// File and section as the user names them.

@@ -118,6 +118,8 @@ pub struct Viewer {
     pub trails: Trails,
     pub shelf: Shelf,
     pub selection: Option<Selected>,
+    /// The thing that is to get another name, for which a field opens.
+    pub(crate) to_rename: Option<Selected>,
     /// The clips that were copied last, a line each.
     pub(crate) copied: String,
     /// The further parts that are selected, and beside which.
@@ -194,6 +196,7 @@ impl Viewer {
             trails: Trails::default(),
             shelf: Shelf::default(),
             selection: None,
+            to_rename: None,
             copied: String::new(),
             more: (None, Vec::new()),
             keys: (None, Vec::new()),
@@ -267,6 +270,9 @@ impl Viewer {
         // If the whole scene was shown, the whole new one is shown.
         if self.scene.is_none() || self.span == Span::whole(self.playhead.length().as_secs()) {
             self.span = Span::whole(length);
+        }
+        if self.scene.is_none() || self.curves.time == Span::whole(self.playhead.length().as_secs()) {
+            self.curves.time = Span::whole(length);
         }
         self.playhead.set_scene(settings.fps, settings.length);
         self.timeline = Timeline::new(&scene);
@@ -414,10 +420,10 @@ impl Viewer {
         &mut self.views[active]
     }
 
-    /// The name of a light, by its kind and its number on the stage.
+    /// The name of a light as it is read.
     pub(crate) fn light_name(&self, index: usize) -> String {
-        let light = self.scene.as_ref().and_then(|scene| scene.stage.lights.get(index));
-        format!("{} {}", light.map_or("light", |light| light.light.kind.title()), index + 1)
+        let name = self.timeline.lights.get(index).cloned();
+        name.unwrap_or_else(|| format!("light {}", index + 1))
     }
 
     /// The mouse takes a view's camera over where it stands.

@@ -340,7 +340,7 @@ fn programs(
     if source.text.loops.is_empty() {
         return Ok(programs);
     }
-    // What is run counts the rounds of loops; the places of mistakes are those of the author's text.
+    // The code that runs counts the rounds of loops; the places of mistakes are those of the author's text.
     let (module, info) = counted(run, source)?;
     lowered((&module, &info)).map_err(|e| source.error(None, format!("a loop cannot be counted: {}", e.what)))
 }

@@ -95,7 +95,7 @@ impl WgslEffect {
     /// compile all of them.
     ///
     /// # Panics
-    /// Where the head comment is faulty, and later where the function is.
+    /// The place of the fault in the head comment, and later that in the function.
     pub fn built_in(file: &str, text: &str, version: &str) -> WgslEffect {
         let mut effect = Self::read(file, text).unwrap_or_else(|e| panic!("{e}"));
         effect.manifest.version = version.into();
@@ -338,7 +338,7 @@ impl ImageEffect for WgslEffect {
         row: &mut [Vec4],
     ) {
         let named = self.head.pass_lines.len() as u32;
-        // Without textures of their own the passes have one scale, and the last one reads what is of it.
+        // Without textures of their own the passes have one scale, and the last one reads the texture of that scale.
         let shrinks: Vec<u32> = (0..=named)
             .map(|pass| ImageEffect::shrink(self, pass, images.original.size, parameters))
             .collect();

@@ -8,7 +8,7 @@ use choreo_wgsl_effect::{EffectError, WgslEffect};
 /// The effect, from the text that both renderers run.
 ///
 /// # Errors
-/// Where the text is faulty.
+/// An error in the text, with its place.
 pub fn example() -> Result<WgslEffect, EffectError> {
     WgslEffect::from_text("example.wgsl", include_str!("example.wgsl"))
 }

@@ -80,7 +80,7 @@ pub fn all() -> Vec<Effect> {
 /// Built-in effects by name.
 ///
 /// # Panics
-/// Where there is no effect of a name.
+/// Panics where there is no effect of a name.
 pub fn named(names: &[&str]) -> Vec<Effect> {
     let all = all();
     let find = |name: &&str| all.iter().find(|e| e.manifest().name == *name);

@@ -60,7 +60,7 @@ impl SceneExporter for EditExporter {
 }
 
 /// # Errors
-/// Only some frames are exported: an edit is of the whole scene.
+/// The error where only some frames are exported: an edit is of the whole scene.
 fn whole(scene: &ExportedScene) -> Result<(), ExportError> {
     match scene.times.len() as i64 == shots::total(scene) {
         true => Ok(()),

@@ -65,7 +65,7 @@ impl Exporter for ExrExporter {
     fn wish(&self, options: &ExportOptions) -> Result<FrameWish, ExportError> {
         let passes = Passes::parse(options.text(PASSES).unwrap_or("color"));
         let passes = passes.map_err(|unknown| ExportError::Format(format!("{PASSES}: {unknown}")))?;
-        // What is no number is "frame".
+        // The option's other value is "frame", which is no number.
         let id_samples = options.text(ID_SAMPLES).and_then(|text| text.parse().ok()).unwrap_or(0);
         Ok(FrameWish::Scene(Passes { id_samples, ..passes }))
     }

@@ -57,7 +57,7 @@ impl Exporter for GifExporter {
         so_far: &mut dyn Read,
         out: Box<dyn Write + Send>,
     ) -> Result<Box<dyn FrameSink>, ExportError> {
-        let cut = || ExportError::Format("what is kept of the GIF is cut".into());
+        let cut = || ExportError::Format("the saved state of the GIF is incomplete".into());
         let state = states.last().and_then(|s| ResumeState::read(s)).ok_or_else(cut)?;
         let (gate, opener) = Gate::shut(out);
         let mut sink = GifSink::new(info, Box::new(gate))?;

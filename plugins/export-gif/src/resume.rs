@@ -40,18 +40,18 @@ impl ResumeState {
 
 /// The image that a player shows after the first `frames` frames.
 pub fn canvas(so_far: &mut dyn Read, size: (u16, u16), frames: u64) -> Result<Vec<[u8; 3]>, String> {
-    let failed = |e: gif::DecodingError| format!("what is kept of the GIF cannot be read: {e}");
+    let failed = |e: gif::DecodingError| format!("the unfinished GIF cannot be read: {e}");
     let mut options = gif::DecodeOptions::new();
     options.set_color_output(gif::ColorOutput::RGBA);
     let mut decoder = options.read_info(so_far).map_err(failed)?;
     let (width, height) = (usize::from(size.0), usize::from(size.1));
     if (decoder.width(), decoder.height()) != size {
-        return Err(format!("what is kept of the GIF is {}×{}", decoder.width(), decoder.height()));
+        return Err(format!("the unfinished GIF is {}×{}", decoder.width(), decoder.height()));
     }
     let mut shown = vec![[0; 3]; width * height];
     for number in 0..frames {
         let frame = decoder.read_next_frame().map_err(failed)?;
-        let frame = frame.ok_or_else(|| format!("what is kept of the GIF ends at frame {number}"))?;
+        let frame = frame.ok_or_else(|| format!("the unfinished GIF ends at frame {number}"))?;
         let (left, columns) = (usize::from(frame.left), usize::from(frame.width).max(1));
         for (y, row) in frame.buffer.chunks(4 * columns).enumerate() {
             let at = (y + usize::from(frame.top)) * width + left;

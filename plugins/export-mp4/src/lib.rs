@@ -113,18 +113,18 @@ impl Coding {
     }
 }
 
-/// Quantizer 42 … 18 … 12, H.264's logarithmic scale: 6 steps double the error. The encoder takes none below 12 (`GOM_MIN_QP_MODE` in its
-/// `rc.h`, to which `ParamValidation` raises the range of every rate control), and whole numbers only, so that the 25 numbers above the
-/// default have six steps: three of them from 95 on. Half steps were tried: a range of two quantizers, of which each block takes one by its texture.
-/// The first frame then gets the coarser one and the next ones repair it, which makes files larger than the finer one alone does.
+/// Quantizer 42 … 18 … 17 … 12, H.264's logarithmic scale: 6 steps double the error. The encoder takes none below 12 (`GOM_MIN_QP_MODE` in its
+/// `rc.h`, to which `ParamValidation` raises the range of every rate control), and whole numbers only. So each of the numbers from 95 on has a
+/// quantizer of its own, and those from the default to 94 share two. Half steps were tried: a range of two quantizers, of which each block takes
+/// one by its texture. The first frame then gets the coarser one and the next ones repair it, which makes files larger than the finer one alone does.
 fn quantizer(quality: f64) -> u8 {
     let quality = quality.clamp(0.0, 100.0);
     let to_default = 0.32 * quality.min(DEFAULT_QUALITY);
-    let to_end = 0.2 * (quality.min(END) - DEFAULT_QUALITY).max(0.0);
-    (42.0 - to_default - to_end - 0.4 * (quality - END).max(0.0)).round() as u8
+    let to_end = (quality.min(END) - DEFAULT_QUALITY).max(0.0) / (END - DEFAULT_QUALITY);
+    (42.0 - to_default - to_end - (quality - END).max(0.0)).round() as u8
 }
 
-/// Quality from which on steps are denser.
+/// Quality from which on each number is a step.
 const END: f64 = 95.0;
 
 /// Frames that one encoder makes. Its state cannot be stored, so each segment starts with a new one and depends on its

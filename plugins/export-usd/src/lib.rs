@@ -73,7 +73,7 @@ impl SceneExporter for UsdExporter {
         let mut baked = bake::bake(scene, tolerance, Style::Common)?;
         files.deviation(check::worst(scene, &baked, &AS_WRITTEN)?);
         let sets: Vec<_> = std::mem::take(&mut baked.sets).into_iter().map(Rc::new).collect();
-        // What keeps still is asked for by set.
+        // Values that do not change are requested set by set.
         baked.sets = sets.iter().map(|set| still_of(set)).collect();
         let mut common = Common::default();
         common.textures.stem = scene.stem.clone();

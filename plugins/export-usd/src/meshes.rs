@@ -10,7 +10,7 @@ use choreo_plugin::glam::{DMat4, Vec3};
 pub enum Binding<'a> {
     /// Every vertex by its weights. `joints`: of the skeleton, one a joint of the skin.
     Skin { joints: &'a [u32], geometry: DMat4 },
-    /// As a whole, with one joint.
+    /// The mesh moves as a whole, with one joint.
     Rigid { joint: u32, geometry: DMat4 },
 }
 

@@ -85,7 +85,7 @@ impl<'a, I: Iterator<Item = &'a [u8]>> EqByCase for I {
     }
 }
 
-/// When frames are.
+/// The times of the frames.
 enum Step {
     Rate(FrameRate),
     Secs(f64),

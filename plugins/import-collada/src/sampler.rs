@@ -153,7 +153,7 @@ impl Sampler {
         (self.interpolation.iter().any(step), self.interpolation.iter().all(step))
     }
 
-    /// Only held or straight between keys.
+    /// Values are held or straight between all keys.
     pub fn is_plain(&self) -> bool {
         self.interpolation.iter().all(|i| matches!(i, Interpolation::Step | Interpolation::Linear))
     }

@@ -1,6 +1,6 @@
 //! Curves through the keys of the stage.
 
-use crate::{BUDGET_SECS, Random, Section};
+use crate::{BUDGET_SECS, Random, Section, key_weights};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
 use choreo_bench::truth::Spread;
@@ -64,17 +64,20 @@ pub fn section() -> Result<Section, String> {
         choice.rows.push(Row::new(WAYS[way].0).error(worst, mean).at(places[way].clone()).nanos(nanos));
     }
     choice.choose(OURS, "follows smooth motions as the plain spline does, and short gaps throw nothing far");
+    let (weights, by_weights) = key_weights::measured()?;
     let reason = "it costs nanoseconds once for each key of a script, and is the only one without faults in either table";
+    let longer = "more parts are sampled as fast, but take more memory, which is the cost of an error that nobody sees";
     Ok(Section {
         title: "Stage keys",
         text: "The parabola through a key and its neighbors follows smooth motions best, but where two keys lie close together its tangent grows \
                as 1 / gap. Limited component by component (monotone cubics), a circle is flattened wherever x or y turns. Centripetal splines \
                keep the shape of a path, but times are given with keys, and where the gaps differ the speed changes at the key at once. As one \
-               vector, limited only by the changes beside the key, a position is as exact as by the parabola; a number becomes monotone."
+               vector, limited only by the changes beside the key, a position is as exact as by the parabola; a number becomes monotone. Where \
+               tangents have weights, the time is a cubic of the curve's parameter, which is kept as short Hermite spans."
             .into(),
-        choices: vec![choice],
-        tables: vec![by_motion, faults()],
-        off_front: vec![("keys", reason)],
+        choices: vec![choice, weights],
+        tables: vec![by_motion, faults(), by_weights],
+        off_front: vec![("keys", reason), ("key_weights", longer)],
     })
 }
 

@@ -26,6 +26,7 @@ mod gif;
 mod glass;
 mod ik;
 mod images;
+mod key_weights;
 mod keys;
 mod mipmaps;
 mod packing;

@@ -25,7 +25,7 @@ use std::sync::Arc;
 pub struct MeasuredScene<'a> {
     pub stage: &'a Arc<Stage>,
     pub registry: &'a Registry,
-    /// When images are taken.
+    /// The times at which images are taken.
     pub at: Time,
     /// Pixels.
     pub size: [u32; 2],

@@ -12,7 +12,7 @@ use choreo_render::{CpuRenderer, Renderer};
 use std::io::Write;
 use std::sync::{Arc, Mutex, PoisonError};
 
-const QUALITIES: [u32; 7] = [30, 50, 65, 75, 85, 95, 100];
+const QUALITIES: [u32; 7] = [30, 50, 65, 75, 95, 97, 100];
 const TOLERANCE: u8 = 8;
 
 pub fn choices(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoices, BenchError> {

@@ -3,5 +3,6 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod hips;
 mod in_step;
 mod retargeting;

@@ -35,7 +35,7 @@ struct Shared {
 
 struct Known {
     png: Vec<u8>,
-    /// When it was last wanted.
+    /// The time at which it was last requested.
     round: u64,
 }
 

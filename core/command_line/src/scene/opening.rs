@@ -1,4 +1,4 @@
-//! How a scene is opened, and what is kept for opening it again.
+//! How a scene is opened, and which of its parts a second opening uses again.
 
 use choreo_plugin::ImportScope;
 use choreo_sandbox::memory::in_use;

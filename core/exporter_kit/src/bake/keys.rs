@@ -196,7 +196,7 @@ fn play(cue: &Cue, index: usize, [mut from, to, held]: [Time; 3], out: &mut Vec<
         let turned = cue.repeat == Repeat::PingPong && round % 2 != 0;
         let rate = if turned { -cue.speed } else { cue.speed };
         let boundary = cue.time_of_played((round + 1) * length).unwrap_or(Time::MAX);
-        // What follows begins a tick later: a loop jumps to its start there, and a spline may leave a key otherwise than it came.
+        // The next span begins a tick later: a loop jumps to its start there, and a spline may leave a key otherwise than it came.
         let until = (boundary - Time(1)).min(to).min(held - Time(1)).max(from);
         out.push(Stretch { cue: index, from, to: until, at: clip_time(from), rate });
         from = until + Time(1);

@@ -13,7 +13,7 @@ const SHELL: f32 = 0.1;
 
 /// Appends the rig's transforms: the actor in the world, then, with `pose`, its joints in their parents.
 pub fn append(actor: &Actor, state: &ActorState, pose: bool, out: &mut Vec<f32>) {
-    // What is hidden has no size: glTF has no visibility, and importers of other formats ignore it.
+    // Hidden actors have a scale of zero: glTF has no visibility, and importers of other formats ignore it.
     let mut world = parts(&state.world_from_model, &Transform::IDENTITY);
     if !state.visible {
         world.scale = Vec3::ZERO;

@@ -127,20 +127,10 @@ pub enum ClipError {
     Property { curve: usize, target: PropertyTarget, what: CurveError },
 }
 
-impl std::fmt::Display for ClipError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            ClipError::Curve { curve, joint, path, what } => {
-                write!(f, "curve {curve} ({path:?} of joint {joint}): {what}")
-            }
-            ClipError::Property { curve, target, what } => {
-                write!(f, "property curve {curve} ({target:?}): {what}")
-            }
-        }
-    }
+crate::error_texts! { ClipError:
+    Self::Curve { curve, joint, path, what } => "curve {curve} ({path:?} of joint {joint}): {what}";
+    Self::Property { curve, target, what } => "property curve {curve} ({target:?}): {what}";
 }
-
-impl std::error::Error for ClipError {}
 
 /// Error of a curve.
 #[derive(Clone, Debug, PartialEq)]
@@ -159,43 +149,19 @@ pub enum CurveError {
     TwoCurves,
 }
 
-impl std::fmt::Display for CurveError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            CurveError::NoKeys => f.write_str("it has no keys"),
-            CurveError::Values { keys, stride, values } => write!(
-                f,
-                "{keys} keys need {} values ({stride} a key), it has {values}",
-                keys.saturating_mul(*stride)
-            ),
-            CurveError::TimeRepeats { key, time } => write!(
-                f,
-                "the time of key {key} ({time} s) repeats that of key {} ({time} s); key times must increase",
-                key - 1
-            ),
-            CurveError::TimeRunsBackwards { key, time, before } => write!(
-                f,
-                "the time of key {key} ({time} s) runs backwards from that of key {} ({before} s); key times must increase",
-                key - 1
-            ),
-            CurveError::NotFinite { key, value } => write!(f, "key {key} holds {value}, must be finite"),
-            CurveError::TooLarge { key, value } => {
-                write!(f, "key {key} holds {value}, at most ±{MAX_KEY} is allowed")
-            }
-            CurveError::NoJoint(joints) => write!(f, "the skeleton has only {joints} joints"),
-            CurveError::TooManyWeights(count) => {
-                write!(f, "{count} morph weights, at most {MAX_WEIGHTS} are allowed")
-            }
-            CurveError::ZeroRotation(key) => {
-                write!(f, "the rotation of key {key} has length zero, must be 1")
-            }
-            CurveError::Duplicate(curve) => write!(f, "curve {curve} already drives the same property"),
-            CurveError::TwoCurves => f.write_str("it has two curves"),
-        }
-    }
+crate::error_texts! { CurveError:
+    Self::NoKeys => "it has no keys";
+    Self::Values { keys, stride, values } => "{keys} keys need {} values ({stride} a key), it has {values}", keys.saturating_mul(*stride);
+    Self::TimeRepeats { key, time } => "the time of key {key} ({time} s) repeats that of key {} ({time} s); key times must increase", key - 1;
+    Self::TimeRunsBackwards { key, time, before } => "the time of key {key} ({time} s) runs backwards from that of key {} ({before} s); key times must increase", key - 1;
+    Self::NotFinite { key, value } => "key {key} holds {value}, must be finite";
+    Self::TooLarge { key, value } => "key {key} holds {value}, at most ±{MAX_KEY} is allowed";
+    Self::NoJoint(joints) => "the skeleton has only {joints} joints";
+    Self::TooManyWeights(count) => "{count} morph weights, at most {MAX_WEIGHTS} are allowed";
+    Self::ZeroRotation(key) => "the rotation of key {key} has length zero, must be 1";
+    Self::Duplicate(curve) => "curve {curve} already drives the same property";
+    Self::TwoCurves => "it has two curves";
 }
-
-impl std::error::Error for CurveError {}
 
 /// A curve of an expression that is unsound.
 #[derive(Clone, Debug, PartialEq)]
@@ -206,14 +172,9 @@ pub struct ExpressionError {
     pub what: CurveError,
 }
 
-impl std::fmt::Display for ExpressionError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let ExpressionError { name, what } = self;
-        write!(f, "expression \"{name}\": {what}")
-    }
+crate::error_texts! { ExpressionError:
+    Self { name, what } => "expression \"{name}\": {what}";
 }
-
-impl std::error::Error for ExpressionError {}
 
 /// Result of a compression.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

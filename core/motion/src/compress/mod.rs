@@ -34,20 +34,10 @@ pub enum CompressError {
     Joints { clip: String, joints: usize, expected: usize },
 }
 
-impl std::fmt::Display for CompressError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            CompressError::Tolerance(tolerance) => {
-                write!(f, "the tolerance of {tolerance} m must be from 0.000001 m to 0.1 m")
-            }
-            CompressError::Joints { clip, joints, expected } => {
-                write!(f, "the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}")
-            }
-        }
-    }
+crate::error_texts! { CompressError:
+    Self::Tolerance(tolerance) => "the tolerance of {tolerance} m must be from 0.000001 m to 0.1 m";
+    Self::Joints { clip, joints, expected } => "the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}";
 }
-
-impl std::error::Error for CompressError {}
 
 /// How often the tolerances of single curves are lowered until all holds.
 const ROUNDS: usize = 13;

@@ -81,7 +81,7 @@ pub struct ContactInterval {
     pub to: Time,
 }
 
-/// When feet of a clip are on the floor.
+/// The times at which feet of a clip are on the floor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contacts {
     /// Contact intervals by foot, in the order of time.

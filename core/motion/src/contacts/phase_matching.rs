@@ -119,7 +119,7 @@ impl Footsteps {
         Some([self.evenly(0), other.evenly(at(other, best))])
     }
 
-    /// When step number `i` comes, whole rounds counted: ticks that have been played.
+    /// The time of step number `i`, whole rounds counted, in ticks that have been played.
     fn at_step(&self, i: i64) -> i128 {
         let n = self.count();
         i128::from(i.div_euclid(n)) * i128::from(self.length)

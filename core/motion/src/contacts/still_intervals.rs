@@ -1,4 +1,4 @@
-//! When something stays: a threshold with hysteresis, short stays and gaps left out, around the seam of a loop.
+//! Intervals in which something stays in place: a threshold with hysteresis, short stays and gaps left out, around the seam of a loop.
 
 /// A stay that has begun ends only beyond the threshold times this, so that it does not flicker.
 pub(crate) const HOLD: f64 = 1.5;

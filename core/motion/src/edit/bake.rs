@@ -28,17 +28,9 @@ pub struct BakeError {
     pub floats: u128,
 }
 
-impl std::fmt::Display for BakeError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let BakeError { clip, fps, floats } = self;
-        write!(
-            f,
-            "baking the clip \"{clip}\" at {fps} frames/s makes {floats} numbers, at most {MAX_BAKED_FLOATS} are allowed; choose a lower rate"
-        )
-    }
+crate::error_texts! { BakeError:
+    Self { clip, fps, floats } => "baking the clip \"{clip}\" at {fps} frames/s makes {floats} numbers, at most {MAX_BAKED_FLOATS} are allowed; choose a lower rate";
 }
-
-impl std::error::Error for BakeError {}
 
 /// Numbers that a baked clip may hold: 256 MiB.
 pub(crate) const MAX_BAKED_FLOATS: u128 = 1 << 26;

@@ -31,38 +31,15 @@ pub enum EditError {
     Window { seconds: f64 },
 }
 
-impl std::fmt::Display for EditError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            EditError::Cut { clip, from, until, duration } => write!(
-                f,
-                "from {from} s to {until} s is no part of the clip \"{clip}\", which runs from 0 s to {duration} s"
-            ),
-            EditError::Speed { clip, factor } => write!(
-                f,
-                "the clip \"{clip}\" at {factor} times its speed: the speed must be from 0.001 to 1000"
-            ),
-            EditError::KeysMeet { clip, factor } => {
-                write!(f, "the clip \"{clip}\" at {factor} times its speed has keys less than a tick apart")
-            }
-            EditError::Joints { first, second, joints, expected } => {
-                write!(f, "the clip \"{second}\" is of {joints} joints, \"{first}\" of {expected}")
-            }
-            EditError::Weights { first, second, joint } => write!(
-                f,
-                "the clips \"{first}\" and \"{second}\" drive another number of morph weights at joint {joint}"
-            ),
-            EditError::Joint { joint, joints } => {
-                write!(f, "the clip of {joints} joints has none with number {joint}")
-            }
-            EditError::Window { seconds } => {
-                write!(f, "the window of {seconds} s must be above 0 s and at most 10 s")
-            }
-        }
-    }
+crate::error_texts! { EditError:
+    Self::Cut { clip, from, until, duration } => "from {from} s to {until} s is no part of the clip \"{clip}\", which runs from 0 s to {duration} s";
+    Self::Speed { clip, factor } => "the clip \"{clip}\" at {factor} times its speed: the speed must be from 0.001 to 1000";
+    Self::KeysMeet { clip, factor } => "the clip \"{clip}\" at {factor} times its speed has keys less than a tick apart";
+    Self::Joints { first, second, joints, expected } => "the clip \"{second}\" is of {joints} joints, \"{first}\" of {expected}";
+    Self::Weights { first, second, joint } => "the clips \"{first}\" and \"{second}\" drive another number of morph weights at joint {joint}";
+    Self::Joint { joint, joints } => "the clip of {joints} joints has none with number {joint}";
+    Self::Window { seconds } => "the window of {seconds} s must be above 0 s and at most 10 s";
 }
-
-impl std::error::Error for EditError {}
 
 impl Clip {
     /// The part from one time to another, which then begins at 0. Keys are put at both ends where there are none: between them

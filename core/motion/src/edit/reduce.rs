@@ -47,20 +47,10 @@ pub enum ReduceError {
     Joints { clip: String, joints: usize, expected: usize },
 }
 
-impl std::fmt::Display for ReduceError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            ReduceError::Tolerance(tolerance) => {
-                write!(f, "the tolerance of {tolerance} m must be from 0 m to 1 m")
-            }
-            ReduceError::Joints { clip, joints, expected } => {
-                write!(f, "the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}")
-            }
-        }
-    }
+crate::error_texts! { ReduceError:
+    Self::Tolerance(tolerance) => "the tolerance of {tolerance} m must be from 0 m to 1 m";
+    Self::Joints { clip, joints, expected } => "the clip \"{clip}\" is of {joints} joints, the skeleton of {expected}";
 }
-
-impl std::error::Error for ReduceError {}
 
 /// A point that turns with a joint is at least this far from it, metres: fingertips and a hat also turn.
 const SHELL: f64 = 0.1;
@@ -286,7 +276,7 @@ fn value(curve: &Curve, key: usize) -> [f64; 4] {
 /// The distance of two values, as [`apart_squared`] measures it, that is some radians, metres or factors.
 fn most_apart(path: Path, allowed: f64) -> f64 {
     match path {
-        // Of unit quaternions whose rotations are an angle apart, the half of it between them.
+        // Unit quaternions whose rotations are an angle apart have half of that angle between them.
         Path::Rotation => 2.0 * libm::sin(0.25 * allowed.min(std::f64::consts::TAU)),
         _ => allowed,
     }

@@ -76,7 +76,7 @@ impl TwoBone {
         let kept = || across(towards.cross(carried(normal, line, towards)), towards);
         let new_bend = pole(towards).or_else(kept)?;
         // The angle at the start joint, between the line to the end and the upper bone.
-        // Of equal bones rounding is left, which is much beside a short distance.
+        // With equal bones rounding remains, which is large beside a short distance.
         let unlike = if (a - b).abs() > 1e-9 * (a + b) { a * a - b * b } else { 0.0 };
         let cos = if distance > 0.0 {
             ((unlike + distance * distance) / (2.0 * a * distance)).clamp(-1.0, 1.0)

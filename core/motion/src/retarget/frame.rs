@@ -1,5 +1,6 @@
 //! Both skeletons at one time, in f64.
 
+use super::lift::{Clearance, Lift};
 use super::{Retarget, Translations};
 use crate::clip::Clip;
 use crate::clip::sample::Sample;
@@ -18,6 +19,8 @@ pub(super) struct Frame {
     pub locals: Vec<(DVec3, DQuat)>,
     /// Metres by which the hips were raised, so that the feet stay on the floor.
     pub raised: f64,
+    /// That height over the clip; none where the hips are not raised.
+    lift: Option<Lift>,
 }
 
 #[derive(Default)]
@@ -45,18 +48,38 @@ impl Model {
 }
 
 impl Frame {
-    pub fn new(of: &Retarget) -> Frame {
-        Frame {
+    /// Buffers for one clip.
+    pub fn new(of: &Retarget, clip: &Clip) -> Frame {
+        let mut frame = Frame {
             pose: Pose::rest(of.from),
             source: Model::default(),
             target: Model::default(),
             locals: vec![(DVec3::ZERO, DQuat::IDENTITY); of.to.len()],
             raised: 0.0,
+            lift: None,
+        };
+        if of.options.floor && of.options.translations != Translations::None && of.steps() {
+            frame.lift = Some(Lift::new(of, clip, &mut frame));
         }
+        frame
     }
 
     /// The source at a time of the clip, and the target as it follows.
     pub fn at(&mut self, of: &Retarget, clip: &Clip, time: Time) {
+        self.raised = self.lift.as_ref().map_or(0.0, |lift| lift.at(time));
+        self.sample(of, clip, time);
+        self.follow(of);
+    }
+
+    /// What the feet ask for at a time of the clip.
+    pub fn clearance_at(&mut self, of: &Retarget, clip: &Clip, time: Time) -> Clearance {
+        self.raised = 0.0;
+        self.sample(of, clip, time);
+        self.follow(of);
+        self.clearance(of)
+    }
+
+    fn sample(&mut self, of: &Retarget, clip: &Clip, time: Time) {
         for (joint, rest) in of.from.rest().iter().enumerate() {
             self.pose.set(joint, *rest);
         }
@@ -66,24 +89,21 @@ impl Frame {
         for (joint, local) in self.pose.iter().enumerate() {
             self.source.push(of.from.parents()[joint], local);
         }
-        self.raised = 0.0;
-        self.follow(of);
-        if of.options.floor && of.options.translations != Translations::None && of.steps() {
-            self.raised = self.clearance(of);
-            if self.raised != 0.0 {
-                self.follow(of);
-            }
-        }
     }
 
-    /// How far the lowest foot is from where it should be, above or below.
-    fn clearance(&self, of: &Retarget) -> f64 {
-        let lowest = |side: &super::Side, model: &Model| {
-            let over = side.contacts.iter().map(|(joint, standing)| model.place(*joint).y - standing);
-            over.fold(f64::MAX, f64::min)
+    /// What the feet ask for: the lowest one as far above its height at rest as the source's, times the scale.
+    fn clearance(&self, of: &Retarget) -> Clearance {
+        let above = |side: &super::Side, model: &Model, only: &dyn Fn(u32) -> bool| {
+            let joints = side.contacts.iter().filter(|(joint, _)| only(*joint));
+            joints.map(|(joint, standing)| model.place(*joint).y - standing).fold(f64::MAX, f64::min)
         };
-        let (wanted, is) = (lowest(&of.source, &self.source), lowest(&of.target, &self.target));
-        wanted * of.scale - is
+        let all = |_| true;
+        let (wanted, is) = (above(&of.source, &self.source, &all), above(&of.target, &self.target, &all));
+        let ankles = ["left foot", "right foot"].map(|name| of.source.human.joint(name));
+        let ankle = above(&of.source, &self.source, &|joint| ankles.contains(&Some(joint)));
+        let ankle = if ankle == f64::MAX { wanted } else { ankle };
+        let wanted = wanted * of.scale;
+        Clearance { raised: wanted - is, least: wanted.min(0.0) - is, ankle: ankle / of.source.leg.max(1e-6) }
     }
 
     fn follow(&mut self, of: &Retarget) {

@@ -338,7 +338,7 @@ impl Retarget<'_> {
         out: &mut Vec<Curve>,
         report: &mut RetargetReport,
     ) {
-        let frame = Frame::new(self);
+        let frame = Frame::new(self, clip);
         let mut sampler = Sampler { of: self, clip, turning, going, frame, raised: None, keys: Vec::new() };
         let coarse = !sampler.run(times);
         let Sampler { keys, raised, .. } = sampler;

@@ -12,7 +12,8 @@
 //! is sampled at all keys involved and between them until it is within [`RetargetOptions::tolerance_rad`].
 //!
 //! The hips go the source's way, times the ratio of the legs' lengths, and then up or down so that the lowest foot is as far
-//! above its height at rest as the source's, times that ratio: what stands stays on the floor.
+//! above its height at rest as the source's, times that ratio: what stands stays on the floor. Between two stances they go smoothly
+//! (`lift`).
 
 mod align;
 pub mod bind;
@@ -20,6 +21,7 @@ mod coverage;
 mod frame;
 pub mod joint_map;
 mod keys;
+mod lift;
 mod same_joints;
 mod sampler;
 mod t_pose;

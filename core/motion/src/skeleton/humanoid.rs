@@ -158,26 +158,12 @@ pub enum HumanoidError {
     TPose { given: usize, joints: usize },
 }
 
-impl std::fmt::Display for HumanoidError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            HumanoidError::Twice { joint, first, second } => {
-                write!(f, "joint {joint} is both {first} and {second}")
-            }
-            HumanoidError::Again { bone, first, second } => {
-                write!(f, "{bone} is given twice, as joint {first} and as joint {second}")
-            }
-            HumanoidError::OutOfRange { bone, joint, joints } => {
-                write!(f, "{bone} is joint {joint}, but the skeleton has {joints} joints")
-            }
-            HumanoidError::TPose { given, joints } => {
-                write!(f, "the T-pose has {given} transforms, the skeleton {joints} joints")
-            }
-        }
-    }
+crate::error_texts! { HumanoidError:
+    Self::Twice { joint, first, second } => "joint {joint} is both {first} and {second}";
+    Self::Again { bone, first, second } => "{bone} is given twice, as joint {first} and as joint {second}";
+    Self::OutOfRange { bone, joint, joints } => "{bone} is joint {joint}, but the skeleton has {joints} joints";
+    Self::TPose { given, joints } => "the T-pose has {given} transforms, the skeleton {joints} joints";
 }
-
-impl std::error::Error for HumanoidError {}
 
 impl Humanoid {
     /// Each bone and each joint at most once. The T-pose is the skeleton's rest pose.

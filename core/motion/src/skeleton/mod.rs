@@ -32,26 +32,12 @@ pub enum SkeletonError {
     Humanoid(HumanoidError),
 }
 
-impl std::fmt::Display for SkeletonError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            SkeletonError::Lengths { names, parents, rest } => write!(
-                f,
-                "skeleton lists differ in length: {names} names, {parents} parents, {rest} rest transforms"
-            ),
-            SkeletonError::NotParentFirst { joint, name, parent } => write!(
-                f,
-                "joint {joint} (\"{name}\") comes before its parent {parent}; joints must be in parent-first order"
-            ),
-            SkeletonError::NotFinite { joint, name } => {
-                write!(f, "rest transform of joint {joint} (\"{name}\") is not finite")
-            }
-            SkeletonError::Humanoid(error) => error.fmt(f),
-        }
-    }
+crate::error_texts! { SkeletonError:
+    Self::Lengths { names, parents, rest } => "skeleton lists differ in length: {names} names, {parents} parents, {rest} rest transforms";
+    Self::NotParentFirst { joint, name, parent } => "joint {joint} (\"{name}\") comes before its parent {parent}; joints must be in parent-first order";
+    Self::NotFinite { joint, name } => "rest transform of joint {joint} (\"{name}\") is not finite";
+    Self::Humanoid(error) => "{error}";
 }
-
-impl std::error::Error for SkeletonError {}
 
 impl From<HumanoidError> for SkeletonError {
     fn from(error: HumanoidError) -> SkeletonError {

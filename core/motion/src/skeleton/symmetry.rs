@@ -15,16 +15,9 @@ pub enum MirrorError {
     NoPairs,
 }
 
-impl std::fmt::Display for MirrorError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let MirrorError::NoPairs = self;
-        f.write_str(
-            "no joint of the left has a partner on the right by its name (LeftArm and RightArm, arm.l and arm.r, …)",
-        )
-    }
+crate::error_texts! { MirrorError:
+    Self::NoPairs => "no joint of the left has a partner on the right by its name (LeftArm and RightArm, arm.l and arm.r, …)";
 }
-
-impl std::error::Error for MirrorError {}
 
 /// How the joints of a skeleton change sides.
 #[derive(Clone, Debug, PartialEq)]

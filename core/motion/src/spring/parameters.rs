@@ -105,14 +105,9 @@ pub struct SpringError {
     pub what: String,
 }
 
-impl std::fmt::Display for SpringError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let SpringError { place, what } = self;
-        write!(f, "{place}: {what}")
-    }
+crate::error_texts! { SpringError:
+    Self { place, what } => "{place}: {what}";
 }
-
-impl std::error::Error for SpringError {}
 
 impl Springs {
     /// Whether nothing swings or is in the way.

@@ -118,19 +118,10 @@ pub enum FrameRateError {
     Ratio,
 }
 
-impl std::fmt::Display for FrameRateError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            FrameRateError::Range => f.write_str("must be from 0.001 to 1000"),
-            FrameRateError::Ratio => f.write_str(
-                "must be a ratio of whole numbers below 2147483648, such as any number of up to 6 decimal \
-                 places",
-            ),
-        }
-    }
+crate::error_texts! { FrameRateError:
+    Self::Range => "must be from 0.001 to 1000";
+    Self::Ratio => "must be a ratio of whole numbers below 2147483648, such as any number of up to 6 decimal places";
 }
-
-impl std::error::Error for FrameRateError {}
 
 /// Frames per second as a ratio: 30 is 30/1, 29.97 is 30000/1001.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -22,13 +22,9 @@ use std::sync::Arc;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BuildError(pub String);
 
-impl std::fmt::Display for BuildError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(&self.0)
-    }
+choreo_motion::error_texts! { BuildError:
+    Self(text) => "{text}";
 }
-
-impl std::error::Error for BuildError {}
 
 impl BuildError {
     /// The error of an import of the file with this name.

@@ -22,14 +22,9 @@ pub struct TransferError {
     pub what: String,
 }
 
-impl std::fmt::Display for TransferError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let TransferError { at, what } = self;
-        write!(f, "byte {at}: {what}")
-    }
+choreo_motion::error_texts! { TransferError:
+    Self { at, what } => "byte {at}: {what}";
 }
-
-impl std::error::Error for TransferError {}
 
 type Result<T> = std::result::Result<T, TransferError>;
 

@@ -35,13 +35,9 @@ pub struct NoAsset {
     pub actor: String,
 }
 
-impl std::fmt::Display for NoAsset {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "actor \"{}\" has no asset", self.actor)
-    }
+choreo_motion::error_texts! { NoAsset:
+    Self { actor, .. } => "actor \"{actor}\" has no asset";
 }
-
-impl std::error::Error for NoAsset {}
 
 impl TransferredScene {
     /// The parts of a scene.

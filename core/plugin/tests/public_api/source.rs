@@ -72,6 +72,13 @@ impl Reader<'_> {
             }
             return skip(line, lines);
         }
+        if let Some((_, name)) = line.split_once("error_texts! { ") {
+            let name = name.trim_end_matches(':');
+            let path = self.path(name);
+            self.add(format!("{path} impl std::fmt::Display for {name}"));
+            self.add(format!("{path} impl std::error::Error for {name}"));
+            return lines.by_ref().take_while(|line| *line != "}").for_each(drop);
+        }
         if line.starts_with("impl") {
             return self
                 .begin_impl(&joined(line, lines, |so_far| so_far.ends_with('{') || so_far.ends_with('}')));

@@ -123,7 +123,7 @@ pub struct Plan {
     pub post: Vec<PostPass>,
     /// Depth, normals and motion that effects on images read; `None` if none does.
     pub scene_inputs: Option<InputPass>,
-    /// Only `scene_inputs` is drawn, and read back.
+    /// Nothing but `scene_inputs` is drawn and read back.
     pub inputs_only: bool,
     /// Time, camera and sun, as far as effects on images read them.
     pub effect_frame: EffectFrame,

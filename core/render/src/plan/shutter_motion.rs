@@ -103,7 +103,7 @@ impl Shown<'_> {
         let lights = self.shadow_eyes();
         for (actor, states) in a.actors.iter().zip(&b.actors).enumerate().take(self.stage.actors.len()) {
             let carried;
-            // Of an actor that is culled at one of the times the place is known; its pose counts as that of the other time.
+            // The place of an actor that is culled at one of the times is known; its pose counts as that of the other time.
             let states = match (states.0, states.1) {
                 (a, b) if a.culled && !b.culled => {
                     carried = ActorState { world_from_model: a.world_from_model, ..b.clone() };

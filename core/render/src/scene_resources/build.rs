@@ -89,7 +89,7 @@ impl SceneResources {
             |i: usize, p: usize| self.primitives[entry.primitives[i][p].primitive as usize].info.valid;
         let levels = Model::new(asset, valid).map_or(Vec::new(), |model| model.levels());
         for Level { error, primitives } in levels {
-            // What is no part of the model, such as lines, stays as it is.
+            // Primitives that are no part of the model, such as lines, stay as they are.
             let own =
                 |of_instance: &Vec<PrimitiveEntry>| of_instance.iter().map(|e| Some(e.primitive)).collect();
             let mut level = LodLevel { error, primitives: entry.primitives.iter().map(own).collect() };

@@ -43,7 +43,7 @@ pub(crate) fn hausdorff_distance(fine: Surface, coarse: Surface) -> f32 {
             of_fine.farther(a + (b - a) * u + (c - a) * v, worst)
         })
     };
-    // What is no farther than these few need not be measured.
+    // Points that are no farther than these few need not be measured.
     let few = used.iter().step_by(CHUNK / 8).fold(0.0, of_vertex);
     let few = coarse.indices.chunks_exact(3).step_by(CHUNK / 8).fold(few, of_triangle);
     let vertices = used.par_chunks(CHUNK).map(|vertices| vertices.iter().fold(few, of_vertex));

@@ -119,7 +119,7 @@ struct Use {
 }
 
 impl Use {
-    /// `None` if the mesh is flattened to nothing.
+    /// `None` if a scale of zero flattens the mesh.
     fn new(mesh: &LargeMesh, stage: &Stage, snapshots: &[Snapshot]) -> Option<Use> {
         let joint = to_f64(mesh.model_from_joint);
         let world_from_mesh = |s: &Snapshot| s.actors[mesh.actor].world_from_model * joint;
@@ -296,7 +296,7 @@ mod tests {
         }
     }
 
-    /// Somebody of two metres who walks from one place to another.
+    /// A character of two metres that walks from one place to another.
     fn walker(way: [DVec3; 2]) -> Use {
         Use { place: DAffine3::IDENTITY, near: vec![Near { way, radius: 2.0 }], smallest: 2.0 }
     }

@@ -37,7 +37,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// `None` where nobody asks, or the queue has no clock.
+    /// `None` where times are not requested, or the queue has no clock.
     pub fn new(
         gpu: &Context,
         time: Option<Arc<DeviceTime>>,

@@ -29,7 +29,7 @@ pub(crate) const BINDINGS: [(u32, vk::DescriptorType, vk::ShaderStageFlags); 4] 
     (3, vk::DescriptorType::SAMPLED_IMAGE, vk::ShaderStageFlags::FRAGMENT),
 ];
 
-/// Whether a device draws into what is kept, and reads it.
+/// Whether a device can draw into the G-buffer's formats and read them.
 pub fn color_attachments(instance: &ash::Instance, physical: vk::PhysicalDevice) -> bool {
     let wanted = vk::FormatFeatureFlags::COLOR_ATTACHMENT | vk::FormatFeatureFlags::SAMPLED_IMAGE;
     // SAFETY: the device belongs to the instance.

@@ -165,7 +165,7 @@ impl Layouts {
 
     /// Prepared before.
     pub fn light(&self) -> Result<MaterialLayout, RenderError> {
-        self.light.ok_or_else(|| RenderError::Usage("the layout of what is kept was not prepared".into()))
+        self.light.ok_or_else(|| RenderError::Usage("the layout of the G-buffer was not prepared".into()))
     }
 
     /// A set after the three that all scene pipelines share.

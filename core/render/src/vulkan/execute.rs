@@ -35,7 +35,7 @@ impl Execution<'_> {
             id.and_then(|id| self.pipelines.get(id)).ok_or_else(|| missing("a pipeline"))
         };
         let mut index_count = 0;
-        // What the effect pass before has read, which is as that left it: to be read.
+        // The image that the effect pass before has read: it is still in the layout for reading.
         let mut read = None;
         for (i, command) in recording.commands.iter().enumerate() {
             match command {
@@ -270,7 +270,7 @@ impl Execution<'_> {
         }
     }
 
-    /// `after_geometry`: the depth is there, and what was kept is read.
+    /// `after_geometry`: the depth is complete, and the G-buffer is read.
     fn begin_scene(
         &self,
         target: Target,
@@ -370,13 +370,13 @@ impl Execution<'_> {
         let Command::PostPass { index, from, original, textures, to, size: [w, h], .. } = command else {
             return;
         };
-        // An effect's later pass finds what its first one got as that left it: to be read.
+        // A later pass of an effect finds its first pass's input in the layout for reading already.
         let (from, original) = (self.targets.image(*from), self.targets.image(*original));
         let set = self.slot.post_sets[*index].raw;
         let sampled = vk::DescriptorType::SAMPLED_IMAGE;
         write_image(self.gpu, set, 1, sampled, from.view, vk::Sampler::null());
         write_image(self.gpu, set, 2, sampled, original.view, vk::Sampler::null());
-        // Every binding: what is not there has the place of what is, and is not read.
+        // Every binding is written: an image that does not exist is replaced by one that does, and is not read.
         for (binding, i) in [(5, 0), (6, 1)] {
             let view = self.targets.inputs.get(i).map_or(from.view, |image| image.view);
             write_image(self.gpu, set, binding, sampled, view, vk::Sampler::null());

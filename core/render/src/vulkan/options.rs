@@ -23,7 +23,7 @@ pub struct GpuOptions {
     /// Extensions that a window system needs in addition.
     pub instance_extensions: Vec<CString>,
     pub device_extensions: Vec<CString>,
-    /// As little memory as possible: one frame in flight, small blocks, uploads in small parts.
+    /// Uses as little memory as possible: one frame in flight, small blocks, uploads in small parts.
     pub frugal: bool,
     /// Limit of the number of textures of a material bound at once, for tests.
     pub textures: Option<u32>,

@@ -108,7 +108,6 @@ fn shadow(c: &mut Call) -> Reply {
     let o = c.options(0, &fields::names(&shadow, &[]))?;
     fields::fill(c, &o, &mut shadow)?;
     build.actor(this.id)?.actor.shadow = shadow;
-    drop(build);
     c.itself()
 }
 
@@ -149,10 +148,10 @@ fn cast(c: &mut Call) -> Reply {
 }
 
 /// Changes the draft while the stage is built, or notes an edit of the frame.
-fn change(c: &Call, edit: impl FnOnce(usize) -> ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Reply {
+pub(super) fn change(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Reply {
     let this: ActorRef = c.this()?;
     if c.in_frame {
-        hook::edit(|e| e.actors.push(edit(this.id)));
+        hook::edit(|e| e.actors.push((this.id, edit)));
     } else {
         draft(c.build().actor(this.id)?);
     }
@@ -160,7 +159,7 @@ fn change(c: &Call, edit: impl FnOnce(usize) -> ActorEdit, draft: impl FnOnce(&m
 }
 
 /// The same for a change of position or rotation.
-fn place(c: &Call, edit: impl FnOnce(usize) -> ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Reply {
+fn place(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Reply {
     let this: ActorRef = c.this()?;
     if !c.in_frame {
         c.build().actor(this.id)?.not_walking(c.def.name)?;
@@ -170,37 +169,25 @@ fn place(c: &Call, edit: impl FnOnce(usize) -> ActorEdit, draft: impl FnOnce(&mu
 
 fn at(c: &mut Call) -> Reply {
     let p = c.point(0)?;
-    place(
-        c,
-        |actor| ActorEdit::MoveTo { actor, translation: p },
-        |d| {
-            d.placement().translation = p;
-            d.placed = true;
-        },
-    )
+    place(c, ActorEdit::MoveTo(p), |d| {
+        d.placement().translation = p;
+        d.placed = true;
+    })
 }
 
 fn move_by(c: &mut Call) -> Reply {
     let offset = c.point(0)?;
-    place(
-        c,
-        |actor| ActorEdit::MoveBy { actor, offset },
-        |d| {
-            d.placement().translation += offset;
-            d.placed = true;
-        },
-    )
+    place(c, ActorEdit::MoveBy(offset), |d| {
+        d.placement().translation += offset;
+        d.placed = true;
+    })
 }
 
 fn turned(c: &Call, rotation: DQuat) -> Reply {
-    place(
-        c,
-        |actor| ActorEdit::Turn { actor, rotation },
-        |d| {
-            let placement = d.placement();
-            placement.rotation = (rotation * placement.rotation).normalize();
-        },
-    )
+    place(c, ActorEdit::Turn(rotation), |d| {
+        let placement = d.placement();
+        placement.rotation = (rotation * placement.rotation).normalize();
+    })
 }
 
 fn turn(c: &mut Call) -> Reply {
@@ -223,7 +210,7 @@ fn scale(c: &mut Call) -> Reply {
         ))
         .hint("use .hide() for what must not be seen"));
     }
-    change(c, |actor| ActorEdit::Scale { actor, factor }, |d| d.actor.transform.scale = factor)
+    change(c, ActorEdit::Scale(factor), |d| d.actor.transform.scale = factor)
 }
 
 fn face(c: &mut Call) -> Reply {
@@ -241,7 +228,6 @@ fn face(c: &mut Call) -> Reply {
         Target::Actor(other) | Target::Joint { actor: other, .. } => draft.actor.face = Some(other),
         Target::Point(p) => draft.face_point = Some(p),
     }
-    drop(build);
     c.itself()
 }
 
@@ -294,7 +280,7 @@ fn timed(o: &Options, to: Option<Attachment>, change: ParentChange) -> Result<Pa
 fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
     let this: ActorRef = c.this()?;
     if c.in_frame {
-        hook::edit(|e| e.actors.push(ActorEdit::Attach { actor: this.id, parent: draft.parent }));
+        hook::edit(|e| e.actors.push((this.id, ActorEdit::Attach(draft.parent))));
         return c.itself();
     }
     let mut build = c.build();
@@ -310,7 +296,6 @@ fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
     }
     actor.parents.push(draft);
     actor.placed = true;
-    drop(build);
     c.itself()
 }
 
@@ -326,7 +311,7 @@ pub fn attachment(c: &Call, i: usize) -> Result<Attachment, ApiError> {
 }
 
 fn visible(c: &Call, visible: bool) -> Reply {
-    change(c, |actor| ActorEdit::Visible { actor, visible }, |d| d.actor.visible = visible)
+    change(c, ActorEdit::Visible(visible), |d| d.actor.visible = visible)
 }
 
 fn hide(c: &mut Call) -> Reply {
@@ -339,21 +324,21 @@ fn show(c: &mut Call) -> Reply {
 
 fn tint(c: &mut Call) -> Reply {
     let tint = c.color(0)?;
-    change(c, |actor| ActorEdit::Tint { actor, tint }, |d| d.actor.tint = tint)
+    change(c, ActorEdit::Tint(tint), |d| d.actor.tint = tint)
 }
 
 fn width(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     has_pen(&this.asset, "width")?;
     let width = number_in(&c.value(0), "width: width", 0.0, f64::from(MOST_WIDE))? as f32;
-    change(c, |actor| ActorEdit::LineWidth { actor, width }, |d| d.actor.line_width = Some(width))
+    change(c, ActorEdit::LineWidth(width), |d| d.actor.line_width = Some(width))
 }
 
 fn count(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     has_copies(&this.asset, "count")?;
     let count = number_in(&c.value(0), "count: number", 0.0, f64::from(u32::MAX))? as u32;
-    change(c, |actor| ActorEdit::Copies { actor, count }, |d| d.actor.copies = Some(count))
+    change(c, ActorEdit::Copies(count), |d| d.actor.copies = Some(count))
 }
 
 /// Refuses an asset without copies (instances), whose number could be set.
@@ -414,12 +399,8 @@ fn morph(c: &mut Call) -> Reply {
     let targets = morph_targets(&this.asset, &c.value(0), &c.label(0))?;
     if c.in_frame {
         hook::edit(|e| {
-            e.actors.extend(targets.iter().map(|(instance, target)| ActorEdit::Morph {
-                actor: this.id,
-                instance: *instance,
-                target: *target,
-                weight,
-            }));
+            let edit = |(instance, target)| (this.id, ActorEdit::Morph { instance, target, weight });
+            e.actors.extend(targets.into_iter().map(edit));
         });
         return c.itself();
     }
@@ -427,7 +408,6 @@ fn morph(c: &mut Call) -> Reply {
     let draft = build.actor(this.id)?;
     draft.actor.morphs.retain(|(i, t, _)| !targets.contains(&(*i, *t)));
     draft.actor.morphs.extend(targets.into_iter().map(|(i, t)| (i, t, weight)));
-    drop(build);
     c.itself()
 }
 
@@ -488,7 +468,6 @@ fn key(c: &mut Call) -> Reply {
     }
     draft.placed |= channels.iter().any(|ch| ch.property == Property::Translation);
     keys::replace(&mut draft.actor.channels, channels);
-    drop(build);
     c.itself()
 }
 

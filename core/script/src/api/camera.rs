@@ -107,17 +107,19 @@ fn change(c: &Call, change: impl FnOnce(&mut CameraDraft)) -> Reply {
 
 fn at(c: &mut Call) -> Reply {
     let position = c.point(0)?;
-    if c.in_frame {
-        return edit(c, |camera| CameraEdit::MoveTo { camera, position });
-    }
-    change(c, |k| k.position = Some(position))
+    set(c, CameraEdit::MoveTo(position), |k| k.position = Some(position))
 }
 
 /// Notes an edit of the camera for the frame that a callback runs for.
-fn edit(c: &Call, change: impl FnOnce(usize) -> CameraEdit) -> Reply {
+fn edit(c: &Call, edit: CameraEdit) -> Reply {
     let this: CameraRef = c.this()?;
-    hook::edit(|e| e.cameras.push(change(this.0)));
+    hook::edit(|e| e.cameras.push((this.0, edit)));
     c.itself()
+}
+
+/// Changes the draft while the stage is built, or notes an edit of the frame.
+fn set(c: &Call, of_frame: CameraEdit, draft: impl FnOnce(&mut CameraDraft)) -> Reply {
+    if c.in_frame { edit(c, of_frame) } else { change(c, draft) }
 }
 
 /// Seconds that a camera takes to turn to its next target.
@@ -127,7 +129,7 @@ fn look_at(c: &mut Call) -> Reply {
     let target = c.target(0)?;
     let o = c.options(1, if c.in_frame { &[] } else { &["from", "until", "blend"] })?;
     if c.in_frame {
-        return edit(c, |camera| CameraEdit::LookAt { camera, target });
+        return edit(c, CameraEdit::LookAt(target));
     }
     let start = o.get("from").map(|v| c.stage_time(&v, "look_at: from")).transpose()?;
     let until = o.get("until").map(|v| c.stage_time(&v, "look_at: until")).transpose()?;
@@ -157,15 +159,11 @@ fn look_at(c: &mut Call) -> Reply {
     }
     let blend = blend.unwrap_or(Time::from_secs(BLEND));
     looks.push((CameraLook { target: Some(target), start, blend }, until));
-    drop(build);
     c.itself()
 }
 
 fn rotated(c: &Call, rotation: DQuat) -> Reply {
-    if c.in_frame {
-        return edit(c, |camera| CameraEdit::Turn { camera, rotation });
-    }
-    change(c, |k| k.rotation = (rotation * k.rotation).normalize())
+    set(c, CameraEdit::Turn(rotation), |k| k.rotation = (rotation * k.rotation).normalize())
 }
 
 fn turn(c: &mut Call) -> Reply {
@@ -205,7 +203,7 @@ fn shake(c: &mut Call) -> Reply {
     };
     if c.in_frame {
         let shake = CameraShake { seed: seed.unwrap_or(0), ..shake };
-        return edit(c, |camera| CameraEdit::Shake { camera, shake });
+        return edit(c, CameraEdit::Shake(shake));
     }
     let this: CameraRef = c.this()?;
     let mut build = c.build();
@@ -213,7 +211,6 @@ fn shake(c: &mut Call) -> Reply {
     room(shakes.len(), "shakes of one camera", &c.shared.limits)?;
     let seed = seed.unwrap_or(shakes.len() as u32);
     shakes.push(CameraShake { seed, ..shake });
-    drop(build);
     c.itself()
 }
 
@@ -227,10 +224,7 @@ fn follow(c: &mut Call) -> Reply {
 }
 
 fn rig(c: &Call, rig: Rig) -> Reply {
-    if c.in_frame {
-        return edit(c, |camera| CameraEdit::Rig { camera, rig });
-    }
-    change(c, |k| k.rig = Some(rig))
+    set(c, CameraEdit::Rig(rig.clone()), |k| k.rig = Some(rig))
 }
 
 fn orbit(c: &mut Call) -> Reply {
@@ -267,10 +261,7 @@ fn fov(c: &mut Call) -> Reply {
 }
 
 fn perspective(c: &Call, yfov: f32) -> Reply {
-    if c.in_frame {
-        return edit(c, |camera| CameraEdit::FieldOfView { camera, yfov });
-    }
-    change(c, |k| {
+    set(c, CameraEdit::FieldOfView(yfov), |k| {
         k.perspective = Some(yfov);
         k.ortho = None;
     })
@@ -283,10 +274,7 @@ fn focal_length(c: &mut Call) -> Reply {
 
 fn ortho(c: &mut Call) -> Reply {
     let height = c.number_in(0, 1e-6, 1e9)? as f32;
-    if c.in_frame {
-        return edit(c, |camera| CameraEdit::Height { camera, height });
-    }
-    change(c, |k| {
+    set(c, CameraEdit::Height(height), |k| {
         k.ortho = Some(height);
         k.perspective = None;
     })
@@ -294,18 +282,12 @@ fn ortho(c: &mut Call) -> Reply {
 
 fn near(c: &mut Call) -> Reply {
     let near = c.number_in(0, 1e-6, 1e9)? as f32;
-    if c.in_frame {
-        return edit(c, |camera| CameraEdit::Near { camera, near });
-    }
-    change(c, |k| k.near = Some(near))
+    set(c, CameraEdit::Near(near), |k| k.near = Some(near))
 }
 
 fn far(c: &mut Call) -> Reply {
     let far = c.number_in(0, 1e-5, 1e15)? as f32;
-    if c.in_frame {
-        return edit(c, |camera| CameraEdit::Far { camera, far });
-    }
-    change(c, |k| k.far = Some(far))
+    set(c, CameraEdit::Far(far), |k| k.far = Some(far))
 }
 
 fn cut(c: &mut Call) -> Reply {
@@ -317,7 +299,6 @@ fn cut(c: &mut Call) -> Reply {
     room(build.cuts.len(), "cuts", &c.shared.limits)?;
     build.camera(this.0)?;
     build.cuts.push((Cut { at: t, camera: this.0, dissolve }, place));
-    drop(build);
     c.itself()
 }
 

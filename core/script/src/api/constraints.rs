@@ -307,6 +307,5 @@ fn limit(c: &mut Call) -> Reply {
     let actor = &mut build.actor(this.actor)?.actor;
     actor.limits.retain(|(joint, _)| *joint != this.joint);
     actor.limits.push((this.joint, limit));
-    drop(build);
     c.itself()
 }

@@ -297,7 +297,6 @@ fn set(c: &mut Call) -> Reply {
         Some(image) => put_image(used, image),
         None => assign(used, &plugin, &name, &c.value(1))?,
     }
-    drop(build);
     c.itself()
 }
 
@@ -322,7 +321,6 @@ fn key(c: &mut Call) -> Reply {
     let used = build.effect(this.id)?;
     used.distances.retain(|distance| distance.parameter != name);
     named.into_iter().for_each(|(name, keys)| put(&mut used.keys, name, keys));
-    drop(build);
     c.itself()
 }
 
@@ -392,7 +390,6 @@ fn on(c: &mut Call) -> Reply {
     used.on.dedup();
     used.cameras.sort_unstable();
     used.cameras.dedup();
-    drop(build);
     c.itself()
 }
 

@@ -1,7 +1,7 @@
 //! Facial expressions of an actor, by name.
 
+use super::actor::change;
 use crate::call::{ApiError, Call, Reply, text, unknown};
-use crate::hook;
 use crate::value::ActorRef;
 use choreo_asset::Asset;
 use choreo_stage::ActorEdit;
@@ -26,16 +26,10 @@ pub fn of_actor(c: &mut Call) -> Reply {
     let this: ActorRef = c.this()?;
     let weight = c.number_in(1, 0.0, 1.0)? as f32;
     let expression = find(&this.asset, &c.value(0), &c.label(0))?;
-    if c.in_frame {
-        hook::edit(|e| e.actors.push(ActorEdit::Expression { actor: this.id, expression, weight }));
-        return c.itself();
-    }
-    let mut build = c.build();
-    let draft = build.actor(this.id)?;
-    draft.actor.expressions.retain(|(e, _)| *e != expression);
-    draft.actor.expressions.push((expression, weight));
-    drop(build);
-    c.itself()
+    change(c, ActorEdit::Expression { expression, weight }, |draft| {
+        draft.actor.expressions.retain(|(e, _)| *e != expression);
+        draft.actor.expressions.push((expression, weight));
+    })
 }
 
 pub fn names(c: &mut Call) -> Reply {

@@ -66,7 +66,7 @@ fn joint_edit(c: &Call, rotation: DQuat) -> Reply {
             .hint("on_frame(|t| actor.joint(\"…\").turn(10.0 * sin(t)))"));
     }
     let rotation = rotation.as_quat().normalize();
-    hook::edit(|e| e.actors.push(ActorEdit::TurnJoint { actor: this.actor, joint: this.joint, rotation }));
+    hook::edit(|e| e.actors.push((this.actor, ActorEdit::TurnJoint { joint: this.joint, rotation })));
     c.itself()
 }
 
@@ -88,7 +88,6 @@ fn key(c: &mut Call) -> Reply {
     let curve = clip_edit::curve(&this.asset, this.joint, &channel);
     drafts.retain(|(c, _)| (c.joint, c.path) != (curve.joint, curve.path));
     drafts.push((curve, c.place.clone()));
-    drop(build);
     c.itself()
 }
 

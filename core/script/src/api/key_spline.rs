@@ -10,7 +10,7 @@ use rhai::Dynamic;
 const EVEN: f64 = 1.0 / 3.0;
 /// Parts of a span whose handles have weights, evenly along the curve. For weights of 0.8 the largest error is 1e-5 of the change.
 const PIECES: usize = 32;
-/// As far as points may be from the origin, a second.
+/// The greatest change of a point a second: the greatest distance from the origin.
 const STEEPEST: f64 = 1e15;
 const OPTIONS: [&str; 7] =
     ["ease", "tangent", "in_tangent", "out_tangent", "weight", "in_weight", "out_weight"];

@@ -189,34 +189,34 @@ fn change(c: &Call, change: impl FnOnce(&mut Layer2d)) -> Reply {
     c.itself()
 }
 
+/// Changes the layer while the stage is built, or notes an edit of the frame.
+fn set(c: &Call, edit: Layer2dEdit, draft: impl FnOnce(&mut Layer2d)) -> Reply {
+    if !c.in_frame {
+        return change(c, draft);
+    }
+    let this: FlatRef = c.this()?;
+    hook::edit(|e| e.layers_2d.push((this.0, edit)));
+    c.itself()
+}
+
 fn at(c: &mut Call) -> Reply {
     let at = match c.len() {
         1 => pair(&c.value(0), "at")?,
         _ => DVec2::new(c.number_in(0, -1e6, 1e6)?, c.number_in(1, -1e6, 1e6)?),
     };
-    if c.in_frame {
-        let this: FlatRef = c.this()?;
-        hook::edit(|e| e.layers_2d.push(Layer2dEdit::At { layer_2d: this.0, at }));
-        return c.itself();
-    }
-    change(c, |flat| flat.at = at)
+    set(c, Layer2dEdit::At(at), |flat| flat.at = at)
 }
 
 fn opacity(c: &mut Call) -> Reply {
     let opacity = c.number_in(0, 0.0, 1.0)?;
-    if c.in_frame {
-        let this: FlatRef = c.this()?;
-        hook::edit(|e| e.layers_2d.push(Layer2dEdit::Opacity { layer_2d: this.0, opacity }));
-        return c.itself();
-    }
-    change(c, |flat| flat.opacity = opacity)
+    set(c, Layer2dEdit::Opacity(opacity), |flat| flat.opacity = opacity)
 }
 
 fn words(c: &mut Call) -> Reply {
     let said = c.text(0)?;
     let this: FlatRef = c.this()?;
     if c.in_frame {
-        hook::edit(|e| e.layers_2d.push(Layer2dEdit::Words { layer_2d: this.0, words: said }));
+        hook::edit(|e| e.layers_2d.push((this.0, Layer2dEdit::Words(said))));
         return c.itself();
     }
     let font = match &mut c.build().flat(this.0)?.content {

@@ -219,10 +219,10 @@ fn ambient(c: &mut Call) -> Reply {
     Ok(Dynamic::UNIT)
 }
 
-fn change(c: &Call, edit: impl FnOnce(usize) -> LightEdit, change: impl FnOnce(&mut StageLight)) -> Reply {
+fn change(c: &Call, edit: LightEdit, change: impl FnOnce(&mut StageLight)) -> Reply {
     let this: LightRef = c.this()?;
     if c.in_frame {
-        hook::edit(|e| e.lights.push(edit(this.0)));
+        hook::edit(|e| e.lights.push((this.0, edit)));
     } else {
         change(c.build().light(this.0)?);
     }
@@ -231,17 +231,17 @@ fn change(c: &Call, edit: impl FnOnce(usize) -> LightEdit, change: impl FnOnce(&
 
 fn at(c: &mut Call) -> Reply {
     let position = c.point(0)?;
-    change(c, |light| LightEdit::MoveTo { light, position }, |l| l.position = position)
+    change(c, LightEdit::MoveTo(position), |l| l.position = position)
 }
 
 fn intensity(c: &mut Call) -> Reply {
     let intensity = c.number_in(0, 0.0, 1e9)? as f32;
-    change(c, |light| LightEdit::Intensity { light, intensity }, |l| l.light.intensity = intensity)
+    change(c, LightEdit::Intensity(intensity), |l| l.light.intensity = intensity)
 }
 
 fn set_color(c: &mut Call) -> Reply {
     let color = rgb_arg(c, 0)?;
-    change(c, |light| LightEdit::Color { light, color }, |l| l.light.color = color)
+    change(c, LightEdit::Color(color), |l| l.light.color = color)
 }
 
 fn attach(c: &mut Call) -> Reply {

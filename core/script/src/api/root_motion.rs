@@ -113,7 +113,6 @@ fn path(c: &mut Call) -> Reply {
     draft.not_walking("path")?;
     draft.actor.path_following = Some(Arc::new(path_following));
     draft.placed = true;
-    drop(build);
     c.itself()
 }
 

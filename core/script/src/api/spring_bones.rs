@@ -21,7 +21,6 @@ fn swinging(c: &Call, change: impl FnOnce(&mut ActorSprings)) -> Reply {
     let mut build = c.build();
     let draft = build.actor(this.id)?;
     change(Arc::make_mut(draft.actor.springs.get_or_insert_default()));
-    drop(build);
     c.itself()
 }
 
@@ -109,7 +108,7 @@ pub fn wind(c: &mut Call) -> Reply {
     let velocity = c.point(0)?.clamp_length_max(1e4);
     if c.in_frame {
         let this: ActorRef = c.this()?;
-        hook::edit(|e| e.actors.push(ActorEdit::Wind { actor: this.id, wind: velocity }));
+        hook::edit(|e| e.actors.push((this.id, ActorEdit::Wind(velocity))));
         return c.itself();
     }
     swinging(c, |springs| springs.wind = velocity)

@@ -29,7 +29,6 @@ fn surfaces(c: &mut Call) -> Reply {
             all.extend(materials.into_iter().map(|m| SurfaceRule { material: Some(m), ..rule }));
         }
     }
-    drop(build);
     c.itself()
 }
 

@@ -30,7 +30,7 @@ pub(crate) struct PlacedFinding {
     pub text: String,
     pub hint: Option<String>,
     pub subject: Subject,
-    /// When on the stage; zero where it is no moment.
+    /// The time on stage; zero where the finding has none.
     pub at: Time,
 }
 

@@ -29,13 +29,13 @@ pub struct Expectation {
     pub claim: Claim,
 }
 
-/// When a claim must hold.
+/// The times at which a claim must hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum When {
     /// Every frame of the stage.
     Always,
     At(Time),
-    /// From, to, both included.
+    /// A span from one time to another, both included.
     During(Time, Time),
 }
 

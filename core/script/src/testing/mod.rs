@@ -41,7 +41,7 @@ pub struct TestOptions {
     pub script: ScriptOptions,
     /// A folder that holds the test file; `scene` and `load` may read in it, by paths relative to the test file or to it.
     pub root: Option<PathBuf>,
-    /// When the section that is run must be over.
+    /// The time at which the section that is run must be over.
     pub timeout: Option<Timeout>,
     /// Files that runs with clones of this have read: each is parsed once for all of its sections.
     pub files: TestFiles,
@@ -67,7 +67,7 @@ pub struct SectionRun {
     pub hash_again: Option<[u8; 32]>,
     /// How long judging it may take.
     pub seconds: f64,
-    /// When all of it must be over.
+    /// The time at which the whole run must be over.
     pub timeout: Option<Timeout>,
     /// Lines of `print` and `debug`.
     pub printed: Vec<String>,

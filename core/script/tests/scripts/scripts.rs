@@ -95,8 +95,8 @@ fn hooks_are_functions_of_the_time_alone() {
     let first = run(1.5);
     run(0.25);
     assert_eq!(run(1.5), first, "a captured variable must not carry over from frame to frame");
-    assert_eq!(first.0[0], ActorEdit::MoveTo { actor: 0, translation: DVec3::new(1.0, 1.5, 0.0) });
-    assert_eq!(first.1, [LightEdit::Intensity { light: 0, intensity: 3.0 }]);
+    assert_eq!(first.0[0], (0, ActorEdit::MoveTo(DVec3::new(1.0, 1.5, 0.0))));
+    assert_eq!(first.1, [(0, LightEdit::Intensity(3.0))]);
     // Many threads run it at once.
     std::thread::scope(|s| {
         for _ in 0..4 {
@@ -208,8 +208,7 @@ fn modules_come_from_the_folder_of_the_script() {
     for hook in &s.stage.hooks {
         hook.run(secs(45.0), &mut edits).unwrap();
     }
-    let turn =
-        |degrees: f64| ActorEdit::Turn { actor: 0, rotation: DQuat::from_rotation_y(degrees.to_radians()) };
+    let turn = |degrees: f64| (0, ActorEdit::Turn(DQuat::from_rotation_y(degrees.to_radians())));
     assert_eq!(edits.actors, [turn(90.0), turn(45.0)]);
 }
 

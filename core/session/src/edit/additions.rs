@@ -1,6 +1,6 @@
 //! Lines that put something new on stage, as a person would write them.
 
-use super::casting::free_name;
+use super::casting::{free_label, free_name, numbered_name};
 use super::object::quoted;
 use super::times::EditTime;
 use super::values::format_number;
@@ -76,13 +76,12 @@ pub struct Subject<'a> {
 pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<String>) {
     let point = |p: DVec3| p.to_array().map(format_number).join(", ");
     let place = |p: DVec3| if p == DVec3::ZERO { String::new() } else { format!(".at({})", point(p)) };
-    let [from, until] = [at.from, at.until].map(EditTime::written);
+    let [from, until] = [at.from, at.until].map(|time| time.written(text));
+    let is_quoted = |name: &str| text.contains(&quoted(name));
     let plain = |line: &str| (format!("{line}\n"), None);
     match what {
         Addition::Character => {
-            let is_free = |(name, color): &&(&str, &str)| {
-                !text.contains(&format!("\"{name}\"")) && !text.contains(&format!("\"{color}\""))
-            };
+            let is_free = |(name, color): &&(&str, &str)| !is_quoted(name) && !is_quoted(color);
             let (name, color) = CHARACTERS.iter().find(is_free).copied().unwrap_or(("actor", "silver"));
             let (name, model) = (free_name(text, name), free_name(text, color));
             let lines = format!(
@@ -108,11 +107,11 @@ pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<
             let (name, target, distance) = match (of, at.subject) {
                 (Some(of), Some(Subject { variable, distance, .. })) => {
                     let round = two_digits(distance, distance);
-                    (free_label(text, &format!("around {of}")), variable.to_string(), round)
+                    (free_label(&format!("around {of}"), is_quoted), variable.to_string(), round)
                 }
                 _ => {
                     let middle = point(at.point + DVec3::new(0.0, 0.95, 0.0));
-                    (numbered(text, "round"), format!("[{middle}]"), 4.5)
+                    (numbered_name("round", is_quoted), format!("[{middle}]"), 4.5)
                 }
             };
             let distance = format_number(distance);
@@ -123,7 +122,7 @@ pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<
             (line, Some(name))
         }
         Addition::Follow(of) => {
-            let name = free_label(text, &format!("with {of}"));
+            let name = free_label(&format!("with {of}"), is_quoted);
             let (variable, offset) = match at.subject {
                 Some(Subject { variable, distance, direction }) => {
                     let offset = (direction * distance).to_array().map(|v| two_digits(v, distance));
@@ -153,22 +152,11 @@ pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<
             plain(&format!("text(\"Title\", #{{ at: [0.5, 0.85] }}).from({from}).until({until}).fade(0.3);"))
         }
         Addition::Effect(name) => plain(&format!("effect({});", quoted(name))),
-        Addition::Marker => plain(&format!("marker(\"{}\", {from});", numbered(text, "marker"))),
+        Addition::Marker => {
+            let name = numbered_name("marker", is_quoted);
+            plain(&format!("marker(\"{name}\", {from});"))
+        }
     }
-}
-
-/// `stem 1`, or the next number that the text does not have as a name.
-fn numbered(text: &str, stem: &str) -> String {
-    first_free(text, (1..).map(|n| format!("{stem} {n}")))
-}
-
-/// The name itself, else with the next number that the text does not have.
-fn free_label(text: &str, name: &str) -> String {
-    first_free(text, (1..).map(|n| if n == 1 { name.to_string() } else { format!("{name} {n}") }))
-}
-
-fn first_free(text: &str, mut names: impl Iterator<Item = String>) -> String {
-    names.find(|name| !text.contains(&quoted(name))).unwrap_or_default()
 }
 
 /// Rounds to two digits of the number `like`, so that lines have the numbers that a person would write.

@@ -42,14 +42,31 @@ pub fn cast_lines(text: &str, file: &str, at: DVec3, clip: Option<&str>) -> Stri
 
 /// A name for a variable after the name of a file, which the text does not use.
 pub(super) fn free_name(text: &str, stem: &str) -> String {
-    let name = stem.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' });
-    let mut name: String = name.collect();
-    if !name.starts_with(|c: char| c.is_ascii_lowercase()) {
-        name = format!("a_{name}");
-    }
+    let name = identifier(stem);
     let taken = |name: &str| text.contains(&format!("\"{name}\"")) || text.contains(&format!("let {name} "));
-    let free = (1..).map(|n| if n == 1 { name.clone() } else { format!("{name}_{n}") }).find(|n| !taken(n));
-    free.unwrap_or(name)
+    first_free(|n| if n == 1 { name.clone() } else { format!("{name}_{n}") }, taken)
+}
+
+/// A name for a variable after any text.
+pub(super) fn identifier(text: &str) -> String {
+    let name = text.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' });
+    let name: String = name.collect();
+    if name.starts_with(|c: char| c.is_ascii_lowercase()) { name } else { format!("a_{name}") }
+}
+
+/// `view 1`, `view 2` …: the first of them that is not taken.
+pub fn numbered_name(stem: &str, taken: impl Fn(&str) -> bool) -> String {
+    first_free(|n| format!("{stem} {n}"), taken)
+}
+
+/// The name itself, else the name with the next number that is not taken.
+pub(super) fn free_label(name: &str, taken: impl Fn(&str) -> bool) -> String {
+    first_free(|n| if n == 1 { name.to_string() } else { format!("{name} {n}") }, taken)
+}
+
+/// The first name of a row of them, counted from 1, that is not taken.
+fn first_free(name: impl Fn(usize) -> String, taken: impl Fn(&str) -> bool) -> String {
+    (1..).map(name).find(|name| !taken(name)).unwrap_or_default()
 }
 
 #[cfg(test)]

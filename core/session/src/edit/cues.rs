@@ -59,7 +59,7 @@ pub fn delete_cue(
     let follower = source.call_from(end).filter(|next| source[next.name.clone()] == *"then");
     if let (true, Some(follower)) = (source[call.name.clone()] == *"play", follower) {
         let from = find(&source.chain_after(follower.end), source, "from");
-        let from = next.filter(|_| from.is_none()).map(|next| format!(".from({})", next.text(false)));
+        let from = next.filter(|_| from.is_none()).map(|next| format!(".from({})", next.anew(source)));
         let kept = &text[follower.name.end..follower.end];
         let range = call.name.start..follower.end;
         return Ok(Edit { range, text: format!("play{kept}{}", from.unwrap_or_default()) });
@@ -81,15 +81,11 @@ pub(super) fn statement_start(text: &Source, call: &Call) -> Option<usize> {
 /// The lines of a statement that consists of this call, `actor.play(…);`, with a comment behind it.
 pub(super) fn whole_statement(text: &Source, call: &Call, end: usize) -> Option<Range<usize>> {
     let start = statement_start(text, call)?;
-    let before = text[..start].trim_end_matches([' ', '\t']);
     let semicolon = text.skip(end);
-    if !(before.is_empty() || before.ends_with('\n')) || !text[semicolon..].starts_with(';') {
+    if !text[semicolon..].starts_with(';') {
         return None;
     }
-    let rest = semicolon + 1;
-    let line = text[rest..].find('\n').map_or(text.len(), |at| rest + at + 1);
-    let behind = text[rest..line].trim();
-    (behind.is_empty() || behind.starts_with("//")).then_some(before.len()..line)
+    text.own_lines(&(start..semicolon + 1))
 }
 
 #[cfg(test)]

@@ -2,7 +2,6 @@
 
 use super::scan::Source;
 use super::{Edit, EditRefused};
-use std::ops::Range;
 
 /// Deletes the statement around the call at a place, `let bob = cast("bob", model).at(…);`, with the later ones that begin with its
 /// variable, `bob.play(…);`.
@@ -37,20 +36,9 @@ pub fn delete_object(text: &str, line: usize, column: usize) -> Result<Edit, Edi
     ranges.dedup();
     let mut after = text.to_string();
     for range in ranges.into_iter().rev() {
-        after.replace_range(with_its_line(text, range), "");
+        after.replace_range(source.own_lines(&range).unwrap_or(range), "");
     }
     Ok(Edit::between(text, &after))
-}
-
-/// The range with the blanks before it, a comment behind it and the end of the line, where nothing else stands on its lines.
-fn with_its_line(text: &str, range: Range<usize>) -> Range<usize> {
-    let before = text[..range.start].trim_end_matches([' ', '\t']);
-    let end = text[range.end..].find('\n').map_or(text.len(), |at| range.end + at + 1);
-    let behind = text[range.end..end].trim();
-    match (before.is_empty() || before.ends_with('\n')) && (behind.is_empty() || behind.starts_with("//")) {
-        true => before.len()..end,
-        false => range,
-    }
 }
 
 #[cfg(test)]

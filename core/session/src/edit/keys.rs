@@ -83,7 +83,8 @@ impl ScriptObject<'_> {
             return changed.ok_or_else(|| self.computed_keys(property, &call));
         }
         let next = keys.iter().position(|key| key.secs > when.secs).unwrap_or(keys.len());
-        let time = when.text(keys.iter().all(|key| key.in_frames));
+        let in_frames = keys.iter().all(|key| key.in_frames);
+        let time = if in_frames { when.text(true) } else { when.anew(&self.text) };
         let near = near(&self.text, &keys, next, when.secs);
         if near.is_empty() && value == KeyValue::Between {
             return Err(self.computed_keys(property, &call));
@@ -99,7 +100,7 @@ impl ScriptObject<'_> {
     pub fn add_keys(&self, property: &str, when: EditTime, value: KeyValue) -> Result<Edit, EditRefused> {
         let value = written_like(&[], &value);
         let name = KeyName::of(property);
-        let call = format!("{}[[{}, {value}]])", name.opening(), when.text(false));
+        let call = format!("{}[[{}, {value}]])", name.opening(), when.anew(&self.text));
         self.add_key_call(name, &call)
     }
 
@@ -246,8 +247,9 @@ impl ScriptObject<'_> {
         };
         let how = arguments(&self.text, &call).get(leading(property) + 1).map(|how| self.text.trimmed(how));
         let how = how.map_or(String::new(), |how| format!(", {}", &self.text[how]));
-        let all =
-            keys.iter().map(|(time, value)| format!("[{}, {}]", time.text(false), written_like(&[], value)));
+        let all = keys
+            .iter()
+            .map(|(time, value)| format!("[{}, {}]", time.anew(&self.text), written_like(&[], value)));
         let all = all.collect::<Vec<_>>().join(", ");
         let over = self.new_line(&format!("{}[{all}]{how})", KeyName::of(property).opening()));
         EditRefused { over, agree: ADD, ..refused }

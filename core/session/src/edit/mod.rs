@@ -13,6 +13,7 @@ mod keys;
 mod object;
 mod reaching;
 mod refused;
+mod renaming;
 mod scan;
 mod stating;
 mod strips;
@@ -23,17 +24,18 @@ mod values;
 use std::ops::Range;
 
 pub use additions::{AddedAt, Addition, SHAPES, Subject, added_lines};
-pub use casting::cast_lines;
+pub use casting::{cast_lines, numbered_name};
 pub use cues::{CueChange, delete_cue, has_end, set_times};
 pub use deleting::delete_object;
 pub use key_tangents::{KeyShape, KeySide};
 pub use keys::{KeyValue, WrittenKey, WrittenKeys, copied_keys, euler_degrees_near};
 pub use object::{ScriptObject, ScriptText, euler_degrees, rotation_of, set_call, set_marker};
 pub use refused::EditRefused;
+pub use renaming::{NamedBy, Renaming};
 pub use stating::Anew;
 pub use strips::{
-    Rest, copied_start, copy_cue, duplicate_cue, paste_cue, set_disabled, set_number, set_trim, shift_cue,
-    shift_keys, split_cue,
+    Rest, copied_cues, copied_start, copy_cue, duplicate_cue, paste_cue, set_disabled, set_number, set_trim,
+    shift_cue, shift_keys, split_cue,
 };
 pub use times::{CueTime, EditTime, follows, set_time};
 pub use unroll::unroll;

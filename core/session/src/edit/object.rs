@@ -180,7 +180,7 @@ impl<'a> ScriptObject<'a> {
 
     /// `.from`, `.until`, `.cut` …
     pub fn time(&self, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
-        let new = format!("{name}({})", time.text(false));
+        let new = format!("{name}({})", time.anew(&self.text));
         let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
         let old = TimeLiteral::of(&self.text, &call.inside).ok_or_else(|| self.computed(call, &new))?;
         Ok(old.set(time))
@@ -243,7 +243,7 @@ impl<'a> ScriptObject<'a> {
         of: Option<&ScriptObject>,
     ) -> Result<Edit, EditRefused> {
         let asset = of.unwrap_or(self).asset()?;
-        let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), from.text(false));
+        let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), from.anew(&self.text));
         // Variables that the line names are made before it.
         let last_at = self.last_at.max(of.map_or(0, |of| of.made.end));
         self.add_call(&call, last_at)
@@ -263,7 +263,7 @@ impl<'a> ScriptObject<'a> {
         let file = quoted(file);
         let asset = loaded_as(&self.text, &file, self.last_at).map(str::to_string);
         let asset = asset.unwrap_or_else(|| format!("load({file})"));
-        let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), from.text(false));
+        let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), from.anew(&self.text));
         self.add_call(&call, self.last_at)
     }
 

@@ -171,6 +171,21 @@ impl<'a> Source<'a> {
         (0..self.tokens.len()).filter(is_it).map(|index| self.start(index))
     }
 
+    /// The range with the blanks before it, a comment behind it and the end of the line; `None` where something else stands on its lines.
+    pub(super) fn own_lines(&self, range: &Range<usize>) -> Option<Range<usize>> {
+        let before = self.text[..range.start].trim_end_matches([' ', '\t']);
+        let end = self.text[range.end..].find('\n').map_or(self.text.len(), |at| range.end + at + 1);
+        let behind = self.text[range.end..end].trim();
+        let is_alone =
+            (before.is_empty() || before.ends_with('\n')) && (behind.is_empty() || behind.starts_with("//"));
+        is_alone.then_some(before.len()..end)
+    }
+
+    /// Whether the script states times in frames, `f(12)`.
+    pub(super) fn counts_frames(&self) -> bool {
+        self.calls_of("f").next().is_some()
+    }
+
     /// All calls of a function, in order.
     pub fn calls_of(&self, name: &str) -> impl Iterator<Item = Call> {
         let is_it =

@@ -81,7 +81,7 @@ impl<'a> ScriptObject<'a> {
         match (self.last(&[name]), old) {
             (None, Some(old)) => Ok(old.set(time)),
             (None, None) if anew == Anew::Option || option.is_some() => {
-                set_option(&self.text, &self.made, self.line, name, &time.text(false))
+                set_option(&self.text, &self.made, self.line, name, &time.anew(&self.text))
             }
             _ => self.time(name, time),
         }

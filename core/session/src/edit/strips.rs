@@ -5,13 +5,16 @@ use super::keys::shifted_keys;
 use super::object::{ScriptObject, loaded_as, quoted};
 use super::scan::{Call, Source};
 use super::times::{CueTime, EditTime, TimeLiteral};
-use super::values::{format_number, literals, option_value, rewritten};
+use super::values::{format_number, literals, option_value, options_of, rewritten};
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
-/// Calls that make up the content of a cue, so that each part of a split cue has them.
-const CONTENT: [&str; 7] = ["speed", "weight", "reverse", "once", "loop", "ping_pong", "hold"];
-const CONTENT_OPTIONS: [&str; 4] = ["speed", "weight", "repeat", "reverse"];
+/// Calls and options that make up the content of a cue, so that each part of a split cue has them.
+const CONTENT: [&str; 8] = ["speed", "weight", "repeat", "reverse", "once", "loop", "ping_pong", "hold"];
+/// Calls and options that say when a cue plays.
+const TIMES: [&str; 2] = ["from", "until"];
+/// Calls that map times of the stage to times of the clip.
+const MAPPED: [&str; 2] = ["clip_time", "freeze"];
 /// Calls of a layer, which hold for all cues of a chain.
 const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_weight"];
 /// Calls with times of the stage in their keys.
@@ -114,20 +117,24 @@ impl<'a> Strip<'a> {
         }
     }
 
-    /// The clip's argument, and the options that make up its content.
-    fn content(&self) -> (String, String) {
+    /// `.then(…)` with the clip and those of its options and calls that are kept.
+    fn then(&self, keeps: impl Fn(&str) -> bool) -> String {
         let inside = &self.call.inside;
-        let clip = self.text[inside.start..self.text.value_end(inside.start, inside.end)].trim().to_string();
-        let options = CONTENT_OPTIONS.iter().filter_map(|name| {
-            let value = option_value(&self.text, &self.call, name)?;
-            Some(format!("{name}: {}", self.text[value].trim()))
-        });
-        let options: Vec<String> = options.collect();
+        let clip = self.text[inside.start..self.text.value_end(inside.start, inside.end)].trim();
+        let options: Vec<&str> = options_of(&self.text, &self.call)
+            .into_iter()
+            .filter(|option| keeps(option.split(':').next().unwrap_or_default().trim()))
+            .collect();
         let options =
             if options.is_empty() { String::new() } else { format!(", #{{ {} }}", options.join(", ")) };
-        let calls = self.chain.iter().filter(|call| CONTENT.contains(&self.name(call)));
-        let calls: String = calls.map(|call| format!(".{}", &self.text[call.name.start..call.end])).collect();
-        (format!("{clip}{options}"), calls)
+        let calls = self.chain.iter().filter(|call| keeps(self.name(call)));
+        let calls: String = calls.map(|call| self.dotted(call)).collect();
+        format!("{}.then({clip}{options}){calls}", self.new_line())
+    }
+
+    /// `.name(…)`
+    fn dotted(&self, call: &Call) -> String {
+        format!(".{}", &self.text[call.name.start..call.end])
     }
 }
 
@@ -199,15 +206,14 @@ pub fn split_cue(
 ) -> Result<Edit, EditRefused> {
     let strip = Strip::at(text, line, column)?;
     strip.refuse_variable()?;
-    let (clip, calls) = strip.content();
-    let mut second = format!("{}.then({clip}){calls}", strip.new_line());
+    let mut second = strip.then(|name| CONTENT.contains(&name));
     match rest {
         Rest::Trim([from, to]) => {
             second += &format!(".trim({}, {})", format_number(from), format_number(to));
         }
         Rest::ClipTime(keys) => {
             let keys = keys.map(|[when, shown]| {
-                let when = EditTime { secs: when, fps: at.fps }.text(false);
+                let when = EditTime { secs: when, fps: at.fps }.anew(&strip.text);
                 format!("[{when}, {}]", format_number(shown))
             });
             second += &format!(".clip_time([{}])", keys.join(", "));
@@ -239,7 +245,7 @@ pub fn split_cue(
     Ok(Edit::between(text, &after))
 }
 
-/// Plays the clip of a cue once more right after it: `end`, where the first then ends if it states no end; `until`: the end of the second, where
+/// Plays the clip of a cue once more right after it, with its options: `end`, where the first then ends if it states no end; `until`: the end of the second, where
 /// the first states one.
 ///
 /// # Errors
@@ -253,16 +259,9 @@ pub fn duplicate_cue(
 ) -> Result<Edit, EditRefused> {
     let strip = Strip::at(text, line, column)?;
     strip.refuse_variable()?;
-    let (clip, calls) = strip.content();
-    let trim = strip.value("trim").and_then(|trim| literals(&strip.text, &strip.text.trimmed(&trim)));
-    let trim = trim.map(|trim| {
-        let ends: Vec<String> = trim.iter().map(|(_, v)| format_number(*v)).collect();
-        format!(".trim({})", ends.join(", "))
-    });
-    let until = until.map(|until| format!(".until({})", until.text(false))).unwrap_or_default();
-    let fade =
-        strip.value("fade").map(|fade| format!(".fade({})", strip.text[fade].trim())).unwrap_or_default();
-    let second = format!("{}.then({clip}){calls}{fade}{}{until}", strip.new_line(), trim.unwrap_or_default());
+    let other = |name: &str| [&TIMES[..], &MAPPED, &LAYER].iter().any(|names| names.contains(&name));
+    let until = until.map(|until| format!(".until({})", until.anew(&strip.text))).unwrap_or_default();
+    let second = format!("{}{until}", strip.then(|name| !other(name)));
     let at = strip.end();
     let mut after = format!("{}{second}{}", &text[..at], &text[at..]);
     if let Some(end) = end {
@@ -296,9 +295,9 @@ pub fn copy_cue(
         Some(load) => format!("{load}{}", &inside.trim_start()[name.len()..]),
         None => inside.trim().to_string(),
     };
-    let mut copy = format!("play({inside}).from({})", start.text(false));
+    let mut copy = format!("play({inside}).from({})", start.anew(&strip.text));
     if let Some(until) = until {
-        copy += &format!(".until({})", until.text(false));
+        copy += &format!(".until({})", until.anew(&strip.text));
     }
     let mut first = Some(strip.first()).filter(|first| first.name != strip.call.name);
     let mut calls: Vec<Call> = Vec::new();
@@ -309,10 +308,10 @@ pub fn copy_cue(
         let next = strip.text.call_from(end).filter(|next| next.name.start < strip.call.name.start);
         first = next.filter(|_| strip.text[end..].trim_start().starts_with('.'));
     }
-    calls.extend(strip.chain.iter().filter(|call| !matches!(strip.name(call), "from" | "until")).cloned());
-    for call in calls {
-        copy += &format!(".{}", &strip.text[call.name.start..call.end]);
-    }
+    // Those in later lines about its variable, too.
+    let own = ScriptObject::at(text, line, column)?.calls;
+    calls.extend(own.into_iter().filter(|call| !TIMES.contains(&strip.name(call))));
+    copy.extend(calls.iter().map(|call| strip.dotted(call)));
     Ok(copy)
 }
 
@@ -362,6 +361,18 @@ pub fn paste_cue(
     // Variables that it names are made before it.
     let declared_at = text.find(&format!("let {uses} ")).unwrap_or(0);
     object.add_call(&new, object.last_at().max(declared_at))
+}
+
+/// The cues in the text of a clipboard, each as [`copy_cue`] has it.
+pub fn copied_cues(copied: &str) -> Vec<&str> {
+    let source = Source::new(copied);
+    let starts = source.calls_of("play").map(|call| call.name.start).filter(|at| source.depth_to(*at) == 0);
+    let starts: Vec<usize> = starts.collect();
+    let ends = starts.iter().skip(1).copied().chain([copied.len()]);
+    let first = starts.first().filter(|first| copied[..**first].trim().is_empty());
+    first.map_or_else(Vec::new, |_| {
+        starts.iter().zip(ends).map(|(from, to)| copied[*from..to].trim()).collect()
+    })
 }
 
 /// The start of a copied cue, seconds.

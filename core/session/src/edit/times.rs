@@ -5,6 +5,13 @@ use super::values::{literal, option_value, set_option};
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
+/// Digits behind the point of seconds that a person writes.
+const USUAL_DIGITS: usize = 3;
+/// Digits with which every time is read back as the same tick.
+const MOST_DIGITS: usize = 9;
+/// Seconds within which two times are the same tick.
+const NEAR: f64 = 0.5 / choreo_motion::Time::TICKS_PER_SECOND as f64;
+
 /// A time to be written into a script.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EditTime {
@@ -14,22 +21,34 @@ pub struct EditTime {
 }
 
 impl EditTime {
-    /// The time as a person would write it where no text is replaced.
-    pub fn written(self) -> String {
-        self.text(false)
+    /// The time as a person would write it into a script of this text, where none stands there yet.
+    pub fn written(self, script: &str) -> String {
+        self.anew(&Source::new(script))
     }
 
-    /// The time as a person would write it: seconds to the millisecond, always with a point, so that it stays a float. A frame's time
-    /// that has more digits is `f(31)`, so that it is read back as the same frame. `in_frames`: it replaces such a text.
+    /// The time where none stands yet: in seconds; where those need more digits than a person would write and the script counts in frames, in
+    /// frames, too.
+    pub(super) fn anew(self, script: &Source) -> String {
+        let text = self.text(false);
+        let is_long = text.split('.').nth(1).is_some_and(|digits| digits.len() > USUAL_DIGITS);
+        if is_long && script.counts_frames() { self.text(true) } else { text }
+    }
+
+    /// The time in place of another one: `f(31)` where that is in frames, too, else seconds, always with a point, so that they stay a float: to
+    /// the millisecond, and the time of a frame with the digits by which it is read back as the same frame.
     pub(super) fn text(self, in_frames: bool) -> String {
         let secs = self.secs.max(0.0);
         let frame = libm::round(secs * self.fps);
         let is_frame = libm::fabs(secs * self.fps - frame) < 1e-4;
-        let text = format!("{secs:.3}");
-        let is_exact = || text.parse::<f64>().is_ok_and(|read| libm::fabs(read - frame / self.fps) < 1e-9);
-        if is_frame && (in_frames || !is_exact()) {
+        if is_frame && in_frames {
             return format!("f({frame})");
         }
+        let exact = is_frame.then(|| {
+            let time = frame / self.fps;
+            let reads = |text: &String| text.parse().is_ok_and(|read: f64| libm::fabs(read - time) < NEAR);
+            (USUAL_DIGITS..=MOST_DIGITS).map(|digits| format!("{time:.digits$}")).find(reads)
+        });
+        let text = exact.flatten().unwrap_or_else(|| format!("{secs:.USUAL_DIGITS$}"));
         let text = text.trim_end_matches('0');
         if text.ends_with('.') { format!("{text}0") } else { text.to_string() }
     }
@@ -102,7 +121,7 @@ pub fn set_time(
             let old = option_value(text, &call, "fade").and_then(|bytes| TimeLiteral::of(text, &bytes));
             return match old {
                 Some(old) => Ok(old.set(time)),
-                None => set_option(text, &call, line, "fade", &time.text(false)),
+                None => set_option(text, &call, line, "fade", &time.anew(text)),
             };
         }
     };
@@ -122,7 +141,7 @@ pub fn set_time(
     let from = chain.iter().take_while(|call| text[call.name.clone()] != *"then");
     let from = from.filter(|call| part == CueTime::End && text[call.name.clone()] == *"from").last();
     let at = from.map_or(call.end, |from| from.end);
-    Ok(Edit { range: at..at, text: format!(".{name}({})", time.text(false)) })
+    Ok(Edit { range: at..at, text: format!(".{name}({})", time.anew(text)) })
 }
 
 /// Whether the call at a place is a `then` that begins where the clip before it ends.
@@ -207,7 +226,7 @@ mod tests {
             }
         }
         let nudged = |secs| set("a.|play(c).from(1.0);", CueTime::Start, secs).unwrap();
-        assert_eq!(nudged(31.0 / 30.0), "a.play(c).from(f(31));");
+        assert_eq!(nudged(31.0 / 30.0), "a.play(c).from(1.033333333);");
         assert_eq!(nudged(1.1), "a.play(c).from(1.1);");
         assert_eq!(nudged(1.2346), "a.play(c).from(1.235);");
         assert_eq!(
@@ -216,6 +235,26 @@ mod tests {
         );
         let text = "a.|play(c, #{ fade: f(6) });";
         assert_eq!(set(text, CueTime::FadeIn, 0.3).unwrap(), "a.play(c, #{ fade: f(9) });");
+    }
+
+    /// Seconds stay seconds and frames frames; a new time is as the script has others.
+    #[test]
+    fn times_keep_the_script_s_own_style() {
+        let seconds = set("a.|play(c).from(1.0).until(f(60));", CueTime::Start, 31.0 / 30.0).unwrap();
+        assert_eq!(seconds, "a.play(c).from(1.033333333).until(f(60));");
+        // And back again.
+        assert_eq!(
+            set(&seconds.replace(".play", ".|play"), CueTime::Start, 1.5).unwrap(),
+            "a.play(c).from(1.5).until(f(60));"
+        );
+        assert_eq!(set("a.|play(c).from(f(3));", CueTime::Start, 1.5).unwrap(), "a.play(c).from(f(45));");
+        let ended = |text| set(text, CueTime::End, 61.0 / 30.0).unwrap();
+        assert_eq!(ended("a.|play(c).from(f(3));"), "a.play(c).from(f(3)).until(f(61));");
+        assert_eq!(ended("a.|play(c).from(0.5);"), "a.play(c).from(0.5).until(2.033333333);");
+        assert_eq!(
+            set("a.|play(c).from(f(3));", CueTime::End, 2.5).unwrap(),
+            "a.play(c).from(f(3)).until(2.5);"
+        );
     }
 
     #[test]

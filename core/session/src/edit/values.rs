@@ -111,6 +111,21 @@ pub(crate) fn option_value(text: &Source, call: &Call, name: &str) -> Option<Ran
     option_in(text, &text.map_in(&call.inside)?, name)
 }
 
+/// All `name: value` among the options of a call.
+pub(crate) fn options_of<'a>(text: &'a Source, call: &Call) -> Vec<&'a str> {
+    let Some(map) = text.map_in(&call.inside) else { return Vec::new() };
+    let (mut at, mut all) = (map.start, Vec::new());
+    while at < map.end {
+        let end = text.value_end(at, map.end);
+        let option = &text[text.trimmed(&(at..end))];
+        if !option.is_empty() {
+            all.push(option);
+        }
+        at = end + 1;
+    }
+    all
+}
+
 /// `name: value` among the options of a call.
 pub(crate) fn option_of(text: &Source, call: &Call, name: &str) -> Option<Range<usize>> {
     let value = option_value(text, call, name)?;

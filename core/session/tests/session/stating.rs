@@ -1,6 +1,6 @@
 //! Values that are stated, read and taken away, and loops that are written out: the whole text after each edit is compared.
 
-use choreo_session::edit::{Anew, EditTime, ScriptObject, unroll};
+use choreo_session::edit::{Anew, EditTime, NamedBy, ScriptObject, unroll};
 
 /// The object is made where `|` stands.
 fn object<R>(text: &str, then: impl FnOnce(&ScriptObject) -> R) -> R {
@@ -196,4 +196,69 @@ fn times_are_stated_where_they_stand() {
     assert_eq!(timed("a.|look_at(b);", Anew::Method), "a.look_at(b).from(1.5);");
     // Two arguments stand before the options of those.
     assert_eq!(timed("a.|reach(\"hand\", b);", Anew::Option), "a.reach(\"hand\", b, #{ from: 1.5 });");
+}
+
+/// The text after the name that is stated was changed, and the variable that goes along.
+fn renamed(text: &str, by: NamedBy, to: &str) -> Result<(String, Option<String>), String> {
+    let renaming = object(text, |object| object.rename(by, to)).map_err(|refused| refused.why)?;
+    let plain = text.replacen('|', "", 1);
+    let stated = renaming.stated.map_or(plain.clone(), |edit| edit.apply(&plain));
+    let variable = renaming.variable.map(|(at, name)| {
+        let old = plain[at..].split(' ').next().unwrap();
+        format!("{old} {name}")
+    });
+    Ok((stated, variable))
+}
+
+#[test]
+fn names_are_stated_where_they_stand_and_variables_of_that_name_go_along() {
+    let (argument, option) = (NamedBy::Argument, NamedBy::Option);
+    for (text, by, to, stated, variable) in [
+        (
+            "let ada = |cast(\"ada\", m);",
+            argument,
+            "Eve \"2\"",
+            "let ada = cast(\"Eve \\\"2\\\"\", m);",
+            Some("ada eve__2_"),
+        ),
+        ("let a = |cast( \"ada\" , m);", argument, "eve", "let a = cast( \"eve\" , m);", None),
+        ("|cast(\"ada\", m);", argument, "eve", "cast(\"eve\", m);", None),
+        ("let ada = |cast(\"ada\", m);", argument, "Ada", "let ada = cast(\"Ada\", m);", None),
+        (
+            "let key = |sun(#{ name: \"key\" });",
+            option,
+            "main",
+            "let key = sun(#{ name: \"main\" });",
+            Some("key main"),
+        ),
+        ("let key = |sun();", option, "Main", "let key = sun();", Some("key Main")),
+        ("let key = |sun();", option, "main light", "let key = sun();", Some("key main_light")),
+        ("|sun();", option, "main light", "sun(#{ name: \"main light\" });", None),
+        ("let p = |panel();", NamedBy::Variable, "board", "let p = panel();", Some("p board")),
+    ] {
+        let wanted = (stated.to_string(), variable.map(str::to_string));
+        assert_eq!(renamed(text, by, to), Ok(wanted), "{text}");
+    }
+    for (text, by, to, why) in [
+        (
+            "|cast(\"a \" + n, m);",
+            argument,
+            "b",
+            "line 1: its name, \"a \" + n, is computed; change it there",
+        ),
+        ("|cast(\"a\", m);\ncast(\"b\", m);", argument, "b", "line 2: \"b\" is the name of another cast"),
+        (
+            "sun(#{ name: \"b\" });\n|sun(#{ name: \"a\" });",
+            option,
+            "b",
+            "line 1: \"b\" is the name of another sun",
+        ),
+        ("|panel();", NamedBy::Variable, "b", "line 1: it has no name in the script; write let NAME = …"),
+    ] {
+        assert_eq!(renamed(text, by, to).unwrap_err(), why);
+    }
+    let name = |text: &str, by| object(text, |object| object.name(by));
+    assert_eq!(name("let a = |cast(\"ada\", m);", argument).as_deref(), Some("ada"));
+    assert_eq!(name("let key = |sun();", option).as_deref(), Some("key"));
+    assert_eq!(name("|sun();", option), None);
 }

@@ -1,8 +1,8 @@
 //! Clips as strips in a script's text: trimmed, split, duplicated, copied, pasted, disabled.
 
 use choreo_session::edit::{
-    Edit, EditRefused, EditTime, Rest, copy_cue, duplicate_cue, paste_cue, set_disabled, set_number,
-    set_trim, shift_cue, shift_keys, split_cue,
+    Edit, EditRefused, EditTime, Rest, copied_cues, copy_cue, duplicate_cue, paste_cue, set_disabled,
+    set_number, set_trim, shift_cue, shift_keys, split_cue,
 };
 
 /// The text without the mark `|`, and where it stands.
@@ -86,9 +86,18 @@ fn a_duplicate_follows_the_clip() {
         |text: &str, end, until| changed(text, &|t, l, c| duplicate_cue(t, l, c, end, until)).unwrap();
     assert_eq!(
         twice("a.|play(c).trim(0.5, 1).from(1.0).until(2.0).then(d);", None, Some(at(3.0))),
-        "a.play(c).trim(0.5, 1).from(1.0).until(2.0)\n    .then(c).trim(0.5, 1.0).until(3.0).then(d);"
+        "a.play(c).trim(0.5, 1).from(1.0).until(2.0)\n    .then(c).trim(0.5, 1).until(3.0).then(d);"
     );
     assert_eq!(twice("a.|play(c);", Some(at(1.0)), None), "a.play(c).until(1.0)\n    .then(c);");
+    // All that is no time of the stage, and what holds for the layer anyway.
+    assert_eq!(
+        twice(
+            "a.|play(c, #{ fade: 0.2, from: 1.0 }).ease(\"smooth\").on(\"x\").until(2.0);",
+            None,
+            Some(at(3.0))
+        ),
+        "a.play(c, #{ fade: 0.2, from: 1.0 }).ease(\"smooth\").on(\"x\").until(2.0)\n    .then(c, #{ fade: 0.2 }).ease(\"smooth\").until(3.0);"
+    );
 }
 
 #[test]
@@ -117,6 +126,21 @@ fn a_copy_is_pasted_on_another_row_and_into_another_script() {
             "the clipboard holds no clip of a timeline"
         );
     }
+}
+
+/// Options over several lines, comments, and what later lines say of the cue's variable.
+#[test]
+fn a_copy_has_all_options_wherever_they_stand() {
+    let text = "let m = load(\"m.glb\");\nlet a = cast(\"a\", m);\nlet w = a.|play(m.clip(\"x\"), #{\n    fade: 0.2, // in\n}).until(2.0)\n    .speed(2) // fast\n    .reverse();\nw.ease(\"smooth\").from(1.0);\nif x { w.weight(0.5); }\nlet b = cast(\"b\", m);\n";
+    let (text, line, column) = marked(text);
+    let copied = copy_cue(&text, line, column, at(1.0), Some(at(2.0))).unwrap();
+    let wanted = "play(load(\"m.glb\").clip(\"x\"), #{\n    fade: 0.2, // in\n}).from(1.0).until(2.0).speed(2).reverse().ease(\"smooth\")";
+    assert_eq!(copied, wanted);
+    let two = format!("{copied}\nplay(c).from(2.0);\n");
+    assert_eq!(copied_cues(&two), [wanted, "play(c).from(2.0);"]);
+    assert_eq!(copied_cues("say(play(c));"), Vec::<&str>::new());
+    let pasted = paste_cue(&text, 10, 9, &copied, at(3.0)).unwrap().apply(&text);
+    assert!(pasted.ends_with("\nb.play(m.clip(\"x\"), #{\n    fade: 0.2, // in\n}).from(3.0).until(4.0).speed(2).reverse().ease(\"smooth\");\n"), "{pasted}");
 }
 
 #[test]

@@ -85,7 +85,7 @@ impl<'a> FootContacts<'a> {
         FootContacts { actor, mirrored, cues }
     }
 
-    /// When the foot of each of `legs` legs comes down and goes up, between two times, to a 480th of a second.
+    /// The times at which the foot of each of `legs` legs comes down and goes up, between two times, to a 480th of a second.
     pub fn stands(&self, legs: usize, from: Time, to: Time) -> Vec<Vec<(Time, Time)>> {
         let at = |i: usize| from + Time(i as i64 * STEP.0);
         let count = ((to - from).0 / STEP.0) as usize;

@@ -8,7 +8,7 @@ use choreo_asset::eyes::angles_of;
 use choreo_motion::{HumanBone, Time};
 use glam::DVec3;
 
-/// A look of the head, and what of it the eyes are to make up for.
+/// A rotation of the head towards a target, and the rest of the angle that the eyes are to make up for.
 pub(super) struct Gaze<'a> {
     pub actor: &'a Actor,
     /// The joint that was turned. The eyes follow it only if it is the head.

@@ -1,4 +1,4 @@
-//! Whose constraints come first.
+//! The order in which the constraints of several actors are solved.
 
 use crate::stage::Stage;
 use crate::stage::actor::Target;

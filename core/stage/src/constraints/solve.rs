@@ -214,7 +214,7 @@ impl Solved<'_> {
         }
         scratch.steps.find(stage, &placing.parents, time, index, &scratch.aims);
         if !self.circular && scratch.steps.ordered.iter().any(|step| step.target == Known::After) {
-            // What the steps do to the targets is found by doing them, without the eyes and the face.
+            // The effect of the steps on the targets is found by executing them, without the eyes and the face.
             scratch.pose.clone_from(&actors[index].model_from_joint);
             for _ in 0..TRIALS {
                 self.take_steps(true, scratch, placing, actors)?;

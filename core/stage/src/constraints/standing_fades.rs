@@ -33,7 +33,7 @@ struct FootSides {
 }
 
 impl FootSides {
-    /// When the first contact begins and the last one ends.
+    /// The times at which the first contact begins and the last one ends.
     fn span(&self, backwards: bool) -> [Time; 2] {
         match backwards {
             true => [self.standing.from, self.walking.to],

@@ -17,14 +17,14 @@ pub(super) enum Kind {
     Look(usize),
 }
 
-/// When the place of a target is known.
+/// The step after which the place of a target is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Known {
     /// Before the actor moves.
     Before,
-    /// When the steps before this one have moved the actor.
+    /// Known when the steps before this one have moved the actor.
     InTurn,
-    /// Only after all steps: the target hangs on joints of a later step, and that one hangs on joints of this one.
+    /// Known only after all steps: the target is attached to joints of a later step, which depends on joints of this one.
     After,
 }
 

@@ -124,7 +124,7 @@ pub(crate) fn pose_actor<'e>(
             && !turned
             && !mirrored
         {
-            // What most frames with more than one clip are: a crossfade and nothing else, fused.
+            // Most frames with more than one clip are a crossfade and nothing else, which is one fused step.
             let [from, to] = [blended((0, from)), blended((1, to))];
             crossfade(asset, &from, &to, &mut scratch.pair, model_from_joint);
             in_model_space = true;
@@ -192,7 +192,7 @@ fn apply_edits<'e>(
         expression::add(&asset.expressions, &scratch.expressions, morph_weights);
     }
     for edit in edits {
-        if let ActorEdit::TurnJoint { joint, rotation, .. } = edit
+        if let ActorEdit::TurnJoint { joint, rotation } = edit
             && (*joint as usize) < asset.skeleton.len()
         {
             let mut transform = scratch.pose.get(*joint as usize);
@@ -410,7 +410,7 @@ fn set_weights<'e>(
         }
     }
     for edit in edits {
-        if let ActorEdit::Morph { instance, target, weight, .. } = edit {
+        if let ActorEdit::Morph { instance, target, weight } = edit {
             set(*instance, *target, *weight);
         }
     }
@@ -439,7 +439,7 @@ fn set_expressions<'e>(
         }
     }
     for edit in edits {
-        if let ActorEdit::Expression { expression, weight, .. } = edit {
+        if let ActorEdit::Expression { expression, weight } = edit {
             set(*expression, *weight);
         }
     }

@@ -30,7 +30,7 @@ pub(crate) struct Posing<'a> {
     pub needs: &'a [PoseNeed],
     /// (actor, place in `edits`), sorted.
     pub pose_edits: &'a [(usize, usize)],
-    pub edits: &'a [ActorEdit],
+    pub edits: &'a [(usize, ActorEdit)],
 }
 
 /// Threads that can pose actors at once.
@@ -102,7 +102,7 @@ impl Posing<'_> {
             state.skinning = actor.skinning;
             let at = self.pose_edits.partition_point(|(a, _)| *a < index);
             let edits = self.pose_edits[at..].iter().take_while(|(a, _)| *a == index);
-            let edits = edits.map(|(_, place)| &self.edits[*place]);
+            let edits = edits.map(|(_, place)| &self.edits[*place].1);
             let (joints, weights) = (&mut state.model_from_joint, &mut state.morph_weights);
             pose::pose_actor(actor, self.time, self.motions.of(index), edits, scratch, joints, weights);
             if actor.asset.eyes.is_some() {

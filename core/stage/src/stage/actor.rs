@@ -5,12 +5,12 @@ use crate::stage::clips::Layer;
 use crate::stage::constraint::Constraint;
 use crate::stage::described::{FieldType, described, fields};
 use crate::stage::fade::{eased, fraction};
-use crate::stage::hash::StageWriter;
 use crate::stage::parenting::Parenting;
 use crate::stage::path::PathFollowing;
 use crate::stage::springs::ActorSprings;
 use crate::stage::surfaces::SurfaceRule;
 use choreo_asset::Asset;
+use choreo_asset::hash::Writer;
 use choreo_motion::ik::Limit;
 use choreo_motion::{Ease, Skinning, Time};
 use glam::{DQuat, DVec3, Vec4};
@@ -29,13 +29,12 @@ described! {
         /// Place in the parent, else in the world, without keys.
         transform: Placement = Placement::default();
         /// Parents over time, sorted by start; before the first one the actor stands in the world.
-        parents: Vec<Parenting> = Vec::new(), hash |w: &mut StageWriter, parents: &[Parenting]| {
+        parents: Vec<Parenting> = Vec::new(), hash |w: &mut Writer, parents: &[Parenting]| {
             // No parent is written as it was when there was one at most.
             for parent in parents {
-                w.flag(true);
-                parent.hash(w);
+                (true, parent).hash(w);
             }
-            w.flag(false);
+            false.hash(w);
         };
         /// Turned about its parent's +Y so that its front points to where this actor stands; its own rotation comes first.
         face: Option<usize> = None;

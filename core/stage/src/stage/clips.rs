@@ -77,7 +77,7 @@ described! {
         weight_keys: Option<Arc<Channel>> = None;
         /// Clip time keyed over stage time, in place of the amount of `speed`, whose sign still states from which end.
         time_remapping: Option<Arc<TimeRemapping>> = None;
-        /// When the clip stands still, from and to on stage; sorted, one after the other.
+        /// Spans of stage time in which the clip stands still; sorted, one after the other.
         freezes: Vec<(Time, Time)> = Vec::new();
         /// Base layer: phase matching with the cue that fades into this one, and with the one that this one fades into.
         in_step: [Option<Arc<PhaseMatchedFade>>; 2] = [None, None];

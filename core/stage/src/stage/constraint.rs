@@ -5,7 +5,7 @@ use crate::mirroring::Mirroring;
 use crate::stage::actor::Target;
 use crate::stage::described::{FieldType, fields};
 use crate::stage::fade::{eased, fraction};
-use crate::stage::hash::hashed;
+use choreo_asset::hashed;
 use choreo_motion::Time;
 use glam::DVec3;
 use std::sync::Arc;
@@ -100,7 +100,7 @@ pub struct FootLock {
     /// Actors on whose surfaces the feet stand, the highest below each foot, as they stand at time 0; else the height at which this
     /// actor stands.
     pub ground: Vec<usize>,
-    /// Only feet that stand at any time of one of these, from their coming down to their going up; empty: all.
+    /// If not empty, only feet that stand at any time of one of these spans are locked, from their coming down to their going up.
     pub only: Vec<(Time, Time)>,
     /// Fades in which feet take steps to where the standing clip has them; sorted, one after the other.
     pub standing_fades: Vec<StandingFade>,

@@ -249,7 +249,7 @@ impl<T: Holds + Default> Holds for Option<T> {
 /// }
 /// ```
 /// Members in parentheses are arguments of `new`, which takes `&str` for `String => str`; the others have a default there. The content hash is made of all members in
-/// this order, each by [`Hashed`](crate::stage::hash::Hashed) or by the function after `hash`. A field is a member, or a member of a
+/// this order, each by [`Hashed`](choreo_asset::hash::Hashed) or by the function after `hash`. A field is a member, or a member of a
 /// member; `get` and `set` reach what is neither, and `lacks` gives the reason why some do not have it.
 macro_rules! described {
     (
@@ -274,9 +274,9 @@ macro_rules! described {
             }
         }
 
-        impl $crate::stage::hash::Hashed for $name {
-            fn hash(&self, w: &mut $crate::stage::hash::StageWriter) {
-                $($crate::stage::hash::Hashed::hash(&self.$required, w);)*
+        impl choreo_asset::hash::Hashed for $name {
+            fn hash(&self, w: &mut choreo_asset::hash::Writer) {
+                $(choreo_asset::hash::Hashed::hash(&self.$required, w);)*
                 $($crate::stage::described::described!(@hash self.$member, w $(, $hash)?);)*
             }
         }
@@ -299,9 +299,9 @@ macro_rules! described {
             }
         }
 
-        impl $crate::stage::hash::Hashed for $name {
-            fn hash(&self, w: &mut $crate::stage::hash::StageWriter) {
-                $($crate::stage::hash::Hashed::hash(&self.$member, w);)*
+        impl choreo_asset::hash::Hashed for $name {
+            fn hash(&self, w: &mut choreo_asset::hash::Writer) {
+                $(choreo_asset::hash::Hashed::hash(&self.$member, w);)*
             }
         }
 
@@ -309,7 +309,7 @@ macro_rules! described {
     };
     (@from $ty:ty) => { $ty };
     (@from $ty:ty, $from:ty) => { &$from };
-    (@hash $member:expr, $w:ident) => { $crate::stage::hash::Hashed::hash(&$member, $w) };
+    (@hash $member:expr, $w:ident) => { choreo_asset::hash::Hashed::hash(&$member, $w) };
     (@hash $member:expr, $w:ident, $hash:expr) => { $hash($w, &$member) };
 }
 pub(crate) use described;

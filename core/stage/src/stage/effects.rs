@@ -27,7 +27,7 @@ pub struct EffectUse {
     pub end: Option<Time>,
     /// Actors and materials to which it is limited, sorted; empty: everything.
     pub on: Vec<EffectTarget>,
-    /// Only while one of these of `Stage::cameras` is on, sorted; empty: whichever is.
+    /// If not empty, the effect works only while one of these of `Stage::cameras` is on; sorted.
     pub cameras: Vec<usize>,
     /// The actors outside the image whose poses the plugin reads or changes.
     pub off_screen: OffScreenActors,

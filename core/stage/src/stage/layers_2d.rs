@@ -134,13 +134,12 @@ impl Layer2d {
 }
 
 /// A change of a 2D layer by a callback, for one frame.
-#[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 #[derive(Clone, Debug, PartialEq)]
 pub enum Layer2dEdit {
     /// Moves its anchor.
-    At { layer_2d: usize, at: DVec2 },
+    At(DVec2),
     /// Replaces its opacity.
-    Opacity { layer_2d: usize, opacity: f64 },
+    Opacity(f64),
     /// Replaces the words of a text.
-    Words { layer_2d: usize, words: String },
+    Words(String),
 }

@@ -10,7 +10,7 @@ pub(crate) mod described;
 pub(crate) mod edits;
 pub(crate) mod effects;
 pub(crate) mod fade;
-pub(crate) mod hash;
+mod hash;
 pub(crate) mod layers_2d;
 pub(crate) mod light;
 pub(crate) mod parenting;
@@ -90,7 +90,7 @@ pub struct Settings {
     pub cutouts: Cutouts,
     /// Order in which transparent surfaces are blended.
     pub transparency: Transparency,
-    /// When opaque surfaces are lit.
+    /// The choice of forward or deferred shading of opaque surfaces.
     pub pipeline: Pipeline,
     /// Whether vertices are pre-skinned.
     pub skin_once: SkinOnce,
@@ -150,7 +150,7 @@ pub enum Transparency {
     Independent,
 }
 
-/// When opaque surfaces are lit: as each is drawn (forward), or once a pixel when all are drawn (deferred).
+/// The step at which opaque surfaces are lit: as each is drawn (forward), or once a pixel when all are drawn (deferred).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Pipeline {
     /// Deferred if it is estimated to be faster, by the lights and the overlapping surfaces; never with several samples a pixel.
@@ -231,21 +231,10 @@ pub enum StageError {
     Bad { place: String, what: String },
 }
 
-impl std::fmt::Display for StageError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            StageError::Hook { error, time } => write!(f, "{error}\n    at {} s", time.as_secs()),
-            StageError::Cycle(actor, between) => {
-                write!(f, "actor \"{actor}\" is attached to itself, through {between}")
-            }
-            StageError::FacingCycle(actor, faced) => write!(
-                f,
-                "actor \"{actor}\" cannot face \"{faced}\": where \"{faced}\" stands depends on how \"{actor}\" is turned; \
-                 turn \"{actor}\" by hand, or face something that it does not carry"
-            ),
-            StageError::Bad { place, what } => write!(f, "{place}: {what}"),
-        }
-    }
+choreo_motion::error_texts! { StageError:
+    Self::Hook { error, time } => "{error}\n    at {} s", time.as_secs();
+    Self::Cycle(actor, between) => "actor \"{actor}\" is attached to itself, through {between}";
+    Self::FacingCycle(actor, faced) => "actor \"{actor}\" cannot face \"{faced}\": where \"{faced}\" stands depends on how \"{actor}\" is turned; \
+        turn \"{actor}\" by hand, or face something that it does not carry";
+    Self::Bad { place, what } => "{place}: {what}";
 }
-
-impl std::error::Error for StageError {}

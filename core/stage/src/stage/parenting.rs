@@ -22,7 +22,7 @@ pub struct Parenting {
 }
 
 described! {
-    /// When and how an actor takes another parent, as a script states it.
+    /// The time and the way in which an actor takes another parent, as a script states them.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct ParentChange {
         /// `None`: it has always been so.

@@ -32,19 +32,11 @@ pub enum PathError {
     SamePlace(usize, usize),
 }
 
-impl std::fmt::Display for PathError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            PathError::TooFew(count) => write!(f, "a path needs at least 2 points, there are {count}"),
-            PathError::NotFinite(index) => write!(f, "point {index} is not finite"),
-            PathError::SamePlace(first, second) => {
-                write!(f, "points {first} and {second} are in the same place")
-            }
-        }
-    }
+choreo_motion::error_texts! { PathError:
+    Self::TooFew(count) => "a path needs at least 2 points, there are {count}";
+    Self::NotFinite(index) => "point {index} is not finite";
+    Self::SamePlace(first, second) => "points {first} and {second} are in the same place";
 }
-
-impl std::error::Error for PathError {}
 
 /// How an actor goes along a path.
 #[derive(Clone, Debug, PartialEq)]

@@ -117,8 +117,8 @@ impl Facts {
             let from = snapshot.camera.world_from_view.translation;
             self.cameras[camera].in_its_target |= at.is_some_and(|at| (at - from).length() < 1e-6);
         }
-        for edit in &edits.actors {
-            if let ActorEdit::TurnJoint { actor, .. } = edit
+        for (actor, edit) in &edits.actors {
+            if let ActorEdit::TurnJoint { .. } = edit
                 && let Some(facts) = self.actors.get_mut(*actor)
             {
                 facts.posed_by_hook = true;

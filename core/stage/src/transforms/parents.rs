@@ -57,7 +57,7 @@ pub(crate) struct ActiveParents {
 
 impl ActiveParents {
     /// Fills the lists. `edits`: those of the frame, of which the last one that attaches an actor counts for it alone.
-    pub fn find(&mut self, stage: &Stage, time: Time, edits: &[ActorEdit], kept: &KeptTransforms) {
+    pub fn find(&mut self, stage: &Stage, time: Time, edits: &[(usize, ActorEdit)], kept: &KeptTransforms) {
         self.all.clear();
         self.ends.clear();
         let kept = kept.known();
@@ -79,8 +79,8 @@ impl ActiveParents {
             }
             self.ends.push(self.all.len());
         }
-        for edit in edits {
-            if let ActorEdit::Attach { actor, parent } = edit
+        for (actor, edit) in edits {
+            if let ActorEdit::Attach(parent) = edit
                 && *actor < self.ends.len()
             {
                 let range = self.range(*actor);

@@ -102,7 +102,7 @@ fn posed_meshes_follow_skin_morphs_and_placement() {
     impl FrameHook for Bow {
         fn run(&self, _: choreo_motion::Time, edits: &mut FrameEdits) -> Result<(), StageError> {
             let rotation = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
-            edits.actors.push(ActorEdit::TurnJoint { actor: 0, joint: CHEST, rotation });
+            edits.actors.push((0, ActorEdit::TurnJoint { joint: CHEST, rotation }));
             Ok(())
         }
     }
@@ -128,7 +128,7 @@ fn actors_with_morphs_are_culled_where_no_weight_brings_them_into_view() {
     struct Pull;
     impl FrameHook for Pull {
         fn run(&self, _: choreo_motion::Time, edits: &mut FrameEdits) -> Result<(), StageError> {
-            edits.actors.push(ActorEdit::Morph { actor: 0, instance: 0, target: 0, weight: -90.0 });
+            edits.actors.push((0, ActorEdit::Morph { instance: 0, target: 0, weight: -90.0 }));
             Ok(())
         }
     }

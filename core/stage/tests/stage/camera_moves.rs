@@ -162,7 +162,7 @@ fn shakes_of_other_seeds_differ_and_any_frame_may_come_first() {
 }
 
 #[derive(Debug)]
-struct Edits(Vec<CameraEdit>);
+struct Edits(Vec<(usize, CameraEdit)>);
 
 impl FrameHook for Edits {
     fn run(&self, _: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
@@ -173,27 +173,27 @@ impl FrameHook for Edits {
 
 #[test]
 fn callbacks_aim_turn_and_zoom_for_one_frame() {
-    let edited = |edits: Vec<CameraEdit>| {
+    let edited = |edits: Vec<(usize, CameraEdit)>| {
         let mut stage = shot();
         stage.hooks.push(Arc::new(Edits(edits)));
         stage.at(secs(1.0)).unwrap()
     };
     let (camera, target) = (0, Target::Point(v(7.0, 2.0, 0.0)));
-    let aimed = CameraEdit::LookAt { camera, target };
+    let aimed = (camera, CameraEdit::LookAt(target));
     close(looks(&edited(vec![aimed.clone()])), v(1.0, 0.0, 0.0), 1e-12);
     // From where a callback puts it.
-    let moved = CameraEdit::MoveTo { camera, position: v(7.0, 2.0, 4.0) };
+    let moved = (camera, CameraEdit::MoveTo(v(7.0, 2.0, 4.0)));
     close(looks(&edited(vec![aimed.clone(), moved])), v(0.0, 0.0, -1.0), 1e-12);
-    let turned = CameraEdit::Turn { camera, rotation: DQuat::from_rotation_y(0.5) };
+    let turned = (camera, CameraEdit::Turn(DQuat::from_rotation_y(0.5)));
     close(looks(&edited(vec![aimed, turned])), v(0.5f64.cos(), 0.0, -0.5f64.sin()), 1e-12);
-    let zoomed = edited(vec![CameraEdit::FieldOfView { camera, yfov: 0.25 }]);
+    let zoomed = edited(vec![(camera, CameraEdit::FieldOfView(0.25))]);
     assert!(matches!(
         zoomed.camera.projection,
         Projection::Perspective { yfov: 0.25, near: 0.05, far: None }
     ));
-    let flat = edited(vec![CameraEdit::Height { camera, height: 3.0 }]);
+    let flat = edited(vec![(camera, CameraEdit::Height(3.0))]);
     assert!(matches!(flat.camera.projection, Projection::Orthographic { height: 3.0, .. }));
-    let other = edited(vec![CameraEdit::FieldOfView { camera: 1, yfov: 0.25 }]);
+    let other = edited(vec![(1, CameraEdit::FieldOfView(0.25))]);
     assert_eq!(other.camera, shot().at(secs(1.0)).unwrap().camera);
 }
 

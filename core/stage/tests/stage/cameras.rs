@@ -127,8 +127,8 @@ fn cuts_keys_and_hooks() {
     struct Hook;
     impl FrameHook for Hook {
         fn run(&self, _: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
-            edits.cameras.push(CameraEdit::MoveTo { camera: 0, position: v(0.0, 0.0, 9.0) });
-            edits.cameras.push(CameraEdit::MoveTo { camera: 7, position: v(0.0, 0.0, 9.0) });
+            edits.cameras.push((0, CameraEdit::MoveTo(v(0.0, 0.0, 9.0))));
+            edits.cameras.push((7, CameraEdit::MoveTo(v(0.0, 0.0, 9.0))));
             Ok(())
         }
     }

@@ -99,7 +99,7 @@ fn equal_geometry_is_equal_whatever_it_is_painted_with() {
 }
 
 #[test]
-fn materials_of_two_files_are_one_where_their_images_are() {
+fn materials_count_by_their_images_and_slots() {
     let image =
         |v: u8| Arc::new(Image { name: format!("{v}"), width: 1, height: 1, rgba: vec![v; 4], file: None });
     let textured = |image: u32| {
@@ -107,14 +107,20 @@ fn materials_of_two_files_are_one_where_their_images_are() {
             TextureRef { image, sampler: Sampler::default(), uv_set: 0, uv_transform: Affine2::IDENTITY };
         Material { base_color_texture: Some(texture), ..Material::default() }
     };
-    let one = textured(0).content_hash(&[image(1)]);
-    assert_eq!(one, textured(1).content_hash(&[image(2), image(1)]));
-    assert_ne!(one, textured(0).content_hash(&[image(2)]));
-    let named = Material { name: "brass".into(), ..textured(0) };
-    assert_eq!(one, named.content_hash(&[image(1)]));
+    let hash = |material: Material, second: u8| {
+        let images = vec![image(1), image(second)];
+        Asset { materials: vec![material], images, ..Asset::default() }.content_hash()
+    };
+    let one = hash(textured(0), 1);
+    assert_eq!(one, hash(textured(1), 1), "an image counts by its content, not by its index");
+    assert_ne!(hash(textured(0), 2), hash(textured(1), 2));
     let mut other_slot = textured(0);
     other_slot.emissive_texture = other_slot.base_color_texture.take();
-    assert_ne!(one, other_slot.content_hash(&[image(1)]));
+    assert_ne!(one, hash(other_slot.clone(), 1));
+    let bare = |material: Material| material.hash_without_textures();
+    assert_eq!(bare(textured(0)), bare(Material { name: "brass".into(), ..textured(1) }));
+    assert_ne!(bare(textured(0)), bare(other_slot));
+    assert_ne!(bare(textured(0)), bare(Material { relief: 0.1, ..textured(0) }));
     let layer_2d = |image: &Image| image.content_hash();
     assert_ne!(
         layer_2d(&Image { width: 2, height: 1, rgba: vec![0; 8], ..Image::default() }),

@@ -94,11 +94,11 @@ fn parents_keys_and_hooks() {
     struct Hook;
     impl FrameHook for Hook {
         fn run(&self, _: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
-            edits.lights.push(LightEdit::Intensity { light: 0, intensity: 9.0 });
-            edits.lights.push(LightEdit::Color { light: 0, color: Vec3::Y });
-            edits.lights.push(LightEdit::MoveTo { light: 0, position: DVec3::ZERO });
-            edits.lights.push(LightEdit::Intensity { light: 1, intensity: 0.0 });
-            edits.lights.push(LightEdit::Intensity { light: 50, intensity: 1.0 });
+            edits.lights.push((0, LightEdit::Intensity(9.0)));
+            edits.lights.push((0, LightEdit::Color(Vec3::Y)));
+            edits.lights.push((0, LightEdit::MoveTo(DVec3::ZERO)));
+            edits.lights.push((1, LightEdit::Intensity(0.0)));
+            edits.lights.push((50, LightEdit::Intensity(1.0)));
             Ok(())
         }
     }

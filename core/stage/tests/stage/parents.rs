@@ -272,7 +272,7 @@ fn a_callback_sets_the_parent_of_its_frame() {
         let parent = on_hand(1);
         let parent = if t > 1.5 { Parenting { to: None, ..parent } } else { parent };
         if t > 1.0 {
-            edits.actors.push(ActorEdit::Attach { actor: 2, parent });
+            edits.actors.push((2, ActorEdit::Attach(parent)));
         }
     })));
     let [anna, boris, stick] = [0, 1, 2].map(|a| stage.actors[a].transform);

@@ -171,16 +171,12 @@ fn hooks_edit_after_keys_and_in_order() {
         &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
     )];
     stage.hooks.push(Arc::new(Hook(|t, edits| {
-        edits.actors.push(ActorEdit::MoveBy { actor: 0, offset: v(0.0, t, 0.0) });
-        edits.actors.push(ActorEdit::Scale { actor: 0, factor: DVec3::splat(2.0) });
-        edits.actors.push(ActorEdit::Tint { actor: 0, tint: Vec4::splat(0.5) });
-        edits.actors.push(ActorEdit::Turn { actor: 0, rotation: DQuat::from_rotation_y(FRAC_PI_2) });
-        edits.actors.push(ActorEdit::TurnJoint {
-            actor: 0,
-            joint: ARM,
-            rotation: Quat::from_rotation_z(1.0),
-        });
-        edits.actors.push(ActorEdit::MoveBy { actor: 77, offset: v(9.0, 9.0, 9.0) });
+        edits.actors.push((0, ActorEdit::MoveBy(v(0.0, t, 0.0))));
+        edits.actors.push((0, ActorEdit::Scale(DVec3::splat(2.0))));
+        edits.actors.push((0, ActorEdit::Tint(Vec4::splat(0.5))));
+        edits.actors.push((0, ActorEdit::Turn(DQuat::from_rotation_y(FRAC_PI_2))));
+        edits.actors.push((0, ActorEdit::TurnJoint { joint: ARM, rotation: Quat::from_rotation_z(1.0) }));
+        edits.actors.push((77, ActorEdit::MoveBy(v(9.0, 9.0, 9.0))));
         edits.ambient = Some((glam::Vec3::ONE, glam::Vec3::ZERO));
         Ok(())
     })));
@@ -195,8 +191,8 @@ fn hooks_edit_after_keys_and_in_order() {
     close(facing(&stage.at(secs(0.5)).unwrap(), a), v(0.0, 2.0, 0.0), 1e-12);
     stage.actors[a].transform.rotation = DQuat::IDENTITY;
     stage.hooks.push(Arc::new(Hook(|_, edits| {
-        edits.actors.push(ActorEdit::MoveTo { actor: 0, translation: v(7.0, 0.0, 0.0) });
-        edits.actors.push(ActorEdit::MoveBy { actor: 0, offset: v(0.0, 0.0, 1.0) });
+        edits.actors.push((0, ActorEdit::MoveTo(v(7.0, 0.0, 0.0))));
+        edits.actors.push((0, ActorEdit::MoveBy(v(0.0, 0.0, 1.0))));
         Ok(())
     })));
     close(place(&stage.at(secs(0.5)).unwrap(), a), v(7.0, 0.0, 1.0), 1e-12);

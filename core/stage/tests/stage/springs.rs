@@ -129,7 +129,7 @@ fn wind_blows_and_callbacks_can_change_it() {
     impl FrameHook for Gust {
         fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
             let wind = if time < secs(1.0) { DVec3::ZERO } else { DVec3::X * 10.0 };
-            edits.actors.push(ActorEdit::Wind { actor: 0, wind });
+            edits.actors.push((0, ActorEdit::Wind(wind)));
             Ok(())
         }
     }
@@ -296,7 +296,7 @@ fn springs_that_callbacks_attach_are_simulated_together() {
         fn run(&self, time: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
             if (secs(0.5)..secs(1.5)).contains(&time) {
                 let parent = Parenting::always(Attachment { actor: self.0, joint: Some(4) });
-                edits.actors.push(ActorEdit::Attach { actor: 0, parent });
+                edits.actors.push((0, ActorEdit::Attach(parent)));
             }
             Ok(())
         }

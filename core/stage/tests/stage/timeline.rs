@@ -99,7 +99,7 @@ fn morph_weights_come_from_rest_clip_script_keys_and_hooks_in_this_order() {
     struct Hook;
     impl FrameHook for Hook {
         fn run(&self, _: Time, edits: &mut FrameEdits) -> Result<(), StageError> {
-            edits.actors.push(ActorEdit::Morph { actor: 0, instance: 0, target: 0, weight: 0.7 });
+            edits.actors.push((0, ActorEdit::Morph { instance: 0, target: 0, weight: 0.7 }));
             Ok(())
         }
     }

@@ -1,4 +1,4 @@
-//! When a stage is looked at, and what is seen: snapshots, each made once.
+//! The times at which a stage is evaluated for expectations, and the snapshots there, each made once.
 
 use super::unjudged::Unjudged;
 use choreo_motion::Time;
@@ -18,7 +18,7 @@ pub const MOST: i64 = 200_000;
 /// Snapshots kept for the next expectation.
 const KEPT: usize = 4096;
 
-/// When judging a section must be over: a script may request more looks than anybody waits for.
+/// The time at which judging a section must be over: a script may request more snapshots than anybody waits for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Deadline {
     at: Option<Instant>,

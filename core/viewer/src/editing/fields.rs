@@ -201,7 +201,11 @@ impl Viewer {
     }
 
     /// Reads the call that makes what is selected.
-    fn read_selected<R>(&self, what: &Selected, read: impl FnOnce(&ScriptObject) -> Option<R>) -> Option<R> {
+    pub(super) fn read_selected<R>(
+        &self,
+        what: &Selected,
+        read: impl FnOnce(&ScriptObject) -> Option<R>,
+    ) -> Option<R> {
         let (place, siblings) = self.place_of(what)?;
         self.read_object(&place, siblings, read)
     }

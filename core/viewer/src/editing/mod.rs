@@ -14,6 +14,7 @@ mod fields;
 mod keys;
 mod next_clip;
 pub mod placing;
+mod renaming;
 mod room;
 mod shared;
 mod signs;

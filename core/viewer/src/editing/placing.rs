@@ -11,7 +11,9 @@ use crate::state::selection::{Selected, actor};
 use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_script::Place;
-use choreo_session::edit::{Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_number};
+use choreo_session::edit::{
+    Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_number, numbered_name,
+};
 use choreo_stage::{Actor, Camera, Placement, Property, Rig, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
 
@@ -198,10 +200,11 @@ impl Viewer {
     pub(crate) fn add_camera(&mut self, from: &Orbit) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let taken = |name: &str| scene.stage.cameras.iter().any(|c| c.name == name);
-        let name = (1..).map(|n| format!("view {n}")).find(|name| !taken(name)).unwrap_or_default();
+        let name = numbered_name("view", taken);
         let point = |p: DVec3| p.to_array().map(format_number).join(", ");
         let (at, center) = (point(from.camera().world_from_view.translation), point(from.center));
-        let time = self.edit_time(self.playhead.time().as_secs()).written();
+        let known = self.known().unwrap_or_default();
+        let time = self.edit_time(self.playhead.time().as_secs()).written(&known);
         let cut = if scene.stage.cameras.is_empty() { String::new() } else { format!(".cut({time})") };
         let lens = match from.camera().projection {
             Projection::Perspective { yfov, .. } if is_usual(yfov) => String::new(),

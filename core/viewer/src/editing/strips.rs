@@ -6,8 +6,8 @@ use crate::state::selection::{Selected, actor};
 use crate::state::timeline::{Bar, Strip};
 use choreo_motion::Repeat;
 use choreo_session::edit::{
-    CueTime, EditTime, Rest, ScriptObject, copied_start, copy_cue, duplicate_cue, follows, has_end,
-    paste_cue, set_disabled, set_number, set_trim, split_cue,
+    CueTime, EditTime, Rest, ScriptObject, copied_cues, copied_start, copy_cue, duplicate_cue, follows,
+    has_end, paste_cue, set_disabled, set_number, set_trim, split_cue,
 };
 
 /// Seconds of a clip that count as none.
@@ -114,35 +114,72 @@ impl Viewer {
         self.change_all(steps)
     }
 
-    /// Clips as text for the clipboard, a line each.
+    /// Clips as text for the clipboard, one after the other.
     pub fn copy_cues(&self, all: &[Selected]) -> Result<String, EditError> {
-        let known = self.known().ok_or(EditError::NothingShown)?;
         let mut bars: Vec<Bar> = Vec::new();
         for what in all {
             bars.push(self.strip(what)?.0);
         }
         bars.sort_by_key(|bar| bar.start);
-        let lines = bars.iter().map(|bar| {
-            let (line, column) = (bar.place.line, bar.place.column);
-            let until = has_end(&known, line, column).then(|| self.edit_time(bar.until.as_secs()));
-            copy_cue(&known, line, column, self.edit_time(bar.start.as_secs()), until)
-                .map_err(|refused| EditError::Refused { why: refused.why, line: refused.line })
-        });
-        Ok(lines.collect::<Result<Vec<_>, _>>()?.join("\n"))
+        let all = bars.iter().map(|bar| self.copied(bar));
+        Ok(all.collect::<Result<Vec<_>, _>>()?.join("\n"))
+    }
+
+    /// Moves clips to another actor, all by the same time: as cut and pasted there. Where the skeletons differ they are retargeted.
+    pub fn move_cues_to(&mut self, all: &[Selected], name: &str, by: f64) -> Result<(), EditError> {
+        let (place, siblings) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::Gone)?;
+        let (mut steps, mut note) = (self.cue_delete_steps(all)?, None);
+        let mut bars: Vec<Bar> = Vec::new();
+        for what in all {
+            bars.push(self.strip(what)?.0);
+        }
+        bars.sort_by_key(|bar| bar.start);
+        for bar in bars {
+            let (clip, of) = (&bar.label, bar.what.actor().unwrap_or_default());
+            match self.joints_that_follow(of, clip, name) {
+                Some((0, 1..)) => {
+                    let why = format!("no joint of {name} follows {clip} of {of}");
+                    return Err(EditError::refused_at(&bar.place, &why));
+                }
+                Some((joints, moved)) => {
+                    note = Some(format!(
+                        "{clip} of {of} on {name}: {joints} of {moved} animated joints are followed"
+                    ));
+                }
+                None => {}
+            }
+            self.check_place(&bar.place, self.bars().filter(|other| other.place == bar.place).count())?;
+            let copied = self.copied(&bar)?;
+            let from = self.edit_time((bar.start.as_secs() + by).max(0.0));
+            let make = move |text: &str, line, column| paste_cue(text, line, column, &copied, from);
+            steps.push(Step { place: place.clone(), siblings, make: Box::new(make) });
+        }
+        self.change_all(steps)?;
+        self.note = note;
+        self.selection = Some(Selected::Actor(name.to_string()));
+        Ok(())
+    }
+
+    /// A clip as text for the clipboard.
+    fn copied(&self, bar: &Bar) -> Result<String, EditError> {
+        let known = self.known().ok_or(EditError::NothingShown)?;
+        let (line, column) = (bar.place.line, bar.place.column);
+        let until = has_end(&known, line, column).then(|| self.edit_time(bar.until.as_secs()));
+        copy_cue(&known, line, column, self.edit_time(bar.start.as_secs()), until)
+            .map_err(|refused| EditError::Refused { why: refused.why, line: refused.line })
     }
 
     /// Plays copied clips on an actor, the first of them from a time on.
     pub fn paste_cues(&mut self, name: &str, copied: &str, secs: f64) -> Result<(), EditError> {
         let (place, siblings) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::Gone)?;
         let fps = self.playhead.fps().as_fps();
-        let lines: Vec<String> =
-            copied.lines().map(str::trim).filter(|line| !line.is_empty()).map(str::to_string).collect();
-        let starts: Vec<f64> = lines.iter().map(|line| copied_start(line, fps).unwrap_or(0.0)).collect();
+        let cues: Vec<String> = copied_cues(copied).into_iter().map(str::to_string).collect();
+        let starts: Vec<f64> = cues.iter().map(|cue| copied_start(cue, fps).unwrap_or(0.0)).collect();
         let first = starts.iter().copied().fold(f64::INFINITY, f64::min);
-        if lines.is_empty() {
+        if cues.is_empty() {
             return Err(EditError::refused("the clipboard holds no clip of a timeline"));
         }
-        let steps = lines.into_iter().zip(starts).map(|(copied, start)| {
+        let steps = cues.into_iter().zip(starts).map(|(copied, start)| {
             let from = self.edit_time(secs + start - first);
             let make = move |text: &str, line, column| paste_cue(text, line, column, &copied, from);
             Step { place: place.clone(), siblings, make: Box::new(make) }

@@ -1,7 +1,7 @@
 //! Everything that a key or the command palette does, with its usual keys.
 
 use super::key_menu::{KeyAct, KeyCommand};
-use super::{Panels, Tab, bar_menu, key_menu, keys, viewport};
+use super::{Panels, Tab, bar_menu, key_menu, keys, rename, viewport};
 use crate::app::Viewer;
 use crate::geometry::gizmo::Tool;
 use crate::library::file_dialog::Purpose;
@@ -86,6 +86,12 @@ pub(crate) const ACTIONS: &[Action] = &[
     }),
     outside("end_later", "the selected bar ends a frame later", "Alt+Shift+Right", |c| {
         keys::nudge(c.viewer, CueTime::End, 1);
+    }),
+    outside("rename", "rename the selected actor, camera, light or title", "F2", |c| rename::ask(c.viewer)),
+    outside("cut", "cut the selected clips or keys", "", |c| clipboard(c, bar_menu::Command::Cut)),
+    outside("copy", "copy the selected clips or keys", "", |c| clipboard(c, bar_menu::Command::Copy)),
+    outside("paste", "paste clips on the row of the selected actor, or keys, at the playhead", "", |c| {
+        clipboard(c, bar_menu::Command::Paste);
     }),
     outside("delete", "delete the selected clips and keys from the script", "Delete", delete),
     outside(
@@ -176,6 +182,10 @@ fn delete(c: &mut Context) {
         true => bars(c, bar_menu::Command::Delete),
         false => c.viewer.edit(Viewer::delete_selected),
     }
+}
+
+fn clipboard(c: &mut Context, command: bar_menu::Command) {
+    bar_menu::run_clipboard(c.ui, c.viewer, command);
 }
 
 fn duplicate(c: &mut Context) {

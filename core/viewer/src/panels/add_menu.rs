@@ -1,5 +1,6 @@
 //! The menu that puts something new on stage.
 
+use super::hint::Hint;
 use crate::app::Viewer;
 use crate::state::selection::Selected;
 use choreo_session::edit::{Addition, SHAPES};
@@ -66,7 +67,7 @@ fn cameras(ui: &mut Ui, viewer: &Viewer) -> Option<Addition> {
     let is_selected = viewer.selection.as_ref().and_then(Selected::actor).is_some();
     for (words, about, make) in kinds {
         if let ([name], true) = (&all[..], is_selected) {
-            let button = ui.button(format!("{words} {name}")).on_hover_text(about);
+            let button = ui.button(format!("{words} {name}")).hint(about);
             wanted = button.clicked().then(|| make(name.clone())).or(wanted);
             continue;
         }
@@ -74,7 +75,7 @@ fn cameras(ui: &mut Ui, viewer: &Viewer) -> Option<Addition> {
             ui.menu_button(words, |ui| {
                 egui::ScrollArea::vertical().show(ui, |ui| {
                     for name in &all {
-                        let button = ui.button(name).on_hover_text(about);
+                        let button = ui.button(name).hint(about);
                         wanted = button.clicked().then(|| make(name.clone())).or(wanted.take());
                     }
                 });
@@ -101,7 +102,7 @@ pub fn menu(ui: &mut Ui, viewer: &mut Viewer) {
 fn entries(ui: &mut Ui, viewer: &mut Viewer) {
     let mut wanted: Option<Option<Addition>> = None;
     let entry = |ui: &mut Ui, (name, about, what): &(&str, &str, Addition)| {
-        ui.button(*name).on_hover_text(*about).clicked().then(|| Some(what.clone()))
+        ui.button(*name).hint(*about).clicked().then(|| Some(what.clone()))
     };
     wanted = entry(ui, &PLAIN[0]).or(wanted);
     ui.menu_button("Shape", |ui| {
@@ -112,7 +113,7 @@ fn entries(ui: &mut Ui, viewer: &mut Viewer) {
         }
     });
     ui.menu_button("Camera", |ui| {
-        if ui.button("From this view").on_hover_text("it is on from the playhead on").clicked() {
+        if ui.button("From this view").hint("it is on from the playhead on").clicked() {
             wanted = Some(None);
         }
         wanted = entry(ui, &ORBIT).or(wanted.take());
@@ -133,7 +134,7 @@ fn entries(ui: &mut Ui, viewer: &mut Viewer) {
             }
         });
     });
-    if ui.button("Marker").on_hover_text("a named time at the playhead").clicked() {
+    if ui.button("Marker").hint("a named time at the playhead").clicked() {
         wanted = Some(Some(Addition::Marker));
     }
     if let Some(what) = wanted {

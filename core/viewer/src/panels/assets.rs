@@ -1,6 +1,7 @@
 //! The asset browser: the models and clips of the script's folder as images. A model is dragged onto the image, a clip onto a row; a double
 //! click adds one to the scene. What is chosen is previewed on the selected character.
 
+use super::hint::Hint;
 use super::icons;
 use super::inspector::ClipDrag;
 use super::pictures::{self, Pictures};
@@ -153,10 +154,8 @@ fn tiles(
             } else if response.clicked() {
                 (browser.chosen, browser.clip) = (Some(entry.path.clone()), None);
             }
-            response.on_hover_text(format!(
-                "{}\ndrag it onto the image, or click twice, to put it on stage",
-                entry.name
-            ));
+            response
+                .hint(format!("{}\ndrag it onto the image, or click twice, to put it on stage", entry.name));
         }
     });
 }

@@ -1,5 +1,6 @@
 //! The directions of the axes in a corner of a viewport; a click on an end looks along it. The same views as a menu.
 
+use super::hint::Hint;
 use super::overlay::{X, Y, Z, point};
 use crate::app::Viewer;
 use crate::state::orbit::Orbit;
@@ -55,7 +56,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_
         if response.hovered() {
             painter.circle_stroke(at, END + 2.0, Stroke::new(1.5, Color32::WHITE));
         }
-        if response.on_hover_text(format!("{} view, without perspective", side.name())).clicked() {
+        if response.hint(format!("{} view, without perspective", side.name())).clicked() {
             viewer.active = index;
             // The other end lies behind the one that points at the viewer.
             let same = orbit(viewer, index).as_ref().and_then(Side::of) == Some(side);

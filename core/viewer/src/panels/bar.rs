@@ -1,6 +1,7 @@
 //! The bar above the panels: menus, the first problem, the offer of the last change.
 
 use super::actions::{self, Context};
+use super::hint::Hint;
 use super::presets::Preset;
 use super::{Panels, Tab};
 use crate::app::Viewer;
@@ -50,9 +51,13 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
 
 /// The menu of changes of the script, for the mouse alone.
 fn edit_menu(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
-    const ENTRIES: [(&str, &str); 8] = [
+    const ENTRIES: [(&str, &str); 12] = [
         ("undo", "Undo"),
         ("redo", "Redo"),
+        ("cut", "Cut"),
+        ("copy", "Copy"),
+        ("paste", "Paste at the playhead"),
+        ("rename", "Rename"),
         ("split", "Split at the playhead"),
         ("duplicate", "Duplicate"),
         ("disable", "Disable, enable"),
@@ -63,9 +68,15 @@ fn edit_menu(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     ui.menu_button("Edit", |ui| {
         for (id, name) in ENTRIES {
             let Some(action) = actions::action(id) else { continue };
-            let keys = actions::keys_of(viewer, id);
+            let keys = match id {
+                // The system's own.
+                "cut" => "Ctrl X".to_string(),
+                "copy" => "Ctrl C".to_string(),
+                "paste" => "Ctrl V".to_string(),
+                id => actions::keys_of(viewer, id),
+            };
             let button = ui.add(egui::Button::new(name).shortcut_text(keys));
-            if button.on_hover_text(action.title).clicked() {
+            if button.hint(action.title).clicked() {
                 (action.run)(&mut Context { panels, ui, viewer, now });
                 ui.close();
             }
@@ -78,7 +89,7 @@ fn short(ui: &mut Ui, name: RichText, whole: &str) {
     let room = (ui.ctx().content_rect().width() / 4.0).min(260.0);
     ui.scope(|ui| {
         ui.set_max_width(room);
-        ui.add(egui::Label::new(name).truncate().show_tooltip_when_elided(false)).on_hover_text(whole);
+        ui.add(egui::Label::new(name).truncate().show_tooltip_when_elided(false)).hint(whole);
     });
 }
 
@@ -109,7 +120,7 @@ fn first_problem(ui: &mut Ui, viewer: &mut Viewer) {
     let text = if line > 0 { format!("line {line}: {message}") } else { message.to_string() };
     let text = RichText::new(text).color(ui.visuals().error_fg_color);
     let label = ui.add(egui::Label::new(text).truncate().sense(egui::Sense::click()));
-    let label = label.on_hover_text(RichText::new(whole).monospace());
+    let label = label.hint(RichText::new(whole).monospace());
     if line > 0 && label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {
         viewer.go_to = Some(line);
     }
@@ -140,7 +151,7 @@ fn status(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
         let all = viewer.problems.iter().map(ToString::to_string).chain(viewer.trouble.iter().cloned());
         let all: Vec<String> = all.take(MOST_TOLD).collect();
         let label = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
-        let label = label.on_hover_text(RichText::new(all.join("\n\n")).monospace());
+        let label = label.hint(RichText::new(all.join("\n\n")).monospace());
         if label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {
             panels.bring(Tab::Messages);
         }
@@ -149,7 +160,7 @@ fn status(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
         if let Some(shown) = viewer.shown() {
             let millis = |d: std::time::Duration| d.as_secs_f64() * 1e3;
             let all = shown.evaluated_in + shown.planned_in + shown.drawn_in;
-            ui.label(format!("{:.1} ms a frame", millis(all))).on_hover_text(format!(
+            ui.label(format!("{:.1} ms a frame", millis(all))).hint(format!(
                 "pose {:.2} ms, plan {:.2} ms, draw {:.2} ms on {}",
                 millis(shown.evaluated_in),
                 millis(shown.planned_in),
@@ -160,9 +171,9 @@ fn status(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
         }
         if let Some(why) = &viewer.message {
             let text = RichText::new(why).color(ui.visuals().warn_fg_color);
-            ui.add(egui::Label::new(text).truncate()).on_hover_text(why);
+            ui.add(egui::Label::new(text).truncate()).hint(why);
         } else if let Some(note) = &viewer.note {
-            ui.add(egui::Label::new(note).truncate()).on_hover_text(note);
+            ui.add(egui::Label::new(note).truncate()).hint(note);
         } else {
             first_problem(ui, viewer);
         }

@@ -1,7 +1,8 @@
 //! Commands for the selected bars: the menu of the right mouse button, and their keys.
 
 use super::bars::Act;
-use super::key_menu;
+use super::key_menu::{self, KeyAct, KeyCommand};
+use super::rename;
 use crate::app::Viewer;
 use crate::editing::EditError;
 use crate::state::selection::Selected;
@@ -17,18 +18,40 @@ pub enum Command {
     /// The row of the selection, at the playhead.
     Paste,
     Disable,
+    Rename,
     Delete,
     GoToLine,
 }
 
+impl Command {
+    /// Bars of cameras, effects and titles are no clips.
+    fn suits_bar(self, bar: &Bar) -> bool {
+        match self {
+            Command::Paste | Command::Delete | Command::GoToLine => true,
+            Command::Rename => matches!(bar.what, Selected::Camera(_) | Selected::Title(_)),
+            _ => bar.strip.is_some(),
+        }
+    }
+
+    /// Whether it is done to the thing of a row.
+    pub fn suits_row(self, what: &Selected) -> bool {
+        match self {
+            Command::Paste => matches!(what, Selected::Actor(_)),
+            Command::Rename => matches!(what, Selected::Actor(_) | Selected::Light(_)),
+            command => matches!(command, Command::Delete | Command::GoToLine),
+        }
+    }
+}
+
 /// Commands, their names, and their keys: those of an action, or of the clipboard.
-const COMMANDS: [(Command, &str, &str); 8] = [
+const COMMANDS: [(Command, &str, &str); 9] = [
     (Command::Split, "Split at the playhead", "split"),
     (Command::Duplicate, "Duplicate", "duplicate"),
     (Command::Copy, "Copy", "Ctrl C"),
     (Command::Cut, "Cut", "Ctrl X"),
     (Command::Paste, "Paste at the playhead", "Ctrl V"),
     (Command::Disable, "Disable, enable", "disable"),
+    (Command::Rename, "Rename", "rename"),
     (Command::Delete, "Delete", "delete"),
     (Command::GoToLine, "Go to its line", ""),
 ];
@@ -40,18 +63,32 @@ pub fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
         act = Some(Act::Select(bar.what.clone(), false));
     }
     response.context_menu(|ui| {
-        for (command, name, key) in COMMANDS {
-            // Bars of cameras, effects and titles are no clips.
-            let can = bar.strip.is_some()
-                || matches!(command, Command::Paste | Command::Delete | Command::GoToLine);
-            let button = Button::new(name).shortcut_text(super::shown_keys(viewer, key));
-            if ui.add_enabled(can, button).clicked() {
-                act = Some(Act::Run(command));
-                ui.close();
-            }
-        }
+        let chosen = entries(ui, viewer, |command| command.suits_bar(bar));
+        act = chosen.map(Act::Run).or(act.take());
     });
     act
+}
+
+/// The commands that suit, to choose from.
+pub fn entries(ui: &mut Ui, viewer: &Viewer, suits: impl Fn(Command) -> bool) -> Option<Command> {
+    let mut chosen = None;
+    for (command, name, key) in COMMANDS.into_iter().filter(|(command, ..)| suits(*command)) {
+        if ui.add(Button::new(name).shortcut_text(super::shown_keys(viewer, key))).clicked() {
+            chosen = Some(command);
+            ui.close();
+        }
+    }
+    chosen
+}
+
+/// Copies, cuts or pastes what is selected, clips or keys.
+pub fn run_clipboard(ui: &Ui, viewer: &mut Viewer, command: Command) {
+    let are_keys = !viewer.selected_keys().is_empty() && viewer.selected_bars().is_empty();
+    match command {
+        Command::Copy if are_keys => key_menu::run(ui, viewer, KeyAct::Run(KeyCommand::Copy)),
+        Command::Cut if are_keys => key_menu::run(ui, viewer, KeyAct::Run(KeyCommand::Cut)),
+        _ => run(ui, viewer, command),
+    }
 }
 
 /// Copies, cuts and pastes, as the clipboard is asked.
@@ -87,6 +124,9 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
             [] => Err(EditError::refused("select a clip or a key; Add puts another actor on stage")),
             _ => Err(EditError::refused("one clip is duplicated at a time; copy and paste several")),
         }),
+        Command::Copy | Command::Cut if all.is_empty() => {
+            viewer.edit(|_| Err(EditError::refused("select a clip or a key")));
+        }
         Command::Copy | Command::Cut => match viewer.copy_cues(&all) {
             Ok(text) => {
                 viewer.copied.clone_from(&text);
@@ -101,6 +141,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
             let copied = viewer.copied.clone();
             paste(viewer, &copied);
         }
+        Command::Rename => rename::ask(viewer),
         Command::Disable => viewer.edit(|v| v.toggle_cues(&all)),
         Command::Delete => {
             let is_cue = |what: &Selected| matches!(what, Selected::Cue { .. });

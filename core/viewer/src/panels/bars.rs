@@ -1,21 +1,25 @@
 //! Bars in a row of the sequencer: drawn, selected, dragged by their middle, their ends and their handles.
 
 use super::bar_menu::{self, Command};
+use super::hint::Hint;
+use super::inspector::ClipDrag;
 use super::marks;
-use super::sequencer::{COLORS, STRIP};
+use super::sequencer::{STRIP, color_of, followed, row_places};
 use crate::app::Viewer;
-use crate::editing::EditError;
+use crate::editing::{ClipOf, EditError};
 use crate::state::selection::Selected;
 use crate::state::timeline::{Bar, Timeline};
 use choreo_motion::{Repeat, Time};
 use choreo_session::edit::CueTime;
 use egui::{
-    Align2, Color32, CornerRadius, CursorIcon, FontId, Painter, PointerButton, Rect, Response, Sense, Stroke,
-    StrokeKind, Ui, pos2, vec2,
+    Align2, Color32, CornerRadius, CursorIcon, FontId, Painter, PointerButton, Pos2, Rect, Response, Sense,
+    Stroke, StrokeKind, Ui, pos2, vec2,
 };
 
 /// Points within which a dragged time snaps to another.
 const REACH: f32 = 6.0;
+/// Points beyond its row at which a dragged bar still stays in it.
+const ROW_SLACK: f32 = 5.0;
 /// Marks of rounds in one bar at most; further ones could not be distinguished.
 const MOST_ROUNDS: usize = 200;
 
@@ -23,6 +27,8 @@ const MOST_ROUNDS: usize = 200;
 pub enum Act {
     Select(Selected, bool),
     Move(Bar, f64, Drag),
+    /// Moved onto another row, by its number.
+    MoveTo(Bar, f64, usize),
     /// Seconds of the clip.
     Slip(Selected, f64),
     /// A time that was dragged by its handle; `true`: the content keeps its place.
@@ -101,7 +107,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
         }
         act = carried(ui, viewer, bar, &response, lane).or(act);
         act = bar_menu::show(&response, viewer, bar).or(act);
-        response.on_hover_text(hover(viewer, bar));
+        response.hint(hover(viewer, bar));
         if locked {
             continue;
         }
@@ -125,6 +131,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
             viewer.selection = (!again).then_some(what);
         }
         Act::Move(bar, secs, drag) => viewer.edit(|v| v.move_bar(&bar, secs, drag)),
+        Act::MoveTo(bar, secs, row) => viewer.edit(|v| v.move_bar_to(&bar, secs, row)),
         Act::Slip(what, by) => viewer.edit(|v| v.slip_cue(&what, by)),
         Act::Time(bar, part, secs, keep) => viewer.edit(|v| match (bar.cut, part) {
             (Some(cut), _) => v.set_cut(cut, secs),
@@ -138,6 +145,30 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
 }
 
 impl Viewer {
+    /// The actor that a bar is for when it is let go over a row.
+    fn actor_for(&self, bar: &Bar, row: usize) -> Result<&str, &'static str> {
+        let Selected::Cue { actor, .. } = &bar.what else {
+            return Err("actors play clips alone; it stays in its own rows");
+        };
+        match self.timeline.rows.get(row).and_then(|row| row.what.as_ref()) {
+            Some(Selected::Actor(name)) if name == actor => {
+                Err("a layer of an actor is made by .on(…): state the joints in the inspector")
+            }
+            Some(Selected::Actor(name)) if self.shelf.locked.contains(name) => Err("this row is locked"),
+            Some(Selected::Actor(name)) => Ok(name),
+            _ => Err("clips are played by actors: drop it on the row of one"),
+        }
+    }
+
+    /// Moves a bar onto the row of another actor, with the others that are selected.
+    fn move_bar_to(&mut self, bar: &Bar, secs: f64, row: usize) -> Result<(), EditError> {
+        let name =
+            self.actor_for(bar, row).map_err(|why| EditError::refused_at(&bar.place, why))?.to_string();
+        let all = self.selected_bars();
+        let all = if all.contains(&bar.what) { all } else { vec![bar.what.clone()] };
+        self.move_cues_to(&all, &name, secs - bar.start.as_secs())
+    }
+
     fn move_bar(&mut self, bar: &Bar, secs: f64, drag: Drag) -> Result<(), EditError> {
         let all = self.selected_bars();
         if let Some(cut) = bar.cut {
@@ -208,6 +239,15 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
     let near = near.min_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs()));
     let start = near.unwrap_or_else(|| viewer.snapped(wanted));
     let start = start.max(0.0);
+    if let Some(other) = other_row(ui, viewer, bar, lane, response.interact_pointer_pos()?) {
+        let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Foreground, id));
+        let ghost = other.place(viewer, start, start + length).intersect(other.rect);
+        painter.rect_stroke(ghost, CornerRadius::same(3), outline, StrokeKind::Inside);
+        if let Some(text) = onto(ui, viewer, bar, other.row) {
+            beside(ui, response.interact_pointer_pos()?, &text);
+        }
+        return response.drag_stopped().then(|| Act::MoveTo(bar.clone(), start, other.row));
+    }
     let ghost = lane.place(viewer, start, start + length);
     painter.rect_stroke(ghost, CornerRadius::same(3), outline, StrokeKind::Inside);
     let drag = match (shift, command) {
@@ -217,6 +257,32 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
     };
     let moved = response.drag_stopped() && start != bar.start.as_secs();
     moved.then(|| Act::Move(bar.clone(), start, drag))
+}
+
+/// The row of the pointer, where a bar is dragged out of its own: for a clip any, for other bars that of an actor, which refuses them.
+fn other_row(ui: &Ui, viewer: &Viewer, bar: &Bar, lane: &Lane, at: Pos2) -> Option<Lane> {
+    if lane.rect.expand(ROW_SLACK).y_range().contains(at.y) {
+        return None;
+    }
+    let (row, place) =
+        row_places(ui, viewer).into_iter().find(|(_, place)| place.y_range().contains(at.y))?;
+    let is_actor = matches!(viewer.timeline.rows[row].what, Some(Selected::Actor(_)));
+    let rect = Rect::from_x_y_ranges(lane.rect.x_range(), place.y_range());
+    (row != lane.row && (bar.strip.is_some() || is_actor)).then_some(Lane { rect, row })
+}
+
+/// What happens to a clip that is let go over a row: why it is refused, else how many joints follow.
+fn onto(ui: &Ui, viewer: &Viewer, bar: &Bar, row: usize) -> Option<String> {
+    let on = match viewer.actor_for(bar, row) {
+        Ok(on) => on,
+        Err(why) => return Some(why.to_string()),
+    };
+    let of = ClipOf::Actor(bar.what.actor()?.to_string());
+    let (joints, moved) = followed(ui, viewer, &ClipDrag { of, clip: bar.label.clone() }, on)?;
+    if joints == 0 && moved > 0 {
+        return Some(format!("no joint of {on} follows {} of {}", bar.label, bar.what.actor()?));
+    }
+    Some(format!("on {on}: {joints} of {moved} joints follow"))
 }
 
 /// A place at which something is dragged to another time.
@@ -278,7 +344,7 @@ fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane)
     let speed = bar.strip.map_or(1.0, |strip| strip.speed);
     let pointer = response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped());
     let Some(pointer) = pointer else {
-        response.on_hover_text(format!("speed {speed:.2}: drag to play it faster or slower"));
+        response.hint(format!("speed {speed:.2}: drag to play it faster or slower"));
         return None;
     };
     let end = lane.snapped(viewer, pointer.x, Some(bar));
@@ -313,7 +379,7 @@ fn weight_handle(ui: &Ui, bar: &Bar, number: usize, lane: &Lane, bar_place: Rect
     painter.hline(bar_place.x_range(), y(to), line);
     painter.rect_filled(Rect::from_center_size(pos2(middle, y(to)), vec2(14.0, 3.0)), 1.0, Color32::WHITE);
     let Some(at) = dragged else {
-        response.on_hover_text(format!("weight {weight:.2}: drag up or down"));
+        response.hint(format!("weight {weight:.2}: drag up or down"));
         return None;
     };
     beside(ui, at, &format!("weight {to:.2}"));
@@ -364,11 +430,10 @@ pub(super) fn off_text(visuals: &egui::Visuals) -> Color32 {
 type Looks = (bool, Option<choreo_script::Severity>);
 
 fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane, (selected, wrong): Looks) {
-    let [r, g, b] = COLORS[bar.kind % COLORS.len()];
     let color = match wrong {
         Some(choreo_script::Severity::Error) => FAULTY,
         Some(choreo_script::Severity::Warning) => WARNED,
-        _ => Color32::from_rgb(r, g, b),
+        _ => color_of(bar.kind),
     };
     let x = |time: Time| lane.x(viewer, time.as_secs());
     let round = CornerRadius::same(3);

@@ -1,7 +1,7 @@
 //! Contrast of the two themes: WCAG 2.2 wants 4.5 to 1 for text (1.4.3) and 3 to 1 for what shows controls and their states (1.4.11).
 
 use super::bars::{FAULTY, OFF, WARNED, off_text};
-use super::sequencer::COLORS;
+use super::sequencer::{COLORS, color_of};
 use super::set_colors;
 use egui::{Color32, Theme, Visuals};
 
@@ -82,8 +82,8 @@ fn both_themes_have_contrasts_of_wcag_aa() {
         }
     }
     // Names of bars are white; those of bars that are off are drawn over the panel, of which two thirds shine through.
-    let bars = COLORS.map(|[r, g, b]| Color32::from_rgb(r, g, b));
-    for ground in bars.into_iter().chain([FAULTY, WARNED]) {
+    let bars = (0..2 * COLORS.len()).map(color_of);
+    for ground in bars.chain([FAULTY, WARNED]) {
         let ratio = self::ratio(Color32::WHITE, ground);
         if ratio < 4.5 {
             faults.push(format!("a bar: {ratio:.2}, white on {ground:?}"));

@@ -1,6 +1,7 @@
 //! The curve editor: the keyed values of the selection over time, as the stage has them, with the keys as points to be dragged.
 
 use super::bars::beside;
+use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
 use super::marks::SELECTED;
 use super::overlay::{X, Y, Z};
@@ -87,10 +88,12 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     viewer.curves.hovered = ui.rect_contains_pointer(area);
     if viewer.curves.fit {
         fit(viewer, &all);
+    } else if viewer.curves.shows_first(&what, &all) {
+        fit_first(viewer, &all);
     }
     wheel(ui, viewer, rect);
-    scrub(ui, viewer, ruler, "time of the curves");
-    let plot = Plot { rect, time: viewer.span, values: viewer.curves.values };
+    scrub(ui, viewer, (ruler, viewer.curves.time), "time of the curves");
+    let plot = Plot { rect, time: viewer.curves.time, values: viewer.curves.values };
     grid(ui, viewer, &plot, &all);
     names(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), area.bottom())), &all);
     background(ui, viewer, &plot, &what, &all);
@@ -104,7 +107,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         act = shaped.map(|(key, shape)| Act::Key(KeyAct::Shape(key, shape))).or(act);
         act = points(ui, viewer, &plot, property, index).or(act);
     }
-    over_all(ui, viewer, area, ruler);
+    over_all(ui, viewer, area, (ruler, viewer.curves.time));
     if all.is_empty() {
         let text =
             "no keys yet: K sets one at the playhead, the diamond beside a value in the inspector does, too";
@@ -167,19 +170,18 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
             Selected::Sky => "sky".to_string(),
         };
         ui.strong(name);
-        if ui.button("Fit").on_hover_text("show all keys, or those that are selected (Home)").clicked() {
+        if ui.button("Fit").hint("show all keys, or those that are selected (Home)").clicked() {
             viewer.curves.fit = true;
         }
         let hint = "the change of each value a second, instead of the value";
-        let speed = ui.toggle_value(&mut viewer.curves.speed, "Speed").on_hover_text(hint).changed();
+        let speed = ui.toggle_value(&mut viewer.curves.speed, "Speed").hint(hint).changed();
         let hint = "each property fills the height by itself, whatever its unit";
-        let normalized =
-            ui.toggle_value(&mut viewer.curves.normalized, "Normalize").on_hover_text(hint).changed();
+        let normalized = ui.toggle_value(&mut viewer.curves.normalized, "Normalize").hint(hint).changed();
         if speed || normalized {
             viewer.curves.fit_values(all, Time::ZERO, None);
         }
-        ui.toggle_value(&mut viewer.snap, "Snap").on_hover_text("dragged times are whole frames (N)");
-        if ui.button("Set key").on_hover_text("keys at the playhead, of what has keys (K)").clicked() {
+        ui.toggle_value(&mut viewer.snap, "Snap").hint("dragged times are whole frames (N)");
+        if ui.button("Set key").hint("keys at the playhead, of what has keys (K)").clicked() {
             viewer.edit(Viewer::set_keys_of_selection);
         }
         let frame = viewer.playhead.frame();
@@ -196,12 +198,28 @@ fn fit(viewer: &mut Viewer, all: &[KeyedProperty]) {
         _ => selected,
     };
     let (Some(first), Some(last)) = (times.iter().min().copied(), times.iter().max().copied()) else {
-        viewer.span = Span::whole(viewer.playhead.length().as_secs());
+        viewer.curves.time = Span::whole(viewer.playhead.length().as_secs());
         return;
     };
-    let margin = ((last - first).as_secs() * 0.06).max(0.2);
-    viewer.span = Span { from: first.as_secs() - margin, to: last.as_secs() + margin };
+    viewer.curves.time = around(first, last);
     viewer.curves.fit_values(all, Time::ZERO, Some((first, last)));
+}
+
+/// The curves of something are shown for the first time: their values, and their keys where those lie outside the times that are shown.
+fn fit_first(viewer: &mut Viewer, all: &[KeyedProperty]) {
+    viewer.curves.fit_values(all, Time::ZERO, None);
+    let keys = || all.iter().flat_map(|property| &property.keys);
+    let (Some(first), Some(last)) = (keys().min(), keys().max()) else { return };
+    let shown = viewer.curves.time;
+    if first.as_secs() < shown.from || last.as_secs() > shown.to {
+        viewer.curves.time = around(*first, *last);
+    }
+}
+
+/// A part of the timeline with some room around it.
+fn around(first: Time, last: Time) -> Span {
+    let margin = ((last - first).as_secs() * 0.06).max(0.2);
+    Span { from: first.as_secs() - margin, to: last.as_secs() + margin }
 }
 
 /// The wheel zooms time, as in the sequencer; with Ctrl the values, with Shift it pans.
@@ -215,10 +233,10 @@ fn wheel(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
     let length = viewer.playhead.length().as_secs();
     let (x, width) = (pointer.x - rect.left(), rect.width());
     if scroll.y != 0.0 {
-        viewer.span.zoom(libm::exp(f64::from(scroll.y) / 200.0), x, width, length);
+        viewer.curves.time.zoom(libm::exp(f64::from(scroll.y) / 200.0), x, width, length);
     }
     if scroll.x != 0.0 {
-        viewer.span.pan(scroll.x, width, length);
+        viewer.curves.time.pan(scroll.x, width, length);
     }
     if zoom != 1.0 {
         let part = f64::from((rect.bottom() - pointer.y) / rect.height().max(1.0));
@@ -310,7 +328,7 @@ fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
                     font,
                     weak,
                 );
-                if response.on_hover_text("a click hides or shows it, with Ctrl: it alone").clicked() {
+                if response.hint("a click hides or shows it, with Ctrl: it alone").clicked() {
                     toggled = Some(((property.name.clone(), part), ui.input(|i| i.modifiers.command)));
                 }
             }
@@ -358,7 +376,7 @@ fn background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected, all: &
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Other, true, "curves"));
     if response.dragged_by(PointerButton::Middle) {
         let by = response.drag_delta();
-        viewer.span.pan(by.x, plot.rect.width(), viewer.playhead.length().as_secs());
+        viewer.curves.time.pan(by.x, plot.rect.width(), viewer.playhead.length().as_secs());
         viewer.curves.values.pan_values(f64::from(by.y / plot.rect.height().max(1.0)));
         return;
     }
@@ -476,11 +494,7 @@ fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, i
             }
             act = key_menu::show(&response, viewer, std::slice::from_ref(&key)).map(Act::Key).or(act);
             let number = property.at(*at).get(part).copied().unwrap_or_default();
-            response.on_hover_text(format!(
-                "{name} {number:.3} {}\n{}",
-                property.unit,
-                viewer.shown_time(*at)
-            ));
+            response.hint(format!("{name} {number:.3} {}\n{}", property.unit, viewer.shown_time(*at)));
         }
     }
     act

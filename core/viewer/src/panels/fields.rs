@@ -1,11 +1,12 @@
 //! Fields for everything that the script can state of the selection, made of the stage's descriptions of its types. The menu of the right
 //! mouse button takes a value away, so that its default counts.
 
+use super::hint::Hint;
 use super::values::{self, Number};
 use crate::app::Viewer;
 use crate::editing::{FieldChange, expression};
 use crate::state::selection::{Selected, actor};
-use choreo_motion::{Repeat, Time};
+use choreo_motion::Repeat;
 use choreo_session::edit::{Anew, CueTime, format_number};
 use choreo_stage::{
     Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Property, Rig, Shadow,
@@ -34,11 +35,19 @@ pub struct Form<'f> {
     /// Prefix of the names of its fields, which tells them from those of the same name beside them.
     pub owner: &'f str,
     pub is_cue: bool,
+    /// When it ends where the script states no end, seconds.
+    pub end: Option<f64>,
 }
 
 impl Form<'_> {
     fn of<'f>(stated: &'f Stated, what: &Selected) -> Form<'f> {
-        Form { stated, owner: "", is_cue: matches!(what, Selected::Cue { .. }) }
+        Form { stated, owner: "", is_cue: matches!(what, Selected::Cue { .. }), end: None }
+    }
+
+    /// With the end of its bar.
+    fn with_end(self, viewer: &Viewer, what: &Selected) -> Self {
+        let bar = viewer.bars().find(|bar| bar.what == *what);
+        Form { end: bar.map(|bar| bar.until.as_secs()), ..self }
     }
 }
 
@@ -54,13 +63,13 @@ pub fn show(
         Selected::Cue { actor: name, layer, cue } => {
             let found = &stage.actors[actor(stage, name)?];
             let played = found.layers.get(*layer)?.cues.get(*cue)?;
-            clip(ui, stated, stage, what, played, *layer)
+            clip(ui, viewer, (stage, stated), what, played, *layer)
         }
         Selected::Camera(name) => {
             let camera = stage.cameras.iter().find(|camera| camera.name == *name)?;
             lens(ui, stated, what, camera)
         }
-        Selected::Title(index) => title(ui, stated, what, stage.layers_2d.get(*index)?),
+        Selected::Title(index) => title(ui, viewer, (what, stated), stage.layers_2d.get(*index)?),
         Selected::Actor(name) => surface(ui, viewer, stage, what, name, stated),
         Selected::Light(index) => shadow(ui, viewer, stage.lights.get(*index)?, what, stated),
         Selected::Effect(_) | Selected::Sky => None,
@@ -87,7 +96,7 @@ pub fn label(ui: &mut Ui, stated: &Stated, name: &'static str, about: &str) -> O
     let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
     let hint = if is_stated { "stated by the script; right click: reset to default" } else { "by default" };
     let hint = if about.is_empty() { hint.to_string() } else { format!("{about}\n{hint}") };
-    reset(&response.on_hover_text(hint), &[name])
+    reset(&response.hint(hint), &[name])
 }
 
 /// How a field of a type is written where it is not stated yet.
@@ -119,8 +128,18 @@ pub fn described<T: Described>(
             set.map(|to| FieldChange::Value(name, format_number(to), anew_of(name)))
         }
         (value, FieldType::Time | FieldType::Duration) => {
-            let secs = if let FieldValue::Time(time) = value { time } else { Time::ZERO }.as_secs();
-            let set = number(ui, &shown, secs, 0.0..=LONGEST, "s");
+            let set = match value {
+                FieldValue::Time(time) => number(ui, &shown, time.as_secs(), 0.0..=LONGEST, "s"),
+                _ => {
+                    let derived = form.end.filter(|_| name == "until");
+                    let row = |ui: &mut Ui| {
+                        let set = values::unstated(ui, &format!("{shown} field"), derived, 0.0..=LONGEST);
+                        ui.weak("s");
+                        set
+                    };
+                    ui.horizontal(row).inner
+                }
+            };
             set.map(|to| match (name, form.is_cue) {
                 ("from", _) => time(CueTime::Start, to),
                 ("until", _) => time(CueTime::End, to),
@@ -210,7 +229,7 @@ fn choice<'n>(ui: &mut Ui, id: &str, now: &str, names: impl Iterator<Item = &'n 
 }
 
 /// A text of the script, taken when the field is left.
-fn source(ui: &mut Ui, name: &'static str, now: &str, hint: &str) -> Option<String> {
+pub(super) fn source(ui: &mut Ui, name: &'static str, now: &str, hint: &str) -> Option<String> {
     let id = ui.id().with(("source", name));
     let mut text: String = ui.data(|d| d.get_temp(id)).unwrap_or_else(|| now.to_string());
     let field = egui::TextEdit::singleline(&mut text).hint_text(hint).desired_width(150.0);
@@ -228,8 +247,8 @@ fn source(ui: &mut Ui, name: &'static str, now: &str, hint: &str) -> Option<Stri
 
 fn clip(
     ui: &mut Ui,
-    stated: &Stated,
-    stage: &Stage,
+    viewer: &Viewer,
+    (stage, stated): (&Stage, &Stated),
     what: &Selected,
     played: &Cue,
     layer: usize,
@@ -241,7 +260,7 @@ fn clip(
         let names = own.iter().flat_map(|asset| asset.clips.iter().map(|clip| clip.name.as_str()));
         wanted = choice(ui, "clip", &played.clip.name, names).map(FieldChange::Clip);
         ui.end_row();
-        let form = Form::of(stated, what);
+        let form = Form::of(stated, what).with_end(viewer, what);
         for field in Cue::FIELDS.iter().filter(|field| (field.lacks)(played).is_none()) {
             wanted = match keys_of(played, field.name) {
                 Some(keys) => keyed(ui, stated, field.name, &keys),
@@ -322,7 +341,7 @@ fn ease(ui: &mut Ui, stated: &Stated) -> Option<FieldChange> {
 
 /// A mask makes a clip, and those that follow it, a layer of their own.
 fn mask(ui: &mut Ui) -> Option<FieldChange> {
-    ui.label("on").on_hover_text("joints on which it plays: it becomes a layer with those that follow it");
+    ui.label("on").hint("joints on which it plays: it becomes a layer with those that follow it");
     let set = source(ui, "on", "", "RightShoulder..");
     ui.end_row();
     let set = set.filter(|text| !text.is_empty())?;
@@ -360,7 +379,7 @@ fn lens(ui: &mut Ui, stated: &Stated, what: &Selected, camera: &Camera) -> Optio
         if let Some(FieldValue::Number(fov)) = Camera::field("fov").map(|field| (field.get)(camera)) {
             let now = Camera::focal_length(fov);
             let label = ui.add(egui::Label::new("focal length").sense(egui::Sense::click()));
-            let label = label.on_hover_text("on full-frame film, 24 mm high; right click: reset to default");
+            let label = label.hint("on full-frame film, 24 mm high; right click: reset to default");
             wanted = reset(&label, &["fov", "focal_length"]);
             let set = number(ui, "focal length", now, 0.2..=13_000.0, "mm");
             wanted = set.map(FieldChange::FocalLength).or(wanted.take());
@@ -442,7 +461,7 @@ fn shadow(
         let Some(shadow) = light.shadow else { return };
         let shadow = Shadow { softness: shadow.softness.or(Some(Shadow::LAMP_SOFTNESS)), ..shadow };
         let inner = viewer.written_within(what, "shadow");
-        let form = Form { stated: &inner, owner: "shadow ", is_cue: false };
+        let form = Form { stated: &inner, owner: "shadow ", is_cue: false, end: None };
         for field in Shadow::FIELDS {
             let set = match described(ui, &form, &shadow, field) {
                 Some(FieldChange::Value(name, value, _)) if name == "size" => {
@@ -461,7 +480,12 @@ fn shadow(
     wanted
 }
 
-fn title(ui: &mut Ui, stated: &Stated, what: &Selected, layer: &Layer2d) -> Option<FieldChange> {
+fn title(
+    ui: &mut Ui,
+    viewer: &Viewer,
+    (what, stated): (&Selected, &Stated),
+    layer: &Layer2d,
+) -> Option<FieldChange> {
     let mut wanted = None;
     if let Layer2dContent::Text { words, .. } = &layer.content {
         let id = ui.id().with("words");
@@ -478,8 +502,9 @@ fn title(ui: &mut Ui, stated: &Stated, what: &Selected, layer: &Layer2d) -> Opti
         }
     }
     Grid::new("title").num_columns(2).show(ui, |ui| {
+        let form = Form::of(stated, what).with_end(viewer, what);
         for field in Layer2d::FIELDS.iter().filter(|field| (field.lacks)(layer).is_none()) {
-            wanted = described(ui, &Form::of(stated, what), layer, field).or(wanted.take());
+            wanted = described(ui, &form, layer, field).or(wanted.take());
         }
         if let Layer2dContent::Text { size, width, line_height, color, align, .. } = &layer.content {
             let numbers = [("size", *size, 0.001, 10.0), ("line_height", *line_height, 0.1, 10.0)];

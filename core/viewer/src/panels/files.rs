@@ -1,5 +1,6 @@
 //! The menu of files, the list from which one is chosen, and the question about a script that is not there.
 
+use super::hint::Hint;
 use crate::app::Viewer;
 use crate::library::file_dialog::{FileDialog, Purpose};
 use crate::library::folder::{Entry, FileKind};
@@ -11,7 +12,7 @@ pub fn menu(ui: &mut Ui, viewer: &mut Viewer) {
         let shown = viewer.path.clone();
         ui.menu_button("New", |ui| {
             for template in TEMPLATES {
-                if ui.button(template.name).on_hover_text(template.about).clicked() {
+                if ui.button(template.name).hint(template.about).clicked() {
                     viewer.documents.ask(Purpose::New(template), shown.as_deref());
                 }
             }
@@ -84,11 +85,7 @@ fn list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
         ui.set_width(560.0);
         ui.horizontal(|ui| {
             let above = dialog.folder.parent().map(std::path::Path::to_path_buf);
-            if ui
-                .add_enabled(above.is_some(), egui::Button::new("Up"))
-                .on_hover_text("the folder above")
-                .clicked()
-            {
+            if ui.add_enabled(above.is_some(), egui::Button::new("Up")).hint("the folder above").clicked() {
                 above.iter().for_each(|above| dialog.go(above));
             }
             ui.add(
@@ -162,7 +159,7 @@ fn missing(ui: &Ui, viewer: &mut Viewer) {
         ui.label("Create it from:");
         ui.horizontal(|ui| {
             for template in TEMPLATES {
-                if ui.button(template.name).on_hover_text(template.about).clicked() {
+                if ui.button(template.name).hint(template.about).clicked() {
                     made = Some(template);
                 }
             }

@@ -1,10 +1,12 @@
 //! Heads of the sequencer's rows: collapse, mute, solo, lock. They change what this window shows, never the script.
 
+use super::bar_menu::{self, Command};
+use super::hint::Hint;
 use super::icons;
 use crate::app::Viewer;
 use crate::state::selection::Selected;
 use crate::state::timeline::Timeline;
-use egui::{Align2, FontId, Rect, Sense, Ui, pos2, vec2};
+use egui::{Align2, FontId, Rect, Response, Sense, Ui, pos2, vec2};
 
 /// Points of a button.
 const WIDTH: f32 = 16.0;
@@ -18,6 +20,13 @@ pub enum Toggle {
     Mute(String, usize),
     Solo(String),
     Lock(String),
+}
+
+/// The menu of a row: what is done to the thing whose row it is.
+pub fn menu(response: &Response, viewer: &Viewer, what: &Selected) -> Option<Command> {
+    let mut command = None;
+    response.context_menu(|ui| command = bar_menu::entries(ui, viewer, |command| command.suits_row(what)));
+    command
 }
 
 fn has_layers(timeline: &Timeline, index: usize) -> bool {
@@ -117,5 +126,5 @@ fn button(ui: &Ui, place: Rect, icon: &str, on: bool, about: &str, hint: &str) -
     }
     let font = FontId::proportional(if folds { 10.0 } else { 12.0 });
     ui.painter().text(place.center(), Align2::CENTER_CENTER, icon, font, color);
-    response.on_hover_text(hint).clicked()
+    response.hint(hint).clicked()
 }

@@ -34,7 +34,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         (None, Some(_)) => stage_fields::show(ui, viewer),
         _ => inspector::show(ui, viewer),
     });
-    if viewer.selection == inspected {
+    // What was clicked meanwhile counts.
+    if viewer.selection == inspected || selection != inspected {
         viewer.selection = selection;
     }
     if viewer.selection != inspected {

@@ -1,5 +1,6 @@
 //! Everything about the selection at the playhead; the script's own values can be changed here.
 
+use super::hint::Hint;
 use super::rig::CallChange;
 use super::{fields as stated, icons, rig, values};
 use crate::app::Viewer;
@@ -40,6 +41,7 @@ enum Wanted {
     Key(String, bool),
     Field(FieldChange),
     Call(CallChange),
+    Name(String),
 }
 
 /// The properties of the selection that have keys or could have some.
@@ -70,12 +72,20 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         let place = Place { file: scene.places.main.clone(), line, ..Place::default() };
         let text = RichText::new(super::marks::report(&place)).weak().monospace();
         let label = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
-        if label.on_hover_text("a click goes there").clicked() {
+        if label.hint("a click goes there").clicked() {
             viewer.go_to = Some(line);
         }
     }
     let written = viewer.all_written(&selection);
     let mut wanted = None;
+    let name = viewer.name_of(&selection).filter(|_| !matches!(selection, Selected::Title(_)));
+    let name = name.and_then(|name| {
+        ui.horizontal(|ui| {
+            ui.label("name");
+            stated::source(ui, "name", &name, "")
+        })
+        .inner
+    });
     let known = match &selection {
         what @ Selected::Cue { .. } => Some(Arc::new(keyed::of_cue(&scene, what))),
         what => viewer.known_properties(what).map(|(all, _)| all),
@@ -91,7 +101,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         Selected::Cue { .. } | Selected::Title(_) => {}
     }
     let field = stated::show(ui, viewer, &scene.stage, &selection, &written);
-    wanted = field.map(Wanted::Field).or(wanted);
+    wanted = field.map(Wanted::Field).or(name.map(Wanted::Name)).or(wanted);
     wanted = keys_menu(ui, viewer, keyable).or(wanted);
     Grid::new("inspector").num_columns(2).striped(true).show(ui, |ui| {
         for (name, value) in rows {
@@ -119,6 +129,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 fn apply(viewer: &mut Viewer, selection: Selected, wanted: Wanted, known: &[KeyedProperty]) {
     let change = match wanted {
         Wanted::Field(change) => viewer.change_field(&selection, &change),
+        Wanted::Name(name) => viewer.rename(&selection, &name),
         Wanted::Call(CallChange(call, change)) => viewer.change_call(&call, &change),
         Wanted::FieldOfView(degrees) => match &selection {
             Selected::Camera(name) => viewer.set_field_of_view(name, degrees),
@@ -163,7 +174,7 @@ fn key_button(ui: &mut Ui, viewer: &Viewer, keyable: Keyable, name: &str) -> Opt
         true => format!("delete the key of {} here", property.title()),
         false => format!("set a key of {} at the playhead (K: of all that have keys)", property.title()),
     };
-    response.on_hover_text(hint).clicked().then(|| Wanted::Key(name.to_string(), here))
+    response.hint(hint).clicked().then(|| Wanted::Key(name.to_string(), here))
 }
 
 /// Keys of everything that can have some, also of what has no field here.
@@ -238,7 +249,7 @@ fn lens(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: Keyabl
     let Projection::Perspective { yfov, .. } = projection(viewer, stage, name)? else { return None };
     let mut wanted = None;
     ui.horizontal(|ui| {
-        ui.label("field of view").on_hover_text("degrees, from the top to the bottom of the image");
+        ui.label("field of view").hint("degrees, from the top to the bottom of the image");
         let degrees = f64::from(yfov).to_degrees();
         let Projection::Perspective { yfov: usual, .. } = Projection::default() else { return };
         let usual = f64::from(usual).to_degrees();
@@ -348,7 +359,7 @@ fn default_menu(ui: &mut Ui, written: &stated::Stated, name: &'static str) -> Op
     let text = if is_stated { text.strong() } else { text };
     let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
     let hint = if is_stated { "stated by the script; right click: reset to default" } else { "by default" };
-    stated::reset(&response.on_hover_text(hint), names).map(Wanted::Field)
+    stated::reset(&response.hint(hint), names).map(Wanted::Field)
 }
 
 /// A slider each, as its manifest has it.
@@ -368,7 +379,7 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable
             let (value, now) = (&given[numbers.clone()], &now[numbers.clone()]);
             let is_keyed = keyable.iter().any(|p| p.name == option.name && p.has_keys());
             let value = if is_keyed { now } else { value };
-            let label = ui.label(&option.name).interact(egui::Sense::click()).on_hover_text(&option.about);
+            let label = ui.label(&option.name).interact(egui::Sense::click()).hint(&option.about);
             let set = match now == value {
                 true => parameter(ui, used, option, &label, (value, &defaults[numbers])),
                 // The value comes from a callback or keys of single numbers, which a literal would not change.

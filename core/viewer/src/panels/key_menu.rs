@@ -6,9 +6,14 @@ use crate::editing::EditError;
 use crate::state::keyed::{KeyRef, KeyedProperty};
 use crate::state::selection::Selected;
 use crate::state::tangents::TangentChoice;
+use choreo_motion::Time;
 use choreo_script::{KEY_INTERPOLATIONS, easing_names};
 use choreo_session::edit::KeyShape;
-use egui::{Button, Event, Popup, PopupCloseBehavior, Response, ScrollArea, Ui};
+use egui::containers::menu::menu_style;
+use egui::{
+    Align, Button, Event, Id, Layout, Popup, PopupAnchor, PopupCloseBehavior, PopupKind, Pos2, Response,
+    ScrollArea, Ui,
+};
 
 /// A change of keys by the user.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,23 +56,68 @@ const COMMANDS: [(KeyCommand, &str, &str); 6] = [
 /// The curve that is written where a Bézier curve is chosen: ease, as in CSS.
 const BEZIER: &str = "[0.42, 0.0, 0.58, 1.0]";
 
-/// The menu of a mark that holds keys.
+/// Opens the menu of a mark that holds keys.
 pub fn show(response: &Response, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
-    let mut act = None;
-    if response.secondary_clicked() && !keys.iter().any(|key| viewer.is_key_selected(key)) {
-        act = Some(KeyAct::Select(keys.to_vec()));
+    if !response.secondary_clicked() {
+        return None;
     }
-    let popup = Popup::context_menu(response).close_behavior(PopupCloseBehavior::CloseOnClickOutside);
-    popup.show(|ui| act = entries(ui, viewer, keys).or(act.take()));
-    act
+    let at = response.interact_pointer_pos().unwrap_or(response.rect.center());
+    response.ctx.data_mut(|d| d.insert_temp(menu_id(), OpenMenu { keys: keys.to_vec(), at }));
+    Popup::open_id(&response.ctx, menu_id());
+    let is_selected = keys.iter().any(|key| viewer.is_key_selected(key));
+    (!is_selected).then(|| KeyAct::Select(keys.to_vec()))
+}
+
+/// The keys whose menu is open, and where it was opened. It belongs to no mark: those are others once a time is typed.
+#[derive(Clone)]
+struct OpenMenu {
+    keys: Vec<KeyRef>,
+    at: Pos2,
+}
+
+fn menu_id() -> Id {
+    Id::new("menu of keys")
+}
+
+/// The open menu; it stays until something else is clicked, a command is chosen or Escape is pressed.
+pub fn popup(ui: &Ui, viewer: &mut Viewer) {
+    let Some(mut menu) = ui.data(|d| d.get_temp::<OpenMenu>(menu_id())) else { return };
+    menu.keys.iter_mut().for_each(|key| find_again(viewer, key));
+    let popup = Popup::new(menu_id(), ui.ctx().clone(), PopupAnchor::Position(menu.at), ui.layer_id())
+        .kind(PopupKind::Menu)
+        .layout(Layout::top_down_justified(Align::Min))
+        .style(menu_style)
+        .open_memory(None)
+        .close_behavior(PopupCloseBehavior::CloseOnClickOutside);
+    let Some(shown) = popup.show(|ui| entries(ui, viewer, &menu.keys)) else {
+        return ui.data_mut(|d| d.remove::<OpenMenu>(menu_id()));
+    };
+    let act = shown.inner;
+    if let Some(KeyAct::Time(moved, secs)) = &act {
+        for key in menu.keys.iter_mut().filter(|key| *key == moved) {
+            key.at = Time::from_secs(*secs);
+        }
+    }
+    ui.data_mut(|d| d.insert_temp(menu_id(), menu));
+    if let Some(act) = act {
+        run(ui, viewer, act);
+    }
+}
+
+/// A key that has moved is written in the digits of the script: the time that the stage has counts.
+fn find_again(viewer: &Viewer, key: &mut KeyRef) {
+    let near = viewer.playhead.fps().time_of(1).0 / 4;
+    let property = viewer.keyed_properties(&key.what).into_iter().find(|p| p.name == key.property);
+    let at = property.and_then(|p| p.keys.into_iter().find(|at| (*at - key.at).0.abs() <= near));
+    key.at = at.unwrap_or(key.at);
 }
 
 fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
-    let mut act = None;
+    let (mut act, mut typed) = (None, None);
     for key in keys.iter().take(4) {
         let found = viewer.keyed_properties(&key.what).into_iter().find(|p| p.name == key.property);
         if let Some(property) = found {
-            act = numbers(ui, &property, key).or(act);
+            typed = numbers(ui, &property, key).or(typed);
         }
     }
     ui.separator();
@@ -89,7 +139,7 @@ fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
     if act.is_some() {
         ui.close();
     }
-    act
+    act.or(typed)
 }
 
 /// Time and value of a key, to be typed or dragged.

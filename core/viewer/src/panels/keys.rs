@@ -2,6 +2,7 @@
 
 use super::Panels;
 use super::actions::{self, ACTIONS, Context};
+use super::hint::Hint;
 use crate::app::Viewer;
 use crate::state::selection::Selected;
 use crate::state::shortcuts::PRESETS;
@@ -103,7 +104,7 @@ const MOUSE: [(&str, &str); 23] = [
     ("drag right", "viewport: look around"),
     ("W A S D Q E", "viewport, mouse over it: walk; with Shift: run"),
     ("drag", "an arrow, ring or box: changes the script; with Ctrl: in steps"),
-    ("drag", "a clip's bar: moves it; with Shift: and all after it"),
+    ("drag", "a clip's bar: moves it, onto another actor's row, too; with Shift: and all after it"),
     ("Ctrl drag", "a clip's bar over the one before it: they crossfade"),
     ("Alt drag", "a clip's bar: slips its content; its start: trims or rolls it"),
     ("drag", "the corner or the line of the selected clip: speed, weight"),
@@ -143,6 +144,7 @@ pub fn help(ui: &mut Ui, open: &mut bool, viewer: &mut Viewer) {
         ui.separator();
         let all: Vec<(String, &str, &str)> = ACTIONS
             .iter()
+            .filter(|a| !a.keys.is_empty())
             .map(|a| (actions::keys_of(viewer, a.id), a.title, a.id))
             .chain([("Ctrl 1 … 9".to_string(), "open a panel and go there", "panel_curves")])
             .chain(MOUSE.map(|(keys, what)| (keys.to_string(), what, "")))
@@ -153,7 +155,7 @@ pub fn help(ui: &mut Ui, open: &mut bool, viewer: &mut Viewer) {
                     ui.monospace(keys);
                     let label = ui.label(what);
                     if !id.is_empty() {
-                        label.on_hover_text(format!("in shortcuts.json: \"{id}\""));
+                        label.hint(format!("in shortcuts.json: \"{id}\""));
                     }
                     ui.end_row();
                 }

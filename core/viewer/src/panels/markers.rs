@@ -1,5 +1,6 @@
 //! Named times: lines over all rows of the sequencer, each with a flag that can be dragged.
 
+use super::hint::Hint;
 use crate::app::Viewer;
 use choreo_motion::Time;
 use egui::{Rect, Sense, Stroke, Ui, pos2, vec2};
@@ -45,7 +46,7 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
         let response = response
             .on_hover_cursor(egui::CursorIcon::ResizeHorizontal)
-            .on_hover_text(format!("{name}\n{}", viewer.shown_time(*time)));
+            .hint(format!("{name}\n{}", viewer.shown_time(*time)));
         if let Some(pointer) =
             response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped())
         {

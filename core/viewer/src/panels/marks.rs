@@ -1,6 +1,7 @@
 //! Marks in a row of the sequencer beside its bars: events, and feet on the floor. A click goes there.
 
 use super::bars::beside;
+use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
 use super::sequencer::{COLORS, STRIP};
 use super::strip::Strips;
@@ -95,7 +96,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, index: usize, lane: Rect) -> 
             acted = key_menu::show(&response, viewer, &keys).map(MarkAct::Key).or(acted);
         }
         let add = ui.input(|i| i.modifiers.command || i.modifiers.shift);
-        if response.on_hover_text(hover(viewer, event)).clicked() {
+        if response.hint(hover(viewer, event)).clicked() {
             acted = Some(MarkAct::Click(event.clone(), add));
         }
     }
@@ -197,7 +198,7 @@ pub fn feet(ui: &Ui, viewer: &Viewer, row: &Row, lane: Rect) -> Option<Time> {
     let down = standing.iter().map(|(_, (from, _))| *from).max_by(f64::total_cmp);
     let clicked = response.clicked();
     if !text.is_empty() {
-        response.on_hover_text(text);
+        response.hint(text);
     }
     down.filter(|_| clicked).map(Time::from_secs)
 }

@@ -16,6 +16,7 @@ mod fields;
 mod files;
 mod handles;
 mod headers;
+mod hint;
 mod icons;
 mod inspected;
 mod inspector;
@@ -31,6 +32,7 @@ mod performance;
 mod pictures;
 mod presets;
 mod refusal;
+mod rename;
 mod render;
 mod rig;
 mod script;
@@ -155,6 +157,7 @@ pub struct Panels {
     browser: assets::Browser,
     palette: palette::Palette,
     refusals: refusal::Refusals,
+    name_field: rename::NameField,
     pub light: bool,
     /// 1 to 2.
     pub scale: f32,
@@ -175,6 +178,7 @@ impl Default for Panels {
             browser: Default::default(),
             palette: Default::default(),
             refusals: Default::default(),
+            name_field: Default::default(),
             light: false,
             scale: 1.0,
             overlays: Overlays::default(),
@@ -245,6 +249,8 @@ impl Panels {
             .show_inside(ui, &mut tabs);
         let acts = ui.input(|i| i.pointer.any_down() || i.pointer.any_released() || !i.keys_down.is_empty());
         self.splits.keep(&self.dock, &before, acts);
+        key_menu::popup(ui, viewer);
+        rename::show(&mut self.name_field, ui, viewer);
         refusal::show(&mut self.refusals, ui, viewer);
         hovering(ui, viewer);
     }

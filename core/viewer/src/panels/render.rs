@@ -1,5 +1,6 @@
 //! Renders and exports from within: what, where to, and the queue.
 
+use super::hint::Hint;
 use super::icons;
 use super::values::named;
 use crate::app::Viewer;
@@ -37,7 +38,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         let request = form.request(&scene, format);
         ui.horizontal(|ui| {
             let what = if format.kind == Kind::Scene { "Export" } else { "Render" };
-            let add = ui.button(RichText::new(what).strong()).on_hover_text(request.about.clone());
+            let add = ui.button(RichText::new(what).strong()).hint(request.about.clone());
             if request.output.exists() {
                 ui.colored_label(ui.visuals().warn_fg_color, "replaces the file");
             }
@@ -57,7 +58,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
     ui.label("format");
     let combo = ComboBox::from_id_salt("format").selected_text(name(format)).show_ui(ui, |ui| {
         for (index, one) in formats.iter().enumerate() {
-            ui.selectable_value(&mut form.format, index, name(one)).on_hover_text(&one.about);
+            ui.selectable_value(&mut form.format, index, name(one)).hint(&one.about);
         }
     });
     named(combo.response, WidgetType::ComboBox, "format");
@@ -87,7 +88,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
             Range::Chosen => {
                 form.chosen.iter_mut().zip(["first frame", "last frame"]).for_each(|(at, name)| {
                     let value = ui.add(DragValue::new(at).range(0..=scene.frames - 1));
-                    named(value, WidgetType::DragValue, name).on_hover_text(name);
+                    named(value, WidgetType::DragValue, name).hint(name);
                 })
             }
             _ => drop(ui.add(Label::new(format!("{first} to {last}")).extend())),
@@ -107,7 +108,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
     let field = TextEdit::singleline(&mut form.options).hint_text(hint);
     let all = format.options.iter().map(|(name, about)| format!("{name}: {about}"));
     let field = ui.add_enabled(!names.is_empty(), field).labelled_by(label.id);
-    field.on_hover_text(all.collect::<Vec<_>>().join("\n"));
+    field.hint(all.collect::<Vec<_>>().join("\n"));
     ui.end_row();
 }
 
@@ -126,7 +127,7 @@ fn of_images(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
         match form.size {
             Size::Chosen => form.chosen_size.iter_mut().zip(["width", "height"]).for_each(|(side, name)| {
                 let value = ui.add(DragValue::new(side).range(SIDES));
-                named(value, WidgetType::DragValue, name).on_hover_text(name);
+                named(value, WidgetType::DragValue, name).hint(name);
             }),
             Size::Scaled(..) => drop(ui.add(Label::new(format!("{}×{}", pixels[0], pixels[1])).extend())),
         }
@@ -168,7 +169,7 @@ fn queue(ui: &mut Ui, viewer: &Viewer) {
                 }
                 let name = shown_name(&job.output);
                 let label = ui.add(egui::Label::new(RichText::new(name).strong()).truncate());
-                label.on_hover_text(format!("{}\n{}", job.output.display(), job.about));
+                label.hint(format!("{}\n{}", job.output.display(), job.about));
             });
             state(ui, &job);
         });

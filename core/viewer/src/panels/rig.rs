@@ -2,6 +2,7 @@
 //! values they are its own, else those that are written.
 
 use super::fields::{Form, described};
+use super::hint::Hint;
 use crate::app::Viewer;
 use crate::editing::{FieldChange, StatedCall, expression};
 use choreo_motion::Time;
@@ -73,11 +74,11 @@ fn section(
 ) -> Option<FieldChange> {
     let name = call.title.split_whitespace().next().unwrap_or_default();
     let owner = format!("{name} ");
-    let form = Form { stated: &call.written, owner: &owner, is_cue: false };
+    let form = Form { stated: &call.written, owner: &owner, is_cue: false, end: None };
     let mut wanted = None;
     ui.push_id((call.place.line, call.place.column, &call.title), |ui| {
         let line = format!("line {}", call.place.line);
-        ui.label(RichText::new(&call.title).monospace()).on_hover_text(line);
+        ui.label(RichText::new(&call.title).monospace()).hint(line);
         Grid::new("call").num_columns(2).show(ui, |ui| wanted = show(ui, &form));
     });
     wanted

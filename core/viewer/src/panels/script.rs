@@ -1,5 +1,6 @@
 //! The script's text, read-only; lines of what is on at the playhead, of the selection and of problems are marked.
 
+use super::hint::Hint;
 use crate::app::Viewer;
 use crate::editing::read;
 use crate::state::selection::Selected;
@@ -19,7 +20,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     ui.horizontal(|ui| {
         let line = viewer.selection.as_ref().and_then(|s| line_of(viewer, s)).unwrap_or(1);
         let hint = "starts $VISUAL at this line; so does Ctrl and a click on a line";
-        if viewer.path.is_some() && ui.small_button("open in editor").on_hover_text(hint).clicked() {
+        if viewer.path.is_some() && ui.small_button("open in editor").hint(hint).clicked() {
             open_in_editor(viewer, line);
         }
         if viewer.faulty {

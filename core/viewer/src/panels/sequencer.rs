@@ -1,8 +1,9 @@
 //! Rows of bars over time: cues, active cameras; the playhead, and how to move it.
 
+use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks::MarkAct;
-use super::{bars, headers, icons, key_menu, markers, marks};
+use super::{bar_menu, bars, headers, icons, key_menu, markers, marks};
 use crate::app::Viewer;
 use crate::editing::{ClipOf, EditError};
 use crate::state::keyed::KeyRef;
@@ -31,6 +32,14 @@ pub const COLORS: [[u8; 3]; 8] = [
     [0x5b, 0x64, 0x70],
 ];
 
+/// The color of bars of a kind: those of a hue are bright or dark.
+pub(super) fn color_of(kind: usize) -> Color32 {
+    let [r, g, b] = COLORS[kind % COLORS.len()];
+    let is_dark = kind / COLORS.len() % 2 == 1;
+    let shade = |value: u8| if is_dark { (u16::from(value) * 7 / 10) as u8 } else { value };
+    Color32::from_rgb(shade(r), shade(g), shade(b))
+}
+
 pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     transport(ui, viewer, now);
     let area = ui.available_rect_before_wrap();
@@ -39,7 +48,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     if ruler.width() < 20.0 {
         return;
     }
-    scrub(ui, viewer, ruler, "time");
+    scrub(ui, viewer, (ruler, viewer.span), "time");
     ui.allocate_rect(Rect::from_min_max(area.min, pos2(area.right(), ruler.bottom())), Sense::hover());
     wheel(ui, viewer, area, ruler);
     let rows = viewer.shown_rows();
@@ -57,7 +66,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         }
     });
     ui.spacing_mut().item_spacing.y = spacing;
-    over_all(ui, viewer, area, ruler);
+    over_all(ui, viewer, area, (ruler, viewer.span));
     markers::show(ui, viewer, area, ruler);
     wrong(ui, viewer, Rect::from_min_max(area.min, pos2(ruler.left(), ruler.bottom())));
 }
@@ -90,7 +99,7 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         playhead.looping ^= icons::toggle(ui, icons::REPEAT, looping, "Loop", hint).clicked();
         if let Some((from, to)) = playhead.range() {
             let text = format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
-            if ui.button(text).on_hover_text("the part that is played; a click: all of it").clicked() {
+            if ui.button(text).hint("the part that is played; a click: all of it").clicked() {
                 playhead.set_range(None);
             }
         }
@@ -108,7 +117,7 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         ui.monospace(text);
         ui.separator();
         let units = if viewer.in_seconds { "seconds" } else { "frames" };
-        if ui.button(units).on_hover_text("times as seconds or as frames (T)").clicked() {
+        if ui.button(units).hint("times as seconds or as frames (T)").clicked() {
             viewer.in_seconds = !viewer.in_seconds;
         }
         let hint = "to what begins, ends or happens before (↑)";
@@ -127,13 +136,13 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
 }
 
 /// The ruler: a press or a drag on it moves the playhead.
-pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, ruler: Rect, label: &str) {
+pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span), label: &str) {
     let response = ui.interact(ruler, ui.id().with("ruler"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label));
     viewer.scrubs |= response.dragged();
     if let Some(pointer) = response.interact_pointer_pos() {
         let time = |x: f32| {
-            let secs = viewer.span.secs_at(x - ruler.left(), ruler.width());
+            let secs = span.secs_at(x - ruler.left(), ruler.width());
             Time::from_secs(secs.clamp(0.0, viewer.playhead.length().as_secs()))
         };
         let from = ui.input(|i| i.pointer.press_origin()).map_or(pointer.x, |p| p.x);
@@ -148,7 +157,7 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, ruler: Rect, label: &str) 
     let visuals = ui.visuals();
     painter.rect_filled(ruler, 0.0, visuals.extreme_bg_color);
     if let Some((from, to)) = viewer.playhead.range() {
-        let x = |time: Time| ruler.left() + viewer.span.x_of(time.as_secs(), ruler.width());
+        let x = |time: Time| ruler.left() + span.x_of(time.as_secs(), ruler.width());
         let part = Rect::from_min_max(pos2(x(from), ruler.top()), pos2(x(to), ruler.bottom()));
         painter.rect_filled(part.intersect(ruler), 0.0, visuals.selection.bg_fill.gamma_multiply(0.6));
     }
@@ -156,7 +165,7 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, ruler: Rect, label: &str) 
     let fps = viewer.playhead.fps().as_fps();
     // If times are shown as frames, the lines lie on whole frames.
     let unit = if viewer.in_seconds { 1.0 } else { 1.0 / fps };
-    let in_units = Span { from: viewer.span.from / unit, to: viewer.span.to / unit };
+    let in_units = Span { from: span.from / unit, to: span.to / unit };
     let step = in_units.ruler(ruler.width(), 56.0);
     let step = if viewer.in_seconds { step } else { step.max(1.0) };
     let mut line = (in_units.from / step).ceil();
@@ -180,7 +189,8 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, ruler: Rect, label: &str) 
 
 fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::hover());
-    ui.data_mut(|d| d.insert_temp(row_id(index), rect));
+    let pass = ui.ctx().cumulative_pass_nr();
+    ui.data_mut(|d| d.insert_temp(row_id(index), (pass, rect)));
     let label = Rect::from_min_max(rect.min, pos2(ruler.left(), rect.bottom()));
     let lane = Rect::from_min_max(pos2(ruler.left(), rect.top()), pos2(ruler.right(), rect.bottom()));
     let visuals = ui.visuals().clone();
@@ -207,9 +217,11 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         _ if selected_actor => visuals.strong_text_color(),
         _ => visuals.text_color(),
     };
+    let command = row.what.as_ref().and_then(|what| headers::menu(&response, viewer, what));
+    let command = command.zip(row.what.clone());
     let toggled = headers::buttons(ui, viewer, index, label);
     name(ui, &row.label, headers::name_place(&viewer.timeline, index, label), color);
-    response.on_hover_text(&row.label);
+    response.hint(&row.label);
     let lane_of = bars::Lane { rect: lane, row: index };
     let locked = row.what.as_ref().and_then(Selected::actor).is_some_and(|a| viewer.shelf.locked.contains(a));
     let act = bars::show(ui, viewer, &row.bars, &row.label, &lane_of, locked);
@@ -222,6 +234,10 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     let dropped = dropped(ui, viewer, index, lane);
     if let Some(toggle) = toggled {
         headers::toggle(viewer, toggle);
+    }
+    if let Some((command, what)) = command {
+        viewer.selection = Some(what);
+        bar_menu::run(ui, viewer, command);
     }
     if let Some(at) = moment {
         viewer.playhead.seek(at);
@@ -291,11 +307,8 @@ fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[usize]) {
     }
     let secs = |x: f32| viewer.span.secs_at(x - lanes.left(), lanes.width());
     let (first, last) = (secs(area.left()), secs(area.right()));
-    // The rows may be scrolled: how far is known from where each was drawn last.
-    let drawn: Vec<(usize, Rect)> = rows
-        .iter()
-        .filter_map(|index| Some((*index, ui.data(|d| d.get_temp::<Rect>(row_id(*index)))?)))
-        .collect();
+    let drawn: Vec<(usize, Rect)> =
+        row_places(ui, viewer).into_iter().filter(|(index, _)| rows.contains(index)).collect();
     let touched = drawn.iter().filter(|(_, rect)| rect.intersects(area));
     let bars = touched.flat_map(|(index, _)| viewer.timeline.rows.get(*index)).flat_map(|row| &row.bars);
     let inside = bars.filter(|bar| bar.end.as_secs() > first && bar.start.as_secs() < last);
@@ -314,6 +327,25 @@ fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[usize]) {
 
 fn row_id(index: usize) -> egui::Id {
     egui::Id::new("sequencer row").with(index)
+}
+
+/// The rows that are seen, by number, with their places: those that are drawn in this frame or were in the last one.
+pub(super) fn row_places(ui: &Ui, viewer: &Viewer) -> Vec<(usize, Rect)> {
+    let pass = ui.ctx().cumulative_pass_nr();
+    let place = |index: usize| {
+        let (drawn, rect): (u64, Rect) = ui.data(|d| d.get_temp(row_id(index)))?;
+        (drawn + 1 >= pass).then_some((index, rect))
+    };
+    (0..viewer.timeline.rows.len()).filter_map(place).collect()
+}
+
+/// The place of the row of something, where it is seen.
+pub(super) fn place_of(ui: &Ui, viewer: &Viewer, what: &Selected) -> Option<Rect> {
+    let is_of_it = |(index, _): &(usize, Rect)| {
+        let row = &viewer.timeline.rows[*index];
+        row.what.as_ref() == Some(what) || row.bars.iter().any(|bar| bar.what == *what)
+    };
+    row_places(ui, viewer).into_iter().find(is_of_it).map(|(_, rect)| rect)
 }
 
 /// The name of a row; which layer it is stays to be seen however long the actor's name is.
@@ -360,7 +392,7 @@ fn dropped(ui: &Ui, viewer: &mut Viewer, index: usize, lane: Rect) -> Option<(Cl
 }
 
 /// How many joints of an actor follow a dragged clip, found once a drag.
-fn followed(ui: &Ui, viewer: &Viewer, clip: &ClipDrag, on: &str) -> Option<(usize, usize)> {
+pub(super) fn followed(ui: &Ui, viewer: &Viewer, clip: &ClipDrag, on: &str) -> Option<(usize, usize)> {
     let ClipOf::Actor(of) = &clip.of else { return None };
     let number = viewer.scene.as_ref()?.number;
     let id = egui::Id::new("followed").with((number, of, &clip.clip, on));
@@ -393,10 +425,10 @@ fn wheel(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
 }
 
 /// Markers and the playhead, over all rows.
-pub(super) fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, ruler: Rect) {
+pub(super) fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, (ruler, span): (Rect, Span)) {
     let lanes = Rect::from_min_max(ruler.min, area.max);
     let painter = ui.painter_at(lanes);
-    let x = |time: Time| ruler.left() + viewer.span.x_of(time.as_secs(), ruler.width());
+    let x = |time: Time| ruler.left() + span.x_of(time.as_secs(), ruler.width());
     // The range after the end of the scene is darkened.
     let after = Rect::from_min_max(pos2(x(viewer.timeline.length), lanes.top()), lanes.max);
     painter.rect_filled(after.intersect(lanes), 0.0, Color32::from_black_alpha(110));
@@ -431,7 +463,7 @@ fn wrong(ui: &Ui, viewer: &mut Viewer, place: Rect) {
         color,
     );
     let line = first.line;
-    if response.on_hover_text(first.message.clone()).clicked() && line > 0 {
+    if response.hint(first.message.clone()).clicked() && line > 0 {
         viewer.go_to = Some(line);
     }
 }

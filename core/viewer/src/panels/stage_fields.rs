@@ -1,6 +1,7 @@
 //! Settings of the stage as a whole, in the inspector while nothing is selected.
 
 use super::fields::{self, Stated};
+use super::hint::Hint;
 use super::values;
 use crate::app::Viewer;
 use crate::editing::{Ambient, FieldChange};
@@ -40,7 +41,7 @@ fn light(ui: &mut Ui, viewer: &mut Viewer) {
             Some(line) => format!("light from above, from below, and how strong it is; line {line}"),
             None => "light from above, from below, and how strong it is".to_string(),
         };
-        ui.label("ambient").on_hover_text(hint);
+        ui.label("ambient").hint(hint);
         ui.horizontal(|ui| {
             let up = values::color(ui, "ambient above", now.up);
             let down = values::color(ui, "ambient below", now.down);
@@ -56,11 +57,11 @@ fn light(ui: &mut Ui, viewer: &mut Viewer) {
             }
         });
         ui.end_row();
-        ui.label("sky").on_hover_text("an image all around, as light and reflections");
+        ui.label("sky").hint("an image all around, as light and reflections");
         let sky = viewer.scene.as_ref().is_some_and(|scene| scene.stage.sky.is_some());
         if sky && ui.button("select the sky").clicked() {
             viewer.selection = Some(Selected::Sky);
-        } else if !sky && ui.button("add the studio").on_hover_text("a room with soft boxes").clicked() {
+        } else if !sky && ui.button("add the studio").hint("a room with soft boxes").clicked() {
             viewer.edit(|v| v.add(&Addition::StudioSky));
         }
         ui.end_row();

@@ -1,6 +1,7 @@
 //! The start page: recent files, new ones from templates, and the lessons as images.
 
 use super::Panels;
+use super::hint::Hint;
 use super::pictures::{self, Pictures};
 use crate::app::Viewer;
 use crate::library::file_dialog::Purpose;
@@ -22,14 +23,14 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
         ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
             ui.label(RichText::new("choreo").heading().strong());
             ui.add_space(8.0);
-            if ui.button("Open…").on_hover_text("a script or a model").clicked() {
+            if ui.button("Open…").hint("a script or a model").clicked() {
                 viewer.documents.ask(Purpose::Open, None);
             }
             section(ui, "New");
             ui.horizontal_wrapped(|ui| {
                 for template in TEMPLATES {
                     let button = egui::Button::new(template.name).min_size(vec2(TILE, 44.0));
-                    if ui.add(button).on_hover_text(template.about).clicked() {
+                    if ui.add(button).hint(template.about).clicked() {
                         viewer.documents.ask(Purpose::New(template), None);
                     }
                 }
@@ -97,7 +98,7 @@ fn tiles(ui: &mut Ui, viewer: &mut Viewer, pictures: &mut Pictures, files: &[(Pa
             if let Made::Failed(why) = made {
                 hint = format!("{hint}\n{why}");
             }
-            if response.on_hover_text(hint).clicked() {
+            if response.hint(hint).clicked() {
                 viewer.documents.open = Some(file.clone());
             }
         }

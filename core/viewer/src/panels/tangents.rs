@@ -1,6 +1,7 @@
 //! Handles of the tangents of selected keys in the curve editor: drawn, dragged, chosen from a menu, or stated as numbers.
 
 use super::curves::{MOST, Plot, color, key_of};
+use super::hint::Hint;
 use super::key_menu::KeyAct;
 use super::values;
 use crate::app::Viewer;
@@ -100,7 +101,7 @@ impl Place<'_> {
         }
         if !response.drag_stopped() {
             let hint = "drag: the direction; with Ctrl the length, too; with Alt this side alone";
-            response.on_hover_text(format!("{tangent:.3} {}/s\n{hint}", self.property.unit));
+            response.hint(format!("{tangent:.3} {}/s\n{hint}", self.property.unit));
             return None;
         }
         shape.filter(|_| now != tangent || length != weight)

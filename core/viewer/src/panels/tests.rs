@@ -1,5 +1,6 @@
 //! Sections of a test script: their states, what was expected and what came, images side by side, and accepting them.
 
+use super::hint::Hint;
 use crate::app::Viewer;
 use crate::commands::test_report::{Check, Images, Section, Status};
 use crate::commands::test_run::Choice;
@@ -29,7 +30,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             if ui.button("Stop").clicked() {
                 viewer.tests.stop();
             }
-        } else if ui.button("Run tests").on_hover_text("all sections of this script or folder").clicked() {
+        } else if ui.button("Run tests").hint("all sections of this script or folder").clicked() {
             choice = Some(Choice::All);
         }
     });
@@ -141,8 +142,7 @@ fn judged(
     let Some(images) = check.images.as_ref().filter(|_| !check.passed) else { return };
     compared(ui, images, run);
     let accept = ui.add_enabled(!viewer.tests.is_running(), egui::Button::new("Accept"));
-    let accept =
-        accept.on_hover_text(format!("what was drawn becomes the golden image {}", images.stored.display()));
+    let accept = accept.hint(format!("what was drawn becomes the golden image {}", images.stored.display()));
     if accept.clicked() {
         *choice = Some(Choice::Accept(section.clone(), images.name.clone()));
     }

@@ -1,5 +1,7 @@
 //! Actors and other things on stage; which are hidden, solo or locked here, whatever the script says.
 
+use super::bar_menu::{self, Command};
+use super::hint::Hint;
 use super::icons;
 use crate::app::Viewer;
 use crate::state::selection::Selected;
@@ -30,7 +32,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     if ["stage", "ambient", "background", "exposure"].into_iter().any(matches) {
         let response = entry(ui, viewer.selection.is_none(), RichText::new("Stage"));
         let hint = "length, size, background, ambient light, sky, exposure: in the inspector";
-        if response.on_hover_text(hint).clicked() {
+        if response.hint(hint).clicked() {
             viewer.selection = None;
         }
     }
@@ -113,8 +115,19 @@ fn section(ui: &mut Ui, name: &str, count: usize) {
 }
 
 fn select(ui: &mut Ui, viewer: &mut Viewer, text: RichText, what: Selected) {
-    if entry(ui, viewer.selection.as_ref() == Some(&what), text).clicked() {
+    let response = entry(ui, viewer.selection.as_ref() == Some(&what), text);
+    let mut command = None;
+    response.context_menu(|ui| {
+        let suits =
+            |command: Command| matches!(command, Command::Rename | Command::Delete | Command::GoToLine);
+        let can = |command| suits(command) && (command != Command::Rename || viewer.name_of(&what).is_some());
+        command = bar_menu::entries(ui, viewer, can);
+    });
+    if response.clicked() || command.is_some() {
         viewer.selection = Some(what);
+    }
+    if let Some(command) = command {
+        bar_menu::run(ui, viewer, command);
     }
 }
 
@@ -123,5 +136,5 @@ fn entry(ui: &mut Ui, selected: bool, text: RichText) -> egui::Response {
     // A name that is cut off is shown whole under the mouse.
     let response = ui.add(egui::Button::selectable(selected, text).truncate());
     let is_cut = response.intrinsic_size().is_some_and(|whole| whole.x > response.rect.width() + 0.5);
-    if is_cut { response.on_hover_text(name) } else { response }
+    if is_cut { response.hint(name) } else { response }
 }

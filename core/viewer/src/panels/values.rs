@@ -65,6 +65,27 @@ pub fn reset(response: &Response, default: f64) -> Option<f64> {
     chosen
 }
 
+/// A number that is stated nowhere: weak where another one counts instead (`derived`), else empty, until something is typed.
+pub fn unstated(ui: &mut Ui, name: &str, derived: Option<f64>, range: RangeInclusive<f64>) -> Option<f64> {
+    let (id, parser) = (ui.id().with(("number", name)), parser(ui));
+    let weak = ui.visuals().weak_text_color();
+    let from = derived.unwrap_or(*range.start());
+    settled(ui, id, from, None, |ui, now| {
+        let is_untouched = *now == from;
+        let widget = DragValue::new(now).speed(0.01).range(range).max_decimals(3).custom_parser(parser);
+        let widget = match derived {
+            None if is_untouched => widget.custom_formatter(|_, _| String::new()),
+            _ => widget,
+        };
+        let color = is_untouched.then_some(weak);
+        let add = |ui: &mut Ui| {
+            ui.visuals_mut().override_text_color = color;
+            ui.add(widget)
+        };
+        named(ui.scope(add).inner, WidgetType::DragValue, name)
+    })
+}
+
 /// Names a field for assistive technologies and tests.
 pub(super) fn named(response: Response, kind: WidgetType, name: &str) -> Response {
     let enabled = response.enabled();

@@ -1,6 +1,7 @@
 //! The image, the camera that the mouse moves, and what is picked in it.
 
 use super::assets::ModelDrag;
+use super::hint::Hint;
 use super::{axes, handles, icons, overlay, signs, trails};
 use crate::app::Viewer;
 use crate::geometry::picking;
@@ -197,7 +198,7 @@ fn into_script(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
             viewer.edit(|v| v.add_camera(&orbit));
         }
     });
-    menu.response.on_hover_text("a camera of the script then stands here: .at and .look_at");
+    menu.response.hint("a camera of the script then stands here: .at and .look_at");
 }
 
 fn follow(ui: &mut Ui, viewer: &mut Viewer, index: usize) {

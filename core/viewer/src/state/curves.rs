@@ -11,6 +11,8 @@ use std::sync::Arc;
 const MOST_SAMPLES: usize = 4000;
 
 pub struct Curves {
+    /// Times at the left and the right edge, of this view alone.
+    pub time: Span,
     /// Values at the lower and the upper edge.
     pub values: Span,
     /// Numbers that are not shown, by property and index.
@@ -21,6 +23,8 @@ pub struct Curves {
     pub normalized: bool,
     /// Times and values are fitted to the keys in the next frame.
     pub fit: bool,
+    /// The thing whose curves were shown last.
+    shown: Option<Selected>,
     /// The pointer was over it in the last frame: some keys are for it.
     pub hovered: bool,
     pub drag: Option<KeyDrag>,
@@ -42,11 +46,13 @@ struct Known {
 impl Default for Curves {
     fn default() -> Curves {
         Curves {
+            time: Span::whole(1.0),
             values: Span { from: 0.0, to: 1.0 },
             hidden: BTreeSet::new(),
             speed: false,
             normalized: false,
             fit: false,
+            shown: None,
             hovered: false,
             drag: None,
             known: None,
@@ -67,8 +73,7 @@ pub struct KeyDrag {
 }
 
 impl Curves {
-    /// The properties of something in a version of the scene, and those of them that have keys, kept from frame to frame; the values
-    /// are fitted to another selection.
+    /// The properties of something in a version of the scene, and those of them that have keys, kept from frame to frame.
     pub fn properties(
         &mut self,
         number: u64,
@@ -79,15 +84,18 @@ impl Curves {
         if let Some(known) = same.filter(|known| known.number == number) {
             return (known.all.clone(), known.keyed.clone());
         }
-        let is_other = same.is_none_or(|known| known.keyed.is_empty());
         let all = Arc::new(find());
         let keyed = Arc::new(all.iter().filter(|p| p.has_keys()).cloned().collect::<Vec<_>>());
         self.known = Some(Known { number, what: what.clone(), all: all.clone(), keyed: keyed.clone() });
         self.drag = None;
-        if is_other {
-            self.fit_values(&keyed, Time::ZERO, None);
-        }
         (all, keyed)
+    }
+
+    /// Whether the curves of something are shown for the first time since those of something else were.
+    pub(crate) fn shows_first(&mut self, what: &Selected, keyed: &[KeyedProperty]) -> bool {
+        let is_other = self.shown.as_ref() != Some(what);
+        self.shown = Some(what.clone()).filter(|_| !keyed.is_empty());
+        is_other && !keyed.is_empty()
     }
 
     pub(crate) fn is_shown(&self, property: &KeyedProperty, part: usize) -> bool {

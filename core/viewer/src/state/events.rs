@@ -63,6 +63,13 @@ impl<'s> KeyText<'s> {
         KeyText { scene, text: OnceCell::new() }
     }
 
+    /// The variable of what a place of the script makes.
+    pub fn variable(&self, place: &Place) -> Option<String> {
+        let text = self.text.get_or_init(|| keyed::text_of(self.scene)).as_ref()?;
+        let is_own = place.line > 0 && place.file == self.scene.places.main;
+        text.object(place.line, place.column).ok().filter(|_| is_own)?.variable
+    }
+
     /// The keyed properties of something, whatever it has.
     fn all_properties(&self, what: &Selected) -> Vec<KeyedProperty> {
         keyed::properties(self.scene, self.text.get_or_init(|| keyed::text_of(self.scene)).as_ref(), what)

@@ -2,10 +2,11 @@
 
 use crate::state::events::{self, Event, Gathered, KeyText};
 use crate::state::selection::Selected;
+use choreo_asset::LightKind;
 use choreo_motion::{FrameRate, Repeat, Time};
 use choreo_script::{Place, Severity};
 use choreo_session::{Problem, Scene};
-use choreo_stage::{Cue, Layer, Stage};
+use choreo_stage::{Camera, Cue, Layer, Stage};
 
 /// A bar of the timeline: something that the script made, and its place there.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,7 +24,7 @@ pub struct Bar {
     pub place: Place,
     /// The cut of the stage that begins it, if any.
     pub cut: Option<usize>,
-    /// Index of its color: equal for equal clips.
+    /// Number of its color: equal for equal clips, and the same whatever else is there.
     pub kind: usize,
     /// How a clip is played, if it is one.
     pub strip: Option<Strip>,
@@ -77,6 +78,8 @@ pub struct Row {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timeline {
     pub rows: Vec<Row>,
+    /// Names of the lights.
+    pub lights: Vec<String>,
     pub markers: Vec<(String, Time)>,
     pub length: Time,
 }
@@ -84,7 +87,6 @@ pub struct Timeline {
 impl Timeline {
     pub fn new(scene: &Scene) -> Timeline {
         let (stage, places, text) = (&scene.stage, &scene.places, &KeyText::of(scene));
-        let mut kinds: Vec<String> = Vec::new();
         let length = stage.settings.length;
         let plain = |label: &str, bars: Vec<Bar>, events: Vec<Event>| Row {
             label: label.into(),
@@ -96,16 +98,18 @@ impl Timeline {
         };
         let mut rows = vec![plain("camera", cameras(scene), events::of_cameras(scene, text))];
         for index in 0..stage.actors.len() {
-            rows.extend(actor_rows(scene, text, &mut kinds, index));
+            rows.extend(actor_rows(scene, text, index));
         }
         if !stage.effects.is_empty() {
-            let bars = (0..stage.effects.len()).map(|index| effect(scene, &mut kinds, index));
+            let bars = (0..stage.effects.len()).map(|index| effect(scene, index));
             rows.extend(lanes("effects", bars.collect(), events::of_effects(scene, text)));
         }
+        let mut lights = Vec::new();
         for index in 0..stage.lights.len() {
             let (what, place) =
                 (Selected::Light(index), places.lights.get(index).cloned().unwrap_or_default());
-            let label = format!("{} {}", stage.lights[index].light.kind.title(), index + 1);
+            let label = light_name(stage, text, index, &place);
+            lights.push(label.clone());
             let events = events::of_light(stage, text, index, &place);
             rows.push(Row { label, what: Some(what), layer: None, bars: Vec::new(), events, place });
         }
@@ -120,7 +124,7 @@ impl Timeline {
             let bars = (0..stage.layers_2d.len()).map(|index| title(scene, index)).collect();
             rows.extend(lanes("titles", bars, events::of_titles(stage, text)));
         }
-        Timeline { rows, markers: stage.markers.clone(), length }
+        Timeline { rows, lights, markers: stage.markers.clone(), length }
     }
 
     /// How severe the worst problem about what was made here is, by the line of the script.
@@ -152,7 +156,7 @@ impl Timeline {
 }
 
 /// A row for each layer of an actor; one without layers has a row of events alone.
-fn actor_rows(scene: &Scene, text: &KeyText, kinds: &mut Vec<String>, index: usize) -> Vec<Row> {
+fn actor_rows(scene: &Scene, text: &KeyText, index: usize) -> Vec<Row> {
     let (stage, places) = (&scene.stage, &scene.places);
     let (actor, length) = (&stage.actors[index], stage.settings.length);
     let what = Some(Selected::Actor(actor.name.clone()));
@@ -169,7 +173,7 @@ fn actor_rows(scene: &Scene, text: &KeyText, kinds: &mut Vec<String>, index: usi
         let label = if number == 0 { actor.name.clone() } else { format!("{} +{number}", actor.name) };
         let cues = layer.cues.iter().enumerate().map(|(at, cue)| {
             let place = of_layer.and_then(|l| l.get(at)).cloned().unwrap_or_default();
-            let kind = kind(kinds, &cue.clip.name);
+            let kind = kind(&cue.clip.name);
             let what = Selected::Cue { actor: actor.name.clone(), layer: number, cue: at };
             bar(stage, layer, at, cue, what, place, kind)
         });
@@ -186,7 +190,7 @@ fn actor_rows(scene: &Scene, text: &KeyText, kinds: &mut Vec<String>, index: usi
     rows
 }
 
-fn effect(scene: &Scene, kinds: &mut Vec<String>, index: usize) -> Bar {
+fn effect(scene: &Scene, index: usize) -> Bar {
     let effect = &scene.stage.effects[index];
     let end = effect.end.unwrap_or(scene.stage.settings.length);
     Bar {
@@ -200,7 +204,7 @@ fn effect(scene: &Scene, kinds: &mut Vec<String>, index: usize) -> Bar {
         holds_from: None,
         place: scene.places.effects.get(index).cloned().unwrap_or_default(),
         cut: None,
-        kind: kind(kinds, &effect.plugin),
+        kind: kind(&effect.plugin),
         strip: None,
     }
 }
@@ -226,6 +230,21 @@ fn lanes(label: &str, mut bars: Vec<Bar>, mut events: Vec<Event>) -> Vec<Row> {
     rows.into_iter().enumerate().map(row).collect()
 }
 
+/// The name of a light: the one that the script states, else its variable, else its kind and number.
+fn light_name(stage: &Stage, text: &KeyText, index: usize, place: &Place) -> String {
+    let light = &stage.lights[index];
+    let made_by = match light.light.kind {
+        LightKind::Directional => "sun",
+        LightKind::Point => "point",
+        LightKind::Spot { .. } => "spot",
+    };
+    if light.name != format!("{made_by} {}", index + 1) {
+        return light.name.clone();
+    }
+    let variable = text.variable(place);
+    variable.unwrap_or_else(|| format!("{} {}", light.light.kind.title(), index + 1))
+}
+
 /// The bar of a 2D layer.
 fn title(scene: &Scene, index: usize) -> Bar {
     let (length, layer) = (scene.stage.settings.length, &scene.stage.layers_2d[index]);
@@ -246,11 +265,11 @@ fn title(scene: &Scene, index: usize) -> Bar {
     }
 }
 
-fn kind(kinds: &mut Vec<String>, name: &str) -> usize {
-    kinds.iter().position(|k| k == name).unwrap_or_else(|| {
-        kinds.push(name.to_string());
-        kinds.len() - 1
-    })
+/// A number for the color of what has this name, whatever else is on stage (FNV-1a).
+fn kind(name: &str) -> usize {
+    let hash =
+        name.bytes().fold(0x811c_9dc5_u32, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193));
+    (hash >> 16) as usize
 }
 
 /// `at`: index of the cue in its layer.
@@ -295,9 +314,10 @@ fn cameras(scene: &Scene) -> Vec<Bar> {
     let starts: Vec<_> = std::iter::once(first).chain(cuts).collect();
     let ends = starts.iter().skip(1).map(|s| s.0).chain([stage.settings.length]);
     type Start<'a> = (Time, usize, Option<&'a Place>, Option<usize>);
+    let name = |camera| stage.cameras.get(camera).map_or_else(String::new, |c: &Camera| c.name.clone());
     let bar = |(&(start, camera, place, cut), end): (&Start<'_>, Time)| Bar {
-        label: stage.cameras.get(camera).map_or_else(String::new, |c| c.name.clone()),
-        what: Selected::Camera(stage.cameras.get(camera).map_or_else(String::new, |c| c.name.clone())),
+        label: name(camera),
+        what: Selected::Camera(name(camera)),
         start,
         end,
         until: end,
@@ -306,7 +326,7 @@ fn cameras(scene: &Scene) -> Vec<Bar> {
         holds_from: None,
         place: place.cloned().unwrap_or_default(),
         cut,
-        kind: camera,
+        kind: kind(&name(camera)),
         strip: None,
     };
     starts.iter().zip(ends).map(bar).filter(|bar| bar.end > bar.start).collect()

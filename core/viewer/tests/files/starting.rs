@@ -161,6 +161,34 @@ fn images_are_kept_by_content() {
     assert!(failed.contains("size"), "{failed}");
 }
 
+/// Of 64 MB of images, the oldest goes when another one comes; of 63 MB none.
+#[test]
+fn no_more_than_64_mb_of_images_are_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, cache) = (folder.path().join("a.rhai"), folder.path().join("cache"));
+    fs::create_dir_all(cache.join("thumbnails")).unwrap();
+    let old = |name: &str, megabytes: u64, age: u64| {
+        let path = cache.join("thumbnails").join(name);
+        let image = fs::File::create(&path).unwrap();
+        // A hole in the file, which takes no room on the disk.
+        image.set_len(megabytes << 20).unwrap();
+        image.set_modified(std::time::SystemTime::now() - Duration::from_secs(age)).unwrap();
+        path
+    };
+    let (oldest, older) = (old("1.png", 31, 2000), old("2.png", 32, 1000));
+    let registry = choreo::registry();
+    let show = |text: &str| {
+        fs::write(&file, text).unwrap();
+        let mut thumbnails = Thumbnails::new(&registry, &SceneSource::new(""), Some(cache.clone()));
+        made(&mut thumbnails, &Subject::file(file.clone()), None);
+    };
+    show(PLAIN);
+    assert!(oldest.exists() && older.exists());
+    old("3.png", 1, 500);
+    show(&PLAIN.replace("#204060", "#102030"));
+    assert!(!oldest.exists() && older.exists());
+}
+
 #[test]
 fn templates_make_scenes_without_a_warning_and_become_files() {
     let folder = tempfile::tempdir().unwrap();

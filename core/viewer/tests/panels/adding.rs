@@ -356,3 +356,35 @@ fn the_stage_is_changed_where_nothing_is_selected() {
         assert!(desk.state().viewer.problems.is_empty());
     }
 }
+
+/// Each field of the stage writes its own setting, and shows the one that the stage has.
+#[test]
+fn every_field_of_the_stage_is_its_own() {
+    let plain = "stage(#{ length: 2.0 });\nlet a = cast(\"a\", load(\"choreo:mannequin\"));\n";
+    let mut desk = desk(plain);
+    for (label, typed, wanted) in [
+        ("stage fps", "25", "fps: 25.0"),
+        ("stage width", "640", "size: [640, 720]"),
+        ("stage height", "480", "size: [640, 480]"),
+        ("stage exposure", "-1.5", "exposure: -1.5"),
+    ] {
+        desk.get_by_label(label).click();
+        desk.run();
+        desk.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::A);
+        desk.event(Event::Text(typed.into()));
+        desk.key_press(egui::Key::Enter);
+        desk.run();
+        assert_eq!(desk.state().viewer.message, None);
+        assert!(desk.state().text().contains(wanted), "{label}: {}", desk.state().text());
+        desk.state_mut().reload();
+        desk.run();
+        let shown: f64 = desk.get_by_label(label).value().unwrap().parse().unwrap();
+        assert_eq!(shown, typed.parse::<f64>().unwrap(), "{label}");
+    }
+    desk.get_by_role(egui::accesskit::Role::ComboBox).click();
+    desk.run();
+    desk.get_by_label("agx").click();
+    desk.run();
+    let settings = "length: 2.0, fps: 25.0, size: [640, 480], exposure: -1.5, view: \"agx\"";
+    assert_eq!(desk.state().text(), plain.replace("length: 2.0", settings));
+}

@@ -608,3 +608,63 @@ let key = sun(#{ intensity: 3.0 });
     desk.get_by_label("2 keys, 0.00 to 2.00 s");
     assert!(desk.query_by_label("weight field").is_none());
 }
+
+/// An end that the script does not state is no zero: weak with what counts instead, or empty.
+#[test]
+fn an_end_that_is_not_stated_is_not_zero() {
+    const SCENE: &str = "stage(#{ fps: 30, length: 6.0 });
+let moves = load(\"choreo:mannequin\");
+let ball = cast(\"ball\", shape(\"sphere\"));
+let ada = cast(\"ada\", moves);
+ada.look_at(ball);
+ada.play(moves.clip(\"Walk\")).until(f(60)).then(moves.clip(\"Wave\"));
+text(\"Hello\");
+";
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+    let value = |desk: &Desk, label: &str| desk.get_by_label(label).value().unwrap_or_default();
+    desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 });
+    desk.run();
+    assert_eq!(value(&desk, "until field"), "6.00");
+    desk.state_mut().viewer.selection = Some(Selected::Title(0));
+    desk.run();
+    assert_eq!(value(&desk, "until field"), "6.00");
+    desk.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
+    desk.run();
+    assert_eq!(value(&desk, "look_at until field"), "");
+    // A field that is left as it was states nothing.
+    desk.get_by_label("look_at until field").click();
+    desk.run();
+    desk.key_press(Key::Enter);
+    desk.run();
+    assert_eq!(desk.state().text(), SCENE);
+    type_into(&mut desk, "look_at until field", "2");
+    assert_eq!(desk.state().text(), SCENE.replace("look_at(ball)", "look_at(ball, #{ until: 2.0 })"));
+    assert_eq!(value(&desk, "look_at until field"), "2.00");
+    desk.state_mut().reload_with(SCENE);
+    desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 });
+    desk.run();
+    type_into(&mut desk, "until field", "5");
+    assert!(desk.state().text().contains("\"Wave\")).until(5.0);"), "{}", desk.state().text());
+}
+
+/// A typed time is written as the script has it: seconds with the digits of a frame, or frames.
+#[test]
+fn typed_times_keep_the_style_of_the_script() {
+    const SCENE: &str = "stage(#{ fps: 30, length: 6.0 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\")).from(0.5).until(f(60));
+";
+    let mut place = Place::new(SCENE);
+    place.viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
+    let mut desk = place.harness(vec2(1500.0, 1000.0));
+    for (field, typed, written) in [
+        ("from", "f(31)", ".from(1.033333333).until(f(60))"),
+        ("from", "1.25", ".from(1.25).until(f(60))"),
+        ("until", "1.5", ".from(1.25).until(f(45))"),
+        ("until", "f(61)", ".from(1.25).until(f(61))"),
+    ] {
+        type_into(&mut desk, &format!("{field} field"), typed);
+        assert_eq!(desk.state().text(), SCENE.replace(".from(0.5).until(f(60))", written));
+    }
+}

@@ -8,4 +8,5 @@ mod finding;
 mod inspecting;
 mod naming;
 mod panels;
+mod renaming;
 mod working;

@@ -101,7 +101,7 @@ fn marks_are_the_keys_of_the_script() {
     assert_eq!(times, [0.0, 1.0, 2.0]);
     assert!(row.events.iter().all(|event| event.kind == EventKind::Key));
     assert_eq!(place.viewer.scene.as_ref().unwrap().stage.actors[0].channels[0].times.len(), 62);
-    let lamp = place.viewer.timeline.rows.iter().find(|row| row.label.contains("point")).unwrap();
+    let lamp = place.viewer.timeline.rows.iter().find(|row| row.label == "lamp").unwrap();
     assert_eq!(lamp.events[0].key_refs(), [key(Selected::Light(0), "kelvin", 0.0)]);
 }
 
@@ -446,12 +446,107 @@ fn a_box_of_points_is_deleted_and_home_fits_them() {
     desk.hover_at(plot.center());
     desk.run();
     press(&mut desk, Modifiers::NONE, Key::Home);
-    let span = desk.state().viewer.span;
+    let span = desk.state().viewer.curves.time;
     assert!(span.from > 0.5 && span.from < 1.0 && span.to > 2.0 && span.to < 2.5, "{span:?}");
     assert_eq!(desk.state().viewer.playhead.frame(), 0);
     press(&mut desk, Modifiers::NONE, Key::Delete);
     assert_eq!(desk.state().text(), replaced(&[(", [1.0, [1, 0, 0]], [2.0, [1, 2, 0], \"in_quad\"]", "")]));
     undone(&mut desk);
+}
+
+/// Numbers are typed one after the other: the menu of a key is closed by nothing but a command, Escape or a click beside it.
+#[test]
+fn the_menu_of_a_key_stays_while_numbers_are_typed() {
+    let mut desk = desk();
+    let row = desk.get_by_label("row ball").rect().center().y;
+    let at = pos2(x_of(&desk, 1.0), row);
+    secondary_click(&mut desk, at);
+    let typed = |desk: &mut Desk, label: &str, text: &str| {
+        desk.get_by_label(label).click();
+        desk.run();
+        desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        desk.event(Event::Text(text.into()));
+        desk.run();
+        desk.key_press(Key::Enter);
+        desk.run();
+        assert_eq!(desk.state().viewer.message, None);
+        desk.get_by_label("position y of the key");
+        desk.state_mut().reload();
+        // The menu finds its place again.
+        desk.run();
+        desk.run();
+    };
+    typed(&mut desk, "position y of the key", "0.5");
+    // Past the next key: it is another one of the row.
+    typed(&mut desk, "time of position", "3.0");
+    typed(&mut desk, "position x of the key", "1.5");
+    let keys = "[[0.0, [0, 0, 0]], [2.0, [1, 2, 0], \"in_quad\"], [3.0, [1.5, 0.5, 0]]]";
+    assert!(desk.state().text().contains(keys), "{}", desk.state().text());
+    press(&mut desk, Modifiers::NONE, Key::Escape);
+    assert!(desk.query_by_label("position y of the key").is_none());
+    let third = pos2(x_of(&desk, 3.0), row);
+    secondary_click(&mut desk, third);
+    desk.get_by_label("position y of the key");
+    let beside = pos2(40.0, 300.0);
+    drag(&mut desk, beside, beside);
+    assert!(desk.query_by_label("position y of the key").is_none());
+}
+
+/// Fit changes the view of the curves alone, and curves that are shown first are seen whole.
+#[test]
+fn curves_are_fitted_when_shown_first_and_by_themselves() {
+    let mut desk = desk();
+    let shown = choreo_viewer::state::span::Span { from: 3.0, to: 3.5 };
+    desk.state_mut().viewer.span = shown;
+    desk.state_mut().viewer.curves.time = shown;
+    desk.state_mut().viewer.curves.values = choreo_viewer::state::span::Span { from: 100.0, to: 101.0 };
+    desk.state_mut().viewer.selection = Some(ball());
+    press(&mut desk, Modifiers::COMMAND, Key::Num9);
+    let fits = |desk: &Desk| {
+        let curves = &desk.state().viewer.curves;
+        // The keys lie between 0 and 2 s, the values between 0 and 720°.
+        assert!(
+            curves.time.from <= 0.0 && curves.time.to >= 2.0 && curves.time.to < 2.5,
+            "{:?}",
+            curves.time
+        );
+        assert!(curves.values.from <= 0.0 && curves.values.to >= 720.0, "{:?}", curves.values);
+        assert!(desk.query_by_label("key rotation at 50").is_some());
+        assert_eq!(desk.state().viewer.span, shown);
+    };
+    fits(&desk);
+    // The user's own view stays, until Fit is pressed.
+    desk.state_mut().viewer.curves.time = shown;
+    desk.run();
+    assert_eq!(desk.state().viewer.curves.time, shown);
+    desk.get_by_label("Fit").click();
+    desk.run();
+    fits(&desk);
+}
+
+/// A hint is not in the way of what is dragged.
+#[test]
+fn hints_are_away_while_a_button_is_down() {
+    let mut desk = Place::new(PARTS).harness(vec2(1500.0, 1000.0));
+    // Beside the key in its middle.
+    let bar = desk.get_by_label("Walk on ada").rect().center() + vec2(60.0, 3.0);
+    let hint = |desk: &Desk| {
+        let texts = desk.output().shapes.iter().filter_map(|shape| match &shape.shape {
+            egui::Shape::Text(text) => Some(text.galley.text()),
+            _ => None,
+        });
+        texts.filter(|text| text.starts_with("Walk\n")).count() > 0
+    };
+    desk.hover_at(bar);
+    (0..8).for_each(|_| desk.step());
+    assert!(hint(&desk), "over the bar");
+    desk.drag_at(bar);
+    desk.step();
+    desk.step();
+    assert!(!hint(&desk), "pressed");
+    desk.hover_at(bar + vec2(30.0, 0.0));
+    (0..8).for_each(|_| desk.step());
+    assert!(!hint(&desk), "dragged");
 }
 
 /// The control points of a Bézier easing lie between its keys as in CSS, and are dragged.

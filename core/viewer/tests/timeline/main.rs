@@ -6,4 +6,5 @@ mod place;
 mod editing;
 mod events;
 mod keys;
+mod rows;
 mod strips;

@@ -1,6 +1,7 @@
 //! The description of a job in its folder, `job.json`: its films with their chunks. `choreo farm --status` reads it.
 
 use super::chunks::Chunk;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::{Component, Path};
 
@@ -12,7 +13,7 @@ pub(crate) const JOB: &str = "job.json";
 pub(crate) const ROWS: &str = "rows.json";
 
 /// A job, for any engine.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 pub(crate) struct FarmJob {
     /// The films, in the order in which machines begin them.
     pub films: Vec<Film>,
@@ -21,7 +22,7 @@ pub(crate) struct FarmJob {
 }
 
 /// A film of a job.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Film {
     /// The film's path below [`OUTPUT`], with slashes.
     pub output: String,
@@ -48,37 +49,20 @@ impl Film {
 
 impl FarmJob {
     pub fn json(&self) -> Value {
-        let film = |film: &Film| {
-            json!({
-                "output": film.output, "segments": film.segments, "row": film.row, "options": film.options,
-                "frames": film.frames, "chunks": film.chunks,
-            })
-        };
-        json!({ "job": 1, "films": self.films.iter().map(film).collect::<Vec<_>>(), "pattern": self.pattern })
+        json!({ "job": 1, "films": self.films, "pattern": self.pattern })
     }
 
     /// `None` where a field is missing, or where a path leads out of the folder.
     pub fn read(value: &Value) -> Option<FarmJob> {
         (value["job"] == 1).then_some(())?;
-        let film = |value: &Value| {
-            let inside =
-                |path: &&str| Path::new(path).components().all(|part| matches!(part, Component::Normal(_)));
-            let text = |value: &Value| value.as_str().map(str::to_string);
-            let chunk = |value: &Value| {
-                let chunk = (value[0].as_u64()?, value[1].as_u64()?);
-                (chunk.0 <= chunk.1).then_some(chunk)
-            };
-            Some(Film {
-                output: value["output"].as_str().filter(inside)?.to_string(),
-                segments: value["segments"].as_str().filter(inside)?.to_string(),
-                row: value["row"].as_u64().and_then(|row| usize::try_from(row).ok()),
-                options: value["options"].as_array()?.iter().map(text).collect::<Option<_>>()?,
-                frames: value["frames"].as_u64().filter(|frames| *frames > 0)?,
-                chunks: value["chunks"].as_array()?.iter().map(chunk).collect::<Option<_>>()?,
-            })
+        let job = FarmJob::deserialize(value).ok()?;
+        let is_inside =
+            |path: &str| Path::new(path).components().all(|part| matches!(part, Component::Normal(_)));
+        let is_sound = |film: &Film| {
+            let in_order = film.chunks.iter().all(|(first, last)| first <= last);
+            is_inside(&film.output) && is_inside(&film.segments) && film.frames > 0 && in_order
         };
-        let films = value["films"].as_array()?.iter().map(film).collect::<Option<Vec<_>>>()?;
-        Some(FarmJob { films, pattern: value["pattern"].as_str().map(str::to_string) })
+        job.films.iter().all(is_sound).then_some(job)
     }
 }
 

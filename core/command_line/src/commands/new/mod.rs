@@ -166,7 +166,7 @@ enum Workspace {
 }
 
 impl Workspace {
-    /// As Cargo finds it: the nearest `Cargo.toml` above with a `[workspace]`.
+    /// The workspace as Cargo finds it: the nearest `Cargo.toml` above with a `[workspace]`.
     fn around(folder: &Path, sources: &Path) -> Workspace {
         let Ok(folder) = folder.canonicalize() else { return Workspace::None };
         if folder == sources.join("plugins") {

@@ -5,7 +5,8 @@
 
 use super::{EXTENSION, line, value};
 use choreo_plugin::Frame;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
 
 /// Extension of the files.
 const REPORT: &str = "report";
@@ -16,7 +17,8 @@ pub(crate) const PART: &str = ".part";
 /// Larger side of a thumbnail in pixels.
 const THUMBNAIL: u32 = 192;
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub(crate) enum State {
     Running,
     Done,
@@ -25,20 +27,18 @@ pub(crate) enum State {
     Stopped,
 }
 
-const STATES: [(State, &str); 4] = [
-    (State::Running, "running"),
-    (State::Done, "done"),
-    (State::Failed, "failed"),
-    (State::Stopped, "stopped"),
-];
-
 impl State {
     pub fn word(self) -> &'static str {
-        STATES.iter().find(|(state, _)| *state == self).map_or("", |(_, word)| word)
+        match self {
+            State::Running => "running",
+            State::Done => "done",
+            State::Failed => "failed",
+            State::Stopped => "stopped",
+        }
     }
 }
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Report {
     pub state: State,
     /// Frames of the segment that are finished, those of killed workers among them.
@@ -51,34 +51,23 @@ pub(crate) struct Report {
     /// The last message of a worker that failed.
     pub message: String,
     /// A PNG; empty before the first frame.
+    #[serde(skip)]
     pub thumbnail: Vec<u8>,
 }
 
 impl Report {
     pub fn bytes(&self) -> Vec<u8> {
-        let mut bytes = line(&json!({
-            "report": 1, "state": self.state.word(), "done": self.done, "made": self.made,
-            "seconds": self.seconds, "host": self.host, "message": self.message,
-        }));
-        bytes.extend(&self.thumbnail);
-        bytes
+        let mut report = json!(self);
+        report["report"] = json!(1);
+        [line(&report), self.thumbnail.clone()].concat()
     }
 
     /// `None` where it was cut, or is something else.
     pub fn read(bytes: &[u8]) -> Option<Report> {
         let end = bytes.iter().position(|byte| *byte == b'\n')? + 1;
-        let value: Value = value(&bytes[..end])?;
-        let text = |name: &str| value[name].as_str().map(str::to_string);
-        let word = value["state"].as_str()?;
-        Some(Report {
-            state: STATES.iter().find(|(_, name)| *name == word)?.0,
-            done: value["done"].as_u64()?,
-            made: value["made"].as_u64()?,
-            seconds: value["seconds"].as_f64().filter(|seconds| *seconds >= 0.0)?,
-            host: text("host")?,
-            message: text("message")?,
-            thumbnail: bytes[end..].to_vec(),
-        })
+        let report =
+            Report::deserialize(value(&bytes[..end])?).ok().filter(|report| report.seconds >= 0.0)?;
+        Some(Report { thumbnail: bytes[end..].to_vec(), ..report })
     }
 }
 

@@ -84,7 +84,7 @@ impl Exporter for SegmentExporter {
         _: &mut dyn Read,
         out: Box<dyn Write + Send>,
     ) -> Result<Box<dyn FrameSink>, ExportError> {
-        let cut = || ExportError::Format("what is kept of the segment is cut".into());
+        let cut = || ExportError::Format("the saved state of the segment is incomplete".into());
         let done = states.last().and_then(|state| state.as_slice().try_into().ok()).ok_or_else(cut)?;
         Ok(self.sink(info, u64::from_le_bytes(done), out))
     }

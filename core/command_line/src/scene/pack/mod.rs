@@ -14,6 +14,7 @@ pub(crate) use write::{write, write_folder};
 use crate::args::PackedStage;
 use crate::failure::Failure;
 use crate::scene::OpenedScene;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::{Component, Path};
 
@@ -24,7 +25,7 @@ pub(crate) const EXTENSION: &str = "choreo";
 const MANIFEST: &str = "choreo.json";
 
 /// The description of a packed scene: the contents of its first entry.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Manifest {
     /// The program that packed it, and in whose hands it gives the same bytes.
     pub software: String,
@@ -48,7 +49,7 @@ pub(crate) struct Manifest {
     pub names: Vec<(String, String)>,
 }
 
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct PackedFile {
     pub path: String,
     pub bytes: u64,
@@ -58,57 +59,21 @@ pub(crate) struct PackedFile {
 
 impl Manifest {
     fn json(&self) -> Value {
-        let file = |f: &PackedFile| json!({ "path": f.path, "bytes": f.bytes, "blake3": f.blake3 });
-        json!({
-            "pack": 1,
-            "software": self.software,
-            "input": self.input,
-            "search": self.search,
-            "plugins": self.plugins,
-            "set": self.set,
-            "import": self.import,
-            "clip": self.clip,
-            "importer": self.importer,
-            "options": self.options,
-            "input_hash": self.input_hash,
-            "stage": self.stage,
-            "files": self.files.iter().map(file).collect::<Vec<_>>(),
-            "names": self.names.iter().map(|(name, of)| [name, of]).collect::<Vec<_>>(),
-        })
+        let mut value = json!(self);
+        value["pack"] = json!(1);
+        value
     }
 
     /// `None` where a field is missing, or where a path leads out of the archive.
     fn read(value: &Value) -> Option<Manifest> {
-        let text = |value: &Value| value.as_str().map(str::to_string);
-        let texts = |name: &str| value[name].as_array()?.iter().map(text).collect::<Option<Vec<_>>>();
-        let paths = |name: &str| texts(name).filter(|paths| paths.iter().all(|path| is_inside(path)));
-        let maybe = |name: &str| Some(value[name].as_str().map(str::to_string));
-        let file = |value: &Value| {
-            let (path, blake3) = (text(&value["path"])?, text(&value["blake3"])?);
-            is_inside(&path).then_some(PackedFile { path, bytes: value["bytes"].as_u64()?, blake3 })
-        };
         (value["pack"] == 1).then_some(())?;
-        let files = value["files"].as_array()?.iter().map(file).collect::<Option<Vec<PackedFile>>>()?;
-        let name = |value: &Value| {
-            let (name, of) = (text(&value[0])?, text(&value[1])?);
-            let is_file = |path: &str| files.iter().any(|file| file.path == path);
-            (is_inside(&name) && is_file(&of) && !is_file(&name)).then_some((name, of))
-        };
-        Some(Manifest {
-            names: value["names"].as_array()?.iter().map(name).collect::<Option<_>>()?,
-            software: text(&value["software"])?,
-            input: text(&value["input"]).filter(|path| is_inside(path))?,
-            search: paths("search")?,
-            plugins: paths("plugins")?,
-            set: texts("set")?,
-            import: texts("import")?,
-            clip: maybe("clip")?,
-            importer: maybe("importer")?,
-            options: text(&value["options"])?,
-            input_hash: text(&value["input_hash"])?,
-            stage: text(&value["stage"])?,
-            files,
-        })
+        let manifest = Manifest::deserialize(value).ok()?;
+        let Manifest { input, search, plugins, files, names, .. } = &manifest;
+        let paths = search.iter().chain(plugins).chain(files.iter().map(|file| &file.path));
+        let is_file = |path: &str| files.iter().any(|file| file.path == path);
+        let is_sound = paths.chain([input]).all(|path| is_inside(path))
+            && names.iter().all(|(name, of)| is_inside(name) && is_file(of) && !is_file(name));
+        is_sound.then_some(manifest)
     }
 }
 

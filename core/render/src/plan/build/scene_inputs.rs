@@ -150,7 +150,7 @@ impl<'a> Planner<'a> {
             instance_actors.push(item.actor);
         }
         if inputs.motion {
-            // Without a frame before everything is where it was.
+            // In the first frame nothing has moved.
             instances.extend(drawn.iter().map(|item| item.before.unwrap_or(item.instance)));
             instance_actors.extend(drawn.iter().map(|item| item.actor));
         }

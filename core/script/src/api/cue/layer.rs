@@ -20,7 +20,6 @@ fn change(c: &Call, change: impl FnOnce(&mut Chain) -> Result<(), ApiError>) -> 
     let mut build = c.build();
     let chain = build.cue(this.0)?.chain;
     change(&mut build.chains[chain])?;
-    drop(build);
     c.itself()
 }
 

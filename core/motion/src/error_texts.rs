@@ -1,0 +1,18 @@
+//! Texts of errors without a procedural macro (decision 57).
+
+/// `Display` and `Error` of a type: each line is a pattern of the type and the text that it gives.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! error_texts {
+    ($name:ident: $($pattern:pat => $format:literal $(, $argument:expr)*;)*) => {
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                match self {
+                    $($pattern => write!(f, $format $(, $argument)*),)*
+                }
+            }
+        }
+
+        impl std::error::Error for $name {}
+    };
+}

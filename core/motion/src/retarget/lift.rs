@@ -1,0 +1,265 @@
+//! Height that the hips are raised by over a clip, so that feet stay on the floor.
+//!
+//! At each time the lowest foot asks for a height. Where a sole stands, that is where it must be. Where a heel rises over its toes, and in the
+//! air, the asked height follows the proportions of both feet instead, up and down by a tenth of a leg within a few frames, and a
+//! body that keeps to it jolts. The lift is the smoothest curve that keeps to what standing soles ask for: it minimizes
+//! Σ w (r − c)² + Σ (second difference of r)² + μ Σ (first difference of r)², with large weights w where a sole stands and small
+//! ones elsewhere (Whittaker 1923; a spline under tension, which does not swing beyond its ends). Where a foot would sink below the floor, the
+//! floor is a goal of a large weight, too, until none does.
+
+use super::Retarget;
+use super::frame::Frame;
+use crate::clip::Clip;
+use crate::time::Time;
+
+/// Samples a second, and the most of a clip.
+const RATE: f64 = 120.0;
+const MOST_SAMPLES: f64 = 262_144.0;
+/// Seconds over which the curve is smooth where a sole stands, and elsewhere: the fourth root of 1 / w.
+const STANDING_SECS: f64 = 0.015;
+const AIR_SECS: f64 = 1.0;
+/// Seconds over which the curve bends into the straight way from one stance to the next: the square root of 1 / μ.
+const BEND_SECS: f64 = 0.1;
+/// Legs above its height at rest, at which an ankle still stands, and at which it does no more.
+const STANDS: f64 = 0.01;
+const FLIES: f64 = 0.05;
+/// Legs a second, by which an ankle goes up or down that stands, on a step or on its toes, and by which one goes that does not.
+const STILL: f64 = 0.05;
+const MOVES: f64 = 0.3;
+/// Seconds around, in which an ankle must be as slow.
+const STILL_SECS: f64 = 0.04;
+/// Legs that a foot may sink below the floor.
+const SINKS: f64 = 1e-3;
+/// Times that the curve is found again with the floor as a goal where a foot sinks.
+const MOST_ROUNDS: usize = 8;
+/// Seconds by which the curve is continued beyond both ends.
+const BEYOND_SECS: f64 = 1.0;
+/// Legs by which the ends of a clip that loops may differ.
+const LOOPS: f64 = 1e-3;
+
+/// What the feet ask for at one time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Clearance {
+    /// Metres by which the hips must be raised so that the lowest foot is where it should be.
+    pub raised: f64,
+    /// Metres by which they must be raised at least, so that it is not below the floor.
+    pub least: f64,
+    /// The source's lower ankle above its height at rest, in lengths of its leg.
+    pub ankle: f64,
+}
+
+/// The lift at equal steps of time.
+pub(super) struct Lift {
+    step_secs: f64,
+    /// Metres.
+    raised: Vec<f64>,
+}
+
+impl Lift {
+    /// The lift of a clip, whose poses the frame finds.
+    pub fn new(of: &Retarget, clip: &Clip, frame: &mut Frame) -> Lift {
+        let secs = clip.duration.as_secs();
+        let steps = (secs * RATE).ceil().clamp(1.0, MOST_SAMPLES);
+        let step_secs = secs / steps;
+        let time = |i: u32| Time::from_secs(step_secs * f64::from(i)).min(clip.duration);
+        let asked: Vec<Clearance> =
+            (0..=steps as u32).map(|i| frame.clearance_at(of, clip, time(i))).collect();
+        let raised = match step_secs > 0.0 {
+            true => smooth(&asked, step_secs, of.target.leg),
+            false => vec![asked[0].raised],
+        };
+        Lift { step_secs, raised }
+    }
+
+    /// Metres at a time of the clip; a cubic through four samples between two.
+    pub fn at(&self, time: Time) -> f64 {
+        let last = self.raised.len() - 1;
+        if last == 0 {
+            return self.raised[0];
+        }
+        let place = (time.as_secs() / self.step_secs).clamp(0.0, last as f64);
+        let i = (place as usize).min(last - 1);
+        let w = place - i as f64;
+        let [b, c] = [self.raised[i], self.raised[i + 1]];
+        // Beyond the ends the curve goes on straight.
+        let a = if i == 0 { 2.0 * b - c } else { self.raised[i - 1] };
+        let d = if i + 2 > last { 2.0 * c - b } else { self.raised[i + 2] };
+        let (from, to) = ((c - a) / 2.0, (d - b) / 2.0);
+        let (w2, w3) = (w * w, w * w * w);
+        b * (2.0 * w3 - 3.0 * w2 + 1.0)
+            + c * (3.0 * w2 - 2.0 * w3)
+            + from * (w3 - 2.0 * w2 + w)
+            + to * (w3 - w2)
+    }
+}
+
+/// The smoothest curve that keeps to what standing soles ask for.
+fn smooth(asked: &[Clearance], step_secs: f64, leg: f64) -> Vec<f64> {
+    let count = asked.len();
+    let (first, last) = (asked[0], asked[count - 1]);
+    let loops = (first.raised - last.raised).abs() < LOOPS * leg && (first.ankle - last.ankle).abs() < LOOPS;
+    // A clip that loops goes on with its beginning, another one is mirrored: the curve leaves its ends level.
+    let period = if loops { count - 1 } else { 2 * (count - 1) } as isize;
+    let index = |i: isize| {
+        let i = i.rem_euclid(period) as usize;
+        if i < count { i } else { 2 * (count - 1) - i }
+    };
+    let weights = weights(asked, step_secs, &index);
+    let beyond = (BEYOND_SECS / step_secs).ceil().min(1e6) as isize;
+    let all: Vec<usize> = (-beyond..count as isize + beyond).map(index).collect();
+    let mut goals: Vec<[f64; 2]> =
+        all.iter().map(|i| [weights[*i], weights[*i] * asked[*i].raised]).collect();
+    let floor = fourth_power(step_secs / STANDING_SECS);
+    let mut sunk = vec![false; all.len()];
+    let tension = (step_secs / BEND_SECS) * (step_secs / BEND_SECS);
+    let mut found = spline(&goals, tension);
+    for _ in 0..MOST_ROUNDS {
+        let mut more = false;
+        for (i, sample) in all.iter().enumerate() {
+            let least = asked[*sample].least;
+            if !sunk[i] && found[i] < least - SINKS * leg {
+                goals[i] = [goals[i][0] + floor, goals[i][1] + floor * least];
+                (sunk[i], more) = (true, true);
+            }
+        }
+        if !more {
+            break;
+        }
+        found = spline(&goals, tension);
+    }
+    found[beyond as usize..][..count].to_vec()
+}
+
+/// How closely the curve keeps to each sample.
+fn weights(asked: &[Clearance], step_secs: f64, index: &dyn Fn(isize) -> usize) -> Vec<f64> {
+    // Feet that never come down stand where they are lowest.
+    let floor = asked.iter().map(|a| a.ankle).fold(f64::MAX, f64::min).max(0.0);
+    let near = (STILL_SECS / step_secs).ceil().min(64.0) as isize;
+    let speed = |i: isize| (asked[index(i + 1)].ankle - asked[index(i)].ankle).abs() / step_secs;
+    let weight = |i: usize| {
+        let high = smoothstep(STANDS, FLIES, asked[i].ankle - floor);
+        let i = i as isize;
+        let fastest = (i - near..i + near).map(speed).fold(0.0, f64::max);
+        let air = high * smoothstep(STILL, MOVES, fastest);
+        fourth_power(step_secs / (STANDING_SECS + (AIR_SECS - STANDING_SECS) * air))
+    };
+    (0..asked.len()).map(weight).collect()
+}
+
+fn fourth_power(x: f64) -> f64 {
+    (x * x) * (x * x)
+}
+
+fn smoothstep(from: f64, to: f64, at: f64) -> f64 {
+    let w = ((at - from) / (to - from)).clamp(0.0, 1.0);
+    w * w * (3.0 - 2.0 * w)
+}
+
+/// The curve of all samples' weights and weighted goals: (W + D₂ᵀD₂ + μ D₁ᵀD₁) r = W c, by LDLᵀ of five diagonals.
+fn spline(goals: &[[f64; 2]], tension: f64) -> Vec<f64> {
+    let n = goals.len();
+    let (mut diagonal, mut first) = (vec![0.0; n], vec![0.0; n]);
+    for i in 1..n {
+        diagonal[i - 1] += tension;
+        diagonal[i] += tension;
+        first[i] -= tension;
+    }
+    for i in 2..n {
+        diagonal[i - 2] += 1.0;
+        diagonal[i - 1] += 4.0;
+        diagonal[i] += 1.0;
+        first[i - 1] -= 2.0;
+        first[i] -= 2.0;
+    }
+    // Row i of L holds `far` two columns left of the diagonal and `near` one column left of it.
+    let (mut pivots, mut near, mut far, mut out) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+    for i in 0..n {
+        let [weight, goal] = goals[i];
+        let (mut pivot, mut value) = (weight + diagonal[i], goal);
+        if i >= 2 {
+            far[i] = 1.0 / pivots[i - 2];
+            pivot -= far[i] * far[i] * pivots[i - 2];
+            value -= far[i] * out[i - 2];
+        }
+        if i >= 1 {
+            let above = if i >= 2 { far[i] * near[i - 1] * pivots[i - 2] } else { 0.0 };
+            near[i] = (first[i] - above) / pivots[i - 1];
+            pivot -= near[i] * near[i] * pivots[i - 1];
+            value -= near[i] * out[i - 1];
+        }
+        (pivots[i], out[i]) = (pivot, value);
+    }
+    for i in (0..n).rev() {
+        out[i] /= pivots[i];
+        if i + 1 < n {
+            out[i] -= near[i + 1] * out[i + 1];
+        }
+        if i + 2 < n {
+            out[i] -= far[i + 2] * out[i + 2];
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The normal equations hold: the gradient of what is minimized is zero, by differences of the sum itself.
+    #[test]
+    fn the_curve_is_the_least_of_its_sum() {
+        let goals: Vec<[f64; 2]> = (0..40)
+            .map(|i| {
+                let weight = [0.5, 1e-4, 0.02][i % 3];
+                [weight, weight * f64::from(i as u32 * 7919 % 101) / 101.0]
+            })
+            .collect();
+        let sum = |r: &[f64], tension: f64| {
+            let fit: f64 = r.iter().zip(&goals).map(|(r, [w, wc])| w * r * r - 2.0 * wc * r).sum();
+            let bend: f64 =
+                r.windows(3).map(|r| (r[0] - 2.0 * r[1] + r[2]) * (r[0] - 2.0 * r[1] + r[2])).sum();
+            let rise: f64 = r.windows(2).map(|r| (r[1] - r[0]) * (r[1] - r[0])).sum();
+            fit + bend + tension * rise
+        };
+        for tension in [0.0, 0.007] {
+            let found = spline(&goals, tension);
+            let least = sum(&found, tension);
+            for i in 0..found.len() {
+                for off in [-1e-3, 1e-3] {
+                    let mut other = found.clone();
+                    other[i] += off;
+                    assert!(sum(&other, tension) > least, "{i} {off} at {tension}");
+                }
+            }
+        }
+    }
+
+    /// A body whose feet stand flat but for one stride in the air keeps to the floor, and goes evenly through the air.
+    #[test]
+    fn stances_are_kept_and_flights_are_smooth() {
+        let step_secs = 1.0 / RATE;
+        let asked: Vec<Clearance> = (0..240)
+            .map(|i| {
+                let secs = f64::from(i) * step_secs;
+                let ankle = 8.0 * ((secs - 0.8) * (1.2 - secs)).max(0.0);
+                // What the feet ask for in the air goes down by 9 cm and back within an eighth of a second.
+                let raised = if ankle > FLIES { -0.09 * (1.0 - (8.0 * secs).fract()) } else { 0.01 };
+                Clearance { raised, least: raised - 0.2, ankle }
+            })
+            .collect();
+        let found = smooth(&asked, step_secs, 1.0);
+        for (i, (found, asked)) in found.iter().zip(&asked).enumerate() {
+            let flat = asked.ankle == 0.0 && !(80..160).contains(&i);
+            assert!(!flat || (found - 0.01).abs() < 1e-4, "{i}: {found}");
+            assert!((found - 0.01).abs() < 0.02, "{i}: {found}");
+        }
+        let jolt = found.windows(3).map(|r| (r[0] - 2.0 * r[1] + r[2]).abs()).fold(0.0, f64::max);
+        assert!(jolt < 5e-4, "{jolt}");
+        // Where the feet would sink they do not: the floor asks for three centimetres more in the middle of the flight.
+        let mut deep = asked;
+        deep[120..123].iter_mut().for_each(|asked| asked.least = 0.04);
+        let raised = smooth(&deep, step_secs, 1.0);
+        assert!(raised[120..123].iter().all(|r| *r > 0.035), "{:?}", &raised[118..125]);
+        assert!(found[120..123].iter().all(|r| *r < 0.02), "{:?}", &found[118..125]);
+    }
+}

@@ -1,0 +1,112 @@
+//! Names of objects: the one that is shown, which the call that makes it states, and the script's variable that is called after it.
+
+use super::casting::identifier;
+use super::object::{ScriptObject, quoted};
+use super::values::{option_value, set_option};
+use super::{Edit, EditRefused};
+use std::ops::Range;
+
+/// The place of an object's name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NamedBy {
+    /// The first argument, `cast("ada", …)`; a variable of the same name goes with it.
+    Argument,
+    /// The option `name`; without one the variable, `let key = sun(…)`; else the option is added.
+    Option,
+    /// The variable alone.
+    Variable,
+}
+
+/// Another name of an object: the text that states it, and the variable that is renamed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Renaming {
+    pub stated: Option<Edit>,
+    /// A byte of the variable's declaration, and its new name.
+    pub variable: Option<(usize, String)>,
+}
+
+impl ScriptObject<'_> {
+    /// The name that the script states of it: the argument or option where that is a literal, else its variable.
+    pub fn name(&self, by: NamedBy) -> Option<String> {
+        let stated = self.stated_name(by).and_then(|range| unquoted(&self.text[range]));
+        stated.or_else(|| self.variable.clone().filter(|_| by != NamedBy::Argument))
+    }
+
+    fn stated_name(&self, by: NamedBy) -> Option<Range<usize>> {
+        let inside = &self.made.inside;
+        let range = match by {
+            NamedBy::Argument => inside.start..self.text.value_end(inside.start, inside.end),
+            NamedBy::Option => option_value(&self.text, &self.made, "name")?,
+            NamedBy::Variable => return None,
+        };
+        Some(self.text.trimmed(&range))
+    }
+
+    /// The changes that give it another name.
+    ///
+    /// # Errors
+    /// Why it has none that could be changed, for the user: it is computed, has none, or another object has the new one.
+    pub fn rename(&self, by: NamedBy, to: &str) -> Result<Renaming, EditRefused> {
+        let to = to.trim();
+        if to.is_empty() {
+            return Err(EditRefused::at(self.line, "a name has at least one letter"));
+        }
+        let declared = self.declared();
+        match (self.stated_name(by), declared) {
+            (Some(range), declared) => {
+                let old = unquoted(&self.text[range.clone()]).ok_or_else(|| {
+                    let why =
+                        format!("its name, {}, is computed; change it there", &self.text[range.clone()]);
+                    EditRefused::at(self.line_of(range.start), &why)
+                })?;
+                self.refuse_taken(to)?;
+                let goes_along = |(_, name): &(usize, &str)| *name == old || *name == identifier(&old);
+                let variable = declared.filter(goes_along).filter(|(_, name)| *name != identifier(to));
+                let variable = variable.map(|(at, _)| (at, identifier(to)));
+                Ok(Renaming { stated: Some(Edit { range, text: quoted(to) }), variable })
+            }
+            (None, Some((_, name))) if name == to => Ok(Renaming::default()),
+            (None, Some((at, _))) => {
+                let is_word = to.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+                    && !to.starts_with(|c: char| c.is_ascii_digit());
+                let name = if is_word { to.to_string() } else { identifier(to) };
+                Ok(Renaming { stated: None, variable: Some((at, name)) })
+            }
+            (None, None) if by == NamedBy::Option => {
+                let stated = set_option(&self.text, &self.made, self.line, "name", &quoted(to))?;
+                Ok(Renaming { stated: Some(stated), variable: None })
+            }
+            (None, None) => {
+                Err(EditRefused::at(self.line, "it has no name in the script; write let NAME = …"))
+            }
+        }
+    }
+
+    /// Where its variable is declared in the statement that makes it, and the variable.
+    fn declared(&self) -> Option<(usize, &str)> {
+        let start = self.text.statement_start(self.made.name.start);
+        let name = self.text.variable_of(start).filter(|name| self.variable.as_deref() == Some(name))?;
+        Some((self.text.skip(start + "let".len()), name))
+    }
+
+    /// Refuses the name of another object of its kind.
+    fn refuse_taken(&self, to: &str) -> Result<(), EditRefused> {
+        let made = &self.text[self.made.name.clone()];
+        for other in self.text.calls_of(made).filter(|call| call.name != self.made.name) {
+            let first = other.inside.start..self.text.value_end(other.inside.start, other.inside.end);
+            let option = option_value(&self.text, &other, "name").unwrap_or(first);
+            if unquoted(self.text[option].trim()).as_deref() == Some(to) {
+                let why = format!("{} is the name of another {made}", quoted(to));
+                return Err(EditRefused::at(self.line_of(other.name.start), &why));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The letters of a text literal.
+fn unquoted(text: &str) -> Option<String> {
+    let inside = text.strip_prefix('"')?.strip_suffix('"')?;
+    let rest = inside.replace("\\\\", "").replace("\\\"", "");
+    (!rest.contains(['"', '\\'])).then(|| inside.replace("\\\"", "\"").replace("\\\\", "\\"))
+}

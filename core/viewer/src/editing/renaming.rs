@@ -1,0 +1,106 @@
+//! Names of actors, cameras, lights and titles, changed everywhere in the script.
+
+use super::{EditError, FieldChange};
+use crate::app::Viewer;
+use crate::state::selection::Selected;
+use crate::state::view::ViewCamera;
+use choreo_language_server::variable_uses;
+use choreo_script::Place;
+use choreo_session::edit::{Edit, EditRefused, NamedBy, ScriptObject};
+use choreo_stage::Layer2dContent;
+use std::collections::BTreeSet;
+
+impl Viewer {
+    /// The name of something as the user changes it; `None` where it has none of its own.
+    pub(crate) fn name_of(&self, what: &Selected) -> Option<String> {
+        match what {
+            Selected::Actor(name) | Selected::Camera(name) => Some(name.clone()),
+            Selected::Light(index) => Some(self.light_name(*index)),
+            Selected::Title(index) => match self.words_of(*index) {
+                Some(words) => Some(words),
+                None => self.read_selected(what, |object| object.name(NamedBy::Variable)),
+            },
+            Selected::Cue { .. } | Selected::Effect(_) | Selected::Sky => None,
+        }
+    }
+
+    /// The words of a title.
+    fn words_of(&self, index: usize) -> Option<String> {
+        match &self.scene.as_ref()?.stage.layers_2d.get(index)?.content {
+            Layer2dContent::Text { words, .. } => Some(words.clone()),
+            _ => None,
+        }
+    }
+
+    /// Gives something another name: the text that states it, and the variable that is called after it with all its uses. Of a title, the words.
+    ///
+    /// # Errors
+    /// Why not, for the user, with the line in the way; nothing has changed.
+    pub fn rename(&mut self, what: &Selected, to: &str) -> Result<(), EditError> {
+        let to = to.trim();
+        if self.name_of(what).as_deref() == Some(to) {
+            return Ok(());
+        }
+        let by = match what {
+            Selected::Actor(_) | Selected::Camera(_) => NamedBy::Argument,
+            Selected::Light(_) => NamedBy::Option,
+            Selected::Title(index) if self.words_of(*index).is_some() => {
+                return self.change_field(what, &FieldChange::Words(to.to_string()));
+            }
+            _ => NamedBy::Variable,
+        };
+        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+        self.change(&place, siblings, |text| renamed(text, &place, by, to))?;
+        self.goes_by(what, to);
+        Ok(())
+    }
+
+    /// The window knows it by its new name, too.
+    fn goes_by(&mut self, what: &Selected, to: &str) {
+        let new = match what {
+            Selected::Actor(name) => {
+                let rename = |set: &mut BTreeSet<String>| {
+                    if set.remove(name) {
+                        set.insert(to.to_string());
+                    }
+                };
+                let shelf = &mut self.shelf;
+                [&mut shelf.hidden, &mut shelf.solo, &mut shelf.locked, &mut shelf.collapsed]
+                    .into_iter()
+                    .for_each(rename);
+                let muted = std::mem::take(&mut shelf.muted).into_iter();
+                let muted = muted.map(|(of, layer)| (if of == *name { to.to_string() } else { of }, layer));
+                shelf.muted = muted.collect();
+                Selected::Actor(to.to_string())
+            }
+            Selected::Camera(_) => Selected::Camera(to.to_string()),
+            _ => return,
+        };
+        for view in &mut self.views {
+            match (&mut view.camera, what) {
+                (ViewCamera::Named(name), Selected::Camera(old)) if name == old => *name = to.to_string(),
+                (ViewCamera::Follow { actor, .. }, Selected::Actor(old)) if actor == old => {
+                    *actor = to.to_string();
+                }
+                _ => {}
+            }
+        }
+        if self.selection.as_ref() == Some(what) {
+            self.selection = Some(new);
+        }
+    }
+}
+
+fn renamed(text: &str, place: &Place, by: NamedBy, to: &str) -> Result<Edit, EditRefused> {
+    let renaming = ScriptObject::at(text, place.line, place.column)?.rename(by, to)?;
+    let mut changes: Vec<Edit> = renaming.stated.into_iter().collect();
+    if let Some((at, name)) = renaming.variable {
+        let uses = variable_uses(text, at, &name)
+            .map_err(|not| EditRefused { line: not.line, ..EditRefused::from(not.why) })?;
+        changes.extend(uses.into_iter().map(|range| Edit { range, text: name.clone() }));
+    }
+    // From the end of the text, so that none moves one that is still to come.
+    changes.sort_by_key(|edit| std::cmp::Reverse(edit.range.start));
+    let after = changes.iter().fold(text.to_string(), |after, edit| edit.apply(&after));
+    Ok(Edit::between(text, &after))
+}

@@ -1,0 +1,67 @@
+//! A field for the name of an actor, a camera, a light or a title, at its row.
+
+use super::sequencer;
+use crate::app::Viewer;
+use crate::editing::EditError;
+use crate::state::selection::Selected;
+use egui::text::{CCursor, CCursorRange};
+use egui::{Area, Frame, Key, Order, Pos2, TextEdit, Ui};
+
+/// What is renamed, and what was typed so far.
+#[derive(Default)]
+pub struct NameField {
+    what: Option<Selected>,
+    text: String,
+    at: Pos2,
+    fresh: bool,
+}
+
+/// Opens the field for the selection.
+pub fn ask(viewer: &mut Viewer) {
+    let what = viewer.selection.clone().filter(|what| viewer.name_of(what).is_some());
+    match what {
+        Some(what) => viewer.to_rename = Some(what),
+        None => viewer.edit(|_| {
+            let why = "select an actor, a camera, a light or a title: those have names of their own";
+            Err(EditError::refused(why))
+        }),
+    }
+}
+
+pub fn show(field: &mut NameField, ui: &Ui, viewer: &mut Viewer) {
+    if let Some(what) = viewer.to_rename.take() {
+        let row = sequencer::place_of(ui, viewer, &what).map(|row| row.left_bottom());
+        let pointer = || ui.input(|i| i.pointer.latest_pos());
+        let at = row.or_else(pointer).unwrap_or_else(|| ui.ctx().content_rect().center());
+        let text = viewer.name_of(&what).unwrap_or_default();
+        *field = NameField { what: Some(what), text, at, fresh: true };
+    }
+    let Some(what) = field.what.clone() else { return };
+    let area = Area::new(egui::Id::new("rename")).order(Order::Foreground).fixed_pos(field.at);
+    let shown = area.constrain(true).show(ui.ctx(), |ui| {
+        Frame::popup(ui.style())
+            .show(ui, |ui| {
+                ui.weak("Enter: rename it everywhere in the script");
+                let mut output = TextEdit::singleline(&mut field.text).desired_width(220.0).show(ui);
+                let response = output.response.response;
+                response
+                    .widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::TextEdit, true, "new name"));
+                if std::mem::take(&mut field.fresh) {
+                    response.request_focus();
+                    let all = CCursorRange::two(CCursor::new(0), CCursor::new(field.text.chars().count()));
+                    output.state.cursor.set_char_range(Some(all));
+                    output.state.store(ui.ctx(), response.id);
+                }
+                response
+            })
+            .inner
+    });
+    if !shown.inner.lost_focus() {
+        return;
+    }
+    let is_meant = ui.input(|i| i.key_pressed(Key::Enter));
+    let NameField { text, .. } = std::mem::take(field);
+    if is_meant {
+        viewer.edit(|v| v.rename(&what, &text));
+    }
+}

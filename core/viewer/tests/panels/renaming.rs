@@ -1,0 +1,166 @@
+//! Actors, cameras, lights and titles get other names: everywhere in the script, by the row's menu, F2 and the inspector.
+
+use crate::place::{Desk, Place, secondary_click};
+use choreo_viewer::state::selection::Selected;
+use choreo_viewer::state::view::ViewCamera;
+use egui::{Event, Key, Modifiers, vec2};
+use egui_kittest::kittest::Queryable;
+
+const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", moves).at(-0.5, 0.0, 0.0);   // ada is on the left
+ada.play(moves.clip("Walk")).until(2.0);
+let bob = cast("bob", moves).at(0.5, 0.0, 0.0);
+bob.face(ada);
+if true { let near = ada; near.tint("red"); }
+let told = `${ada.joint(`Head`).name()} and "ada"`;
+let options = #{ ada: 1.0 };
+let one = cast("a " + "ball", shape("sphere"));
+camera("wide").at(0.0, 1.0, 5.0).look_at(ada);
+let key = sun(#{ intensity: 3.0 });
+key.color("white");
+point(#{ position: [0.0, 2.0, 0.0] });
+let words = text("Hello").from(1.0);
+words.fade(0.5);
+"##;
+
+fn desk() -> Desk {
+    let mut place = Place::new(SCRIPT);
+    place.paint();
+    place.harness(vec2(1500.0, 1000.0))
+}
+
+fn typed(desk: &mut Desk, text: &str) {
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    desk.event(Event::Text(text.into()));
+    desk.run();
+    desk.key_press(Key::Enter);
+    desk.run();
+}
+
+/// The script with the actor's new name wherever it is meant, and nowhere else.
+fn with_eve() -> String {
+    SCRIPT
+        .replace("let ada = cast(\"ada\", moves)", "let eve_2 = cast(\"Eve 2\", moves)")
+        .replace("ada.play", "eve_2.play")
+        .replace("face(ada)", "face(eve_2)")
+        .replace("near = ada", "near = eve_2")
+        .replace("${ada.joint", "${eve_2.joint")
+        .replace("look_at(ada)", "look_at(eve_2)")
+}
+
+#[test]
+fn the_row_s_menu_renames_an_actor_everywhere_it_is_meant() {
+    let mut desk = desk();
+    desk.state_mut().viewer.shelf.locked.insert("ada".into());
+    desk.state_mut().viewer.shelf.muted.insert(("ada".into(), 0));
+    let head = desk.get_by_label("row ada").rect().left_center() + vec2(20.0, 0.0);
+    secondary_click(&mut desk, head);
+    desk.get_by_label_contains("Rename").click();
+    desk.run();
+    typed(&mut desk, "Eve 2");
+    assert_eq!(desk.state().viewer.message, None);
+    assert_eq!(desk.state().text(), with_eve());
+    desk.state_mut().reload();
+    desk.run();
+    let viewer = &desk.state().viewer;
+    assert!(viewer.problems.is_empty(), "{:?}", viewer.problems);
+    assert_eq!(viewer.selection, Some(Selected::Actor("Eve 2".into())));
+    assert!(viewer.shelf.locked.contains("Eve 2") && viewer.shelf.muted.contains(&("Eve 2".into(), 0)));
+    desk.get_by_label("row Eve 2");
+    desk.state_mut().viewer.undo().unwrap();
+    assert_eq!(desk.state().text(), SCRIPT);
+}
+
+#[test]
+fn f2_renames_cameras_lights_and_titles() {
+    let mut desk = desk();
+    desk.state_mut().viewer.views[0].camera = ViewCamera::Named("wide".into());
+    for (what, new, wanted) in [
+        (Selected::Camera("wide".into()), "far", SCRIPT.replace("camera(\"wide\")", "camera(\"far\")")),
+        (
+            Selected::Light(0),
+            "main light",
+            SCRIPT.replace("let key =", "let main_light =").replace("key.color", "main_light.color"),
+        ),
+        (Selected::Light(1), "lamp", SCRIPT.replace("0.0] });\nlet", "0.0], name: \"lamp\" });\nlet")),
+        (Selected::Title(0), "Bye", SCRIPT.replace("\"Hello\"", "\"Bye\"")),
+    ] {
+        desk.state_mut().reload_with(SCRIPT);
+        desk.state_mut().viewer.selection = Some(what.clone());
+        desk.run();
+        desk.key_press(Key::F2);
+        desk.run();
+        typed(&mut desk, new);
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().text(), wanted);
+        desk.state_mut().reload();
+        desk.run();
+        assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
+        let shown = desk.state().viewer.timeline.lights.clone();
+        match what {
+            Selected::Light(0) => assert_eq!(shown[0], "main_light"),
+            Selected::Light(1) => assert_eq!(shown[1], "lamp"),
+            _ => assert_eq!(shown, ["key", "point light 2"]),
+        }
+    }
+    assert_eq!(desk.state().viewer.views[0].camera, ViewCamera::Named("far".into()));
+    // Escape leaves the name.
+    desk.state_mut().reload_with(SCRIPT);
+    desk.state_mut().viewer.selection = Some(Selected::Actor("bob".into()));
+    desk.run();
+    desk.key_press(Key::F2);
+    desk.run();
+    desk.event(Event::Text("x".into()));
+    desk.run();
+    desk.key_press(Key::Escape);
+    desk.run();
+    assert!(desk.query_by_label("new name").is_none());
+    assert_eq!(desk.state().text(), SCRIPT);
+}
+
+#[test]
+fn the_inspector_renames() {
+    let mut desk = desk();
+    desk.state_mut().viewer.selection = Some(Selected::Actor("bob".into()));
+    desk.run();
+    desk.get_by_label("name field").click();
+    desk.run();
+    typed(&mut desk, "max");
+    let wanted = SCRIPT.replace("let bob = cast(\"bob\"", "let max_ = cast(\"max\"");
+    // `max` is a function of scripts, so that no variable may be called so.
+    assert_ne!(desk.state().text(), wanted);
+    assert!(desk.state().viewer.message.as_ref().unwrap().contains("max is a function of the API"));
+    assert_eq!(desk.state().text(), SCRIPT);
+    desk.get_by_label("name field").click();
+    desk.run();
+    typed(&mut desk, "cleo");
+    assert_eq!(desk.state().text(), SCRIPT.replace("bob", "cleo"));
+}
+
+#[test]
+fn what_cannot_be_renamed_safely_is_refused_with_its_line() {
+    let mut place = Place::new(SCRIPT);
+    for (what, to, why) in [
+        (Selected::Actor("ada".into()), "bob", "a.rhai: line 5: \"bob\" is the name of another cast"),
+        (Selected::Actor("ada".into()), "Told", "a.rhai: line 8 uses the name told already"),
+        (
+            Selected::Actor("a ball".into()),
+            "b",
+            "a.rhai: line 10: its name, \"a \" + \"ball\", is computed; change it there",
+        ),
+        (Selected::Actor("ada".into()), "  ", "a.rhai: line 3: a name has at least one letter"),
+    ] {
+        let refused = place.viewer.rename(&what, to).unwrap_err();
+        assert!(refused.to_string().ends_with(why), "{refused}");
+        assert_eq!(place.text(), SCRIPT);
+    }
+    // Another variable of that name within a block: only the own one is renamed.
+    let shadowed =
+        format!("{SCRIPT}for ada in [bob] {{ ada.turn(5); }}\nfn f(ada) {{ ada }}\nada.turn(9);\n");
+    place.reload_with(&shadowed);
+    place.viewer.rename(&Selected::Actor("ada".into()), "eve").unwrap();
+    let text = place.text();
+    let end = "for ada in [bob] { ada.turn(5); }\nfn f(ada) { ada }\neve.turn(9);\n";
+    assert!(text.ends_with(end) && text.contains("let eve = cast(\"eve\""), "{text}");
+}

@@ -1,0 +1,172 @@
+//! Bars that change rows: dragged onto that of another actor, or pasted there, with all of their options.
+
+use crate::place::{Desk, Place, drag, secondary_click};
+use choreo_motion::Time;
+use choreo_viewer::state::selection::Selected;
+use egui::{Event, Pos2, pos2, vec2};
+use egui_kittest::kittest::Queryable;
+
+const SCRIPT: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 8.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", moves);
+ada.play(moves.clip("Walk")).until(2.0)
+    .then(moves.clip("Wave"), #{
+        fade: 0.4, // softly
+        repeat: "once",
+    }).until(4.0).ease("smooth").trim(0.2, 1.8);
+ada.play(moves.clip("Bow")).from(1.0).until(2.0).on("RightShoulder..").fade(0.2).speed(1.5);
+let bob = cast("bob", moves).at(1.0, 0.0, 0.0);
+let ball = cast("ball", shape("sphere"));
+sun(#{ intensity: 2.0 });
+text("Hello").from(1.0).until(3.0).fade(0.5);
+"#;
+
+fn cue(layer: usize, cue: usize) -> Selected {
+    Selected::Cue { actor: "ada".into(), layer, cue }
+}
+
+fn desk() -> Desk {
+    Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
+}
+
+/// The height of a row.
+fn height(desk: &Desk, label: &str) -> f32 {
+    desk.get_by_label(&format!("row {label}")).rect().center().y
+}
+
+const BOW: &str =
+    "bob.play(moves.clip(\"Bow\")).from(3.0).until(4.0).on(\"RightShoulder..\").fade(0.2).speed(1.5);\n";
+const WAVE: &str = "bob.play(moves.clip(\"Wave\"), #{\n        fade: 0.4, // softly\n        repeat: \"once\",\n    }).from(4.0).until(6.0).ease(\"smooth\").trim(0.2, 1.8);\n";
+
+#[test]
+fn a_bar_that_is_dragged_onto_another_row_is_played_there() {
+    let mut desk = desk();
+    let second = desk.get_by_label("time").rect().width() / 8.0;
+    let bow = desk.get_by_label("Bow on ada +1").rect().center();
+    let to = pos2(bow.x + 2.0 * second, height(&desk, "bob"));
+    drag(&mut desk, bow, to);
+    assert_eq!(desk.state().viewer.message, None);
+    let bow_line = SCRIPT.lines().find(|line| line.contains("Bow")).unwrap();
+    let wanted = SCRIPT
+        .replace(&format!("{bow_line}\n"), "")
+        .replace("at(1.0, 0.0, 0.0);\n", &format!("at(1.0, 0.0, 0.0);\n{BOW}"));
+    assert_eq!(desk.state().text(), wanted);
+    desk.state_mut().reload();
+    desk.run();
+    desk.get_by_label("Bow on bob +1");
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("bob".into())));
+    desk.state_mut().viewer.undo().unwrap();
+    assert_eq!(desk.state().text(), SCRIPT);
+    // Several that are selected go together, the second of a chain, too.
+    desk.state_mut().reload();
+    desk.state_mut().viewer.move_cues_to(&[cue(1, 0), cue(0, 1)], "bob", 2.0).unwrap();
+    let text = desk.state().text();
+    assert!(text.contains(&format!("{BOW}{}", WAVE)), "{text}");
+    assert!(text.contains("ada.play(moves.clip(\"Walk\")).until(2.0);\nlet bob"), "{text}");
+}
+
+/// The pointer is held over a row; gives the texts beside it.
+fn told(desk: &mut Desk, from: Pos2, to: Pos2) -> Vec<String> {
+    desk.hover_at(from);
+    desk.run();
+    desk.drag_at(from);
+    desk.run();
+    desk.hover_at(to);
+    desk.run();
+    let shapes = desk.output().shapes.iter();
+    let texts = shapes.filter_map(|shape| match &shape.shape {
+        egui::Shape::Text(text) => Some(text.galley.text().to_string()),
+        _ => None,
+    });
+    texts.collect()
+}
+
+#[test]
+fn a_row_that_refuses_a_bar_says_why_at_the_pointer() {
+    let mut desk = desk();
+    let bow = desk.get_by_label("Bow on ada +1").rect().center();
+    let title = desk.get_by_label("\u{201c}Hello\u{201d} on titles").rect().center();
+    for (from, row, why) in [
+        (bow, "ball", "no joint of ball follows Bow of ada"),
+        (bow, "sun 1", "clips are played by actors: drop it on the row of one"),
+        (bow, "ada", "a layer of an actor is made by .on(…)"),
+        (title, "bob", "actors play clips alone"),
+    ] {
+        let to = pos2(from.x, height(&desk, row));
+        let texts = told(&mut desk, from, to);
+        assert!(texts.iter().any(|text| text.contains(why)), "{why}: {texts:?}");
+        desk.drop_at(to);
+        desk.run();
+        let message = desk.state().viewer.message.clone().unwrap_or_default();
+        assert!(message.contains(why), "{message}");
+        assert_eq!(desk.state().text(), SCRIPT);
+    }
+    desk.state_mut().viewer.shelf.locked.insert("bob".into());
+    let to = pos2(bow.x, height(&desk, "bob"));
+    drag(&mut desk, bow, to);
+    assert!(desk.state().viewer.message.as_ref().unwrap().contains("this row is locked"));
+    assert_eq!(desk.state().text(), SCRIPT);
+}
+
+/// Copied by the menu Edit, pasted by it, by the row's menu and by the system's keys: on the selected row, at the playhead.
+#[test]
+fn clips_are_pasted_on_the_selected_row_with_all_options() {
+    let wanted = SCRIPT.replace("at(1.0, 0.0, 0.0);\n", &format!("at(1.0, 0.0, 0.0);\n{BOW}{WAVE}"));
+    for way in ["Edit", "row", "keys"] {
+        let mut desk = desk();
+        desk.state_mut().viewer.selection = Some(cue(1, 0));
+        desk.run();
+        desk.get_by_label("Wave on ada").click_modifiers(egui::Modifiers::COMMAND);
+        desk.run();
+        desk.get_by_label("Edit").click();
+        desk.run();
+        desk.get_by_label_contains("Copy").click();
+        desk.run_steps(1);
+        let copied = desk.output().platform_output.commands.iter().find_map(|command| match command {
+            egui::OutputCommand::CopyText(text) => Some(text.clone()),
+            _ => None,
+        });
+        desk.run();
+        desk.state_mut().viewer.playhead.seek(Time::from_secs(3.0));
+        desk.get_by_label("row bob").click();
+        desk.run();
+        assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("bob".into())));
+        match way {
+            "Edit" => desk.get_by_label("Edit").click(),
+            "row" => {
+                let head = desk.get_by_label("row bob").rect().left_center() + vec2(20.0, 0.0);
+                secondary_click(&mut desk, head);
+            }
+            _ => desk.event(Event::Paste(copied.expect("the clipboard"))),
+        }
+        desk.run();
+        if way != "keys" {
+            desk.get_by_label_contains("Paste at the playhead").click();
+            desk.run();
+        }
+        assert_eq!(desk.state().viewer.message, None, "{way}");
+        assert_eq!(desk.state().text(), wanted, "{way}");
+    }
+}
+
+/// The color of a bar is that of its clip, whatever else is on stage.
+#[test]
+fn bars_keep_their_colors_when_others_come() {
+    let kinds = |place: &Place| -> Vec<(String, usize)> {
+        let bars = place.viewer.timeline.rows.iter().flat_map(|row| &row.bars);
+        bars.map(|bar| (bar.label.clone(), bar.kind)).collect()
+    };
+    let mut place = Place::new(SCRIPT);
+    let before = kinds(&place);
+    let line = "let first = cast(\"first\", moves);\nfirst.play(moves.clip(\"Jump\"));\nlet ada =";
+    place.reload_with(&SCRIPT.replace("let ada =", line));
+    let after = kinds(&place);
+    assert_eq!(after.len(), before.len() + 1);
+    for bar in &before {
+        assert!(after.contains(bar), "{bar:?} in {after:?}");
+    }
+    // And different clips have different ones, as far as there are colors.
+    let distinct: std::collections::BTreeSet<usize> =
+        after.iter().filter(|(label, _)| !label.contains('\u{201c}')).map(|(_, kind)| kind % 16).collect();
+    assert!(distinct.len() >= 3, "{after:?}");
+}

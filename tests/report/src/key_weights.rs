@@ -1,0 +1,171 @@
+//! Spans between keys whose tangents have weights: Bézier curves of time and value, as short Hermite spans.
+
+use crate::BUDGET_SECS;
+use crate::images::stage;
+use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::Spread;
+use choreo_motion::{Ease, Interpolation, Time};
+use choreo_stage::{Channel, Property};
+
+/// Parts of a span; the script API has those of `OURS`.
+const PARTS: [u32; 5] = [4, 8, 16, 32, 64];
+const OURS: u32 = 32;
+const EXACT: &str = "the Bézier curve itself, bisection";
+/// Lengths of both handles, as shares of the span.
+const WEIGHTS: [[f64; 2]; 5] = [[0.3, 0.4], [0.8, 0.8], [0.0, 0.6], [1.0, 0.0], [1.0, 1.0]];
+/// Changes a second at both ends of a span of a second, over which the value changes by 1.
+const TANGENTS: [f64; 2] = [2.0, -1.0];
+const STEPS: u32 = 4000;
+
+/// Control points of time and value.
+fn points([start, end]: [f64; 2]) -> [[f64; 4]; 2] {
+    [[0.0, start, 1.0 - end, 1.0], [0.0, start * TANGENTS[0], 1.0 - end * TANGENTS[1], 1.0]]
+}
+
+/// The point of a Bézier curve at a parameter, by de Casteljau's construction.
+fn casteljau(points: [f64; 4], u: f64) -> f64 {
+    let mut points = points.to_vec();
+    while points.len() > 1 {
+        points = points.windows(2).map(|p| p[0] + (p[1] - p[0]) * u).collect();
+    }
+    points[0]
+}
+
+/// Times, values and slopes at equal steps of the parameter, as a channel of one number.
+fn in_parts(weights: [f64; 2], parts: u32) -> Channel {
+    let [time, value] = points(weights);
+    let change = |p: [f64; 4], u: f64| {
+        let [a, b, c] = [p[1] - p[0], p[2] - p[1], p[3] - p[2]];
+        (1.0 - u) * (1.0 - u) * a + 2.0 * (1.0 - u) * u * b + u * u * c
+    };
+    let (mut times, mut values, mut slopes) = (Vec::new(), Vec::new(), Vec::new());
+    for i in 0..=parts {
+        let u = f64::from(i) / f64::from(parts);
+        let at = Time::from_secs(casteljau(time, u));
+        if times.last().is_some_and(|last| at <= *last) {
+            continue;
+        }
+        times.push(at);
+        values.push(casteljau(value, u));
+        slopes.push(change(value, u) / change(time, u));
+    }
+    // An upright curve has no slope: that of the points beside it is the bound, as in the script API.
+    let chords: Vec<f64> =
+        (1..times.len()).map(|i| (values[i] - values[i - 1]) / (times[i] - times[i - 1]).as_secs()).collect();
+    for (i, slope) in slopes.iter_mut().enumerate() {
+        let sides = [i.checked_sub(1).map(|i| chords[i]), chords.get(i).copied()];
+        let most = 3.0 * sides.iter().flatten().fold(0.0, |most: f64, chord| most.max(chord.abs()));
+        let chord = sides.iter().flatten().next().copied().unwrap_or(0.0);
+        *slope = if slope.is_finite() { slope.clamp(-most, most) } else { chord };
+    }
+    let values = values.iter().zip(&slopes).flat_map(|(value, slope)| [*slope, *value, *slope]).collect();
+    Channel { property: Property::Opacity, interpolation: Interpolation::CubicSpline, times, values }
+}
+
+/// What the script API makes of such keys.
+fn from_script([start, end]: [f64; 2]) -> Result<Channel, String> {
+    let [out, into] = TANGENTS;
+    let text = format!(
+        "stage(#{{ length: 2.0 }});
+         cast(\"a\", load(\"choreo:mannequin\")).key(\"position\", [
+             [0, [0, 0, 0], #{{ out_tangent: [{out:?}, 0, 0], out_weight: {start:?} }}],
+             [1, [1, 0, 0], #{{ in_tangent: [{into:?}, 0, 0], in_weight: {end:?} }}]]);"
+    );
+    let stage = stage(&text, &choreo::registry())?;
+    let channels = &stage.actors[0].channels;
+    channels
+        .iter()
+        .find(|c| c.property == Property::Translation)
+        .cloned()
+        .ok_or("no channel of places".into())
+}
+
+/// Largest and mean error over the span, and where it is largest.
+fn errors(channel: &Channel, weights: [f64; 2]) -> Result<(Spread, f64), String> {
+    let [time, value] = points(weights);
+    let (mut error, mut place) = (Spread::default(), 0.0);
+    for i in 0..=STEPS {
+        let u = f64::from(i) / f64::from(STEPS);
+        let at = Time::from_secs(casteljau(time, u));
+        let found = channel.at(at).ok_or("a channel without values")?[0];
+        if error.add((found - casteljau(value, u)).abs()) {
+            place = at.as_secs();
+        }
+    }
+    Ok((error, place))
+}
+
+pub fn measured() -> Result<(Choice, Table), String> {
+    let mut choice =
+        Choice::new("key_weights", "In how many parts is a span kept whose tangents have weights?");
+    choice.error_unit = "of the change";
+    choice.reference = format!(
+        "points of the Bézier curve by de Casteljau's construction, f64, at {STEPS} parameters; weights as in the table below but the \
+         last, whose curve is upright in its middle"
+    );
+    choice.per = "sample".into();
+    let titles = WEIGHTS.map(|[a, b]| format!(">{a} and {b}"));
+    let mut columns: Vec<(&str, &'static str)> = vec![("worst error, weights", "way")];
+    columns.extend(titles.iter().map(|title| (title.as_str(), "of the change")));
+    let mut table = Table::new("By the weights", &columns);
+    let mut timed = Vec::new();
+    for parts in PARTS {
+        let channels: Vec<Channel> = match parts == OURS {
+            true => WEIGHTS.iter().map(|weights| from_script(*weights)).collect::<Result<_, _>>()?,
+            false => WEIGHTS.iter().map(|weights| in_parts(*weights, parts)).collect(),
+        };
+        let name = name(parts);
+        let (mut all, mut worst, mut place) = (0.0, 0.0f64, String::new());
+        let mut cells = vec![Cell::text(name.clone())];
+        for (i, (channel, weights)) in channels.iter().zip(WEIGHTS).enumerate() {
+            let (error, at) = errors(channel, weights)?;
+            cells.push(Cell::number(quantity(error.worst), error.worst));
+            if i + 1 == WEIGHTS.len() {
+                continue;
+            }
+            all += error.mean() / (WEIGHTS.len() - 1) as f64;
+            if error.worst > worst {
+                (worst, place) =
+                    (error.worst, format!("weights {} and {}, {at:.3} s", weights[0], weights[1]));
+            }
+        }
+        table.rows.push(cells);
+        let bytes = channels[0].times.len() * (8 + 3 * 8);
+        choice.rows.push(Row::new(name).error(worst, all).at(place).bytes(bytes as f64));
+        timed.push(in_parts(WEIGHTS[0], parts));
+    }
+    let times: Vec<Time> = (1..100).map(|i| Time::from_secs(f64::from(i) / 100.0)).collect();
+    let times = &times;
+    let mut cases: Vec<Case> = timed
+        .iter()
+        .map(|channel| {
+            Case::new(times.len(), move || {
+                for time in times {
+                    std::hint::black_box(channel.at(std::hint::black_box(*time)));
+                }
+            })
+        })
+        .collect();
+    let [along, value] = points(WEIGHTS[0]);
+    let ease = Ease::Bezier([along[1], 1.0 / 3.0, along[2], 2.0 / 3.0]);
+    cases.push(Case::new(times.len(), move || {
+        for time in times {
+            let u = ease.at(std::hint::black_box(time.as_secs()));
+            std::hint::black_box(casteljau(value, u));
+        }
+    }));
+    choice.rows.push(Row::new(EXACT).error(0.0, 0.0).bytes(64.0));
+    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
+    drop(cases);
+    choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
+    choice.choose(
+        &name(OURS),
+        "for weights up to 0.8 a hundredth of a millimetre at a metre, at the price of any other keys; only spans with weights have it",
+    );
+    Ok((choice, table))
+}
+
+fn name(parts: u32) -> String {
+    format!("{parts} Hermite parts{}", if parts == OURS { " (script API)" } else { "" })
+}
