@@ -164,7 +164,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// What a camera about an actor needs of it: the script's variable, the distance at which all of it is in the image, and the
+    /// The needs of a camera about an actor: the script's variable, the distance at which all of it is in the image, and the
     /// direction from which it is seen: from before it, a little to the side and from above.
     fn subject(&self, name: &str) -> Result<(String, f64, DVec3), EditError> {
         let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;

@@ -49,7 +49,7 @@ impl Viewer {
         }
     }
 
-    /// What a clip does to others that an actor plays, where it begins: in words, since only one of them has the whole body. `layer`: the
+    /// The effect of a clip on others that an actor plays, where it begins: in words, since only one of them has the whole body. `layer`: the
     /// row to which it was added.
     pub(super) fn takes_over(&self, name: &str, clip: &str, secs: f64, layer: usize) -> Option<String> {
         let at = Time::from_secs(secs);

@@ -8,7 +8,7 @@ use glam::{DAffine3, DVec2, DVec3};
 
 /// Height of ground as a part of its width.
 const FLAT: f64 = 0.05;
-/// What is so many times as wide as the added object in both directions is a set, within which it stands.
+/// Widths of the added object from which on another object is a set, within which it stands: in both directions.
 const SET: f64 = 8.0;
 /// Metres between bounds, as a part of the added object's width.
 const GAP: f64 = 0.15;
@@ -60,7 +60,7 @@ pub(super) fn footprint(actor: &Actor, state: Option<&ActorState>, time: Time) -
     (size.y > FLAT * size.x.max(size.z)).then(|| Footprint::of(low, high))
 }
 
-/// Where the actors of a stage stand at a time.
+/// Rectangles that the actors of a stage cover at a time.
 pub(super) fn taken(stage: &Stage, time: Time) -> Vec<Footprint> {
     // A stage that cannot be evaluated has its rest poses.
     let snapshot = stage.at(time).ok();
@@ -69,7 +69,7 @@ pub(super) fn taken(stage: &Stage, time: Time) -> Vec<Footprint> {
     all.filter_map(|(index, actor)| footprint(actor, state(index), time)).collect()
 }
 
-/// Those of the places that stand in the way of an object of a width.
+/// Rectangles that stand in the way of an object, without sets.
 fn in_the_way(taken: &[Footprint], own: Footprint) -> impl Iterator<Item = Footprint> {
     let is_set =
         move |other: &Footprint| (other.size() / own.size().max(DVec2::splat(1e-9))).min_element() > SET;

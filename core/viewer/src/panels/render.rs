@@ -7,7 +7,8 @@ use crate::app::Viewer;
 use crate::commands::queue::{Job, JobState};
 use crate::commands::{Format, Kind};
 use crate::state::render_form::{FormScene, Range, RenderForm, Size};
-use egui::{ComboBox, DragValue, Grid, ProgressBar, RichText, TextEdit, Ui, WidgetType};
+use egui::{ComboBox, DragValue, Grid, Label, ProgressBar, RichText, TextEdit, Ui, WidgetType};
+use std::path::Path;
 
 /// Sides in pixels that a render may have.
 const SIDES: std::ops::RangeInclusive<u32> = 1..=16_384;
@@ -90,7 +91,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
                     named(value, WidgetType::DragValue, name).hint(name);
                 })
             }
-            _ => drop(ui.label(format!("{first} to {last}"))),
+            _ => drop(ui.add(Label::new(format!("{first} to {last}")).extend())),
         }
     });
     ui.end_row();
@@ -128,7 +129,7 @@ fn of_images(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
                 let value = ui.add(DragValue::new(side).range(SIDES));
                 named(value, WidgetType::DragValue, name).hint(name);
             }),
-            Size::Scaled(..) => drop(ui.label(format!("{}×{}", pixels[0], pixels[1]))),
+            Size::Scaled(..) => drop(ui.add(Label::new(format!("{}×{}", pixels[0], pixels[1])).extend())),
         }
     });
     ui.end_row();
@@ -166,13 +167,22 @@ fn queue(ui: &mut Ui, viewer: &Viewer) {
                 if icons::small(ui, icon, name, "").clicked() {
                     viewer.renders.cancel(job.number);
                 }
-                let name = job.output.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                let name = shown_name(&job.output);
                 let label = ui.add(egui::Label::new(RichText::new(name).strong()).truncate());
                 label.hint(format!("{}\n{}", job.output.display(), job.about));
             });
             state(ui, &job);
         });
         ui.separator();
+    }
+}
+
+/// The name of a file; of numbered images with their folder, which tells them from others.
+fn shown_name(output: &Path) -> String {
+    let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    match output.parent().map(name).filter(|folder| !folder.is_empty() && name(output).contains('%')) {
+        Some(folder) => format!("{folder}/{}", name(output)),
+        None => name(output),
     }
 }
 

@@ -9,8 +9,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Points of an image's longer side.
-const IMAGE: f32 = 220.0;
+/// Points of an image's longer side, as there is room for those that are compared.
+const IMAGES: std::ops::RangeInclusive<f32> = 96.0..=220.0;
+/// Points before the title of a section.
+const INDENT: f32 = 24.0;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     if viewer.commands.program.is_empty() {
@@ -75,10 +77,18 @@ fn one(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, choice: &m
     };
     let name = if section.name.is_empty() { &section.file } else { &section.name };
     let reused = if section.reused { ", as before" } else { "" };
-    let title = RichText::new(format!("{sign} {name} ({:.1} s{reused})", section.seconds)).color(color);
+    // The time stays to be seen however long the name is, and nothing is wider than the panel.
+    let taken = format!(" ({:.1} s{reused})", section.seconds);
+    let font = egui::TextStyle::Button.resolve(ui.style());
+    let end = ui.painter().layout_no_wrap(taken.clone(), font.clone(), color).size().x;
+    let room = ui.available_width() - INDENT - end;
+    let shown = super::elided(ui.painter(), &format!("{sign} {name}"), font.size, color, room);
+    let is_cut = shown.elided;
+    let text: String = shown.rows.iter().map(|row| row.text()).collect();
+    let title = RichText::new(format!("{text}{taken}")).color(color);
     let header = CollapsingHeader::new(title).id_salt((&section.file, &section.name));
     let header = header.default_open(section.is_bad());
-    header.show(ui, |ui| {
+    let shown = header.show(ui, |ui| {
         ui.horizontal_wrapped(|ui| {
             if ui.link(format!("{}:{}", section.file, section.line)).clicked() {
                 go_to(viewer, section, section.line);
@@ -95,6 +105,9 @@ fn one(ui: &mut Ui, viewer: &mut Viewer, section: &Section, run: u64, choice: &m
             ui.push_id(index, |ui| judged(ui, viewer, section, check, run, choice));
         }
     });
+    if is_cut {
+        shown.header_response.on_hover_text(name);
+    }
 }
 
 /// Goes to a line of the script that is shown; another one is opened in the editor.
@@ -123,7 +136,7 @@ fn judged(
     }
     for (name, text) in [("expected", &check.expected), ("got", &check.got), ("hint", &check.hint)] {
         if !text.is_empty() && !check.passed {
-            ui.label(RichText::new(format!("{name}: {text}")).monospace());
+            ui.add(egui::Label::new(RichText::new(format!("{name}: {text}")).monospace()).wrap());
         }
     }
     let Some(images) = check.images.as_ref().filter(|_| !check.passed) else { return };
@@ -142,6 +155,9 @@ fn compared(ui: &mut Ui, images: &Images, run: u64) {
         ("actual", images.got.as_ref()),
         ("difference", images.difference.as_ref()),
     ];
+    let count = files.iter().filter(|(_, file)| file.is_some()).count().max(1) as f32;
+    let space = ui.spacing().item_spacing.x + 4.0;
+    let side = ((ui.available_width() - INDENT) / count - space).clamp(*IMAGES.start(), *IMAGES.end());
     ui.horizontal_wrapped(|ui| {
         for (name, file) in files {
             let Some(file) = file else { continue };
@@ -150,7 +166,7 @@ fn compared(ui: &mut Ui, images: &Images, run: u64) {
                 match texture(ui, file, run) {
                     Some(texture) => {
                         let size = texture.size_vec2();
-                        let scale = IMAGE / size.max_elem().max(1.0);
+                        let scale = side / size.max_elem().max(1.0);
                         let shown = egui::Image::new((texture.id(), size * scale.min(4.0)));
                         let response = ui.add(shown.alt_text(format!("{name} image")));
                         response.on_hover_ui(|ui| {

@@ -20,7 +20,7 @@ pub struct Orbit {
     pub elevation: f64,
     /// Radians by which the camera is turned about its own axis.
     pub roll: f64,
-    /// Without perspective its height is that of the image a metre of distance.
+    /// An orthographic one has the height of the image a metre of distance.
     pub projection: Projection,
 }
 
