@@ -32,18 +32,16 @@ pub fn cargo(outputs: &str, folder: &Path) -> Command {
     let read = |name: &str| fs::read_to_string(sources().join(name)).expect("a file of the workspace");
     let lock = read("Cargo.lock");
     let own = lock.split("[[package]]").filter(|package| !package.contains("\nsource = "));
-    let own: Vec<String> = own
-        .filter_map(|package| package.split('"').nth(1))
-        .map(|name| format!("[profile.dev.package.{name}]\n"))
-        .collect();
+    let own: Vec<&str> = own.filter_map(|package| package.split('"').nth(1)).collect();
     let manifest = read("Cargo.toml");
     let (_, profile) = manifest.split_once("\n[profile.dev]\n").expect("a profile of development builds");
-    let tables = format!("[profile.dev]\n{profile}").replace("\n[", "\n\0[");
-    let shared = tables.split('\0').filter(|table| !own.iter().any(|own| table.starts_with(own)));
-    let own = own.iter().map(|table| format!("{table}opt-level = 0\ndebug = false\n"));
+    // The profile ends with its table of packages.
+    let is_own = |line: &&str| line.split_once(" = ").is_some_and(|(name, _)| own.contains(&name));
+    let shared = profile.lines().filter(|line| !is_own(line)).map(String::from);
+    let own = own.iter().map(|name| format!("{name} = {{ opt-level = 0, debug = false }}"));
+    let settings: Vec<String> = std::iter::once("[profile.dev]".into()).chain(shared).chain(own).collect();
     fs::create_dir_all(folder.join(".cargo")).expect("a folder of settings");
-    fs::write(folder.join(".cargo/config.toml"), shared.map(String::from).chain(own).collect::<String>())
-        .expect("settings");
+    fs::write(folder.join(".cargo/config.toml"), settings.join("\n")).expect("settings");
     fs::write(folder.join("Cargo.lock"), lock).expect("a lock file");
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.current_dir(folder).env("CARGO_TARGET_DIR", target(outputs)).env_remove("RUSTFLAGS");

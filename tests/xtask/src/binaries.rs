@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
 /// A test binary, and how cargo names it.
-struct Binary {
+pub struct Binary {
     path: PathBuf,
     /// The folder of its package, in which it runs.
     package: PathBuf,
@@ -20,7 +20,7 @@ struct Binary {
 }
 
 /// Builds the test binaries of all packages.
-fn built() -> Result<Vec<Binary>, String> {
+pub fn built() -> Result<Vec<Binary>, String> {
     let arguments = ["test", "--workspace", "--no-run", "--message-format=json-render-diagnostics"];
     let output = cargo(&arguments).stdin(Stdio::null()).stderr(Stdio::inherit()).output();
     let output = output.map_err(|e| format!("cargo test did not start: {e}"))?;
@@ -76,9 +76,8 @@ impl Binary {
     }
 }
 
-/// Builds the tests of all packages and runs them; `line` takes their output, binary by binary. False where a test has failed.
-pub fn run(arguments: &[&str], mut line: impl FnMut(&str)) -> Result<bool, String> {
-    let binaries = built()?;
+/// Runs the tests of all packages; `line` takes their output, binary by binary. False where a test has failed.
+pub fn run(binaries: &[Binary], arguments: &[&str], mut line: impl FnMut(&str)) -> Result<bool, String> {
     let queue = Mutex::new(binaries.iter());
     let at_once = std::thread::available_parallelism().map_or(1, |n| n.get()).max(2);
     let (to, ended) = channel();

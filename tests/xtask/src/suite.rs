@@ -30,7 +30,7 @@ pub fn test(args: &[&str]) -> Result<(), String> {
     let mut tally = Tally::default();
     let mut problems = Vec::new();
     if filters.is_empty()
-        && let Err(text) = lint()
+        && let Err(text) = timed("formatting and clippy", lint)
     {
         problems.push(text);
     }
@@ -39,7 +39,7 @@ pub fn test(args: &[&str]) -> Result<(), String> {
         problems.push(text);
     }
     if filters.is_empty()
-        && let Err(text) = sections(&mut tally)
+        && let Err(text) = timed("sections of scripts", || sections(&mut tally))
     {
         problems.push(text);
     }
@@ -58,11 +58,19 @@ pub fn test(args: &[&str]) -> Result<(), String> {
         println!("    {name}");
     }
     let skipped: u64 = tally.skips.iter().map(|(n, _)| n).sum();
-    println!("tests took {:.0} s", started.elapsed().as_secs_f64());
+    println!("all took {:.0} s", started.elapsed().as_secs_f64());
     // A failure outside the tests themselves (formatting, a build) must not close with "0 failed".
     let failed = if problems.is_empty() { 0 } else { tally.failed.max(1) };
     println!("{} passed, {failed} failed, {skipped} skipped", tally.passed);
     if problems.is_empty() { Ok(()) } else { Err(problems.join("; ")) }
+}
+
+/// Runs a part of the command and prints how long it took.
+fn timed<T>(name: &str, part: impl FnOnce() -> T) -> T {
+    let started = Instant::now();
+    let result = part();
+    println!("{name} took {:.0} s", started.elapsed().as_secs_f64());
+    result
 }
 
 /// The tests of all crates, with one build for all, then the examples in their documentation.
@@ -74,10 +82,11 @@ fn tests(tally: &mut Tally, filters: &[&str]) -> Result<(), String> {
             println!("{text}");
         }
     };
-    let passed = binaries::run(&arguments, &mut show)?;
+    let built = timed("the build of the tests", binaries::built)?;
+    let passed = timed("the tests", || binaries::run(&built, &arguments, &mut show))?;
     let mut examples = cargo(&["test", "--workspace", "--doc", "--no-fail-fast", "--"]);
     examples.args(&arguments);
-    let status = binaries::lines_of(examples, &mut show)?;
+    let status = timed("the examples of the documentation", || binaries::lines_of(examples, &mut show))?;
     tally.end_binary();
     match passed && status.success() {
         true => Ok(()),
