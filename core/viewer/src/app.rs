@@ -2,9 +2,9 @@
 //! frame to draw. No toolkit here.
 
 use crate::commands::Commands;
+use crate::commands::external_editor::Editor;
 use crate::commands::queue::RenderQueue;
 use crate::commands::test_run::TestRun;
-use crate::editing::external_editor::Editor;
 use crate::geometry::gizmo::{Change, Drag, Tool};
 use crate::geometry::picking;
 use crate::library::documents::Documents;

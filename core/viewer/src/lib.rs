@@ -18,6 +18,7 @@ pub mod state;
 mod window;
 
 pub use args::command;
+pub use window::raster;
 
 use choreo::App;
 use std::ffi::OsString;

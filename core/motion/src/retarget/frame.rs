@@ -71,7 +71,7 @@ impl Frame {
         self.follow(of);
     }
 
-    /// What the feet ask for at a time of the clip.
+    /// The clearance of the feet at a time of the clip.
     pub fn clearance_at(&mut self, of: &Retarget, clip: &Clip, time: Time) -> Clearance {
         self.raised = 0.0;
         self.sample(of, clip, time);
@@ -91,7 +91,7 @@ impl Frame {
         }
     }
 
-    /// What the feet ask for: the lowest one as far above its height at rest as the source's, times the scale.
+    /// The clearance of the feet: the lowest one as far above its height at rest as the source's, times the scale.
     fn clearance(&self, of: &Retarget) -> Clearance {
         let above = |side: &super::Side, model: &Model, only: &dyn Fn(u32) -> bool| {
             let joints = side.contacts.iter().filter(|(joint, _)| only(*joint));

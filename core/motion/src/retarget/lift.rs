@@ -37,7 +37,7 @@ const BEYOND_SECS: f64 = 1.0;
 /// Legs by which the ends of a clip that loops may differ.
 const LOOPS: f64 = 1e-3;
 
-/// What the feet ask for at one time.
+/// The lift that the feet ask for at one time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Clearance {
     /// Metres by which the hips must be raised so that the lowest foot is where it should be.

@@ -142,7 +142,8 @@ impl Viewer {
         let place = places.find(|at| room::is_free(&taken, own.moved(*at))).unwrap_or_default();
         let [from, end] = [now.as_secs(), self.playhead.length().as_secs()];
         let at = AddedAt {
-            point: if matches!(what, Addition::Orbit(_)) { DVec3::ZERO } else { place },
+            // Lights and cameras are for what stands there.
+            point: if matches!(what, Addition::Character | Addition::Shape(_)) { place } else { DVec3::ZERO },
             from: self.edit_time(from),
             until: self.edit_time((from + 2.0).min(end)),
             subject: subject.as_ref().map(|(variable, distance, direction)| Subject {

@@ -1,5 +1,6 @@
 //! Why an edit of the script is not made.
 
+use crate::commands::external_editor::EditorError;
 use choreo_files::{FileError, WriteError};
 use choreo_script::Place;
 use std::io;
@@ -47,13 +48,8 @@ pub enum EditError {
     Write { path: PathBuf, source: WriteError },
     #[error("{}: cannot write: it is a symbolic link to {}, outside its folder; open that file itself", path.display(), target.display())]
     LinkOutside { path: PathBuf, target: PathBuf },
-    /// The user's editor, or the terminal for it, is not installed.
-    #[error(
-        "no program \"{program}\" was found to open the script in; set {variable} in the environment to one that is installed"
-    )]
-    NoEditor { program: String, variable: &'static str },
-    #[error("{editor}: cannot be started: {source}; set VISUAL to your editor")]
-    Editor { editor: String, source: io::Error },
+    #[error(transparent)]
+    Editor(#[from] EditorError),
 }
 
 impl EditError {

@@ -9,7 +9,6 @@ pub(crate) mod difference;
 mod documents;
 mod error;
 pub mod expression;
-pub mod external_editor;
 mod fields;
 mod keys;
 mod next_clip;

@@ -50,6 +50,8 @@ mod viewport;
 
 pub(crate) use actions::problem as shortcut_problem;
 
+pub use sequencer::color_of_clip;
+
 use crate::app::Viewer;
 use crate::state::settings::Settings;
 use crate::state::view::{MOST_VIEWS, Overlays, View};
@@ -115,7 +117,7 @@ impl Tab {
 }
 
 /// Dark, as images are judged in the dark, or light; text that can be read for hours in both.
-pub(crate) fn set_colors(context: &egui::Context, light: bool) {
+pub fn set_colors(context: &egui::Context, light: bool) {
     context.set_fonts(icons::fonts());
     context.options_mut(|options| {
         // Ours is remembered, and has ends.

@@ -87,7 +87,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 pub(crate) fn open_in_editor(viewer: &mut Viewer, line: usize) {
     if let Some(path) = &viewer.path {
         let opened = viewer.editor.open(path, line);
-        viewer.report(opened);
+        viewer.report(opened.map_err(Into::into));
     }
 }
 

@@ -9,7 +9,7 @@ use crate::editing::{ClipOf, EditError};
 use crate::state::keyed::KeyRef;
 use crate::state::selection::Selected;
 use crate::state::span::Span;
-use crate::state::timeline::Timeline;
+use crate::state::timeline::{Timeline, kind};
 use choreo_motion::Time;
 use choreo_script::Severity;
 use egui::{Align2, Color32, FontId, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
@@ -38,6 +38,12 @@ pub(super) fn color_of(kind: usize) -> Color32 {
     let is_dark = kind / COLORS.len() % 2 == 1;
     let shade = |value: u8| if is_dark { (u16::from(value) * 7 / 10) as u8 } else { value };
     Color32::from_rgb(shade(r), shade(g), shade(b))
+}
+
+/// The red, green and blue of bars of a clip.
+pub fn color_of_clip(name: &str) -> [u8; 3] {
+    let [r, g, b, _] = color_of(kind(name)).to_array();
+    [r, g, b]
 }
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {

@@ -266,7 +266,7 @@ fn title(scene: &Scene, index: usize) -> Bar {
 }
 
 /// A number for the color of what has this name, whatever else is on stage (FNV-1a).
-fn kind(name: &str) -> usize {
+pub(crate) fn kind(name: &str) -> usize {
     let hash =
         name.bytes().fold(0x811c_9dc5_u32, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193));
     (hash >> 16) as usize

@@ -15,7 +15,7 @@ mod lost_display;
 mod open;
 mod painter;
 mod priority;
-mod raster;
+pub mod raster;
 mod shot;
 mod software;
 mod start;

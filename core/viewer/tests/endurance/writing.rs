@@ -7,13 +7,13 @@ use crate::screen::chance::Chance;
 use crate::screen::kept::Kept;
 use crate::screen::viewer_process::ViewerProcess;
 use crate::screen::{Screen, Shot, assert_quiet, until, validated};
+use choreo_viewer::panels::color_of_clip;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Colors in the sequencer: the playhead, and the bar of the second clip (`Run`).
+/// The color of the playhead in the sequencer.
 const PLAYHEAD: [u8; 3] = [0xff, 0x6a, 0x3d];
-const SECOND: [u8; 3] = [0x00, 0x86, 0x62];
 /// The gizmo's arrow along x, and its ring about y.
 const ALONG_X: [u8; 3] = [0xe0, 0x55, 0x4d];
 const ABOUT_Y: [u8; 3] = [0x6a, 0xb0, 0x3f];
@@ -197,7 +197,7 @@ impl Person<'_> {
     }
 
     fn kims_bar(&self) -> (usize, usize, usize) {
-        until("the bar", || self.screen.shot(self.window).bar(SECOND, SEQUENCER))
+        until("the bar", || self.screen.shot(self.window).bar(color_of_clip("Run"), SEQUENCER))
     }
 
     /// The lines of the script that a drag has changed, as they were and as they are, or come.

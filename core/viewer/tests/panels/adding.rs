@@ -4,7 +4,7 @@ use crate::place::Place;
 use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_session::edit::{Addition, SHAPES};
-use choreo_viewer::editing::external_editor::Editor;
+use choreo_viewer::commands::external_editor::Editor;
 use choreo_viewer::state::selection::Selected;
 use egui::{Event, vec2};
 use egui_kittest::Harness;

@@ -4,6 +4,7 @@
 mod place;
 
 mod adding;
+mod by_mouse;
 mod finding;
 mod inspecting;
 mod naming;

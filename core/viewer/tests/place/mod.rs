@@ -1,6 +1,8 @@
 //! A script in a folder of its own and the viewer that shows it, without a window of the system.
 #![allow(dead_code)]
 
+pub mod mouse;
+
 use choreo_plugin::Frame;
 use choreo_render::{CpuRenderer, Renderer};
 use choreo_session::{FrameRenderer, FrameReply, SceneSource, Session};

@@ -237,7 +237,9 @@ impl Shot {
     /// The row with the most pixels of a color between two heights, and the first and last of them: a bar of the sequencer.
     pub fn bar(&self, color: [u8; 3], [top, bottom]: [usize; 2]) -> Option<(usize, usize, usize)> {
         let rows = (top..bottom.min(self.height)).map(|y| {
-            let mut found = (0..self.width).filter(|x| self.is(*x, y, color));
+            // Dark colors that a device encodes are a few steps off.
+            let near = |x: &usize| self.pixel(*x, y).iter().zip(color).all(|(a, b)| a.abs_diff(b) <= 8);
+            let mut found = (0..self.width).filter(near);
             let first = found.next();
             let (last, count) = found.fold((first, 0usize), |(_, n), x| (Some(x), n + 1));
             (count, y, first, last)

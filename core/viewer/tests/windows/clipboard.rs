@@ -1,6 +1,7 @@
 //! Clips copied in one window and pasted in another, through the clipboard of the display.
 
 use crate::screen::{Screen, assert_quiet, until};
+use choreo_viewer::panels::color_of_clip;
 use std::fs;
 use std::path::Path;
 
@@ -9,8 +10,6 @@ let moves = load("choreo:mannequin");
 let ada = cast("ada", moves);
 ada.play(moves.clip("CLIP")).until(1.0);
 "##;
-/// The first two colors of bars: the camera's is not there, the clip's is the first.
-const BAR: [u8; 3] = [0x00, 0x72, 0xb2];
 const SEQUENCER: [usize; 2] = [600, 860];
 
 #[test]
@@ -26,7 +25,7 @@ fn a_clip_that_is_copied_in_one_window_is_pasted_in_another() {
     let second = script(folders[1].path(), "Walk");
     let mut from = screen.view(&[first.to_str().unwrap()], folders[0].path());
     let window = screen.window();
-    click_bar(&screen, &window, from.0.id());
+    click_bar(&screen, &window, from.0.id(), "Wave");
     screen.key(&window, "ctrl+c");
     screen.rest(from.0.id());
     // Only the newer window is seen: the other one lies below it.
@@ -35,7 +34,7 @@ fn a_clip_that_is_copied_in_one_window_is_pasted_in_another() {
         let found = screen.xdotool(&["search", "--onlyvisible", "--name", "choreo"]);
         found.lines().find(|line| *line != window).map(str::to_string)
     });
-    click_bar(&screen, &other, to.0.id());
+    click_bar(&screen, &other, to.0.id(), "Walk");
     screen.key(&other, "End");
     screen.key(&other, "ctrl+v");
     let text =
@@ -51,8 +50,8 @@ fn a_clip_that_is_copied_in_one_window_is_pasted_in_another() {
 }
 
 /// Waits for the clip's bar and clicks it.
-fn click_bar(screen: &Screen, window: &str, viewer: u32) {
-    let (left, right, y) = until("a bar", || screen.shot(window).bar(BAR, SEQUENCER));
+fn click_bar(screen: &Screen, window: &str, viewer: u32, clip: &str) {
+    let (left, right, y) = until("a bar", || screen.shot(window).bar(color_of_clip(clip), SEQUENCER));
     let [x, y] = [(left + right) / 2, y].map(|n| n.to_string());
     screen.xdotool(&["windowfocus", window]);
     screen.xdotool(&["mousemove", "--window", window, &x, &y]);

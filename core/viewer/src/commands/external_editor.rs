@@ -1,6 +1,6 @@
 //! The user's own editor, opened at a line.
 
-use crate::editing::EditError;
+use std::io;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -8,6 +8,18 @@ use std::process::{Command, Stdio};
 const GOTO: [&str; 5] = ["code", "codium", "code-oss", "cursor", "windsurf"];
 /// Editors that need a terminal.
 const IN_TERMINAL: [&str; 8] = ["vi", "vim", "nvim", "nano", "emacs", "hx", "micro", "kak"];
+
+/// Why the editor does not open.
+#[derive(Debug, thiserror::Error)]
+pub enum EditorError {
+    /// The user's editor, or the terminal for it, is not installed.
+    #[error(
+        "no program \"{program}\" was found to open the script in; set {variable} in the environment to one that is installed"
+    )]
+    Missing { program: String, variable: &'static str },
+    #[error("{editor}: cannot be started: {source}; set VISUAL to your editor")]
+    Start { editor: String, source: io::Error },
+}
 
 /// The program and its arguments: `$VISUAL`, else `$EDITOR`, else Visual Studio Code.
 fn command(editor: Option<&str>, terminal: Option<&str>, file: &str, line: usize) -> Vec<String> {
@@ -47,7 +59,7 @@ impl Editor {
     ///
     /// # Errors
     /// It is missing or cannot be started; the text says what to set.
-    pub fn open(&self, file: &Path, line: usize) -> Result<(), EditError> {
+    pub fn open(&self, file: &Path, line: usize) -> Result<(), EditorError> {
         let all = command(self.command.as_deref(), self.terminal.as_deref(), &file.to_string_lossy(), line);
         // A terminal opens for a moment only where the editor in it is missing.
         let in_terminal = all.get(2).filter(|_| all[1] == "-e");
@@ -57,7 +69,7 @@ impl Editor {
             .chain([(&all[0], if in_terminal.is_some() { "TERMINAL" } else { "VISUAL" })])
         {
             if !is_there(program) {
-                return Err(EditError::NoEditor { program: program.clone(), variable });
+                return Err(EditorError::Missing { program: program.clone(), variable });
             }
         }
         let started = Command::new(&all[0])
@@ -66,7 +78,7 @@ impl Editor {
             .stdout(Stdio::null())
             .stderr(Stdio::null())
             .spawn();
-        let mut child = started.map_err(|source| EditError::Editor { editor: all[0].clone(), source })?;
+        let mut child = started.map_err(|source| EditorError::Start { editor: all[0].clone(), source })?;
         // Nobody else would collect it.
         let _ = std::thread::Builder::new().name("editor".into()).spawn(move || drop(child.wait()));
         Ok(())

@@ -1,0 +1,146 @@
+//! A user with a mouse alone: everything is found by its name, clicked, dragged and typed into; images of the window are drawn on the CPU.
+#![allow(dead_code)]
+
+use super::{Desk, Place, drag, secondary_click};
+use choreo_plugin::Frame;
+use choreo_viewer::raster::{Target, Texture, Textures};
+use egui::accesskit::Role;
+use egui::{Event, Modifiers, Pos2, Rect, TextureId, TexturesDelta, Vec2};
+use egui_kittest::kittest::{NodeT, Queryable};
+use egui_kittest::{Harness, Node, TestRenderer};
+use std::cell::RefCell;
+use std::path::PathBuf;
+use std::rc::Rc;
+
+/// Keeps the textures of the window for images.
+#[derive(Clone, Default)]
+struct Kept(Rc<RefCell<Textures>>);
+
+impl TestRenderer for Kept {
+    fn handle_delta(&mut self, delta: &mut TexturesDelta) {
+        let mut textures = self.0.borrow_mut();
+        textures.change(delta);
+        textures.free(delta);
+    }
+}
+
+pub struct Mouse {
+    pub desk: Desk,
+    textures: Kept,
+    /// The folder for images of the window (`CHOREO_SHOTS`); without it nothing is drawn.
+    images: Option<PathBuf>,
+    size: Vec2,
+    shown: String,
+}
+
+impl Mouse {
+    pub fn new(place: Place, size: Vec2) -> Mouse {
+        let ui = |ui: &mut egui::Ui, place: &mut Place| {
+            place.panels.show(ui, &mut place.viewer, &[Some(TextureId::User(0)); 4], 0.0);
+        };
+        let textures = Kept::default();
+        let images = std::env::var_os("CHOREO_SHOTS").map(PathBuf::from);
+        let shown = place.text();
+        let mut desk =
+            Harness::builder().with_size(size).renderer(textures.clone()).build_ui_state(ui, place);
+        choreo_viewer::panels::set_colors(&desk.ctx, false);
+        desk.run();
+        let mut mouse = Mouse { desk, textures, images, size, shown };
+        mouse.look();
+        mouse
+    }
+
+    /// Does what the window does between two gestures: a changed script is read, and the image is drawn.
+    pub fn look(&mut self) {
+        let text = self.desk.state().text();
+        if text != self.shown {
+            self.shown = text;
+            self.desk.state_mut().reload();
+        }
+        self.desk.run();
+        while let Some(Frame { width, height, rgba, .. }) = self.desk.state_mut().paint() {
+            let mut textures = self.textures.0.borrow_mut();
+            textures.insert(TextureId::User(0), |old| Texture::opaque(old, width, height, &rgba));
+            drop(textures);
+            self.desk.run();
+        }
+        let trouble = &self.desk.state().viewer.message;
+        assert!(trouble.is_none(), "{trouble:?}");
+    }
+
+    /// Where the thing with this name is, or whose name begins with it. Texts beside a field of the same name are not meant.
+    pub fn find(&self, label: &str) -> Rect {
+        let is_seen = |rect: &Rect| Rect::from_min_size(Pos2::ZERO, self.size).contains(rect.center());
+        let named = self.desk.query_all_by_label_contains(label).filter(|node| is_seen(&node.rect()));
+        let order = |node: &Node<'_>| {
+            let name = node.accesskit_node().label().unwrap_or_default();
+            (name != label, !name.starts_with(label), node.accesskit_node().role() == Role::Label)
+        };
+        let found = named.min_by_key(order).map(|node| node.rect());
+        found.unwrap_or_else(|| panic!("no {label:?} in {:#?}", self.labels()))
+    }
+
+    /// All names that are there, to look at after a failure.
+    pub fn labels(&self) -> Vec<String> {
+        let all = self.desk.query_all_by(|node| node.label().is_some());
+        all.map(|node| format!("{} {:?}", node.accesskit_node().label().unwrap_or_default(), node.rect()))
+            .collect()
+    }
+
+    pub fn click(&mut self, label: &str) {
+        self.click_at(self.find(label).center());
+    }
+
+    pub fn click_at(&mut self, at: Pos2) {
+        self.desk.hover_at(at);
+        self.desk.run();
+        self.desk.drag_at(at);
+        self.desk.drop_at(at);
+        self.desk.run();
+        self.look();
+    }
+
+    /// Entries of a menu, one after the other.
+    pub fn menu(&mut self, path: &[&str]) {
+        path.iter().for_each(|label| self.click(label));
+    }
+
+    pub fn drag(&mut self, from: Pos2, to: Pos2) {
+        drag(&mut self.desk, from, to);
+        self.look();
+    }
+
+    pub fn context(&mut self, at: Pos2, entry: &str) {
+        secondary_click(&mut self.desk, at);
+        self.click(entry);
+    }
+
+    /// Types into the field of this name, which a click opens, and leaves it open.
+    pub fn write(&mut self, label: &str, text: &str) {
+        self.click(label);
+        self.desk.key_press_modifiers(Modifiers::COMMAND, egui::Key::A);
+        self.desk.event(Event::Text(text.into()));
+        self.desk.run();
+    }
+
+    /// Types into a field of one line, and ends with Enter.
+    pub fn type_into(&mut self, label: &str, text: &str) {
+        self.write(label, text);
+        self.desk.key_press(egui::Key::Enter);
+        self.desk.run();
+        self.look();
+    }
+
+    /// Leaves an image of the window, where a folder is wished.
+    pub fn picture(&mut self, name: &str) {
+        let Some(folder) = self.images.clone() else { return };
+        self.desk.run();
+        let (width, height) = (self.size.x as usize, self.size.y as usize);
+        let mut pixels = vec![0; width * height];
+        let primitives = self.desk.ctx.tessellate(self.desk.output().shapes.clone(), 1.0);
+        Target { width, height, pixels: &mut pixels }.draw(&primitives, 1.0, &self.textures.0.borrow());
+        let rgb = pixels.iter().flat_map(|p| [(p >> 16) as u8, (p >> 8) as u8, *p as u8]).collect();
+        let image = image::RgbImage::from_raw(width as u32, height as u32, rgb).unwrap();
+        image.save(folder.join(format!("{name}.png"))).unwrap();
+    }
+}
