@@ -5,7 +5,7 @@
 //! body that keeps to it jolts. The lift is the smoothest curve that keeps to what standing soles ask for: it minimizes
 //! Σ w (r − c)² + Σ (second difference of r)² + μ Σ (first difference of r)², with large weights w where a sole stands and small
 //! ones elsewhere (Whittaker 1923; a spline under tension, which does not swing beyond its ends). Where a foot would sink below the floor, the
-//! floor is a goal of a large weight, too, until none does.
+//! floor is a target of a large weight, too, until none does.
 
 use super::Retarget;
 use super::frame::Frame;
@@ -20,17 +20,17 @@ const STANDING_SECS: f64 = 0.015;
 const AIR_SECS: f64 = 1.0;
 /// Seconds over which the curve bends into the straight way from one stance to the next: the square root of 1 / μ.
 const BEND_SECS: f64 = 0.1;
-/// Legs above its height at rest, at which an ankle still stands, and at which it does no more.
+/// An ankle stands up to the first height above its height at rest, and does not from the second on; in legs.
 const STANDS: f64 = 0.01;
 const FLIES: f64 = 0.05;
-/// Legs a second, by which an ankle goes up or down that stands, on a step or on its toes, and by which one goes that does not.
+/// An ankle stands, also on a step or on its toes, up to the first vertical speed, and does not from the second on; in legs a second.
 const STILL: f64 = 0.05;
 const MOVES: f64 = 0.3;
-/// Seconds around, in which an ankle must be as slow.
+/// Seconds before and after, for which the ankle must be as slow.
 const STILL_SECS: f64 = 0.04;
-/// Legs that a foot may sink below the floor.
+/// Depth below the floor, in legs, to which a foot may sink.
 const SINKS: f64 = 1e-3;
-/// Times that the curve is found again with the floor as a goal where a foot sinks.
+/// The curve is computed again at most so often, with the floor as a target where a foot sinks.
 const MOST_ROUNDS: usize = 8;
 /// Seconds by which the curve is continued beyond both ends.
 const BEYOND_SECS: f64 = 1.0;
@@ -107,25 +107,25 @@ fn smooth(asked: &[Clearance], step_secs: f64, leg: f64) -> Vec<f64> {
     let weights = weights(asked, step_secs, &index);
     let beyond = (BEYOND_SECS / step_secs).ceil().min(1e6) as isize;
     let all: Vec<usize> = (-beyond..count as isize + beyond).map(index).collect();
-    let mut goals: Vec<[f64; 2]> =
+    let mut targets: Vec<[f64; 2]> =
         all.iter().map(|i| [weights[*i], weights[*i] * asked[*i].raised]).collect();
     let floor = fourth_power(step_secs / STANDING_SECS);
     let mut sunk = vec![false; all.len()];
     let tension = (step_secs / BEND_SECS) * (step_secs / BEND_SECS);
-    let mut found = spline(&goals, tension);
+    let mut found = spline(&targets, tension);
     for _ in 0..MOST_ROUNDS {
         let mut more = false;
         for (i, sample) in all.iter().enumerate() {
             let least = asked[*sample].least;
             if !sunk[i] && found[i] < least - SINKS * leg {
-                goals[i] = [goals[i][0] + floor, goals[i][1] + floor * least];
+                targets[i] = [targets[i][0] + floor, targets[i][1] + floor * least];
                 (sunk[i], more) = (true, true);
             }
         }
         if !more {
             break;
         }
-        found = spline(&goals, tension);
+        found = spline(&targets, tension);
     }
     found[beyond as usize..][..count].to_vec()
 }
@@ -155,9 +155,9 @@ fn smoothstep(from: f64, to: f64, at: f64) -> f64 {
     w * w * (3.0 - 2.0 * w)
 }
 
-/// The curve of all samples' weights and weighted goals: (W + D₂ᵀD₂ + μ D₁ᵀD₁) r = W c, by LDLᵀ of five diagonals.
-fn spline(goals: &[[f64; 2]], tension: f64) -> Vec<f64> {
-    let n = goals.len();
+/// The curve of all samples' weights and weighted targets: (W + D₂ᵀD₂ + μ D₁ᵀD₁) r = W c, by LDLᵀ of five diagonals.
+fn spline(targets: &[[f64; 2]], tension: f64) -> Vec<f64> {
+    let n = targets.len();
     let (mut diagonal, mut first) = (vec![0.0; n], vec![0.0; n]);
     for i in 1..n {
         diagonal[i - 1] += tension;
@@ -174,8 +174,8 @@ fn spline(goals: &[[f64; 2]], tension: f64) -> Vec<f64> {
     // Row i of L holds `far` two columns left of the diagonal and `near` one column left of it.
     let (mut pivots, mut near, mut far, mut out) = (vec![0.0; n], vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     for i in 0..n {
-        let [weight, goal] = goals[i];
-        let (mut pivot, mut value) = (weight + diagonal[i], goal);
+        let [weight, target] = targets[i];
+        let (mut pivot, mut value) = (weight + diagonal[i], target);
         if i >= 2 {
             far[i] = 1.0 / pivots[i - 2];
             pivot -= far[i] * far[i] * pivots[i - 2];
@@ -208,21 +208,21 @@ mod tests {
     /// The normal equations hold: the gradient of what is minimized is zero, by differences of the sum itself.
     #[test]
     fn the_curve_is_the_least_of_its_sum() {
-        let goals: Vec<[f64; 2]> = (0..40)
+        let targets: Vec<[f64; 2]> = (0..40)
             .map(|i| {
                 let weight = [0.5, 1e-4, 0.02][i % 3];
                 [weight, weight * f64::from(i as u32 * 7919 % 101) / 101.0]
             })
             .collect();
         let sum = |r: &[f64], tension: f64| {
-            let fit: f64 = r.iter().zip(&goals).map(|(r, [w, wc])| w * r * r - 2.0 * wc * r).sum();
+            let fit: f64 = r.iter().zip(&targets).map(|(r, [w, wc])| w * r * r - 2.0 * wc * r).sum();
             let bend: f64 =
                 r.windows(3).map(|r| (r[0] - 2.0 * r[1] + r[2]) * (r[0] - 2.0 * r[1] + r[2])).sum();
             let rise: f64 = r.windows(2).map(|r| (r[1] - r[0]) * (r[1] - r[0])).sum();
             fit + bend + tension * rise
         };
         for tension in [0.0, 0.007] {
-            let found = spline(&goals, tension);
+            let found = spline(&targets, tension);
             let least = sum(&found, tension);
             for i in 0..found.len() {
                 for off in [-1e-3, 1e-3] {

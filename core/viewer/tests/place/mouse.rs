@@ -1,7 +1,7 @@
-//! A user with a mouse alone: everything is found by its name, clicked, dragged and typed into; images of the window are drawn on the CPU.
+//! A user with a mouse alone: everything is found by its name, clicked and typed into; images of the window are drawn on the CPU.
 #![allow(dead_code)]
 
-use super::{Desk, Place, drag, secondary_click};
+use super::{Desk, Place};
 use choreo_plugin::Frame;
 use choreo_viewer::raster::{Target, Texture, Textures};
 use egui::accesskit::Role;
@@ -103,16 +103,6 @@ impl Mouse {
     /// Entries of a menu, one after the other.
     pub fn menu(&mut self, path: &[&str]) {
         path.iter().for_each(|label| self.click(label));
-    }
-
-    pub fn drag(&mut self, from: Pos2, to: Pos2) {
-        drag(&mut self.desk, from, to);
-        self.look();
-    }
-
-    pub fn context(&mut self, at: Pos2, entry: &str) {
-        secondary_click(&mut self.desk, at);
-        self.click(entry);
     }
 
     /// Types into the field of this name, which a click opens, and leaves it open.

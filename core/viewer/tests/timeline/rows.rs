@@ -66,7 +66,7 @@ fn a_bar_that_is_dragged_onto_another_row_is_played_there() {
 }
 
 /// The pointer is held over a row; gives the texts beside it.
-fn told(desk: &mut Desk, from: Pos2, to: Pos2) -> Vec<String> {
+fn shown_texts(desk: &mut Desk, from: Pos2, to: Pos2) -> Vec<String> {
     desk.hover_at(from);
     desk.run();
     desk.drag_at(from);
@@ -93,7 +93,7 @@ fn a_row_that_refuses_a_bar_says_why_at_the_pointer() {
         (title, "bob", "actors play clips alone"),
     ] {
         let to = pos2(from.x, height(&desk, row));
-        let texts = told(&mut desk, from, to);
+        let texts = shown_texts(&mut desk, from, to);
         assert!(texts.iter().any(|text| text.contains(why)), "{why}: {texts:?}");
         desk.drop_at(to);
         desk.run();
