@@ -8,6 +8,7 @@ use crate::renderer::{DeviceInfo, DeviceKind};
 use ash::{ext, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
+use parking_lot::{RwLock, RwLockReadGuard};
 use std::ffi::{CStr, CString, c_void};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -16,6 +17,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub type Messages = Arc<Mutex<Vec<String>>>;
 
 const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// The validation layer looks up its state of an instance or a device in a map that it does not lock (`layer_data_map`,
+/// seen in 1.3.239). Written while an instance or device is created or destroyed, read during all other calls.
+static LAYER_STATE: RwLock<()> = RwLock::new(());
 
 pub struct Context {
     // Keeps libvulkan loaded.
@@ -99,6 +104,7 @@ impl Context {
     pub fn new(options: &ContextOptions<'_>) -> Result<Context, RenderError> {
         let entry = load()?;
         let messages = Messages::default();
+        let _creates = options.validation.then(|| LAYER_STATE.write());
         let (instance, messenger) = create_instance(&entry, options, &messages)?;
         // Every object that exists by now is destroyed if a later step fails.
         let destroy = |error: RenderError| {
@@ -166,6 +172,11 @@ impl Context {
         })
     }
 
+    /// To be held during calls of the device: under validation, no other thread creates or destroys one meanwhile.
+    pub fn calls(&self) -> Option<RwLockReadGuard<'static, ()>> {
+        self.messenger.is_some().then(|| LAYER_STATE.read_recursive())
+    }
+
     /// Lets a test make a call fail here.
     pub fn fault(&self, place: FaultPlace) -> Result<(), vk::Result> {
         if self.lost.load(Ordering::Relaxed) {
@@ -210,7 +221,10 @@ impl Context {
 
 impl Drop for Context {
     fn drop(&mut self) {
+        let calls = self.calls();
         self.allocator = None;
+        drop(calls);
+        let _destroys = self.messenger.is_some().then(|| LAYER_STATE.write());
         // SAFETY: the renderer destroyed every object of the device before; allocator, device, messenger and
         // instance go in the reverse order of their making.
         unsafe {

@@ -119,6 +119,7 @@ impl VulkanRenderer {
             without: &options.without,
             storage_range: options.storage_range,
         })?;
+        let calls = gpu.calls();
         let mut layouts = Layouts::new(&gpu)?;
         let cache_dir = options.cache_dir.as_deref();
         let pipelines = ShaderSources::read(options.shader_dir)
@@ -133,6 +134,8 @@ impl VulkanRenderer {
         let usual = if gpu.info.kind == DeviceKind::VulkanGpu { 16.0 } else { 1.0 };
         let mut resources = Resources::default();
         resources.anisotropy = options.anisotropy.unwrap_or(usual);
+        // A renderer that is dropped after an error destroys its device: what it holds must be given back before.
+        drop(calls);
         let mut renderer = VulkanRenderer {
             gpu,
             layouts,
@@ -158,6 +161,7 @@ impl VulkanRenderer {
             frugal: options.frugal,
         };
         // From here on `drop` frees everything.
+        let _calls = renderer.gpu.calls();
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         // SAFETY: the device is alive and has the feature; destroyed by `drop`.
@@ -332,6 +336,7 @@ impl VulkanRenderer {
 
     /// Like [`Renderer::submit`], without taking the plan.
     pub fn submit_plan(&mut self, plan: &Plan) -> Result<(), RenderError> {
+        let _calls = self.gpu.calls();
         if self.pending.len() + self.later.len() >= self.slots.len() {
             let text = format!("{} frames are in flight; collect one first", self.slots.len());
             return Err(RenderError::Usage(text));
@@ -432,6 +437,7 @@ impl Renderer for VulkanRenderer {
     }
 
     fn load(&mut self, scene_resources: Arc<SceneResources>) -> Result<(), RenderError> {
+        let _calls = self.gpu.calls();
         self.wait_idle()?;
         let before = self.resources.counts();
         self.resources.retain(&self.gpu, &scene_resources);
@@ -446,6 +452,7 @@ impl Renderer for VulkanRenderer {
     }
 
     fn set_effects(&mut self, effects: &[Effect]) -> Result<(), RenderError> {
+        let _calls = self.gpu.calls();
         self.wait_idle()?;
         self.forget_texels(effects);
         self.faults.clear();
@@ -454,6 +461,7 @@ impl Renderer for VulkanRenderer {
     }
 
     fn reload_shaders(&mut self) -> Result<(), RenderError> {
+        let _calls = self.gpu.calls();
         self.wait_idle()?;
         self.pipelines.reload(&self.gpu, &self.layouts)?;
         self.gpu.check_messages()
@@ -486,6 +494,7 @@ impl Renderer for VulkanRenderer {
     }
 
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError> {
+        let _calls = self.gpu.calls();
         if self.pending.is_empty()
             && let Some(plan) = self.later.pop_front()
         {
@@ -495,12 +504,14 @@ impl Renderer for VulkanRenderer {
     }
 
     fn collect_floats(&mut self) -> Result<FloatFrame, RenderError> {
+        let _calls = self.gpu.calls();
         self.collect_floats_later()
     }
 }
 
 impl Drop for VulkanRenderer {
     fn drop(&mut self) {
+        let _calls = self.gpu.calls();
         // SAFETY: nothing else submits; an error (device lost) means that nothing runs any more.
         let _ = unsafe { self.gpu.device.device_wait_idle() };
         if let Some(mut targets) = self.targets.take() {
