@@ -275,8 +275,17 @@ impl Viewer {
             self.curves.time = Span::whole(length);
         }
         self.playhead.set_scene(settings.fps, settings.length);
+        let (is_main, further) = (self.more.0 == self.selection, std::mem::take(&mut self.more.1));
+        let before: Vec<Bar> = self.bars().cloned().collect();
         self.timeline = Timeline::new(&scene);
-        self.selection = self.selection.take().filter(|s| s.is_on(&scene.stage));
+        let found = |what: Selected| self.found_again(&before, what).filter(|what| what.is_on(&scene.stage));
+        let further: Vec<Selected> = further.into_iter().filter_map(found).collect();
+        let (selection, of_keys) =
+            (self.selection.clone().and_then(found), self.keys.0.clone().and_then(found));
+        self.selection = selection;
+        // Further parts belong to the selection beside which they were selected.
+        self.more = (self.selection.clone(), if is_main { further } else { Vec::new() });
+        self.keys.0 = of_keys;
         self.scene = Some(scene);
         self.find_keys_again();
         self.check_wanted();
@@ -552,6 +561,19 @@ impl Viewer {
             key.at = Time::from_secs((key.at.as_secs() + by).max(0.0));
         }
         self.keys.1.sort();
+    }
+
+    /// A clip of the last version in the timeline of this one: where a change has given it another number, by its place in the script.
+    fn found_again(&self, before: &[Bar], what: Selected) -> Option<Selected> {
+        let is_cue = matches!(what, Selected::Cue { .. });
+        let Some(old) = before.iter().find(|bar| is_cue && bar.what == what) else { return Some(what) };
+        let is_same = |bar: &&Bar| bar.label == old.label && bar.start == old.start;
+        let there = self.bars().find(|bar| bar.what == what);
+        if there.as_ref().is_some_and(is_same) {
+            return Some(what);
+        }
+        let moved = self.bars().find(|bar| bar.place == old.place && bar.label == old.label);
+        moved.or(there).map(|bar| bar.what.clone())
     }
 
     /// Finds the selected keys in a new version, by what they animate and their times; those that are gone are selected no longer.

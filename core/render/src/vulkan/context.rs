@@ -8,10 +8,9 @@ use crate::renderer::{DeviceInfo, DeviceKind};
 use ash::{ext, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
-use parking_lot::{RwLock, RwLockReadGuard};
 use std::ffi::{CStr, CString, c_void};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 /// All messages of the validation layer with severity warning or error.
 pub type Messages = Arc<Mutex<Vec<String>>>;
@@ -21,6 +20,10 @@ const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 /// The validation layer looks up its state of an instance or a device in a map that it does not lock (`layer_data_map`,
 /// seen in 1.3.239). Written while an instance or device is created or destroyed, read during all other calls.
 static LAYER_STATE: RwLock<()> = RwLock::new(());
+
+fn layer_changes() -> RwLockWriteGuard<'static, ()> {
+    LAYER_STATE.write().unwrap_or_else(PoisonError::into_inner)
+}
 
 pub struct Context {
     // Keeps libvulkan loaded.
@@ -104,7 +107,7 @@ impl Context {
     pub fn new(options: &ContextOptions<'_>) -> Result<Context, RenderError> {
         let entry = load()?;
         let messages = Messages::default();
-        let _creates = options.validation.then(|| LAYER_STATE.write());
+        let _creates = options.validation.then(layer_changes);
         let (instance, messenger) = create_instance(&entry, options, &messages)?;
         // Every object that exists by now is destroyed if a later step fails.
         let destroy = |error: RenderError| {
@@ -172,9 +175,9 @@ impl Context {
         })
     }
 
-    /// To be held during calls of the device: under validation, no other thread creates or destroys one meanwhile.
+    /// To be held during calls of the device, once a thread: under validation, no other thread creates or destroys one meanwhile.
     pub fn calls(&self) -> Option<RwLockReadGuard<'static, ()>> {
-        self.messenger.is_some().then(|| LAYER_STATE.read_recursive())
+        self.messenger.is_some().then(|| LAYER_STATE.read().unwrap_or_else(PoisonError::into_inner))
     }
 
     /// Lets a test make a call fail here.
@@ -224,7 +227,7 @@ impl Drop for Context {
         let calls = self.calls();
         self.allocator = None;
         drop(calls);
-        let _destroys = self.messenger.is_some().then(|| LAYER_STATE.write());
+        let _destroys = self.messenger.is_some().then(layer_changes);
         // SAFETY: the renderer destroyed every object of the device before; allocator, device, messenger and
         // instance go in the reverse order of their making.
         unsafe {

@@ -65,7 +65,7 @@ pub(super) fn free_label(name: &str, taken: impl Fn(&str) -> bool) -> String {
 }
 
 /// The first name of a row of them, counted from 1, that is not taken.
-fn first_free(name: impl Fn(usize) -> String, taken: impl Fn(&str) -> bool) -> String {
+pub(super) fn first_free(name: impl Fn(usize) -> String, taken: impl Fn(&str) -> bool) -> String {
     (1..).map(name).find(|name| !taken(name)).unwrap_or_default()
 }
 

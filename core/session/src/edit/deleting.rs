@@ -2,9 +2,10 @@
 
 use super::scan::Source;
 use super::{Edit, EditRefused};
+use std::ops::Range;
 
 /// Deletes the statement around the call at a place, `let bob = cast("bob", model).at(…);`, with the later ones that begin with its
-/// variable, `bob.play(…);`.
+/// variable, `bob.play(…);`, and the statements `let model = load(…);` of files that nothing else uses.
 ///
 /// # Errors
 /// Why it cannot be deleted, for the user: it stands in a block, or other statements use its variable.
@@ -34,11 +35,28 @@ pub fn delete_object(text: &str, line: usize, column: usize) -> Result<Edit, Edi
     }
     ranges.sort_by_key(|range| range.start);
     ranges.dedup();
+    ranges.extend(unused_files(source, &ranges));
+    ranges.sort_by_key(|range| range.start);
     let mut after = text.to_string();
     for range in ranges.into_iter().rev() {
         after.replace_range(source.own_lines(&range).unwrap_or(range), "");
     }
     Ok(Edit::between(text, &after))
+}
+
+/// The statements `let NAME = load(…);` outside blocks whose variable is used within these ranges and nowhere else.
+fn unused_files(source: &Source, gone: &[Range<usize>]) -> Vec<Range<usize>> {
+    let is_gone = |at: &usize| gone.iter().any(|range| range.contains(at));
+    let of_load = |at: usize| {
+        let own = source.statement_start(at)..source.statement_end(at);
+        let name = source.variable_of(own.start).filter(|_| source.depth_to(at) == 0)?;
+        // A file that is loaded for nothing else, not one whose load is part of another value.
+        let is_whole = source.variable_before(at) == Some(name)
+            && source[source.skip(source.call_from(at)?.end)..].starts_with(';');
+        let uses: Vec<usize> = source.uses_of(name).filter(|used| !own.contains(used)).collect();
+        (is_whole && !uses.is_empty() && uses.iter().all(is_gone)).then_some(own)
+    };
+    source.calls_of("load").filter_map(|load| of_load(load.name.start)).collect()
 }
 
 #[cfg(test)]
@@ -60,7 +78,10 @@ mod tests {
     #[test]
     fn an_object_goes_with_the_lines_about_it() {
         let text = "let m = load(\"m\");\nlet bob = |cast(\"bob\", m)\n    .at(1, 0, 0); // left\nlet a = 1;\n  bob.play(m.clip(\"W\"))\n    .until(2.0);\nsun(#{});\n";
-        assert_eq!(deleted(text).unwrap(), "let m = load(\"m\");\nlet a = 1;\nsun(#{});\n");
+        assert_eq!(deleted(text).unwrap(), "let a = 1;\nsun(#{});\n");
+        // A file goes with the last object that uses it.
+        let other = text.replace("sun(#{});", "cast(\"eve\", m);");
+        assert_eq!(deleted(&other).unwrap(), "let m = load(\"m\");\nlet a = 1;\ncast(\"eve\", m);\n");
         assert_eq!(deleted("a();\n|sun(#{ intensity: 2.0 });\nb();").unwrap(), "a();\nb();");
         assert_eq!(deleted("a(); |sun(); b();").unwrap(), "a();  b();");
         assert_eq!(deleted("fn f() { }\nlet c = |camera(\"c\").at(1, 2, 3);\n").unwrap(), "fn f() { }\n");

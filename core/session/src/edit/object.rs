@@ -1,6 +1,7 @@
 //! The statements of a script about one object: `let anna = cast(…).at(…);` and, further on, `anna.turn(…);`. Each change here
 //! is one edit of one call; where the value is computed, a line is offered that states it anew.
 
+use super::casting::{first_free, identifier};
 use super::cues::statement_start;
 use super::key_name::{JointKey, joint_keys};
 use super::refused::ADD;
@@ -67,6 +68,33 @@ impl<'a> ScriptObject<'a> {
             }
         }
         Ok(ScriptObject { text, line, made, variable, calls, joints, last_at })
+    }
+
+    /// The variable of an actor of this name, and the edit that makes one where there is none: of `cast("ada", hero).play(walk);` it makes
+    /// `let ada = cast("ada", hero);` and `ada.play(walk);`. `None` where the call is part of an expression or a block.
+    pub fn with_variable(&self, name: &str) -> Option<(String, Option<Edit>)> {
+        /// Calls that return the actor itself.
+        const ITSELF: [&str; 7] = ["at", "move_by", "turn", "rotate", "scale", "face", "tint"];
+        if let Some(variable) = &self.variable {
+            return Some((variable.clone(), None));
+        }
+        let start = self.made.name.start;
+        if self.text.statement_start(start) != start || self.text.depth_to(start) > 0 {
+            return None;
+        }
+        let name = first_free(
+            |n| if n == 1 { identifier(name) } else { format!("{}_{n}", identifier(name)) },
+            |name| self.text.contains(&format!("let {name} ")),
+        );
+        let own = self.text.chain_after(self.made.end).into_iter();
+        let own = own.take_while(|call| ITSELF.contains(&&self.text[call.name.clone()]));
+        let end = own.last().map_or(self.made.end, |call| call.end);
+        let rest =
+            if self.text[end..].trim_start().starts_with('.') { format!(";\n{name}") } else { String::new() };
+        let after = self.text.skip(end);
+        let blanks = if rest.is_empty() { end..end } else { end..after };
+        let text = format!("let {name} = {}{rest}", &self.text[start..blanks.start]);
+        Some((name, Some(Edit { range: start..blanks.end, text })))
     }
 
     /// The line of the last call of a method, where there is one.

@@ -124,6 +124,27 @@ impl<'a> ScriptObject<'a> {
         }
     }
 
+    /// The second argument of the call that made it, as it is written: the offset in `.follow(target, offset)`.
+    pub fn second(&self) -> Option<&str> {
+        Some(self.text[self.second_range()?].trim())
+    }
+
+    fn second_range(&self) -> Option<Range<usize>> {
+        let inside = &self.made.inside;
+        let start = self.text.value_end(inside.start, inside.end) + 1;
+        (start < inside.end).then(|| start..self.text.value_end(start, inside.end))
+    }
+
+    /// Writes the second argument of the call that made it anew.
+    ///
+    /// # Errors
+    /// The script computes it.
+    pub fn state_second(&self, value: &str) -> Result<Edit, EditRefused> {
+        let range = self.second_range();
+        let range = range.ok_or_else(|| EditRefused::at(self.line, "the call has no second argument"))?;
+        self.overwrite(&self.made, range, value)
+    }
+
     /// All arguments of the call that made it, as they are written.
     pub fn inside(&self) -> &str {
         self.text[self.made.inside.clone()].trim()

@@ -13,8 +13,6 @@ use std::ops::Range;
 const CONTENT: [&str; 8] = ["speed", "weight", "repeat", "reverse", "once", "loop", "ping_pong", "hold"];
 /// Calls and options that say when a cue plays.
 const TIMES: [&str; 2] = ["from", "until"];
-/// Calls that map times of the stage to times of the clip.
-const MAPPED: [&str; 2] = ["clip_time", "freeze"];
 /// Calls of a layer, which hold for all cues of a chain.
 const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_weight"];
 /// Calls with times of the stage in their keys.
@@ -245,8 +243,8 @@ pub fn split_cue(
     Ok(Edit::between(text, &after))
 }
 
-/// Plays the clip of a cue once more right after it, with its options: `end`, where the first then ends if it states no end; `until`: the end of the second, where
-/// the first states one.
+/// Plays the clip of a cue once more right after it, with its options, and with its keys and freezes `by` later. `until`: the end of the
+/// second, where the first states one.
 ///
 /// # Errors
 /// The errors are those of [`split_cue`].
@@ -254,21 +252,20 @@ pub fn duplicate_cue(
     text: &str,
     line: usize,
     column: usize,
-    end: Option<EditTime>,
+    by: EditTime,
     until: Option<EditTime>,
 ) -> Result<Edit, EditRefused> {
     let strip = Strip::at(text, line, column)?;
     strip.refuse_variable()?;
-    let other = |name: &str| [&TIMES[..], &MAPPED, &LAYER].iter().any(|names| names.contains(&name));
+    let other = |name: &str| TIMES.contains(&name) || LAYER.contains(&name);
+    let second = strip.then(|name| !other(name));
+    let then = second.trim_start();
+    let shifted =
+        shift_keys(then, 1, 2, by).map_err(|refused| EditRefused { line: Some(line), ..refused })?;
+    let blanks = &second[..second.len() - then.len()];
     let until = until.map(|until| format!(".until({})", until.anew(&strip.text))).unwrap_or_default();
-    let second = format!("{}{until}", strip.then(|name| !other(name)));
     let at = strip.end();
-    let mut after = format!("{}{second}{}", &text[..at], &text[at..]);
-    if let Some(end) = end {
-        let change = CueChange { line, column, part: CueTime::End, time: end };
-        after = set_times(&after, &[change])?.apply(&after);
-    }
-    Ok(Edit::between(text, &after))
+    Ok(Edit { range: at..at, text: format!("{blanks}{}{until}", shifted.apply(then)) })
 }
 
 /// A cue as text for the clipboard, `play(load("hero.glb").clip("Walk"), #{ fade: 0.3 }).from(1.0).until(2.0)`, to be pasted on another
@@ -336,12 +333,20 @@ pub fn paste_cue(
     let start = start.map_or(0.0, |start| start.secs(from.fps));
     let shifted = shift_cue(copied, 1, 1, EditTime { secs: from.secs - start, fps: from.fps })?;
     let mut new = shifted.apply(copied);
-    // The script's own name of the file, if it has one.
+    let object = ScriptObject::at(text, line, column)?;
+    // The script's own name of the file, if it has one: that of the actor's own file first.
     let script = Source::new(text);
     let copy = Source::new(&new);
+    let first = |source: &Source, call: &Call| {
+        source[call.inside.start..source.value_end(call.inside.start, call.inside.end)].trim().to_string()
+    };
     let own = copy.calls_of("load").next().and_then(|load| {
-        let file = copy[load.inside.start..copy.value_end(load.inside.start, load.inside.end)].trim();
-        Some((load.name.start..load.end, loaded_as(&script, file, text.len())?.to_string()))
+        let file = first(&copy, &load);
+        let of_object = object.asset_object().ok();
+        let of_object = of_object.filter(|own| own.made_by() == "load" && first(&script, &own.made) == file);
+        let of_object = of_object.and_then(|own| script.variable_before(own.made.name.start));
+        let name = of_object.or_else(|| loaded_as(&script, &file, text.len()))?;
+        Some((load.name.start..load.end, name.to_string()))
     });
     let clip = copy[strip.call.inside.start..].trim_start();
     let name: String = clip.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
@@ -357,7 +362,6 @@ pub fn paste_cue(
     if let Some((range, own)) = own {
         new.replace_range(range, &own);
     }
-    let object = ScriptObject::at(text, line, column)?;
     // Variables that it names are made before it.
     let declared_at = text.find(&format!("let {uses} ")).unwrap_or(0);
     object.add_call(&new, object.last_at().max(declared_at))

@@ -63,12 +63,28 @@ pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option
     Some(Edit { range: first.0.start..last.0.end, text: out })
 }
 
-/// A number, a list of numbers or a text literal: what may be overwritten.
+/// A number, a list of numbers, a text literal, or a map of these: what may be overwritten.
 pub fn is_plain(text: &Source, bytes: &Range<usize>) -> bool {
     let inside = text[bytes.clone()].trim();
     let quoted =
         inside.len() >= 2 && inside.starts_with('"') && inside[1..].find('"') == Some(inside.len() - 2);
-    quoted || literals(text, bytes).is_some_and(|l| !l.is_empty())
+    quoted || literals(text, bytes).is_some_and(|l| !l.is_empty()) || is_plain_map(text, bytes)
+}
+
+fn is_plain_map(text: &Source, bytes: &Range<usize>) -> bool {
+    let bytes = text.trimmed(bytes);
+    let Some(map) = text.map_in(&bytes).filter(|_| text[bytes].starts_with("#{")) else { return false };
+    let mut at = map.start;
+    while at < map.end {
+        let end = text.value_end(at, map.end);
+        let entry = text.trimmed(&(at..end));
+        let value = text[entry.clone()].find(':').map(|colon| entry.start + colon + 1..entry.end);
+        if !value.is_some_and(|value| is_plain(text, &value)) {
+            return entry.is_empty() && end == map.end;
+        }
+        at = end + 1;
+    }
+    true
 }
 
 /// Sets an option in the map of a call, `#{ name: value }`; `line` for messages.

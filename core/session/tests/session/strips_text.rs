@@ -83,20 +83,33 @@ fn a_split_clip_is_two_with_the_same_content() {
 #[test]
 fn a_duplicate_follows_the_clip() {
     let twice =
-        |text: &str, end, until| changed(text, &|t, l, c| duplicate_cue(t, l, c, end, until)).unwrap();
+        |text: &str, by, until| changed(text, &|t, l, c| duplicate_cue(t, l, c, at(by), until)).unwrap();
     assert_eq!(
-        twice("a.|play(c).trim(0.5, 1).from(1.0).until(2.0).then(d);", None, Some(at(3.0))),
+        twice("a.|play(c).trim(0.5, 1).from(1.0).until(2.0).then(d);", 1.0, Some(at(3.0))),
         "a.play(c).trim(0.5, 1).from(1.0).until(2.0)\n    .then(c).trim(0.5, 1).until(3.0).then(d);"
     );
-    assert_eq!(twice("a.|play(c);", Some(at(1.0)), None), "a.play(c).until(1.0)\n    .then(c);");
+    assert_eq!(twice("a.|play(c);", 1.0, None), "a.play(c)\n    .then(c);");
     // All that is no time of the stage, and what holds for the layer anyway.
     assert_eq!(
         twice(
             "a.|play(c, #{ fade: 0.2, from: 1.0 }).ease(\"smooth\").on(\"x\").until(2.0);",
-            None,
+            1.0,
             Some(at(3.0))
         ),
         "a.play(c, #{ fade: 0.2, from: 1.0 }).ease(\"smooth\").on(\"x\").until(2.0)\n    .then(c, #{ fade: 0.2 }).ease(\"smooth\").until(3.0);"
+    );
+    // Keys and freezes are times of the stage.
+    assert_eq!(
+        twice(
+            "a.|play(c).clip_time([[1.0, 0.0], [f(50), 1.0]]).freeze(1.5, 0.5).weight([[1, 0], [2, 1]]);",
+            1.0,
+            None
+        ),
+        "a.play(c).clip_time([[1.0, 0.0], [f(50), 1.0]]).freeze(1.5, 0.5).weight([[1, 0], [2, 1]])\n    .then(c).clip_time([[2.0, 0.0], [f(75), 1.0]]).freeze(2.5, 0.5).weight([[2.0, 0], [3.0, 1]]);"
+    );
+    assert!(
+        changed("a.|play(c)\n    .freeze(now, 0.5);", &|t, l, c| duplicate_cue(t, l, c, at(1.0), None))
+            .is_err()
     );
 }
 
@@ -161,7 +174,7 @@ fn no_text_makes_it_panic() {
             for column in 1..9 {
                 let part = &text[*from..*to];
                 let _ = split_cue(part, 1, column, at(1.0), Rest::Same, Some(0.1));
-                let _ = duplicate_cue(part, 1, column, None, None);
+                let _ = duplicate_cue(part, 1, column, at(1.0), None);
                 let _ = set_disabled(part, 1, column, false);
                 let _ = copy_cue(part, 1, column, at(0.0), None);
                 let _ = paste_cue(part, 1, column, part, at(0.0));

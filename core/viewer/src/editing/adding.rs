@@ -13,12 +13,25 @@ use crate::state::view::ViewCamera;
 use choreo_asset::{Asset, Projection};
 use choreo_motion::Time;
 use choreo_motion::retarget::bind_or_retarget;
+use choreo_script::Place;
 use choreo_session::SceneVersion;
 use choreo_session::edit::{AddedAt, Addition, Edit, ScriptObject, Subject, added_lines, cast_lines};
 use choreo_stage::Actor;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// The needs of a camera about an actor.
+struct Framing {
+    /// The script's variable for the actor.
+    variable: String,
+    /// The edit that makes the variable where there is none, and the place of the actor.
+    declares: Option<(Place, Edit)>,
+    /// Metres at which all of the actor is in the image.
+    distance: f64,
+    /// Unit vector of the world to where it is seen from: from before it, a little to the side and from above.
+    direction: DVec3,
+}
 
 /// The file that an added clip is in.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -128,10 +141,16 @@ impl Viewer {
     pub fn add(&mut self, what: &Addition) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let stage = &scene.stage;
+        let is_there = || scene.places.ambient.is_some() || self.stage_written().contains_key("ambient");
+        if matches!(what, Addition::Ambient) && is_there() {
+            self.selection = None;
+            self.note = Some("there is ambient light already; the inspector has its colors".into());
+            return Ok(());
+        }
         let text = super::read(&self.path.clone().ok_or(EditError::NoScript)?)?;
         let now = self.playhead.time();
-        let subject = match what {
-            Addition::Orbit(Some(name)) | Addition::Follow(name) => Some(self.subject(name)?),
+        let framing = match what {
+            Addition::Orbit(Some(name)) | Addition::Follow(name) => Some(self.framing(name)?),
             _ => None,
         };
         let taken = room::taken(stage, now);
@@ -146,14 +165,20 @@ impl Viewer {
             point: if matches!(what, Addition::Character | Addition::Shape(_)) { place } else { DVec3::ZERO },
             from: self.edit_time(from),
             until: self.edit_time((from + 2.0).min(end)),
-            subject: subject.as_ref().map(|(variable, distance, direction)| Subject {
-                variable,
-                distance: *distance,
-                direction: *direction,
+            subject: framing.as_ref().map(|framing| Subject {
+                variable: &framing.variable,
+                distance: framing.distance,
+                direction: framing.direction,
             }),
         };
         let (lines, name) = added_lines(&text, what, at);
-        self.add_line(&lines)?;
+        match framing.and_then(|framing| framing.declares) {
+            // The script gets a variable for the actor with the same edit.
+            Some((place, edit)) => self.change(&place, 1, |text| {
+                Ok(Edit::between(text, &format!("{}\n{lines}", edit.apply(text).trim_end())))
+            })?,
+            None => self.add_line(&lines)?,
+        }
         self.selection = match what {
             Addition::Character | Addition::Shape(_) => name.map(Selected::Actor),
             Addition::Orbit(_) | Addition::Follow(_) => name.map(Selected::Camera),
@@ -165,9 +190,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// The needs of a camera about an actor: the script's variable, the distance at which all of it is in the image, and the
-    /// direction from which it is seen: from before it, a little to the side and from above.
-    fn subject(&self, name: &str) -> Result<(String, f64, DVec3), EditError> {
+    fn framing(&self, name: &str) -> Result<Framing, EditError> {
         let scene = self.scene.as_ref().ok_or(EditError::NothingShown)?;
         let stage = &scene.stage;
         let index = actor(stage, name).ok_or(EditError::Gone)?;
@@ -176,7 +199,8 @@ impl Viewer {
         self.check_place(&place, siblings)?;
         let known = self.known().ok_or(EditError::NothingShown)?;
         let object = ScriptObject::at(&known, place.line, place.column);
-        let variable = object.ok().and_then(|object| object.variable).ok_or_else(|| {
+        let declared = object.ok().and_then(|object| object.with_variable(name));
+        let (variable, declares) = declared.ok_or_else(|| {
             EditError::refused_at(&place, "a camera needs its name in the script; write let NAME = cast(…)")
         })?;
         let line = known.lines().nth(place.line.saturating_sub(1)).unwrap_or_default();
@@ -199,7 +223,8 @@ impl Viewer {
         let front = state.map_or(DVec3::Z, |state| state.world_from_model.matrix3.z_axis);
         let front = DVec3::new(front.x, 0.0, front.z).normalize_or(DVec3::Z);
         let side = DVec3::Y.cross(front);
-        Ok((variable, distance, (front + side * 0.4 + DVec3::Y * 0.15).normalize()))
+        let direction = (front + side * 0.4 + DVec3::Y * 0.15).normalize();
+        Ok(Framing { variable, declares: declares.map(|edit| (place, edit)), distance, direction })
     }
 
     /// A new camera where the active view looks from, which is on from the playhead on.

@@ -52,6 +52,11 @@ pub enum EditError {
     Editor(#[from] EditorError),
 }
 
+/// A file's name without its folder, which the user knows.
+pub(crate) fn file_name(path: &str) -> &str {
+    path.rsplit(['/', '\\']).next().unwrap_or(path)
+}
+
 impl EditError {
     pub(crate) fn refused(why: impl Into<String>) -> EditError {
         EditError::Refused { why: why.into(), line: None }
@@ -60,7 +65,7 @@ impl EditError {
     /// Refused because of a line of the script.
     pub(crate) fn refused_at(place: &Place, why: &str) -> EditError {
         EditError::Refused {
-            why: format!("{}:{}: {why}", place.file, place.line),
+            why: format!("{}:{}: {why}", file_name(&place.file), place.line),
             line: Some(place.line).filter(|line| *line > 0),
         }
     }

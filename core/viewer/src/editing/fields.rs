@@ -10,6 +10,7 @@ use choreo_session::edit::{
     set_trim,
 };
 use choreo_stage::{Camera, Property};
+use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// A change of one value by its name in scripts.
@@ -32,10 +33,14 @@ pub enum FieldChange {
     Words(String),
     /// Millimetres.
     FocalLength(f64),
-    /// An option of the shape that an actor is cast from.
+    /// An option of the shape or the built-in character that an actor is cast from.
     Material(&'static str, Option<String>),
     /// A value in the map of an option, such as `size` in `shadow`; `None` takes it away.
     Within(&'static str, &'static str, Option<String>),
+    /// The second argument of a call.
+    Second(String),
+    /// The key of a point at the playhead, by the name of its property.
+    KeyedPoint(&'static str, DVec3),
 }
 
 /// A call of the script that states something of an actor: a constraint, an attachment, springs.
@@ -62,6 +67,14 @@ impl Viewer {
         match change {
             FieldChange::Time(part, secs) => self.set_cue(what, *part, *secs),
             FieldChange::FocalLength(length) => self.set_focal_length(what, *length),
+            FieldChange::KeyedPoint(name, point) => {
+                let when = self.edit_time(self.playhead.time().as_secs());
+                let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+                self.change(&place, siblings, |text| {
+                    let object = ScriptObject::at(text, place.line, place.column)?;
+                    object.set_key(name, when, KeyValue::Point(*point))
+                })
+            }
             FieldChange::Trim(trim) => {
                 let trim = *trim;
                 let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
@@ -140,9 +153,9 @@ impl Viewer {
         })
     }
 
-    /// Calls of these names that the script states for an actor, which it makes alone.
-    pub fn stated_calls(&self, actor: &str, names: &[&str]) -> Vec<StatedCall> {
-        let Some((place, siblings)) = self.place_of(&Selected::Actor(actor.to_string())) else {
+    /// Calls of these names that the script states for something, which it makes alone.
+    pub fn stated_calls(&self, what: &Selected, names: &[&str]) -> Vec<StatedCall> {
+        let Some((place, siblings)) = self.place_of(what) else {
             return Vec::new();
         };
         let places = self.read_object(&place, siblings, |object| Some(object.places_of(names)));
@@ -176,15 +189,15 @@ impl Viewer {
         self.read_selected(what, |object| Some(object.all_written())).unwrap_or_default()
     }
 
-    /// The options of the shape that an actor is cast from, as they are written; `None` where it is no shape.
-    pub(crate) fn written_material(
+    /// The name of the call that makes the asset of an actor, its arguments before the options, and the options as they are written; `None`
+    /// where the asset is made in another way.
+    pub(crate) fn written_asset(
         &self,
         what: &Selected,
-        names: &[&'static str],
-    ) -> Option<Vec<Option<String>>> {
+    ) -> Option<(String, String, BTreeMap<String, String>)> {
         self.read_selected(what, |object| {
-            let asset = object.asset_object().ok().filter(|asset| asset.made_by() == "shape")?;
-            Some(names.iter().map(|name| asset.written(name).map(str::to_string)).collect())
+            let asset = object.asset_object().ok()?;
+            Some((asset.made_by().to_string(), asset.arguments().to_string(), asset.all_written()))
         })
     }
 
@@ -261,8 +274,10 @@ fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Ed
                 None => Ok(asset.unstate(&[name])),
             }
         }
-        FieldChange::Time(..) | FieldChange::Trim(_) | FieldChange::FocalLength(_) => {
-            Err(EditRefused::from("it is changed in another way".to_string()))
-        }
+        FieldChange::Second(value) => object.state_second(value),
+        FieldChange::Time(..)
+        | FieldChange::Trim(_)
+        | FieldChange::FocalLength(_)
+        | FieldChange::KeyedPoint(..) => Err(EditRefused::from("it is changed in another way".to_string())),
     }
 }

@@ -22,6 +22,7 @@ mod strips;
 pub use adding::ClipOf;
 pub use ambient::Ambient;
 pub use error::EditError;
+pub(crate) use error::file_name;
 pub use fields::{FieldChange, StatedCall};
 pub use keys::ValueDrag;
 
@@ -155,7 +156,7 @@ impl Viewer {
         match made {
             Ok(edit) => self.write_edit(&path, &text, edit),
             Err(EditRefused { why, line, over, agree, .. }) => {
-                let why = format!("{}: {why}", places.main);
+                let why = format!("{}: {why}", file_name(&places.main));
                 if let Some(edit) = over {
                     let difference = difference::lines(&text, &edit.apply(&text));
                     let (why, agree, copies) = (why.clone(), agree.into(), Vec::new());
@@ -186,7 +187,7 @@ impl Viewer {
     /// Whether what a place makes can be edited alone.
     pub(crate) fn check_place(&self, place: &Place, siblings: usize) -> Result<(), EditError> {
         let main = &self.scene.as_ref().ok_or(EditError::NothingShown)?.places.main;
-        let (file, line) = (place.file.to_string(), place.line);
+        let (file, line) = (file_name(&place.file).to_string(), place.line);
         match place.line {
             0 => Err(EditError::NotFromScript),
             _ if place.file != *main => Err(EditError::InModule { file, line }),

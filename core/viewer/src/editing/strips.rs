@@ -104,8 +104,9 @@ impl Viewer {
         let layer = self.layer_of(what);
         let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
         let until = ends.then(|| self.edit_time(bar.until.as_secs() + length));
+        let by = self.edit_time(length);
         let mut steps =
-            vec![self.step(&bar, move |text, line, column| duplicate_cue(text, line, column, None, until))];
+            vec![self.step(&bar, move |text, line, column| duplicate_cue(text, line, column, by, until))];
         let moved = self.move_steps(&layer, &|index| index > at, length)?;
         // Cues that follow its end follow it again.
         let first_follows =

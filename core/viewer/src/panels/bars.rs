@@ -130,10 +130,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
 pub fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
     match act {
         Act::Select(what, true) => viewer.select_more(what),
-        Act::Select(what, false) => {
-            let again = viewer.selection.as_ref() == Some(&what) && viewer.more().is_empty();
-            viewer.selection = (!again).then_some(what);
-        }
+        Act::Select(what, false) => viewer.select_all(vec![what]),
         Act::Move(bar, secs, drag) => viewer.edit(|v| v.move_bar(&bar, secs, drag)),
         Act::MoveTo(bar, secs, row) => viewer.edit(|v| v.move_bar_to(&bar, secs, row)),
         Act::Slip(what, by) => viewer.edit(|v| v.slip_cue(&what, by)),
@@ -331,6 +328,10 @@ fn handle(
     ui.painter_at(rect).vline(lane.x(viewer, secs), rect.y_range(), stroke);
     let value = if part == CueTime::FadeIn { (secs - bar.start.as_secs()).max(0.0) } else { secs };
     let keep = ui.input(|i| i.modifiers.alt);
+    if part == CueTime::Start && bar.strip.is_some() {
+        let text = if keep { "its content stays where it is" } else { "its content moves along; Alt: stays" };
+        beside(ui, pos2(lane.x(viewer, secs), rect.top()), text);
+    }
     response.drag_stopped().then(|| Act::Time(bar.clone(), part, value, keep))
 }
 

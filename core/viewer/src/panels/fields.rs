@@ -6,18 +6,19 @@ use super::values::{self, Number};
 use crate::app::Viewer;
 use crate::editing::{FieldChange, expression};
 use crate::state::selection::{Selected, actor};
+use choreo_asset::Asset;
 use choreo_motion::Repeat;
 use choreo_session::edit::{Anew, CueTime, format_number};
 use choreo_stage::{
-    Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Property, Rig, Shadow,
-    Stage, StageLight, Target,
+    Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Shadow, Stage, StageLight,
 };
 use egui::{Grid, Response, RichText, Ui};
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// Seconds of a clip at most.
+/// Seconds of a clip at most, and of a part of one at least.
 const LONGEST: f64 = 1e6;
+const LEAST: f64 = 0.01;
 /// Options of shapes that make up their material, with the least and the greatest value.
 const MATERIAL: [(&str, f64, f64, f64); 4] = [
     ("roughness", 0.0, 1.0, 0.9),
@@ -316,7 +317,9 @@ fn trim(ui: &mut Ui, stated: &Stated, played: &Cue) -> Option<FieldChange> {
     let whole = played.clip.duration.as_secs();
     ui.horizontal(|ui| {
         for (end, name) in ["trim start", "trim end"].into_iter().enumerate() {
-            let range = if end == 0 { 0.0..=now[1] } else { now[0]..=whole };
+            // Something is left to be played.
+            let range =
+                if end == 0 { 0.0..=(now[1] - LEAST).max(0.0) } else { (now[0] + LEAST).min(whole)..=whole };
             if let Some(to) = values::number(ui, name, now[end], 0.01, range) {
                 let mut all = now;
                 all[end] = to;
@@ -385,7 +388,6 @@ fn lens(ui: &mut Ui, stated: &Stated, what: &Selected, camera: &Camera) -> Optio
             wanted = set.map(FieldChange::FocalLength).or(wanted.take());
             ui.end_row();
         }
-        wanted = stand(ui, stated, camera).or(wanted.take());
         for name in ["near", "far"] {
             let Some(field) = Camera::field(name) else { continue };
             let mut row = described(ui, &Form::of(stated, what), camera, field);
@@ -400,44 +402,15 @@ fn lens(ui: &mut Ui, stated: &Stated, what: &Selected, camera: &Camera) -> Optio
     wanted
 }
 
-/// The place of a camera that moves neither by keys nor by itself, and the point at which it looks.
-fn stand(ui: &mut Ui, stated: &Stated, camera: &Camera) -> Option<FieldChange> {
-    let Rig::Fixed { position, look_at, .. } = &camera.rig else { return None };
-    let is_keyed = |property| camera.channels.iter().any(|channel| channel.property == property);
-    let mut wanted = None;
-    let mut row = |ui: &mut Ui, name: &'static str, about: &str, now: DVec3| {
-        wanted = label(ui, stated, name, about).or(wanted.take());
-        ui.horizontal(|ui| {
-            for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
-                let Some(to) =
-                    values::number(ui, &format!("camera {name} {letter}"), now[axis], 0.01, -1e9..=1e9)
-                else {
-                    continue;
-                };
-                let mut all = now;
-                all[axis] = to;
-                let text = all.to_array().map(format_number).join(", ");
-                let is_list = stated.get(name).map_or(name == "look_at", |written| written.starts_with('['));
-                let text = if is_list { format!("[{text}]") } else { text };
-                wanted = Some(FieldChange::Value(name, text, Anew::Method));
-            }
-        });
-        ui.end_row();
-    };
-    if !is_keyed(Property::Translation) {
-        row(ui, "at", "metres", *position);
-    }
-    if let (Some(Target::Point(point)), false) = (look_at, is_keyed(Property::Rotation)) {
-        row(ui, "look_at", "a point of the world, metres", *point);
-    }
-    wanted
+/// Numbers in brackets, as a script states a list.
+fn numbers(text: &str) -> Option<Vec<f64>> {
+    let inside = text.trim().strip_prefix('[')?.strip_suffix(']')?;
+    inside.split(',').map(|n| n.trim().parse().ok()).collect()
 }
 
 /// Three numbers in brackets, as a script states a point.
 pub fn point(text: &str) -> Option<DVec3> {
-    let inside = text.trim().strip_prefix('[')?.strip_suffix(']')?;
-    let numbers: Vec<f64> = inside.split(',').map(|n| n.trim().parse()).collect::<Result<_, _>>().ok()?;
-    <[f64; 3]>::try_from(numbers).ok().map(DVec3::from_array)
+    <[f64; 3]>::try_from(numbers(text)?).ok().map(DVec3::from_array)
 }
 
 /// The shadow of a light.
@@ -539,7 +512,7 @@ fn color_row(ui: &mut Ui, stated: &Stated, name: &'static str, linear: glam::Vec
     wanted
 }
 
-/// The tint of an actor, and the material of a shape.
+/// The tint of an actor, and what its shape or built-in character is made with.
 fn surface(
     ui: &mut Ui,
     viewer: &Viewer,
@@ -552,22 +525,77 @@ fn surface(
     let mut wanted = None;
     Grid::new("surface").num_columns(2).show(ui, |ui| {
         wanted = color_row(ui, stated, "tint", found.tint.truncate());
-        let names = MATERIAL.map(|(name, ..)| name);
-        let Some(written) = viewer.written_material(what, &names) else { return };
-        let fps = viewer.playhead.fps().as_fps();
-        for ((name, low, high, usual), written) in MATERIAL.into_iter().zip(written) {
-            let text = RichText::new(name.replace('_', " "));
-            let text = if written.is_some() { text.strong() } else { text };
-            let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
-            if reset(&response, &[name]).is_some() {
-                wanted = Some(FieldChange::Material(name, None));
-            }
-            let value = written.as_deref().and_then(|text| expression::value(text, fps)).unwrap_or(usual);
-            if let Some(to) = number(ui, name, value, low..=high, "") {
-                wanted = Some(FieldChange::Material(name, Some(format_number(to))));
+        let Some((made_by, arguments, written)) = viewer.written_asset(what) else { return };
+        let is_shape = made_by == "shape";
+        let colors: &[&'static str] = match &*made_by {
+            "shape" => &["color"],
+            "load" if arguments.starts_with("\"choreo:") => &["color", "accent"],
+            _ => return,
+        };
+        let materials = &found.asset.materials;
+        for (index, name) in colors.iter().enumerate() {
+            let now = materials.get(index).map_or(glam::Vec3::ONE, |material| material.base_color.truncate());
+            wanted = option_label(ui, &written, name).or(wanted.take());
+            let shown = now.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)));
+            if let Some([r, g, b]) = values::color(ui, &format!("asset {name}"), shown) {
+                wanted = Some(FieldChange::Material(name, Some(format!("\"#{r:02x}{g:02x}{b:02x}\""))));
             }
             ui.end_row();
         }
+        if is_shape {
+            wanted = size(ui, &written, &arguments, &found.asset).or(wanted.take());
+            wanted = material(ui, viewer, &written).or(wanted.take());
+        }
     });
+    wanted
+}
+
+/// The name of an option of an asset, with the menu that takes it away; strong where it is written.
+fn option_label(ui: &mut Ui, written: &Stated, name: &'static str) -> Option<FieldChange> {
+    let text = RichText::new(name.replace('_', " "));
+    let text = if written.contains_key(name) { text.strong() } else { text };
+    let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
+    reset(&response.hint("of all that are made of it"), &[name]).map(|_| FieldChange::Material(name, None))
+}
+
+/// The size of a shape along each of its axes, metres. `kind`: with its quotes, as the script writes it.
+fn size(ui: &mut Ui, written: &Stated, kind: &str, asset: &Asset) -> Option<FieldChange> {
+    let axes: &[usize] = match kind {
+        "\"plane\"" => &[0, 2],
+        "\"quad\"" => &[0, 1],
+        _ => &[0, 1, 2],
+    };
+    let stated = written.get("size").filter(|text| text.starts_with('[')).and_then(|text| numbers(text));
+    let bounds = asset.rest_bounds();
+    let real = |axis: &usize| f64::from(bounds.max[*axis] - bounds.min[*axis]);
+    let now = stated.filter(|stated| stated.len() == axes.len());
+    let now = now.unwrap_or_else(|| axes.iter().map(real).collect());
+    let mut wanted = option_label(ui, written, "size");
+    ui.horizontal(|ui| {
+        for (index, axis) in axes.iter().enumerate() {
+            let name = format!("size {}", ["x", "y", "z"][*axis]);
+            let Some(to) = values::number(ui, &name, now[index], 0.01, 1e-4..=1e6) else { continue };
+            let mut all = now.clone();
+            all[index] = to;
+            let all = all.into_iter().map(format_number).collect::<Vec<_>>().join(", ");
+            wanted = Some(FieldChange::Material("size", Some(format!("[{all}]"))));
+        }
+        ui.weak("m");
+    });
+    ui.end_row();
+    wanted
+}
+
+/// The numbers of a shape's material.
+fn material(ui: &mut Ui, viewer: &Viewer, written: &Stated) -> Option<FieldChange> {
+    let (fps, mut wanted) = (viewer.playhead.fps().as_fps(), None);
+    for (name, low, high, usual) in MATERIAL {
+        wanted = option_label(ui, written, name).or(wanted);
+        let value = written.get(name).and_then(|text| expression::value(text, fps)).unwrap_or(usual);
+        if let Some(to) = number(ui, name, value, low..=high, "") {
+            wanted = Some(FieldChange::Material(name, Some(format_number(to))));
+        }
+        ui.end_row();
+    }
     wanted
 }

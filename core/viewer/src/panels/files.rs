@@ -42,7 +42,7 @@ pub fn menu(ui: &mut Ui, viewer: &mut Viewer) {
         if ui.add_enabled(!*start || viewer.scene.is_some(), egui::Button::new(word)).clicked() {
             *start = !*start;
         }
-        if ui.button("Close").clicked() {
+        if ui.button("Quit").hint("ends the program; each change is saved").clicked() {
             viewer.quit = true;
         }
     });

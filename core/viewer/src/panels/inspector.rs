@@ -1,5 +1,6 @@
 //! Everything about the selection at the playhead; the script's own values can be changed here.
 
+use super::camera_fields::{self, CameraChange};
 use super::hint::Hint;
 use super::rig::CallChange;
 use super::{fields as stated, icons, rig, values};
@@ -9,7 +10,7 @@ use crate::editing::{ClipOf, FieldChange};
 use crate::geometry::gizmo::Change;
 use crate::state::keyed::{self, KeyRef, KeyedProperty};
 use crate::state::selection::{Selected, actor};
-use choreo_asset::{Asset, Projection};
+use choreo_asset::{Asset, LightKind, Projection};
 use choreo_plugin::{OptionKind, OptionSpec};
 use choreo_script::Place;
 use choreo_session::Scene;
@@ -96,7 +97,10 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         Selected::Actor(name) => wanted = transform(ui, viewer, &scene.stage, name, keyable),
         Selected::Light(index) => wanted = light(ui, viewer, (&scene.stage, *index), keyable, &written),
         Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, *index, keyable),
-        Selected::Camera(name) => wanted = lens(ui, viewer, &scene.stage, name, keyable),
+        Selected::Camera(name) => {
+            wanted = lens(ui, viewer, &scene.stage, name, keyable);
+            wanted = camera(ui, viewer, &scene.stage, (name, &written), keyable).or(wanted);
+        }
         Selected::Sky => wanted = sky(ui, viewer, &scene.stage, keyable),
         Selected::Cue { .. } | Selected::Title(_) => {}
     }
@@ -228,9 +232,19 @@ fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: K
         }
         wanted = key_button(ui, viewer, keyable, "rotation").or(wanted.take());
         ui.end_row();
-        ui.label("scaled");
-        if let Some(to) = field("factor", placed.scale.x, 0.01, 1e-3..=1e3, 1.0).show(ui) {
-            wanted = Some(Wanted::Actor(Change::Scale(DVec3::splat(to / placed.scale.x))));
+        let about =
+            "along its own axes; a negative number mirrors it. Shift while a number is entered: all three";
+        ui.label("scaled").hint(about);
+        for (axis, name) in ["scale x", "scale y", "scale z"].into_iter().enumerate() {
+            if let Some(to) = field(name, placed.scale[axis], 0.01, -1e3..=1e3, 1.0).show(ui) {
+                // Nothing is left of a thing that is scaled by 0.
+                let to = if to.abs() < 1e-3 { 1e-3_f64.copysign(to) } else { to };
+                let by = to / placed.scale[axis];
+                let all = ui.input(|i| i.modifiers.shift);
+                let mut scale = if all { DVec3::splat(by) } else { DVec3::ONE };
+                scale[axis] = by;
+                wanted = Some(Wanted::Actor(Change::Scale(scale)));
+            }
         }
         wanted = key_button(ui, viewer, keyable, "scale").or(wanted.take());
         ui.end_row();
@@ -260,6 +274,26 @@ fn lens(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: Keyabl
         }
     });
     wanted
+}
+
+/// Where a camera stands, or how it moves.
+fn camera(
+    ui: &mut Ui,
+    viewer: &Viewer,
+    stage: &Stage,
+    (name, written): (&str, &stated::Stated),
+    keyable: Keyable,
+) -> Option<Wanted> {
+    let camera = stage.cameras.iter().find(|camera| camera.name == name)?;
+    let mut key = None;
+    let change = camera_fields::show(ui, viewer, written, camera, |ui, name| {
+        key = key_button(ui, viewer, keyable, name).or(key.take());
+    });
+    let change = change.map(|change| match change {
+        CameraChange::Field(change) => Wanted::Field(change),
+        CameraChange::Call(change) => Wanted::Call(change),
+    });
+    change.or(key)
 }
 
 fn srgb(linear: Vec3) -> [u8; 3] {
@@ -323,7 +357,44 @@ fn light(
         }
         wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
         ui.end_row();
+        wanted = aim(ui, &light, written, is_aimed(keyable)).or(wanted.take());
     });
+    wanted
+}
+
+/// Whether keys turn a light.
+fn is_aimed(keyable: Keyable) -> bool {
+    keyable.iter().any(|property| property.name == "direction" && property.has_keys())
+}
+
+/// The point or the direction in which a spot shines, and the color temperature of a light without a color.
+fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -> Option<Wanted> {
+    let mut wanted = None;
+    if matches!(light.light.kind, LightKind::Spot { .. }) && !keyed {
+        let at = written.get("look_at").and_then(|text| super::fields::point(text));
+        let (name, vector) = match at {
+            Some(at) => ("look_at", at),
+            None => ("direction", light.direction.as_dvec3()),
+        };
+        let label = if at.is_some() { "shines on" } else { "shines along" };
+        ui.label(label);
+        for (axis, letter) in ["aim x", "aim y", "aim z"].into_iter().enumerate() {
+            if let Some(to) = values::number(ui, letter, vector[axis], 0.01, -1e6..=1e6) {
+                let mut all = vector;
+                all[axis] = to;
+                let [x, y, z] = all.to_array().map(format_number);
+                wanted = Some(Wanted::Value(name, format!("[{x}, {y}, {z}]")));
+            }
+        }
+        ui.end_row();
+    }
+    if !written.contains_key("color") {
+        wanted = default_menu(ui, written, "kelvin").or(wanted);
+        let now = written.get("kelvin").and_then(|text| text.parse().ok());
+        let set = values::unstated(ui, "light kelvin", now, 1000.0..=40_000.0);
+        wanted = set.map(|to| Wanted::Value("kelvin", format_number(to))).or(wanted);
+        ui.end_row();
+    }
     wanted
 }
 
@@ -551,7 +622,6 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
                 if camera.far().is_none() {
                     row("far", "any distance".into());
                 }
-                row("keys", camera.channels.len().to_string());
             }
             if let Some(shown) = viewer.shown()
                 && shown
@@ -569,16 +639,7 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
                 row("kind", light.light.kind.title().into());
             }
         }
-        Selected::Title(index) => {
-            if let Some(title) = stage.layers_2d.get(*index) {
-                row("keys", title.channels.len().to_string());
-            }
-        }
-        Selected::Sky => {
-            if let Some(sky) = &stage.sky {
-                row("keys", sky.channels.len().to_string());
-            }
-        }
+        Selected::Title(_) | Selected::Sky => {}
         Selected::Effect(index) => {
             if let Some(used) = stage.effects.get(*index) {
                 row("from", viewer.shown_time(used.start));

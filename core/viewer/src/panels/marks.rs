@@ -6,6 +6,7 @@ use super::key_menu::{self, KeyAct};
 use super::sequencer::{COLORS, STRIP};
 use super::strip::Strips;
 use crate::app::Viewer;
+use crate::editing::file_name;
 use crate::state::events::{Event, EventKind};
 use crate::state::keyed::KeyRef;
 use crate::state::selection::{Selected, actor};
@@ -21,10 +22,9 @@ pub(super) const SELECTED: Color32 = Color32::from_rgb(0xff, 0x8a, 0x2a);
 /// Marks in one row that can be pointed at.
 const MOST: usize = 400;
 
-/// The file's name and the line: the folder is known.
+/// The file's name and the line.
 pub fn report(place: &Place) -> String {
-    let name = place.file.rsplit(['/', '\\']).next().unwrap_or(&place.file);
-    format!("{name}:{}", place.line)
+    format!("{}:{}", file_name(&place.file), place.line)
 }
 
 /// A change of a mark by the user.

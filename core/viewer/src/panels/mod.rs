@@ -7,6 +7,7 @@ mod axes;
 mod bar;
 mod bar_menu;
 mod bars;
+mod camera_fields;
 #[cfg(test)]
 mod contrast;
 mod curves;

@@ -5,6 +5,7 @@ use super::fields::{Form, described};
 use super::hint::Hint;
 use crate::app::Viewer;
 use crate::editing::{FieldChange, StatedCall, expression};
+use crate::state::selection::Selected;
 use choreo_motion::Time;
 use choreo_script::Place;
 use choreo_stage::{
@@ -26,8 +27,9 @@ pub fn show(ui: &mut Ui, viewer: &Viewer, actor: &Actor, index: usize) -> Option
         let siblings = calls.iter().flatten().filter(|other| **other == place).count();
         viewer.stated_call(&place, siblings, name)
     };
-    let attached = viewer.stated_calls(&actor.name, &["attach", "detach"]);
-    let springs = viewer.stated_calls(&actor.name, &["spring"]);
+    let what = Selected::Actor(actor.name.clone());
+    let attached = viewer.stated_calls(&what, &["attach", "detach"]);
+    let springs = viewer.stated_calls(&what, &["spring"]);
     let count = attached.len() + actor.look_at.len() + actor.constraints.len() + springs.len();
     if count == 0 {
         return None;
@@ -79,6 +81,10 @@ fn section(
     ui.push_id((call.place.line, call.place.column, &call.title), |ui| {
         let line = format!("line {}", call.place.line);
         ui.label(RichText::new(&call.title).monospace()).hint(line);
+        if call.place.line == 0 {
+            ui.weak("of the character itself");
+            return;
+        }
         Grid::new("call").num_columns(2).show(ui, |ui| wanted = show(ui, &form));
     });
     wanted

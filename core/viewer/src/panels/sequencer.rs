@@ -3,7 +3,7 @@
 use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks::MarkAct;
-use super::{bar_menu, bars, headers, icons, key_menu, markers, marks};
+use super::{bar_menu, bars, headers, icons, key_menu, markers, marks, values};
 use crate::app::Viewer;
 use crate::editing::{ClipOf, EditError};
 use crate::state::keyed::KeyRef;
@@ -112,10 +112,13 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         let hint = "dragged times are whole frames (N)";
         viewer.snap ^= icons::toggle(ui, icons::MAGNET, viewer.snap, "Snap", hint).clicked();
         ui.separator();
-        let playhead = &viewer.playhead;
+        let playhead = &mut viewer.playhead;
+        let (now, last) = (playhead.time().as_secs(), playhead.length().as_secs());
+        if let Some(to) = values::number(ui, "time of the playhead", now, 0.01, 0.0..=last) {
+            playhead.seek(Time::from_secs(nearest_frame(playhead.fps().as_fps(), to)));
+        }
         let text = format!(
-            "{:.3} s   frame {} of {}   {} frames a second",
-            playhead.time().as_secs(),
+            "s   frame {} of {}   {} frames a second",
             playhead.frame(),
             playhead.frames(),
             playhead.fps().as_fps()
@@ -141,6 +144,12 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     });
 }
 
+/// The time of the frame that is nearest to a time, seconds.
+fn nearest_frame(fps: f64, secs: f64) -> f64 {
+    // A little later: a frame begins at the tick that is nearest to its time.
+    (secs * fps).round() / fps + 1e-6
+}
+
 /// The ruler: a press or a drag on it moves the playhead.
 pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span), label: &str) {
     let response = ui.interact(ruler, ui.id().with("ruler"), Sense::click_and_drag());
@@ -149,6 +158,7 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span
     if let Some(pointer) = response.interact_pointer_pos() {
         let time = |x: f32| {
             let secs = span.secs_at(x - ruler.left(), ruler.width());
+            let secs = nearest_frame(viewer.playhead.fps().as_fps(), secs);
             Time::from_secs(secs.clamp(0.0, viewer.playhead.length().as_secs()))
         };
         let from = ui.input(|i| i.pointer.press_origin()).map_or(pointer.x, |p| p.x);
@@ -259,7 +269,7 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         viewer.edit(|v| v.add_clip_to_layer(&on, &clip.of, &clip.clip, Some(secs), layer));
     }
     if let Some(what) = clicked {
-        viewer.selection = if viewer.selection.as_ref() == Some(&what) { None } else { Some(what) };
+        viewer.selection = Some(what);
     }
 }
 

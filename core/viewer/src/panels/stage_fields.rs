@@ -47,11 +47,9 @@ fn light(ui: &mut Ui, viewer: &mut Viewer) {
             let down = values::color(ui, "ambient below", now.down);
             let strength = values::number(ui, "ambient strength", now.strength, 0.01, 0.0..=1000.0);
             if up.is_some() || down.is_some() || strength.is_some() {
-                // One color for both stays one.
-                let both = (now.up == now.down).then_some(up.or(down)).flatten();
                 wanted = Some(Ambient {
-                    up: both.or(up).unwrap_or(now.up),
-                    down: both.or(down).unwrap_or(now.down),
+                    up: up.unwrap_or(now.up),
+                    down: down.unwrap_or(now.down),
                     strength: strength.unwrap_or(now.strength),
                 });
             }

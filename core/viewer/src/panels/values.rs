@@ -127,8 +127,37 @@ impl Number<'_> {
     }
 }
 
-/// sRGB bytes, as it was and as it is now meant.
+/// sRGB bytes, as it was and as it is now meant: a picker, and the digits as text.
 pub fn color(ui: &mut Ui, name: &str, value: [u8; 3]) -> Option<[u8; 3]> {
+    ui.horizontal(|ui| {
+        let picked = picker(ui, name, value);
+        hex(ui, name, value).filter(|now| *now != value).or(picked)
+    })
+    .inner
+}
+
+/// `#rrggbb` or `rrggbb`, taken when the field is left.
+fn hex(ui: &mut Ui, name: &str, [r, g, b]: [u8; 3]) -> Option<[u8; 3]> {
+    let id = ui.id().with(("hex", name));
+    let now = format!("#{r:02x}{g:02x}{b:02x}");
+    let mut text: String = ui.data(|d| d.get_temp(id)).unwrap_or_else(|| now.clone());
+    let field = egui::TextEdit::singleline(&mut text).desired_width(66.0);
+    let response = ui.add(field.font(egui::TextStyle::Monospace));
+    let response = named(response, WidgetType::TextEdit, &format!("{name} hex"));
+    super::inspected::hold(ui, &response);
+    if response.has_focus() {
+        ui.data_mut(|d| d.insert_temp(id, text));
+        return None;
+    }
+    ui.data_mut(|d| d.remove::<String>(id));
+    let digits = text.trim().trim_start_matches('#');
+    let is_color = digits.len() == 6 && digits.chars().all(|c| c.is_ascii_hexdigit());
+    let number = u32::from_str_radix(digits, 16).ok().filter(|_| is_color && response.lost_focus())?;
+    let [_, r, g, b] = number.to_be_bytes();
+    Some([r, g, b])
+}
+
+fn picker(ui: &mut Ui, name: &str, value: [u8; 3]) -> Option<[u8; 3]> {
     let id = ui.id().with(("color", name));
     let mut now: [u8; 3] = ui.data(|d| d.get_temp(id)).unwrap_or(value);
     let response = egui::color_picker::color_edit_button_srgb(ui, &mut now);

@@ -326,7 +326,8 @@ fn cameras(scene: &Scene) -> Vec<Bar> {
         holds_from: None,
         place: place.cloned().unwrap_or_default(),
         cut,
-        kind: kind(&name(camera)),
+        // Shots beside each other differ.
+        kind: camera,
         strip: None,
     };
     starts.iter().zip(ends).map(bar).filter(|bar| bar.end > bar.start).collect()

@@ -105,8 +105,7 @@ fn characters_come_from_the_menu_in_their_own_colors_beside_each_other() {
     desk.get_by_label("Edit").click();
     desk.run();
     click(&mut desk, "Delete");
-    let left = "let teal = load(\"choreo:mannequin\", #{ color: \"teal\" });\n";
-    assert_eq!(desk.state().text(), format!("{SCRIPT}{left}"));
+    assert_eq!(desk.state().text(), SCRIPT, "the file that only he used goes, too");
     for (what, line) in [
         (Selected::Light(0), "sun(#{ direction: [-0.5, -1.0, -0.5] });\n"),
         (Selected::Effect(0), "effect(\"vignette\");\n"),
@@ -177,8 +176,28 @@ fn cameras_that_follow_or_circle_an_actor_come_from_the_menu() {
             assert!((0.35..1.0).contains(&reach), "{line} at {secs}: {reach}");
         }
     }
+    // One without a variable gets it.
+    for (script, wanted) in [
+        (
+            "cast(\"my box\", shape(\"box\")).at(0.0, 1.0, 0.0);",
+            "let my_box = cast(\"my box\", shape(\"box\")).at(0.0, 1.0, 0.0);\n",
+        ),
+        (
+            "cast(\"my box\", shape(\"box\"))\n    .key(\"scale\", [[0.0, 1.0], [1.0, 2.0]]);",
+            "let my_box = cast(\"my box\", shape(\"box\"));\nmy_box.key(\"scale\", [[0.0, 1.0], [1.0, 2.0]]);\n",
+        ),
+    ] {
+        let mut place = Place::new(script);
+        place.viewer.add(&Addition::Follow("my box".into())).unwrap();
+        let text = place.text();
+        assert!(text.starts_with(&format!("{wanted}camera(\"with my box\").follow(my_box, [")), "{text}");
+        place.reload();
+        assert!(place.viewer.problems.is_empty(), "{:?}", place.viewer.problems);
+        place.viewer.undo().unwrap();
+        assert_eq!(place.text(), script);
+    }
     // One that the script cannot name is refused, with its line.
-    let mut place = Place::new("cast(\"box\", shape(\"box\"));\n");
+    let mut place = Place::new("for n in 0..1 { cast(\"box\", shape(\"box\")) }\n");
     let error = place.viewer.add(&Addition::Follow("box".into())).unwrap_err().to_string();
     assert!(error.contains("a.rhai:1: a camera needs its name in the script; write let NAME"), "{error}");
 }

@@ -6,6 +6,7 @@ mod place;
 mod adding;
 mod by_mouse;
 mod finding;
+mod first_dance;
 mod inspecting;
 mod naming;
 mod panels;
