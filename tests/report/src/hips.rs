@@ -58,7 +58,7 @@ impl Feet<'_> {
         let joint = |name: &str| Ok(human.joint(name).ok_or(format!("no {name}"))? as usize);
         let place = |name: &str| joint(name).map(|j: usize| model[j].translation);
         let [hip, knee, ankle] = ["left upleg", "left leg", "left foot"].map(place);
-        let (hip, knee, ankle): (_, _, _) = (hip?, knee?, ankle?);
+        let (hip, knee, ankle) = (hip?, knee?, ankle?);
         let of = |part: &str| ["left", "right"].map(|side| joint(&format!("{side} {part}")));
         let heights = |joints: [Result<usize, String>; 2]| -> Result<Vec<(usize, f64)>, String> {
             joints.into_iter().map(|j| j.map(|j| (j, model[j].translation.y))).collect()
