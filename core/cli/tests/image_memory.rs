@@ -25,8 +25,13 @@ fn folder() -> tempfile::TempDir {
 "bufferViews":[{"buffer":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":24}],
 "buffers":[{"byteLength":60,"uri":"a.bin"}]}"#;
     std::fs::write(dir.path().join("a.gltf"), model).unwrap();
+    std::fs::write(dir.path().join("a.rhai"), SCRIPT).unwrap();
     dir
 }
+
+/// A script that has the same image on a surface, in a folder that has the model, too.
+const SCRIPT: &str =
+    "stage(#{ length: 1.0 });\ncast(\"wall\", shape(\"plane\", #{ image: image(\"large.png\") }));\n";
 
 /// MiB that Linux states for this process at its highest; the mark is set back before. `None` elsewhere.
 fn peak(work: impl FnOnce()) -> Option<u64> {
@@ -83,6 +88,62 @@ fn info_reads_the_header() {
 #[test]
 fn explain_reads_the_header() {
     takes_at_most(24, &["explain", "a.gltf"]);
+}
+
+#[test]
+fn check_of_a_script_reads_the_header() {
+    takes_at_most(24, &["check", "a.rhai"]);
+}
+
+#[test]
+fn pose_of_a_script_reads_the_header() {
+    takes_at_most(24, &["pose", "a.rhai", "--json"]);
+}
+
+#[test]
+fn explain_of_a_script_reads_the_header() {
+    takes_at_most(24, &["explain", "a.rhai"]);
+}
+
+/// Where a mesh or a material depends on the pixels of an image, they are decoded all the same.
+#[test]
+fn a_scene_is_the_same_without_pixels() {
+    let dir = tempfile::tempdir().unwrap();
+    let waves = image::RgbImage::from_fn(8, 8, |x, y| image::Rgb([(x * 30) as u8, (y * 30) as u8, 77]));
+    waves.save(dir.path().join("waves.png")).unwrap();
+    let holes = image::RgbaImage::from_fn(8, 8, |x, _| image::Rgba([255, 0, 0, if x < 4 { 0 } else { 255 }]));
+    holes.save(dir.path().join("holes.png")).unwrap();
+    let script = r#"
+        let waves = image("waves.png");
+        let colored = shape("plane", #{ image: waves });
+        cast("colored", colored);
+        cast("painted", colored.texture(colored.materials()[0], "color", image("holes.png")));
+        cast("cut", shape("plane", #{ image: image("holes.png") }));
+        cast("veiled", shape("plane", #{ image: waves, opacity_map: waves }));
+        cast("raised", shape("plane", #{ displacement_map: waves, displacement: 0.3 }));
+        cast("bumps", shape("plane", #{ normal_map: waves, height_map: waves }));
+        cast("cells", shape("plane", #{ image: [waves, image("holes.png")] }));
+        picture(waves, #{ height: 0.5 });
+    "#;
+    let run = |needs: choreo_plugin::ImportScope| {
+        let options = choreo_script::ScriptOptions { needs, ..Default::default() };
+        choreo_script::run_text("a.rhai", script, dir.path(), &choreo::registry(), &options).unwrap().stage
+    };
+    let (all, few) = (run(choreo_plugin::ImportScope::ALL), run(choreo_plugin::ImportScope::NO_PIXELS));
+    let mut waiting = Vec::new();
+    for (a, b) in all.actors.iter().zip(&few.actors) {
+        let (a, b, name) = (&a.asset, &b.asset, &a.name);
+        assert_eq!(a.meshes[0].content_hash(), b.meshes[0].content_hash(), "{name}");
+        assert_eq!(a.materials, b.materials, "{name}");
+        for (a, b) in a.images.iter().zip(&b.images) {
+            assert_eq!((a.width, a.height), (b.width, b.height), "{name}");
+            assert!(b.rgba.is_empty() || a.rgba == b.rgba, "{name}");
+        }
+        if b.images.iter().any(|image| image.rgba.is_empty()) {
+            waiting.push(name.as_str());
+        }
+    }
+    assert_eq!(waiting, ["colored", "painted"]);
 }
 
 #[test]

@@ -17,6 +17,7 @@ pub(crate) const MAX_IMAGE_PIXELS: u64 = 64 << 20;
 const MAX_WORKERS: usize = 4;
 
 /// An image whose header has been read. `B` holds its bytes.
+#[derive(Debug)]
 pub struct Encoded<B> {
     /// Place at which the file names it: `images[3]`.
     pub place: String,
@@ -37,7 +38,7 @@ pub enum Formats {
 }
 
 /// The decoder of an image.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 enum Format {
     Plain(ImageFormat),
     Ktx2,
@@ -62,8 +63,15 @@ impl<B: AsRef<[u8]>> Encoded<B> {
         u64::from(self.width) * u64::from(self.height)
     }
 
+    /// Whether the header shows that no pixel is transparent.
+    pub fn is_opaque(&self) -> bool {
+        let Format::Plain(format) = self.format else { return false };
+        let decoder = ImageReader::with_format(Cursor::new(self.bytes.as_ref()), format).into_decoder();
+        decoder.is_ok_and(|decoder| !decoder.color_type().has_alpha())
+    }
+
     /// The image with its size from the header and without pixels.
-    fn without_pixels(&self) -> Image {
+    pub fn without_pixels(&self) -> Image {
         Image {
             name: self.name.clone(),
             width: self.width,

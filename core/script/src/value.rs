@@ -3,10 +3,12 @@
 //! A handle made by a call that failed is dead: whatever is done with it is skipped without a word, so that one
 //! wrong name is one message and the script goes on to its next mistake.
 
-use crate::api_error::Place;
+use crate::api_error::{ApiError, Place};
 use crate::load::Load;
 use crate::test_data::{Claim, Expectation, Measure, PlanOptions, Value, When};
 use choreo_asset::{AlphaMode, Asset, ContentHash, Image, ImageSource, Sampler};
+use choreo_importer_kit::Problem;
+use choreo_importer_kit::images::Encoded;
 use choreo_motion::{Clip, Time};
 use rhai::{Dynamic, Engine};
 use std::any::TypeId;
@@ -105,7 +107,10 @@ pub struct Following {
 /// An image and how it is looked up.
 #[derive(Clone, Debug)]
 pub(crate) struct ImageRef {
+    /// Opaque and without pixels where [`ImageRef::file`] holds them.
     pub image: Arc<Image>,
+    /// The file, where its pixels are decoded only for who calls [`ImageRef::decoded`].
+    pub file: Option<Arc<Encoded<Vec<u8>>>>,
     pub sampler: Sampler,
     pub dead: bool,
     /// All of them, where several follow each other; `image` is the first.
@@ -114,7 +119,28 @@ pub(crate) struct ImageRef {
 
 impl ImageRef {
     pub fn dead() -> ImageRef {
-        ImageRef { image: Arc::new(Image::default()), sampler: Sampler::default(), dead: true, files: None }
+        ImageRef {
+            image: Arc::new(Image::default()),
+            file: None,
+            sampler: Sampler::default(),
+            dead: true,
+            files: None,
+        }
+    }
+
+    /// The image with its pixels.
+    pub fn decoded(&self) -> Result<Arc<Image>, ApiError> {
+        let Some(file) = &self.file else { return Ok(self.image.clone()) };
+        file.decode().map_err(|problem| undecodable("image", &file.name, problem))
+    }
+}
+
+/// `what`: the word before the error.
+pub(crate) fn undecodable(what: &str, name: &str, p: Problem) -> ApiError {
+    let error = ApiError::new(format!("{what}: \"{name}\": {}", p.what)).focus(name);
+    match p.hint {
+        Some(hint) => error.hint(hint),
+        None => error,
     }
 }
 

@@ -24,6 +24,7 @@ mod film;
 mod foot_locking;
 mod gif;
 mod glass;
+mod hips;
 mod ik;
 mod images;
 mod key_weights;

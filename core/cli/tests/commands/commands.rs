@@ -225,6 +225,8 @@ fn measure_names_a_way_for_each_choice() {
     let worst = |choice: usize, row: usize| choices[choice]["rows"][row]["worst"].as_f64().unwrap();
     assert!(worst(0, 0) < 0.01 && worst(0, 1) > worst(0, 0), "{}", choices[0]);
     assert!(worst(1, 2) < worst(1, 1) && worst(1, 1) < worst(1, 0), "{}", choices[1]);
+    // Of skins, dual quaternions are near the mean motion of the joints, and what runs is not compared with itself.
+    assert!(worst(2, 0) > 10.0 * worst(2, 1) && worst(2, 1) < 1.0, "{}", choices[2]);
     let left_out: Vec<&str> =
         value["left_out"].as_array().unwrap().iter().map(|l| l["what"].as_str().unwrap()).collect();
     assert_eq!(left_out, ["springs", "ik", "mips", "sky", "shadows", "motion_blur", "tones"]);
@@ -269,6 +271,52 @@ fn measure_compares_springs_chains_skies_and_tones() {
     assert!(coarse > 2.0 * sky("256 texels a side, 8 roughnesses, 256 samples"), "{coarse}");
     let tone = |way: &str| error(4, way, "worst");
     assert!(tone("the sigmoid, with its powers") < 1e-3 && tone("polynomial of degree 6 (Wrensch)") > 0.1);
+}
+
+#[test]
+fn measure_compares_shadows_and_sub_frames() {
+    let dir = tempfile::tempdir().unwrap();
+    let script = r##"
+        stage(#{ size: [96, 64], length: 1.0 });
+        let m = load("choreo:mannequin");
+        cast("ada", m).play(m.clip("Dance_Spin"));
+        cast("floor", shape("plane", #{ size: 6.0 }));
+        camera("c").at(1.5, 1.5, 4.0).look_at([0.0, 0.8, 0.0]);
+        sun(#{ direction: [-1.0, -1.2, -0.6], shadow: true });
+        effect("motion_blur", #{ samples: 8 });
+    "##;
+    std::fs::write(dir.path().join("s.rhai"), script).unwrap();
+    let arguments = [
+        "measure",
+        "s.rhai",
+        "--device",
+        "cpu",
+        "--json",
+        "--at",
+        "0.6",
+        "--only",
+        "shadows",
+        "--only",
+        "motion_blur",
+    ];
+    let value = json(dir.path(), &arguments);
+    let choices = value["choices"].as_array().unwrap();
+    let named: Vec<&str> = choices.iter().map(|c| c["choice"].as_str().unwrap()).collect();
+    assert_eq!(named, ["shadows", "motion_blur"]);
+    let error = |choice: usize, way: &str| {
+        let rows = choices[choice]["rows"].as_array().unwrap();
+        let row = rows.iter().find(|row| row["way"] == way).unwrap_or_else(|| panic!("{way}: {rows:?}"));
+        assert!(row["nanos"].as_f64().unwrap() > 0.0, "{row}");
+        row["mean"].as_f64().unwrap()
+    };
+    let shadows = [64, 256].map(|size| error(0, &format!("{size} texels a side")));
+    assert!(shadows[0] > 1.02 * shadows[1] && shadows[1] > 0.0, "{shadows:?}");
+    let blur = ["1 sub-frame", "4 sub-frames", "16 sub-frames", "64 sub-frames"].map(|way| error(1, way));
+    assert!(blur.windows(2).all(|pair| pair[0] > 1.5 * pair[1]), "{blur:?}");
+    assert_eq!(
+        [&choices[0]["chosen"], &choices[1]["chosen"]],
+        ["2048 texels a side", "as many as moving pixels need, at most 8"]
+    );
 }
 
 #[test]

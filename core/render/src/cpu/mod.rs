@@ -12,6 +12,7 @@ mod displace;
 pub(crate) mod float_frames;
 mod id_mattes;
 pub mod image_passes;
+mod kept_maps;
 mod layer_shading;
 mod layers;
 mod lighting;
@@ -65,7 +66,7 @@ use shade::{Fragment, ShadeMaterial};
 use shadow::ShadowMaps;
 use stage_times::Stage;
 use std::collections::{HashMap, VecDeque};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use target::{Float, PixelOf, Srgb8, Target};
 use texture::Texture;
 use tile::{Batch, Paint, Phase, Tile, TileBuffers, TriangleId, tiles_of};
@@ -87,6 +88,8 @@ pub struct CpuRenderer {
     /// The scene's sky, once a plan has shown it.
     sky: Option<Sky>,
     submitted: VecDeque<Plan>,
+    /// Of the frame before, from which the next takes over what has not changed.
+    shadow_maps: Mutex<ShadowMaps>,
     times: Arc<StageTimes>,
     faults: Arc<EffectFaults>,
 }
@@ -114,6 +117,7 @@ impl CpuRenderer {
             textures: HashMap::new(),
             sky: None,
             submitted: VecDeque::new(),
+            shadow_maps: Mutex::default(),
             times: Arc::default(),
             faults: Arc::default(),
         }
@@ -323,8 +327,11 @@ impl CpuRenderer {
     ) -> Result<(), RenderError> {
         let changed = self.changed_materials(plan);
         let deformed = self.times.of(Stage::Vertices, || DeformedMeshes::of(self, plan));
+        let kept = || self.shadow_maps.lock().unwrap_or_else(PoisonError::into_inner);
         let draw_maps = |shadows: &plan::ShadowMaps| {
-            ShadowMaps::draw(&shadows.views, shadows.image, |view| {
+            let keys = shadows.views.iter().map(|view| kept_maps::key(view, plan, &self.resources)).collect();
+            ShadowMaps::draw(shadows, keys, std::mem::take(&mut kept()), |view| {
+                self.times.count_shadow_map();
                 self.batches(
                     plan,
                     (&view.draws, &deformed),
@@ -369,6 +376,10 @@ impl CpuRenderer {
         self.times.of(Stage::Pixels, || {
             bands::<T, P, S>(plan, &batches, background.as_ref(), post, &self.faults, out);
         });
+        drop(batches);
+        if let Some(maps) = maps {
+            *kept() = maps;
+        }
         Ok(())
     }
 }

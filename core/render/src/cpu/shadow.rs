@@ -1,14 +1,16 @@
 //! Shadow maps, drawn by the same rasterizer as images, and their lookup. CPU reference of shadow.wgsl.
 
+use super::kept_maps::MapKey;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::setup::Triangle;
 use super::tile::{Batch, Paint};
 use crate::lanes::{ALL, F4, Mask, NONE, V3, Weights, select};
 use crate::plan::shadow_maps::MAX_PENUMBRA;
-use crate::plan::{Features, PlanLight, ShadowView};
+use crate::plan::{self, Features, PlanLight, ShadowView};
 use crate::shader::uniforms::ShadowUniform;
 use glam::Vec4Swizzles;
 use rayon::prelude::*;
+use std::collections::HashMap;
 
 /// All maps of a frame, drawn.
 #[derive(Default)]
@@ -17,6 +19,8 @@ pub struct ShadowMaps {
 }
 
 struct Map {
+    /// Of all that it was drawn from; none where it is not kept for the next frame.
+    key: Option<MapKey>,
     at: [u32; 2],
     size: [u32; 2],
     lookup: ShadowUniform,
@@ -33,18 +37,27 @@ const REACH: f32 = 0.5 * MAX_PENUMBRA + 2.0;
 const _: () = assert!(REACH <= BLOCK as f32);
 
 impl ShadowMaps {
-    /// `batches`: what is drawn into each view, seen from its light.
+    /// `keys`: of each view; `before`: the maps of the frame before, of which those with equal keys are taken over; `batches`: what is
+    /// drawn into a view, seen from its light.
     pub fn draw<'a>(
-        views: &[ShadowView],
-        image: [u32; 2],
+        plan: &plan::ShadowMaps,
+        keys: Vec<Option<MapKey>>,
+        before: ShadowMaps,
         batches: impl Fn(&ShadowView) -> Vec<Batch<'a>>,
     ) -> ShadowMaps {
-        let draw = |view: &ShadowView| {
-            let depth = depths(view.size, &batches(view));
-            let ranges = if view.penumbra > 0.0 { ranges(view.size, &depth) } else { Vec::new() };
-            Map { at: view.at, size: view.size, lookup: ShadowUniform::new(view, image), depth, ranges }
+        // What is not taken over is gone before new maps need its memory.
+        let kept = before.maps.into_iter().filter(|map| keys.contains(&map.key));
+        let mut kept: HashMap<MapKey, Map> = kept.filter_map(|map| Some((map.key?, map))).collect();
+        let draw = |(view, key): (&ShadowView, Option<MapKey>)| {
+            let (at, size, lookup) = (view.at, view.size, ShadowUniform::new(view, plan.image));
+            if let Some(map) = key.and_then(|key| kept.remove(&key)) {
+                return Map { at, lookup, ..map };
+            }
+            let depth = depths(size, &batches(view));
+            let ranges = if view.penumbra > 0.0 { ranges(size, &depth) } else { Vec::new() };
+            Map { key, at, size, lookup, depth, ranges }
         };
-        ShadowMaps { maps: views.iter().map(draw).collect() }
+        ShadowMaps { maps: plan.views.iter().zip(keys).map(draw).collect() }
     }
 
     /// How much of a light arrives at four places, 0 to 1, where that is asked. `n`: the surface's own normal; `l`: to the light.

@@ -25,6 +25,7 @@ const STAGES: [(Stage, &str); 5] = [
 pub struct StageTimes {
     nanoseconds: [AtomicU64; STAGES.len()],
     frames: AtomicU64,
+    shadow_maps: AtomicU64,
 }
 
 impl StageTimes {
@@ -38,6 +39,15 @@ impl StageTimes {
 
     pub(super) fn count_frame(&self) {
         self.frames.fetch_add(1, Ordering::Relaxed);
+    }
+
+    pub(super) fn count_shadow_map(&self) {
+        self.shadow_maps.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Shadow maps drawn so far; those that were taken over from the frame before are not among them.
+    pub fn shadow_maps(&self) -> u64 {
+        self.shadow_maps.load(Ordering::Relaxed)
     }
 
     /// Frames drawn so far, and name and seconds of each stage.

@@ -8,7 +8,7 @@ use choreo_render::commands::{Command, RecordOptions, record};
 use choreo_render::plan::Features;
 use choreo_render::*;
 use choreo_stage::*;
-use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
+use glam::{Affine3A, DAffine3, DQuat, DVec3, Vec3, Vec4};
 
 fn record_of(plan: &Plan) -> commands::Recording {
     record(plan, RecordOptions::default(), |_| 2)
@@ -534,4 +534,49 @@ fn actors_cast_and_receive_as_they_are_told_to() {
     // An actor that receives nothing still casts, and one that casts nothing still receives.
     let silent = ActorShadow { cast: false, ..as_usual };
     assert_eq!(darker(ActorShadow { receive: false, ..as_usual }, silent), (dark, None));
+}
+
+/// A map is drawn anew where something in it changes, and only there; one that is kept shows what a fresh one shows.
+#[test]
+fn shadow_maps_that_do_not_change_are_kept() {
+    let options = PlanOptions::new([96, 96], 1);
+    let mut renderer = CpuRenderer::new(&[]);
+    let mut maps = |scene: &Scene| {
+        let before = renderer.stage_times().shadow_maps();
+        let frame = draw_with(&mut renderer, scene, &options);
+        assert!(frame == draw(scene, &options), "a kept map shows something else");
+        renderer.stage_times().shadow_maps() - before
+    };
+    let mut scene = floor_and_square();
+    let bent = skinned_asset(vec![quad(0.2, 0.5)], vec![Material { double_sided: true, ..white() }]);
+    let figure = scene.add(&bent, DAffine3::from_translation(DVec3::new(-0.8, 0.5, 0.5)));
+    let spot = LightKind::Spot { inner: 1.0, outer: 1.04 };
+    let shadow = Shadow { size: 256, softness: None };
+    cast(&mut scene, plain(spot, 4.0), DVec3::new(0.8, 2.5, 0.5), DVec3::NEG_Y, shadow);
+    assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
+    // The camera turns where it is, and the light changes.
+    scene.snapshot.camera.world_from_view *= DAffine3::from_rotation_z(0.3);
+    scene.snapshot.lights[0].light.intensity = 3.0;
+    assert_eq!(maps(&scene), 0);
+    // Another light has a map of its own; with its numbers the first keeps its map, at another place of the image.
+    let further = DVec3::new(-1.2, 2.0, 0.2);
+    scene.snapshot.lights.insert(0, LightState { position: further, ..scene.snapshot.lights[0].clone() });
+    assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
+    scene.snapshot.lights.remove(0);
+    assert_eq!(maps(&scene), 0);
+    // Another mesh is in the same place; what casts moves, a joint of it turns, it is not there, and the light moves.
+    scene.stage.actors[1].asset = asset(vec![quad(0.3, 0.3)], vec![white()], vec![]);
+    assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
+    scene.snapshot.actors[1].world_from_model.translation.x += 0.1;
+    assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
+    scene.snapshot.actors[figure].model_from_joint[1] *= Affine3A::from_rotation_z(0.4);
+    assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
+    scene.snapshot.actors[figure].visible = false;
+    assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
+    scene.snapshot.lights[0].position.x += 0.1;
+    assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
+    // Holes of a texture are always drawn.
+    let holes = Material { alpha_mode: AlphaMode::Mask(0.5), double_sided: true, ..white() };
+    scene.add(&asset(vec![quad(0.3, 0.3)], vec![holes], vec![]), DAffine3::from_translation(DVec3::Y));
+    assert_eq!([maps(&scene), maps(&scene)], [1, 1]);
 }

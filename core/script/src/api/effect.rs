@@ -182,7 +182,7 @@ fn chosen_image(
     }
     let label = format!("{}: {name}", plugin.manifest().name);
     let image = if let Some(image) = value.read_lock::<ImageRef>() {
-        image.image.clone()
+        image.decoded()?
     } else {
         let file = value.clone().into_string().map_err(|_| wrong(&allowed(spec), spec, &label, value))?;
         files::one(c, &label, &file)?

@@ -137,7 +137,7 @@ fn text(c: &mut Call) -> Reply {
 fn picture(c: &mut Call) -> Reply {
     let o = c.options(1, &known(&plain(), &["height", "width", "fit"]))?;
     let given = c.value(0);
-    let image: Arc<Image> = match given.read_lock::<ImageRef>().map(|i| i.image.clone()) {
+    let image: Arc<Image> = match given.read_lock::<ImageRef>().map(|i| i.decoded()).transpose()? {
         Some(image) => image,
         None => {
             let name = c.text(0).map_err(|_| c.wrong(0, "an Image or the name of a file"))?;

@@ -4,8 +4,8 @@ use super::following::more_open;
 use super::material::of_picture;
 use crate::call::{ApiError, Call, Options};
 use crate::limits::raise_hint;
-use crate::value::{Following, ImageRef};
-use choreo_asset::{AlphaMode, Image, ImageSource, ImageSourceError};
+use crate::value::{Following, ImageRef, undecodable};
+use choreo_asset::{AlphaMode, Image, ImageSource, ImageSourceError, Sampler};
 use choreo_importer_kit::Problem;
 use choreo_importer_kit::images::{Encoded, Formats};
 use std::sync::Arc;
@@ -23,7 +23,7 @@ pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
             let text = format!("image: {word} is of numbered files, whose name has # for each digit");
             return Err(ApiError::new(text).focus(word));
         }
-        return Ok(ImageRef { image: one(c, "image", &name)?, sampler, dead: false, files: None });
+        return alone(c, &name, sampler);
     };
     let numbered = |n: u64| format!("{before}{n:0digits$}{after}");
     let there = |n: u64| c.shared.find_file(&numbered(n)).is_ok();
@@ -80,7 +80,7 @@ pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     super::raw_image::count(c, texels(&image))?;
     let hashes = files.iter().map(|(_, bytes)| *blake3::hash(bytes).as_bytes()).collect();
     let files = Following { pictures: Arc::new(NumberedFiles { files }), hashes, alpha };
-    Ok(ImageRef { image, sampler, dead: false, files: Some(files) })
+    Ok(ImageRef { image, file: None, sampler, dead: false, files: Some(files) })
 }
 
 /// Files of images that follow each other, as they are on the disk.
@@ -115,6 +115,20 @@ fn whole(o: &Options, word: &str) -> Result<Option<u64>, ApiError> {
     number.map(Some).ok_or_else(|| crate::call::wrong(&value, &o.label(word), "a whole number from 0"))
 }
 
+/// The image of one file, whose pixels wait where none are to be drawn and the header says all that its surface depends on.
+fn alone(c: &Call, name: &str, sampler: Sampler) -> Result<ImageRef, ApiError> {
+    let needs = c.shared.loader.needs();
+    let bytes = c.shared.read_file(name)?;
+    let fail = |problem| undecodable("image", name, problem);
+    let encoded = Encoded::examine(name.into(), name.into(), bytes, Formats::All).map_err(fail)?;
+    super::raw_image::count(c, encoded.pixels())?;
+    let (image, file) = match needs.pixels || !encoded.is_opaque() {
+        true => (encoded.decode_for(needs).map_err(fail)?, None),
+        false => (Arc::new(encoded.without_pixels()), Some(Arc::new(encoded))),
+    };
+    Ok(ImageRef { image, file, sampler, dead: false, files: None })
+}
+
 /// The image of a file. `what`: the word before errors.
 pub(crate) fn one(c: &Call, what: &str, name: &str) -> Result<Arc<Image>, ApiError> {
     let bytes = c.shared.read_file(name)?;
@@ -127,14 +141,6 @@ pub(crate) fn one(c: &Call, what: &str, name: &str) -> Result<Arc<Image>, ApiErr
 
 fn decoded(name: &str, bytes: &[u8]) -> Result<Arc<Image>, Problem> {
     Encoded::examine(name.into(), name.into(), bytes, Formats::All)?.decode()
-}
-
-fn undecodable(what: &str, name: &str, p: Problem) -> ApiError {
-    let error = ApiError::new(format!("{what}: \"{name}\": {}", p.what)).focus(name);
-    match p.hint {
-        Some(hint) => error.hint(hint),
-        None => error,
-    }
 }
 
 fn texels(image: &Image) -> u64 {

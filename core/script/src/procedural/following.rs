@@ -75,9 +75,9 @@ pub fn join(
     rule: Rule,
 ) -> Result<ImageRef, ApiError> {
     maps::same_size(o, names[1], b, names[0], a)?;
-    let image = Arc::new(rule.make(&a.image, &b.image));
-    let made = ImageRef { image, files: None, ..a.clone() };
-    let parts = [a, b].map(|i| (i.image.clone(), i.files.clone()));
+    let parts = [(a.decoded()?, a.files.clone()), (b.decoded()?, b.files.clone())];
+    let image = Arc::new(rule.make(&parts[0].0, &parts[1].0));
+    let made = ImageRef { image, file: None, files: None, ..a.clone() };
     let counts = [a, b].map(|i| i.files.as_ref().map(|f| f.hashes.len()));
     let count = match counts {
         [None, None] => return Ok(made),
@@ -122,7 +122,7 @@ pub fn given(o: &Options, name: &str) -> Result<Option<ImageRef>, ApiError> {
 /// The images of an array one after the other.
 pub fn in_order(o: &Options, name: &str, all: &[ImageRef]) -> Result<ImageRef, ApiError> {
     let first = maps::of_one_size(o, name, all)?;
-    let pictures: Vec<Arc<Image>> = all.iter().map(|i| i.image.clone()).collect();
+    let pictures = all.iter().map(ImageRef::decoded).collect::<Result<Vec<Arc<Image>>, ApiError>>()?;
     let hashes = pictures.iter().map(|i| i.content_hash()).collect();
     let alpha = pictures.iter().map(|i| of_picture(i)).fold(AlphaMode::Opaque, more_open);
     let files = Following { pictures: Arc::new(Held(pictures)), hashes, alpha };

@@ -46,8 +46,9 @@ pub fn side_by_side(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32;
     let row_bytes = width as usize * 4;
     for (i, given) in images.iter().enumerate() {
         let (column, row) = (i % columns as usize, i / columns as usize);
+        let image = given.decoded()?;
         for y in 0..height as usize {
-            let from = &given.image.rgba[y * row_bytes..][..row_bytes];
+            let from = &image.rgba[y * row_bytes..][..row_bytes];
             let at = ((row * height as usize + y) * columns as usize + column) * row_bytes;
             rgba[at..at + row_bytes].copy_from_slice(from);
         }
@@ -59,7 +60,7 @@ pub fn side_by_side(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32;
         rgba,
         file: None,
     };
-    Ok((ImageRef { image: Arc::new(image), ..first.clone() }, [columns, rows]))
+    Ok((ImageRef { image: Arc::new(image), file: None, ..first.clone() }, [columns, rows]))
 }
 
 /// The options' image, or images.
@@ -79,9 +80,10 @@ pub fn pictures(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
 
 /// A white image, of which another is the opacity.
 pub fn white(like: &ImageRef) -> ImageRef {
-    let Image { width, height, ref rgba, .. } = *like.image;
-    let image = Image { name: "opacity".into(), width, height, rgba: vec![255; rgba.len()], file: None };
-    ImageRef { image: Arc::new(image), files: None, ..like.clone() }
+    let Image { width, height, .. } = *like.image;
+    let rgba = vec![255; width as usize * height as usize * 4];
+    let image = Image { name: "opacity".into(), width, height, rgba, file: None };
+    ImageRef { image: Arc::new(image), file: None, files: None, ..like.clone() }
 }
 
 /// An image with the brightness of another as its alpha, times its own.

@@ -242,7 +242,8 @@ fn shaped(c: &Call, o: &Options, mut primitive: Primitive) -> Result<Primitive, 
         relief::subdivide(&mut primitive);
     }
     let tiles = o.number_in("tiles", 1.0, 4096.0)?.unwrap_or(1.0) as f32;
-    relief::displace(&mut primitive, &map.image, height.unwrap_or(0.1) as f32, tiles);
+    let map = map.decoded()?;
+    relief::displace(&mut primitive, &map, height.unwrap_or(0.1) as f32, tiles);
     Ok(primitive)
 }
 

@@ -45,7 +45,7 @@ pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
     let image = choreo_plugin::build::image(&name, width, height, &pixels).map_err(|e| {
         ApiError::new(format!("image: {}", e.0.split_once(": ").map_or(e.0.as_str(), |(_, e)| e)))
     })?;
-    Ok(ImageRef { image: Arc::new(image), sampler: sampler(&o)?, dead: false, files: None })
+    Ok(ImageRef { image: Arc::new(image), file: None, sampler: sampler(&o)?, dead: false, files: None })
 }
 
 /// Counts further pixels against the limit of all together.

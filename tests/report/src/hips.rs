@@ -1,0 +1,213 @@
+//! How the hips of a retargeted clip are raised and lowered, so that feet stay on the floor.
+
+use crate::{BUDGET_SECS, scenes};
+use choreo_bench::plots::{Choice, Row, quantity};
+use choreo_bench::timing::{Case, Clock, interleaved};
+use choreo_bench::truth::{Spread, model_from_joint, pose, rest};
+use choreo_motion::retarget::{Retarget, RetargetOptions};
+use choreo_motion::{Clip, HumanoidJoints, LocalToModel, Pose, Sample, Skeleton, Time, Transform};
+use glam::{Affine3A, DAffine3};
+use std::hint::black_box;
+
+const CLIPS: [&str; 4] = ["Walk", "Run", "Jump", "Dance_Groove"];
+/// Times a second at which errors are measured, and at which the feet ask for a height.
+const RATE: f64 = 240.0;
+const ASKED_RATE: f64 = 120.0;
+/// Steps in a frame of a 60th of a second.
+const FRAME: usize = 4;
+/// Share of the leg up to which an ankle is as high as where its sole stands.
+const FLAT: f64 = 0.01;
+/// Lengths of the other body's shins and feet, of the source's.
+const SHIN: f32 = 0.9;
+const FOOT: f32 = 0.6;
+const SMOOTH: &str = "smoothing spline over the clip, 120 Hz (what runs)";
+
+/// The mannequin with other shins and feet, its hips as much lower.
+fn other_body(source: &Skeleton) -> Result<Skeleton, String> {
+    let human = HumanoidJoints::of(source);
+    let joint = |name: &str| human.joint(name).ok_or(format!("the mannequin has no {name}"));
+    let mut locals: Vec<Transform> = source.rest().to_vec();
+    for side in ["left", "right"] {
+        locals[joint(&format!("{side} foot"))? as usize].translation *= SHIN;
+        locals[joint(&format!("{side} toebase"))? as usize].translation *= FOOT;
+    }
+    let made = |locals: Vec<Transform>| {
+        Skeleton::new(source.names().to_vec(), source.parents().to_vec(), locals).map_err(|e| e.to_string())
+    };
+    let toe = joint("left toebase")? as usize;
+    let height = |skeleton: &Skeleton| model_from_joint(skeleton, &rest(skeleton))[toe].translation.y;
+    let sinks = height(source) - height(&made(locals.clone())?);
+    locals[joint("hips")? as usize].translation.y += sinks as f32;
+    made(locals)
+}
+
+/// One body, and where its feet stand at rest.
+struct Feet<'a> {
+    skeleton: &'a Skeleton,
+    hips: usize,
+    leg: f64,
+    /// Joints of the ankles and toes, with their heights at rest.
+    ankles: Vec<(usize, f64)>,
+    all: Vec<(usize, f64)>,
+}
+
+impl Feet<'_> {
+    fn of(skeleton: &Skeleton) -> Result<Feet<'_>, String> {
+        let human = HumanoidJoints::of(skeleton);
+        let model = model_from_joint(skeleton, &rest(skeleton));
+        let joint = |name: &str| Ok(human.joint(name).ok_or(format!("no {name}"))? as usize);
+        let place = |name: &str| joint(name).map(|j: usize| model[j].translation);
+        let [hip, knee, ankle] = ["left upleg", "left leg", "left foot"].map(place);
+        let (hip, knee, ankle) = (hip?, knee?, ankle?);
+        let of = |part: &str| ["left", "right"].map(|side| joint(&format!("{side} {part}")));
+        let heights = |joints: [Result<usize, String>; 2]| -> Result<Vec<(usize, f64)>, String> {
+            joints.into_iter().map(|j| j.map(|j| (j, model[j].translation.y))).collect()
+        };
+        let (ankles, toes) = (heights(of("foot"))?, heights(of("toebase"))?);
+        let all = ankles.iter().chain(&toes).copied().collect();
+        let leg = (hip - knee).length() + (knee - ankle).length();
+        Ok(Feet { skeleton, hips: joint("hips")?, leg, ankles, all })
+    }
+
+    /// Height of the lowest of these joints over that at rest.
+    fn above(joints: &[(usize, f64)], height: impl Fn(usize) -> f64) -> f64 {
+        joints.iter().map(|(joint, standing)| height(*joint) - standing).fold(f64::MAX, f64::min)
+    }
+}
+
+/// Poses of a clip one after the other, in f32, as frames have them.
+struct Fast<'a> {
+    feet: &'a Feet<'a>,
+    rest: Pose,
+    pose: Pose,
+    matrices: Vec<Affine3A>,
+}
+
+impl Fast<'_> {
+    fn of<'a>(feet: &'a Feet<'a>) -> Fast<'a> {
+        let matrices = vec![Affine3A::IDENTITY; feet.skeleton.len()];
+        let rest = Pose::rest(feet.skeleton);
+        Fast { feet, pose: rest.clone(), rest, matrices }
+    }
+
+    /// Height of the lowest foot over that at rest.
+    fn lowest(&mut self, clip: &Clip, time: Time) -> f64 {
+        let skeleton = self.feet.skeleton;
+        self.pose.copy_from(&self.rest);
+        Sample { clip, time, pose: &mut self.pose }.run();
+        LocalToModel { skeleton, pose: &self.pose, model_from_joint: &mut self.matrices }.run();
+        Feet::above(&self.feet.all, |joint| f64::from(self.matrices[joint].translation.y))
+    }
+}
+
+/// The height that the feet ask for, at 120 Hz; then the mean over so many of these times on both sides.
+fn asked([own, theirs]: [&Feet; 2], scale: f64, [clip, on]: [&Clip; 2], mean: usize) -> Vec<f64> {
+    let (mut source, mut target) = (Fast::of(own), Fast::of(theirs));
+    let count = (clip.duration.as_secs() * ASKED_RATE).ceil() as usize;
+    let mut at = |i: usize| {
+        let time = Time::from_secs(i as f64 / ASKED_RATE).min(clip.duration);
+        source.lowest(clip, time) * scale - target.lowest(on, time)
+    };
+    let all: Vec<f64> = (0..=count).map(&mut at).collect();
+    let mean_at = |i: usize| {
+        let near = &all[i.saturating_sub(mean)..(i + mean + 1).min(all.len())];
+        near.iter().sum::<f64>() / near.len() as f64
+    };
+    (0..all.len()).map(mean_at).collect()
+}
+
+/// Along straight lines.
+fn height_at(raised: &[f64], secs: f64) -> f64 {
+    let place = secs * ASKED_RATE;
+    let i = (place as usize).min(raised.len() - 1);
+    let next = (i + 1).min(raised.len() - 1);
+    raised[i] + (raised[next] - raised[i]) * (place - i as f64)
+}
+
+/// Adds the errors of one clip in millimetres: of the hips' steps, of standing soles.
+fn add_errors(
+    [steps, soles]: &mut [Spread; 2],
+    ([own, theirs], scale): ([&Feet; 2], f64),
+    [clip, on]: [&Clip; 2],
+    raised: &[f64],
+) {
+    let (mut beyond, mut feet) = (Vec::new(), Vec::new());
+    for i in 0..=(clip.duration.as_secs() * RATE) as usize {
+        let secs = i as f64 / RATE;
+        let time = Time::from_secs(secs);
+        let model = |of: &Feet, clip: &Clip| -> Vec<DAffine3> {
+            model_from_joint(of.skeleton, &pose(clip, of.skeleton, time))
+        };
+        let (source, target) = (model(own, clip), model(theirs, on));
+        let more = if raised.is_empty() { 0.0 } else { height_at(raised, secs) };
+        beyond.push(target[theirs.hips].translation.y + more - scale * source[own.hips].translation.y);
+        let ankle = Feet::above(&own.ankles, |j| source[j].translation.y) / own.leg;
+        let wanted = Feet::above(&own.all, |j| source[j].translation.y) * scale;
+        feet.push((ankle, Feet::above(&theirs.all, |j| target[j].translation.y) + more - wanted));
+    }
+    for all in beyond.windows(2 * FRAME + 1) {
+        steps.add((all[0] - 2.0 * all[FRAME] + all[2 * FRAME]).abs() * 1e3);
+    }
+    let lowest = feet.iter().map(|foot| foot.0).fold(f64::MAX, f64::min).max(0.0);
+    feet.iter().filter(|foot| foot.0 - lowest < FLAT).for_each(|foot| _ = soles.add(foot.1.abs() * 1e3));
+}
+
+pub fn choice() -> Result<Choice, String> {
+    let asset = scenes::mannequin()?;
+    let source = &*asset.skeleton;
+    let body = other_body(source)?;
+    let feet = [Feet::of(source)?, Feet::of(&body)?];
+    let feet = feet.each_ref();
+    let retarget =
+        |floor: bool| Retarget::new(source, &body, RetargetOptions { floor, ..RetargetOptions::default() });
+    let (free, kept) = (retarget(false), retarget(true));
+    let scale = free.scale();
+    let clips: Vec<&Clip> =
+        asset.clips.iter().filter(|c| CLIPS.contains(&c.name.as_str())).map(|c| &**c).collect();
+    let mut choice = Choice::new("hips", "How high are the hips of a retargeted clip?");
+    choice.error_unit = "mm";
+    choice.reference = format!(
+        "in f64 at 240 Hz: where a sole of the source stands the lowest foot is as high as its, and the hips change speed as its do (by the \
+         change of their step of 1/60 s); {} on a body with shins of {SHIN} and feet of {FOOT} times the length",
+        CLIPS.join(", ")
+    );
+    choice.per = format!("clip, mean of {}", clips.len());
+    // The way, whether the clip has the height already, and how many of the asked heights are averaged on both sides.
+    let ways = [
+        ("as the source's, by the scale of the legs", false, None),
+        ("as the lowest foot asks at each time, 120 Hz", false, Some(0)),
+        ("the mean of that over 0.1 s", false, Some(6)),
+        (SMOOTH, true, None),
+    ];
+    for (name, smooth, mean) in ways {
+        let mut errors = [Spread::default(); 2];
+        for clip in &clips {
+            let on = if smooth { kept.clip(clip).0 } else { free.clip(clip).0 };
+            let raised = mean.map_or(Vec::new(), |mean| asked(feet, scale, [clip, &on], mean));
+            add_errors(&mut errors, (feet, scale), [clip, &on], &raised);
+        }
+        let [steps, soles] = errors;
+        let note = format!(
+            "steps of the hips {} mm off at worst, standing soles {} mm",
+            quantity(steps.worst),
+            quantity(soles.worst)
+        );
+        let row = Row::new(name).error(steps.worst.max(soles.worst), steps.mean().max(soles.mean()));
+        choice.rows.push(row.note(note));
+    }
+    let mut cases: Vec<Case> = Vec::new();
+    for (_, smooth, mean) in ways {
+        let (clips, retarget) = (&clips, if smooth { &kept } else { &free });
+        cases.push(Case::new(clips.len(), move || {
+            for clip in clips {
+                let on = retarget.clip(clip).0;
+                black_box(mean.map(|mean| asked(feet, scale, [clip, &on], mean)));
+            }
+        }));
+    }
+    let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
+    drop(cases);
+    choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
+    choice.choose(SMOOTH, "the least error of both, paid once a clip when the scene is loaded; other bodies jolt by up to 62 mm without it (decision 91)");
+    Ok(choice)
+}
