@@ -202,6 +202,18 @@ fn cameras_that_follow_or_circle_an_actor_come_from_the_menu() {
     assert!(error.contains("a.rhai:1: a camera needs its name in the script; write let NAME"), "{error}");
 }
 
+/// A second call would take the place of the first.
+#[test]
+fn ambient_light_is_added_once() {
+    let mut place = Place::new(SCRIPT);
+    for _ in 0..2 {
+        place.viewer.add(&Addition::Ambient).unwrap();
+        place.reload();
+    }
+    assert_eq!(place.text().matches("ambient(").count(), 1, "{}", place.text());
+    assert!(place.viewer.note.as_ref().unwrap().starts_with("there is ambient light already"));
+}
+
 /// The light from all around is changed where the script states it; the row Stage of the tree shows its fields.
 #[test]
 fn the_stage_is_a_row_of_the_tree_with_ambient_light_and_sky() {

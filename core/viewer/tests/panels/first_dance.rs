@@ -6,6 +6,7 @@ use crate::place::mouse::Mouse;
 use choreo_motion::Time;
 use choreo_stage::Stage;
 use choreo_viewer::library::templates::TEMPLATES;
+use choreo_viewer::state::selection::Selected;
 use egui::vec2;
 use glam::DVec3;
 use std::sync::Arc;
@@ -134,7 +135,11 @@ fn the_first_dance_is_rebuilt_from_an_empty_stage() {
     mouse.click("Wave on ada");
     mouse.type_into("speed field", "1.2");
     mouse.type_into("on field", "RightShoulder..");
-    assert!(mouse.find("Wave on ada").is_positive());
+    // It is another layer's clip now, and still the selected one; a further click leaves it so.
+    let wave = Some(Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 });
+    assert_eq!(mouse.desk.state().viewer.selection, wave);
+    mouse.click("Wave on ada");
+    assert_eq!(mouse.desk.state().viewer.selection, wave);
     cameras(&mut mouse);
     mouse.picture("dance_3_cameras");
     let text = mouse.desk.state().text();

@@ -668,3 +668,21 @@ ada.play(moves.clip(\"Walk\")).from(0.5).until(f(60));
         assert_eq!(desk.state().text(), SCENE.replace(".from(0.5).until(f(60))", written));
     }
 }
+
+/// A number beyond the clip is the last that leaves something of it; a script that plays nothing would be faulty.
+#[test]
+fn a_trim_leaves_something_to_be_played() {
+    let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
+    desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
+    desk.run();
+    desk.get_by_label("trim start").click();
+    desk.run();
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    desk.event(egui::Event::Text("2".into()));
+    desk.run();
+    desk.key_press(Key::Enter);
+    desk.run();
+    assert!(desk.state().text().contains(".trim(0.99, 1.0)"), "{}", desk.state().text());
+    desk.state_mut().reload();
+    assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
+}
