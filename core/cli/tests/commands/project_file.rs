@@ -91,6 +91,31 @@ fn outside_repositories_a_file_of_another_owner_does_not_count() {
     assert_eq!(choreo(d, &["check", "scenes/a.rhai"]).code, 0);
 }
 
+/// A single-file importer in a folder that only `choreo.toml` names.
+#[test]
+fn plugins_of_its_folders_are_found() {
+    let dir = project();
+    let d = dir.path();
+    let lesson = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts/08_plugins");
+    std::fs::create_dir(d.join("tools")).unwrap();
+    for (from, to) in [
+        ("plugins/heights.importer.rhai", "tools/heights.importer.rhai"),
+        ("valley.heights", "assets/valley.heights"),
+    ] {
+        std::fs::copy(lesson.join(from), d.join(to)).unwrap();
+    }
+    std::fs::write(d.join("scenes/v.rhai"), r#"cast("v", load("valley.heights"));"#).unwrap();
+    write(d, "search = [\"assets\"]\n");
+    let run = choreo(d, &["check", "scenes/v.rhai"]);
+    assert!(run.code == 1 && run.err.contains("valley.heights"), "{}", run.err);
+    write(d, "search = [\"assets\"]\nplugins = [\"tools\"]\n");
+    let run = choreo(d, &["check", "scenes/v.rhai"]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    write(d, "plugins = [\"tols\"]\n");
+    let run = choreo(d, &["check", "scenes/a.rhai"]);
+    assert!(run.err.contains("choreo.toml:1:12: plugins: there is no folder \"tols\""), "{}", run.err);
+}
+
 /// A test reads in its project, whatever folder the command is started in, and takes the project's options.
 #[test]
 fn tests_of_a_project_run_from_every_folder() {

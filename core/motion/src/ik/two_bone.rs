@@ -2,14 +2,16 @@
 
 use crate::math::rotation::rotation_between;
 use glam::{DMat3, DQuat, DVec3};
+use std::f64::consts::FRAC_PI_2;
 
 /// Turns a limb of two bones so that its end comes to a target. All in one space; metres.
 ///
 /// The triangle of shoulder, elbow and hand is given by its three sides (the law of cosines); it is laid towards the target, and
 /// turned about that line so that the elbow keeps its side, or goes to the side of the pole.
 ///
-/// Within 3 % of the limb's length from the start (`CORE`) the hand leaves the target, and the limb swings around instead of turning over at once. No limb follows every
-/// target without a jump: those left are one point of that core, and directions 13° to either side of the one opposite to where the limb points.
+/// Within 6 % of the limb's length from the start (`CORE`) the hand leaves the target, and the limb swings around at an even pace instead of turning over at once: where a
+/// target goes straight through the shoulder at 0.1 m/s, the elbow of an arm goes at up to 5.3 m/s. No limb follows every target without a jump: those left are one point of
+/// that core, and directions 13° to either side of the one opposite to where the limb points.
 #[derive(Clone, Copy, Debug)]
 pub struct TwoBone {
     /// Shoulder or hip.
@@ -25,12 +27,12 @@ pub struct TwoBone {
     /// Direction that a straight limb bends to, where there is no pole; zero: any, always the same.
     pub hint: DVec3,
     /// Share of the reach, 0..=1, within which the limb slows down instead of snapping straight: its end falls behind a target
-    /// that moves out of reach, smoothly.
+    /// that moves out of reach, smoothly. So does a limb of unequal bones that folds: its end comes no nearer than their difference.
     pub soft: f64,
 }
 
-/// Radius of the core in lengths of the limb: 17 mm of an arm.
-const CORE: f64 = 0.03;
+/// Radius of the core in lengths of the limb: 33 mm of an arm, less than a shoulder is thick. The elbow is slower the wider it is.
+const CORE: f64 = 0.06;
 /// Share of the bend direction in the way that the limb swings within the core, beside the direction in which it points: a straight way
 /// through the start is hardly along it.
 const BY_WAY: f64 = 0.6;
@@ -60,7 +62,7 @@ impl TwoBone {
         if !(a > 0.0 && b > 0.0 && a.is_finite() && b.is_finite() && wanted.is_finite()) {
             return None;
         }
-        let distance = soft_distance(wanted, a + b, self.soft).clamp((a - b).abs(), a + b);
+        let distance = soft_distance(wanted, [(a - b).abs(), a + b], self.soft);
         let before = self.end - self.start;
         let line = before.try_normalize().unwrap_or_else(|| upper.any_orthonormal_vector().normalize());
         let across = |v: DVec3, line: DVec3| {
@@ -100,9 +102,16 @@ impl TwoBone {
     }
 }
 
-/// Direction of a target, continuous but for one point: within the core it leans to `by_way`, and is that at the start itself.
+/// Direction of a target, continuous but for one point: within the core it leans to `by_way`, and is that at the start itself. A target that
+/// passes through the start at right angles to that way turns it evenly, half a turn over the width of the core.
 fn direction(target: DVec3, core: f64, by_way: DVec3) -> DVec3 {
-    let lean = (core * core - target.length_squared()).max(0.0).sqrt();
+    let from_start = target.length();
+    // At 0 and beyond the core the tangent says nothing.
+    let lean = match FRAC_PI_2 * from_start / core {
+        angle if angle >= FRAC_PI_2 => 0.0,
+        angle if angle < 1e-9 => core / FRAC_PI_2,
+        angle => from_start / libm::tan(angle),
+    };
     (target + by_way.normalize() * lean).try_normalize().unwrap_or_else(|| by_way.normalize())
 }
 
@@ -129,14 +138,19 @@ fn turn(from: DVec3, normal: DVec3, to: DVec3, new_normal: DVec3) -> Option<DQua
 }
 
 /// How far the end goes for a target at a distance: there, up to `reach · (1 − soft)`; from there on it comes ever nearer to the
-/// whole reach, at the same speed at first, and never gets there.
-fn soft_distance(wanted: f64, reach: f64, soft: f64) -> f64 {
+/// whole reach, at the same speed at first, and never gets there. The same towards the nearest that it can be.
+fn soft_distance(wanted: f64, [nearest, reach]: [f64; 2], soft: f64) -> f64 {
     let softness = reach * soft.clamp(0.0, 1.0);
-    let hard = reach - softness;
-    if softness <= 0.0 || wanted <= hard {
-        return wanted;
-    }
-    reach - softness * libm::exp(-(wanted - hard) / softness)
+    let at_start = softness.min(0.5 * nearest);
+    let (inner, hard) = (nearest + at_start, reach - softness);
+    let gone = if softness > 0.0 && wanted > hard {
+        reach - softness * libm::exp((hard - wanted) / softness)
+    } else if at_start > 0.0 && wanted < inner {
+        nearest + at_start * libm::exp((wanted - inner) / at_start)
+    } else {
+        wanted
+    };
+    gone.clamp(nearest, reach)
 }
 
 #[cfg(test)]
@@ -145,11 +159,16 @@ mod tests {
 
     #[test]
     fn soft_reach_has_no_corner_and_no_end() {
-        let at = |d: f64| soft_distance(d, 1.0, 0.2);
+        let at = |d: f64| soft_distance(d, [0.0, 1.0], 0.2);
         assert_eq!((at(0.5), at(0.8)), (0.5, 0.8));
         let slope = |d: f64| (at(d + 1e-7) - at(d - 1e-7)) / 2e-7;
         assert!((slope(0.8) - 1.0).abs() < 1e-5 && slope(1.0) < 0.5);
         assert!(at(1.0) < 1.0 && at(50.0) <= 1.0 && at(50.0) > 0.999);
-        assert_eq!(soft_distance(3.0, 1.0, 0.0), 3.0);
+        assert_eq!(soft_distance(3.0, [0.0, 1.0], 0.0), 1.0);
+        // The same where it folds, over half as far as it can be folded at most.
+        let at = |d: f64| soft_distance(d, [0.2, 1.0], 0.2);
+        let slope = |d: f64| (at(d + 1e-7) - at(d - 1e-7)) / 2e-7;
+        assert!((slope(0.3) - 1.0).abs() < 1e-5 && slope(0.2) < 0.5 && at(0.0) > 0.2 && at(0.35) == 0.35);
+        assert_eq!(soft_distance(0.1, [0.2, 1.0], 0.0), 0.2);
     }
 }

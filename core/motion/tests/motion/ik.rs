@@ -33,7 +33,7 @@ fn two_bones_reach_whatever_is_in_reach() {
         );
         let (a, b) = ((middle - start).length(), (end - middle).length());
         let distance = (limb.target - start).length();
-        if distance < 0.03 * (a + b) {
+        if distance < 0.06 * (a + b) {
             continue;
         }
         let expected = distance.clamp((a - b).abs(), a + b);
@@ -97,9 +97,9 @@ fn elbows_do_not_jump_where_the_target_passes_through_the_shoulder() {
                 {
                     let coarse = farthest_step(limb, way * sign, beside, 2_000);
                     let fine = farthest_step(limb, way * sign, beside, 32_000);
-                    // A jump is as far however small the steps are; an arm folds as the square root of the way.
+                    // A jump is as far however small the steps are. The elbow goes at up to 53 times the target's speed, 96 times 4 mm beside.
                     assert!(
-                        fine.0 < 0.12 && fine.0 < 0.4 * coarse.0 + 1e-6 && fine.1 < 0.03,
+                        fine.0 < 0.1 * coarse.0 + 1e-6 && fine.1 < 110.0 / 32_000.0,
                         "{lower} m, along {way} · {sign}, {beside} beside: {coarse:?}, {fine:?}"
                     );
                 }

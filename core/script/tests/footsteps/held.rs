@@ -1,9 +1,11 @@
-//! A prop in a hand keeps its size in metres, on characters of all formats among the sample files.
+//! A prop in a hand keeps its size in metres, on characters of all formats among the sample files; the baton of lesson 3 changes hands.
 
 use crate::common::stage_of_samples;
 use choreo_motion::{HumanoidJoints, Time};
+use choreo_stage::Evaluator;
 use glam::{DAffine3, DVec3, Vec3};
 use std::path::Path;
+use std::sync::Arc;
 
 const CHARACTERS: [&str; 9] = [
     "gltf/Knight.glb",
@@ -67,4 +69,32 @@ fn a_prop_in_a_hand_keeps_its_size_whatever_the_format() {
         }
         assert!(seen > 0.1, "{file}: the comparison must see a scale that is handed down");
     }
+}
+
+/// Metres that an end of the baton goes within two ticks where it changes hands, and within the tenths of a second before and after.
+fn handover(lesson: &str) -> [f64; 3] {
+    let stage = stage_of_samples(Path::new("."), lesson);
+    let baton = stage.actors.iter().position(|actor| actor.name == "Left baton").unwrap();
+    let mut evaluator = Evaluator::new(Arc::new(stage));
+    let mut end = |time: Time| {
+        let state = &evaluator.at(time).unwrap().actors[baton];
+        state.world_from_model.transform_point3(DVec3::Y * 0.5)
+    };
+    let change = Time::from_secs(2.0);
+    let given = end(change - Time(1));
+    let tenth = Time::from_secs(0.1);
+    [change + Time(1), change - tenth, change + tenth].map(|time| end(time).distance(given))
+}
+
+#[test]
+fn the_baton_of_lesson_3_goes_from_one_moving_hand_to_another_without_a_jump() {
+    let lesson = include_str!("../../../../scripts/03_props.rhai");
+    let [jump, before, after] = handover(lesson);
+    println!("jump {:.6} mm; a tenth of a second before {before:.3} m, after {after:.3} m", jump * 1e3);
+    assert!(jump < 1e-6, "{jump} m");
+    assert!(before > 0.01 && after > 0.01, "both hands move: {before} m, {after} m");
+    // Put into its own place in the new hand it jumps.
+    let moved = lesson.replace("#{ from: 2.0 }", "#{ from: 2.0, keep: false }");
+    assert_ne!(moved, lesson);
+    assert!(handover(&moved)[0] > 0.05);
 }

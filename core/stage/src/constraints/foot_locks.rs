@@ -394,9 +394,10 @@ fn alone(stage: &Stage, actor: usize) -> Option<Stage> {
 
 /// The times in which feet are looked at, one after the other: all of the stage, or around those that count.
 fn windows(stage: &Stage, foot_lock: &FootLock) -> Vec<(Time, Time)> {
-    // A stage may end while feet still step.
-    let last_steps = foot_lock.standing_fades.last().map_or(Time::ZERO, |fade| fade.to + LONGEST_GAP);
-    let length = stage.settings.length.max(last_steps).min(Time(MOST_SAMPLES * STEP.0));
+    // A stage may end while feet still step: on a slope they do not come down as high as they stood.
+    let last_steps = foot_lock.standing_fades.last().map_or(Time::ZERO, |fade| fade.to);
+    let length = stage.settings.length.max(last_steps) + LONGEST_GAP;
+    let length = length.min(Time(MOST_SAMPLES * STEP.0));
     let around = |(from, to): &(Time, Time)| (*from - LONGEST_GAP, *to + LONGEST_GAP);
     let mut all: Vec<(Time, Time)> = match foot_lock.only.is_empty() {
         true => vec![(Time::ZERO, length)],
