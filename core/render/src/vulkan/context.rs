@@ -172,7 +172,7 @@ impl Context {
         })
     }
 
-    /// To be held during calls of the device: under validation, no other thread creates or destroys one meanwhile.
+    /// The lock that is held during calls of the device: under validation, no other thread creates or destroys one meanwhile.
     pub fn calls(&self) -> Option<RwLockReadGuard<'static, ()>> {
         self.messenger.is_some().then(|| LAYER_STATE.read_recursive())
     }
