@@ -1,5 +1,5 @@
 // Inputs of every shader of the scene. Layouts are compared with the Rust structs (core/render/src/shader/uniforms.rs, plan/mod.rs) by a test.
-// Lines such as `@if(SKIN) …` are kept only where the plan asks for the feature; see core/render/src/shader/features.rs, which declares the material textures, too.
+// Lines such as `@if(SKIN) …` are kept only where the plan asks for the feature; see core/render/src/plan/shader_features.rs, which declares the material textures, too.
 
 struct Frame {
     clip_from_relative: mat4x4<f32>,

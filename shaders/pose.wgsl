@@ -35,7 +35,7 @@ fn weigh(sum: Rows, joint: u32, weight: f32) -> Rows {
 @end
 
 @if(DUAL_QUATERNIONS)
-// CPU reference of core/motion/src/dual_quaternion.rs: stretches are blended as matrices, then motions as dual quaternions.
+// CPU reference of core/motion/src/skinning/dual_quaternion.rs: stretches are blended as matrices, then motions as dual quaternions.
 struct DualSum {
     real: vec4<f32>,
     dual: vec4<f32>,

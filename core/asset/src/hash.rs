@@ -1,4 +1,4 @@
-//! Content hashes (BLAKE3): equal content, equal hash, on every machine. Floats count by their bits, lists by length and content.
+//! Content hashes (BLAKE3): equal content, equal hash, on every machine. Floats are hashed by their bits, lists by length and content.
 //!
 //! Types are hashed member by member ([`hashed!`](crate::hashed)) or by a function ([`written!`](crate::written)).
 

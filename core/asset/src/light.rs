@@ -44,7 +44,7 @@ pub enum LightKind {
 }
 
 impl LightKind {
-    /// Its name in KHR_lights_punctual.
+    /// Its name in reports, which is that of glTF's KHR_lights_punctual where it has the type.
     pub fn name(&self) -> &'static str {
         match self {
             LightKind::Directional => "directional",
@@ -85,12 +85,18 @@ impl LightKind {
 
     /// Whether it shines from infinitely far away: without a position and a range, in lux.
     pub fn is_directional(&self) -> bool {
-        *self == LightKind::Directional
+        match self {
+            LightKind::Directional => true,
+            LightKind::Point | LightKind::Spot { .. } => false,
+        }
     }
 
     /// Whether its direction has a meaning.
     pub fn has_direction(&self) -> bool {
-        *self != LightKind::Point
+        match self {
+            LightKind::Directional | LightKind::Spot { .. } => true,
+            LightKind::Point => false,
+        }
     }
 
     /// Unit of its intensity.
@@ -102,7 +108,7 @@ impl LightKind {
     pub fn cone(&self) -> Option<[f32; 2]> {
         match *self {
             LightKind::Spot { inner, outer } => Some([inner, outer]),
-            _ => None,
+            LightKind::Directional | LightKind::Point => None,
         }
     }
 
@@ -110,7 +116,7 @@ impl LightKind {
     pub fn cone_mut(&mut self) -> Option<[&mut f32; 2]> {
         match self {
             LightKind::Spot { inner, outer } => Some([inner, outer]),
-            _ => None,
+            LightKind::Directional | LightKind::Point => None,
         }
     }
 

@@ -12,7 +12,7 @@ pub struct Image {
     pub width: u32,
     /// Pixels.
     pub height: u32,
-    /// Four bytes a pixel, row by row from the top; empty where pixels were not asked for.
+    /// Four bytes per pixel, row by row from the top; empty where pixels were not asked for.
     pub rgba: Vec<u8>,
     /// The file that the pixels were decoded from, where an importer was asked to keep it; `None` for pixels that were made or changed.
     pub file: Option<ImageFile>,

@@ -7,7 +7,7 @@ use choreo_render::{CpuRenderer, Plan, PlanOptions, RenderError, Renderer, Scene
 use choreo_stage::{Snapshot, Stage, StageError};
 use std::sync::Arc;
 
-/// Steps a side of a pixel that the reference is drawn in, each with four samples: 64 samples a pixel.
+/// Steps per side of a pixel that the reference is drawn in, each with four samples: 64 samples per pixel.
 pub(crate) const FINER: u32 = 4;
 
 /// One moment of a stage, ready to be drawn in any size.
@@ -40,7 +40,7 @@ impl Moment {
         renderer.collect(None)
     }
 
-    /// 64 samples a pixel, textures included: drawn by the CPU renderer at four times the size with four samples, and
+    /// 64 samples per pixel, textures included: drawn by the CPU renderer at four times the size with four samples, and
     /// averaged in linear light.
     pub fn supersampled(&self, size: [u32; 2]) -> Result<Frame, RenderError> {
         let mut renderer = CpuRenderer::new(&self.effects);

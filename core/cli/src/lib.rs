@@ -9,37 +9,48 @@ pub use choreo_command_line::{App, command, run};
 
 /// The program `choreo`.
 pub fn app() -> App {
-    // Making the plugins takes memory, too.
+    // Installed before the plugins allocate.
     choreo_command_line::exit_code_of_abort();
     let mut app = App::new("choreo", env!("CARGO_PKG_VERSION"), registry());
     app.pages = pages::pages();
     app
 }
 
-/// The plugins that this program is built with.
-pub fn registry() -> Registry {
-    let mut registry = Registry::default();
-    registry.add_importer(import_gltf::GltfImporter);
-    registry.add_importer(import_mannequin::Mannequin);
-    registry.add_importer(import_fbx::FbxImporter);
-    registry.add_importer(import_bvh::BvhImporter);
-    registry.add_importer(import_vrm::VrmImporter);
-    registry.add_importer(import_collada::ColladaImporter);
-    registry.add_importer(import_obj::ObjImporter);
-    registry.add_importer(import_stl::StlImporter);
-    registry.add_importer(import_usd::UsdImporter);
-    effects::all().into_iter().for_each(|effect| registry.add_effect(effect));
-    registry.add_exporter(export_png::PngExporter);
-    registry.add_exporter(export_mp4::Mp4Exporter);
-    registry.add_exporter(export_gif::GifExporter);
-    registry.add_exporter(export_y4m::Y4mExporter);
-    registry.add_exporter(export_apng::ApngExporter);
-    registry.add_exporter(export_exr::ExrExporter);
-    registry.add_exporter(export_webp::WebpExporter);
-    registry.add_scene_exporter(export_csv::CsvExporter);
-    registry.add_scene_exporter(export_bvh::BvhExporter);
-    registry.add_scene_exporter(export_edit::EditExporter);
-    registry.add_scene_exporter(export_gltf::GltfExporter);
-    registry.add_scene_exporter(export_usd::UsdExporter);
-    registry
+/// Declares the built-in plugins: how each is added to the registry, its folder and its page.
+macro_rules! plugins {
+    ($($add:ident($plugin:path) $folder:literal $page:path;)*) => {
+        /// The plugins that this program is built with.
+        pub fn registry() -> Registry {
+            let mut registry = Registry::default();
+            effects::all().into_iter().for_each(|effect| registry.add_effect(effect));
+            $(registry.$add($plugin);)*
+            registry
+        }
+
+        const PLUGIN_PAGES: &[(&str, &str)] = &[$((concat!("plugins/", $folder, "/README.md"), $page),)*];
+    };
+}
+
+plugins! {
+    add_importer(import_gltf::GltfImporter) "import-gltf" import_gltf::README;
+    add_importer(import_mannequin::Mannequin) "import-mannequin" import_mannequin::README;
+    add_importer(import_fbx::FbxImporter) "import-fbx" import_fbx::README;
+    add_importer(import_bvh::BvhImporter) "import-bvh" import_bvh::README;
+    add_importer(import_vrm::VrmImporter) "import-vrm" import_vrm::README;
+    add_importer(import_collada::ColladaImporter) "import-collada" import_collada::README;
+    add_importer(import_obj::ObjImporter) "import-obj" import_obj::README;
+    add_importer(import_stl::StlImporter) "import-stl" import_stl::README;
+    add_importer(import_usd::UsdImporter) "import-usd" import_usd::README;
+    add_exporter(export_png::PngExporter) "export-png" export_png::README;
+    add_exporter(export_mp4::Mp4Exporter) "export-mp4" export_mp4::README;
+    add_exporter(export_gif::GifExporter) "export-gif" export_gif::README;
+    add_exporter(export_y4m::Y4mExporter) "export-y4m" export_y4m::README;
+    add_exporter(export_apng::ApngExporter) "export-apng" export_apng::README;
+    add_exporter(export_exr::ExrExporter) "export-exr" export_exr::README;
+    add_exporter(export_webp::WebpExporter) "export-webp" export_webp::README;
+    add_scene_exporter(export_csv::CsvExporter) "export-csv" export_csv::files::README;
+    add_scene_exporter(export_bvh::BvhExporter) "export-bvh" export_bvh::README;
+    add_scene_exporter(export_edit::EditExporter) "export-edit" export_edit::README;
+    add_scene_exporter(export_gltf::GltfExporter) "export-gltf" export_gltf::README;
+    add_scene_exporter(export_usd::UsdExporter) "export-usd" export_usd::README;
 }

@@ -1,3 +1,5 @@
+//! The program `choreo`, with the built-in plugins.
+
 use std::process::ExitCode;
 
 fn main() -> ExitCode {

@@ -8,27 +8,6 @@ const PAGES: &[(&str, &str)] = &[
     ("plugins/README.md", include_str!("../pages/plugins.md")),
     ("plugins/COMPARISON.md", include_str!("../pages/comparison.md")),
     ("core/wasm_plugin/README.md", include_str!("../pages/wasm_plugin.md")),
-    ("plugins/export-apng/README.md", export_apng::README),
-    ("plugins/export-bvh/README.md", export_bvh::README),
-    ("plugins/export-csv/README.md", export_csv::files::README),
-    ("plugins/export-edit/README.md", export_edit::README),
-    ("plugins/export-gif/README.md", export_gif::README),
-    ("plugins/export-gltf/README.md", export_gltf::README),
-    ("plugins/export-mp4/README.md", export_mp4::README),
-    ("plugins/export-exr/README.md", export_exr::README),
-    ("plugins/export-png/README.md", export_png::README),
-    ("plugins/export-usd/README.md", export_usd::README),
-    ("plugins/export-webp/README.md", export_webp::README),
-    ("plugins/export-y4m/README.md", export_y4m::README),
-    ("plugins/import-bvh/README.md", import_bvh::README),
-    ("plugins/import-collada/README.md", import_collada::README),
-    ("plugins/import-fbx/README.md", import_fbx::README),
-    ("plugins/import-gltf/README.md", import_gltf::README),
-    ("plugins/import-mannequin/README.md", import_mannequin::README),
-    ("plugins/import-obj/README.md", import_obj::README),
-    ("plugins/import-stl/README.md", import_stl::README),
-    ("plugins/import-usd/README.md", import_usd::README),
-    ("plugins/import-vrm/README.md", import_vrm::README),
 ];
 
 macro_rules! guide {
@@ -98,7 +77,7 @@ const GUIDE: &[(&str, &str)] = guide![
 
 /// The pages of the guide, the command line, the viewer and the built-in plugins.
 pub fn pages() -> Vec<(&'static str, &'static str)> {
-    [PAGES, effects::PAGES, GUIDE].concat()
+    [PAGES, crate::PLUGIN_PAGES, effects::PAGES, GUIDE].concat()
 }
 
 #[cfg(test)]

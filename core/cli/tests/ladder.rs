@@ -321,7 +321,7 @@ fn no_rung_pays_for_a_higher_one() {
     assert_eq!(found, Vec::<String>::new());
 }
 
-/// The ladder can fail: everything forced in is found on every rung, and so are four samples a pixel where one was requested.
+/// The ladder can fail: everything forced in is found on every rung, and so are four samples per pixel where one was requested.
 #[test]
 fn a_rung_that_pays_too_much_is_found() {
     let registry = choreo::registry();

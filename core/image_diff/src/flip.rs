@@ -3,7 +3,7 @@
 //! paper's. Written from the paper; tests compare with numbers of its authors' program.
 //!
 //! Differences finer than the eye resolves are filtered out, colors are compared perceptually, and a difference at an edge or a
-//! point counts for more. Images are viewed at 67 pixels per degree: a 4K screen 0.7 m wide at 0.7 m.
+//! point has a larger weight. Images are viewed at 67 pixels per degree: a 4K screen 0.7 m wide at 0.7 m.
 
 use crate::pixels::{CompareError, check};
 use choreo_asset::linear_from_srgb_f32;

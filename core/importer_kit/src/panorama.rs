@@ -61,7 +61,7 @@ fn radiance(bytes: &[u8]) -> Read {
     let reader = || {
         let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Hdr);
         let mut limits = image::Limits::default();
-        // Decoded as three 32-bit floats a pixel, and the decoder's own rows.
+        // Decoded as three 32-bit floats per pixel, and the decoder's own rows.
         limits.max_alloc = Some(MAX_PANORAMA_PIXELS * 16);
         reader.limits(limits);
         reader

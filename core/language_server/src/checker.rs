@@ -1,5 +1,5 @@
 //! Runs scripts on a thread of its own, as `check` does, on texts that are not saved. Of several texts of one script only the latest
-//! counts.
+//! is run.
 
 use crate::{Host, Project};
 use choreo_plugin::{ImportScope, PluginPanic};

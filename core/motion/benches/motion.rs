@@ -76,7 +76,7 @@ fn main() {
     skinnings(quick);
 }
 
-/// Costs and savings of compression: bytes against dense f32 at 30 Hz (40 bytes a joint and key), the error measured at compression
+/// Costs and savings of compression: bytes against dense f32 at 30 Hz (40 bytes per joint and key), the error measured at compression
 /// and one found at other times in f64, and the time of a sample.
 fn compressed(skeleton: &Skeleton, sets: &[(&str, [Clip; 2])], quick: bool) {
     println!("\ncompressed clips, one sample");
@@ -323,7 +323,7 @@ enum Style {
     Cubic,
 }
 
-/// Two clips of smooth motion (a few harmonics a joint) at 30 Hz, or with ten to forty keys a joint.
+/// Two clips of smooth motion (a few harmonics per joint) at 30 Hz, or with ten to forty keys per joint.
 fn clips(skeleton: &Skeleton, style: Style) -> [Clip; 2] {
     let thirty: Arc<[Time]> = {
         let rate = FrameRate { num: 30, den: 1 };

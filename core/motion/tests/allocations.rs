@@ -1,4 +1,4 @@
-//! Jobs allocate nothing once a clip has been sampled: counted by the allocator itself.
+//! Jobs allocate nothing after a clip has been sampled for the first time: counted by the allocator itself.
 
 #[path = "support/counting.rs"]
 mod counting;

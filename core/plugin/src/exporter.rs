@@ -51,7 +51,7 @@ pub trait Exporter: Send + Sync {
     /// Name, description, extensions and options.
     fn manifest(&self) -> &Manifest;
 
-    /// True for formats of one image a file (PNG): the program then calls `begin` once a frame, on several
+    /// True for formats of one image per file (PNG): the program then calls `begin` once per frame, on several
     /// threads at once, and numbers the files.
     fn one_frame_per_file(&self) -> bool;
 
@@ -280,7 +280,7 @@ pub struct Frame {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// Four bytes a pixel.
+    /// Four bytes per pixel.
     pub rgba: Vec<u8>,
 }
 

@@ -1,5 +1,5 @@
 //! Four pixels at once: a 2×2 quad as arrays of four. The compiler turns these loops into vector instructions;
-//! every operation is one IEEE operation a lane, so the bits do not depend on which.
+//! every operation is one IEEE operation per lane, so the bits do not depend on which.
 
 use glam::{Vec2, Vec3};
 use std::ops::{Add, AddAssign, Mul, MulAssign, Neg, Sub};

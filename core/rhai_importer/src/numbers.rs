@@ -1,4 +1,4 @@
-//! Arrays of numbers that stay in native memory: a mesh goes from the file to the asset without a script value a number.
+//! Arrays of numbers that stay in native memory: a mesh goes from the file to the asset without a script value per number.
 
 use crate::budget::{Budget, Refused, Share, refuse};
 use rhai::{Array, Dynamic, Engine};

@@ -439,7 +439,7 @@ pub(crate) struct CueDraft {
     pub reverse: bool,
     pub trim: Option<(Time, Time)>,
     pub repeat: Option<Repeat>,
-    /// The stage time of its time zero.
+    /// Stage time at which the local time of the cue is 0.
     pub origin: Time,
     /// A layer played once keeps its last pose.
     pub hold: bool,
@@ -472,7 +472,7 @@ impl CueDraft {
         }
     }
 
-    /// Whether it ever counts, as far as its weight determines.
+    /// Whether its weight is ever above 0.
     pub fn counts(&self) -> bool {
         match &self.cue.weight_keys {
             Some(keys) => keys.values.iter().any(|v| *v > 0.0),

@@ -89,7 +89,7 @@ pub fn in_step(
 ) -> Result<PhaseMatchedFade, ApiError> {
     let drafts = drafts.map(|id| &build.cues[id]);
     for (draft, cue) in drafts.iter().zip(cues) {
-        if cue.repeat != Repeat::Loop || !draft.is_even() || cue.speed <= 0.0 {
+        if cue.repeat != Repeat::Loop || !cue.is_even() || cue.speed <= 0.0 {
             let text = format!("\"{}\" must loop, forwards and at one speed", draft.cue.clip.name);
             return Err(ApiError::new(text));
         }

@@ -1,7 +1,7 @@
 //! The parts of its files that a script uses, found in its text before it runs.
 //!
-//! Files of which it uses the clips alone: no mesh and no image of them is made. Only what is certain counts: the asset stands in a variable of a name that is used for nothing but `.clip(…)` and its
-//! like, in the whole file, or `load(…).clip(…)` uses it on the spot. Whatever else is done with it, it may be cast.
+//! Files of which it uses the clips alone: no mesh and no image of them is made. A file is taken for one only where that is certain: the asset stands in a variable of a name that is used for nothing but `.clip(…)` and its
+//! like, in the whole file, or `load(…).clip(…)` uses it on the spot. Any other use is treated as if the asset were cast.
 
 use crate::api_error::Place;
 use crate::loader::PlayedClips;

@@ -15,11 +15,6 @@ impl CueDraft {
         }
     }
 
-    /// Whether the clip plays at one constant speed.
-    pub(crate) fn is_even(&self) -> bool {
-        self.cue.time_remapping.is_none() && self.cue.freezes.is_empty()
-    }
-
     pub fn part(&self) -> (Time, Time) {
         self.trim.unwrap_or((Time::ZERO, self.cue.clip.duration))
     }
@@ -66,7 +61,7 @@ fn cue_times(
     let start = cue.start.unwrap_or(start);
     let layer = build.chains[cue.chain].is_layer();
     let natural = match cue.repeats(layer) {
-        Repeat::Once if cue.is_even() => Some(start + cue.length()),
+        Repeat::Once if cue.cue.is_even() => Some(start + cue.length()),
         Repeat::Once => cue.cue(start).played_through(),
         _ => None,
     };

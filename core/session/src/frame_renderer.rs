@@ -1,4 +1,4 @@
-//! Renders frames on demand on a thread of its own. Only the newest request of a view counts, so that scrubbing never waits for
+//! Renders frames on demand on a thread of its own. Only the newest request of a view is served, so that scrubbing never waits for
 //! frames that have been passed over.
 
 use crate::viewport::ViewEvaluators;

@@ -1,7 +1,7 @@
 //! Waiting for files to change.
 //!
 //! Folders are watched and not files: an editor that saves by renaming over a file would silence a watch on the file itself.
-//! A folder that is not there is waited for in the nearest one above it that is. What counts is content: a file written anew
+//! A folder that is not there is waited for in the nearest one above it that is. Contents are compared: a file written anew
 //! with the same bytes has not changed.
 
 use notify::event::{AccessKind, AccessMode, ModifyKind, RenameMode};

@@ -1,4 +1,4 @@
-//! A stage from Rust: what tests and tools use, and the script does the same with.
+//! A stage built from Rust, as tests and tools do it.
 
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, LookAt, Placement, Target};

@@ -1,4 +1,4 @@
-//! Effects in use: on what, while what, with which parameters at a time.
+//! Effects in use: which are on at a time, and with which parameters.
 
 use crate::snapshot::{ActorState, CameraState, EffectState};
 use crate::stage::Stage;

@@ -92,7 +92,7 @@ impl Framings {
     }
 }
 
-/// Boxes in the axes of the view (right, up, back) of what is visible at some times, one an actor and time.
+/// Boxes in the axes of the view (right, up, back) of what is visible at some times, one per actor and time.
 fn visible_boxes(
     stage: &Stage,
     foot_locks: &FootLocks,

@@ -159,7 +159,7 @@ pub struct EffectState {
 /// One that is seen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer2dState {
-    /// Index into `Stage::flats`.
+    /// Index into `Stage::layers_2d`.
     pub layer_2d: usize,
     /// Position of its anchor, as fractions of the image from the top left.
     pub at: DVec2,

@@ -1,4 +1,4 @@
-//! Springs of all actors at a time: a simulation that any frame can be had from first.
+//! Springs of all actors at a time: a simulation in which any frame can be evaluated first.
 //!
 //! The motion advances in steps of 1/60 s ([`SolverSettings::spring_rate`]), whatever the frame rate. The grid of steps begins at time 0
 //! (or a pre-roll earlier) with springs at rest. A frame between two points of the grid is one shorter step further, on a copy. So the

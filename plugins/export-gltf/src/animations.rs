@@ -276,15 +276,14 @@ fn shot_channels(
 }
 
 fn light_channels(parts: &mut Parts<'_>, builder: &mut Builder, baked: &Baked<'_>, of: &LightNode) {
-    let directional = parts.lights.list[of.index as usize]["type"] == "directional";
-    let spot = parts.lights.list[of.index as usize]["type"] == "spot";
+    let (directional, has_cone) = (of.kind.is_directional(), of.kind.cone().is_some());
     for (signal, series) in baked.series.iter().filter(|(_, series)| !series.is_still()) {
         let Quantity::Light { light, part } = signal.quantity else { continue };
         let path = match part {
             _ if light != of.light => continue,
             LightPart::Position if directional => continue,
             LightPart::Range if directional => continue,
-            LightPart::Inner | LightPart::Outer if !spot => continue,
+            LightPart::Inner | LightPart::Outer if !has_cone => continue,
             LightPart::Position | LightPart::Rotation => {
                 let path = if part == LightPart::Position { "translation" } else { "rotation" };
                 let sampler = sampler(parts, series, baked.start, |v| v);

@@ -19,6 +19,7 @@ pub struct Lights {
 #[derive(Clone, Copy, Debug)]
 pub struct LightNode {
     pub light: usize,
+    pub kind: LightKind,
     pub node: Index,
     pub index: Index,
 }
@@ -27,7 +28,13 @@ impl Lights {
     pub fn add(&mut self, name: &str, light: &Light) -> Index {
         let mut out = Map::new();
         out.insert("name".into(), name.into());
-        out.insert("type".into(), light.kind.name().into());
+        // The types of KHR_lights_punctual. One that it lacks must be written as another, with a loss.
+        let of_type = match light.kind {
+            LightKind::Directional => "directional",
+            LightKind::Point => "point",
+            LightKind::Spot { .. } => "spot",
+        };
+        out.insert("type".into(), of_type.into());
         if light.color != Vec3::ONE {
             out.insert("color".into(), json!(light.color.to_array()));
         }
@@ -82,7 +89,7 @@ pub fn of_stage(parts: &mut Parts<'_>, stage: &Stage, baked: &Baked<'_>) -> Vec<
         let turned = now.kind.has_direction().then_some(rotation);
         let position = if now.kind.is_directional() { Vec3::ZERO } else { position };
         let (node, index) = add(parts, &of.name, &now, turned, position);
-        out.push(LightNode { light, node, index });
+        out.push(LightNode { light, kind: now.kind, node, index });
     }
     out
 }

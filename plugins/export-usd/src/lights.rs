@@ -122,14 +122,13 @@ fn of_light<'a>(
             animate(&mut out, place, series_samples(series, frames, f64::from));
         }
     }
-    let is_spot = matches!(now.kind, LightKind::Spot { .. });
     for (part, name, factor) in [
         (LightPart::Color, "inputs:color", 1.0),
         (LightPart::Intensity, "inputs:intensity", factor),
         (LightPart::Outer, "inputs:shaping:cone:angle", 1f32.to_degrees()),
     ] {
         let moving = series(part).filter(|series| !series.is_still());
-        if let Some(series) = moving.filter(|_| is_spot || part != LightPart::Outer)
+        if let Some(series) = moving.filter(|_| now.kind.cone().is_some() || part != LightPart::Outer)
             && let Some(place) = place_of(&out, name)
         {
             animate(&mut out, place, series_samples(series, frames, |v| f64::from(v) * f64::from(factor)));
@@ -145,10 +144,13 @@ fn place_of(prim: &Prim<'_>, name: &str) -> Option<usize> {
 
 /// A light, and the places of the attributes that place it.
 fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 3]) {
-    let directional = light.kind.is_directional();
-    let mut out = Prim::new(if directional { "DistantLight" } else { "SphereLight" }, name);
+    let of_type = match light.kind {
+        LightKind::Directional => "DistantLight",
+        LightKind::Point | LightKind::Spot { .. } => "SphereLight",
+    };
+    let mut out = Prim::new(of_type, name);
     out.number(COLOR3F, "inputs:color", &light.color.to_array());
-    if directional {
+    if light.kind.is_directional() {
         // Parallel rays: the intensity is the illuminance.
         out.number(FLOAT, "inputs:angle", &[0.0]);
         out.number(FLOAT, "inputs:intensity", &[light.intensity]);
@@ -159,7 +161,7 @@ fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 
         out.number(FLOAT, "inputs:radius", &[RADIUS]);
         out.number(BOOL, "treatAsPoint", &[1.0]);
     }
-    if let LightKind::Spot { inner, outer } = light.kind {
+    if let Some([inner, outer]) = light.kind.cone() {
         out.api.push("ShapingAPI");
         out.number(FLOAT, "inputs:shaping:cone:angle", &[outer.to_degrees()]);
         let softness = (1.0 - inner / outer.max(1e-6)).clamp(0.0, 1.0);

@@ -1,4 +1,4 @@
-//! The numerical choices that one scene could make. One file a choice: each gives a [`Choice`], or says why there is none.
+//! The numerical choices that one scene could make. One file per choice: each gives a [`Choice`], or says why there is none.
 
 pub mod bake;
 pub mod crossfade;

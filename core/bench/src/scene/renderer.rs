@@ -1,4 +1,4 @@
-//! The choice of the renderer and of the number of samples a pixel.
+//! The choice of the renderer and of the number of samples per pixel.
 
 use super::{MeasuredScene, SceneChoices};
 use crate::error::BenchError;

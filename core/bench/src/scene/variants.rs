@@ -86,7 +86,7 @@ pub fn shadows(scene: &MeasuredScene, moment: &Moment) -> Result<SceneChoices, B
     Ok(SceneChoices::Choices(vec![choice]))
 }
 
-/// The stage that is the reference, drawn `finer` times as large with four samples a pixel.
+/// The stage that is the reference, drawn `finer` times as large with four samples per pixel.
 struct Reference {
     stage: Stage,
     finer: u32,

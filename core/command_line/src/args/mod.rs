@@ -152,7 +152,7 @@ pub(crate) struct ImportArgs {
 pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// out.mp4, out.gif, out.apng, out.webp, out.y4m, out.png or out.exr (one image), frames/%04d.png, or - for y4m on standard output
+    /// The extension is the format (choreo plugins lists them): out.mp4, out.png for one image, frames/%04d.png for numbered ones; or - for y4m on standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: String,
     /// Which frames: 0..120 (120 not included), 0..=119, 0-119, 30.., one number, every 24th as 0..240:24, or a list as 0,5,9..20

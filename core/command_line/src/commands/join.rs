@@ -335,7 +335,7 @@ impl Joining<'_> {
         Ok(counts)
     }
 
-    /// Writes an image a file.
+    /// Writes an image per file.
     fn images(&self) -> Result<JoinedFrames, Failure> {
         let last = i64::try_from(self.info.frames).unwrap_or(i64::MAX) - 1;
         let names = (0..=last).map(|number| self.target.file(number));

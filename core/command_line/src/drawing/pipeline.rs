@@ -53,7 +53,7 @@ impl Pixels {
 /// The pixels of one frame or of several that follow each other.
 pub(crate) struct Picture {
     pub pixels: Pixels,
-    /// The file that an encoder has made of it, of formats of one image a file.
+    /// The file that an encoder has made of it, of formats of one image per file.
     pub file: Mutex<Option<Vec<u8>>>,
 }
 

@@ -2,7 +2,7 @@
 //!
 //! `journal` is a line of magic and then records: length, CRC-32 and bytes. The first says what is rendered, each further one
 //! stands for a finished frame, written after everything that it speaks of. What a kill, a full disk or a bad sector has
-//! cut or bent is found by the checksums, and only what lies before it counts.
+//! cut or bent is found by the checksums, and only what lies before it is used.
 
 use std::io::{self, BufReader, Read, Write};
 

@@ -48,16 +48,35 @@ pub(crate) fn plays_unchanged(stage: &Stage, actor: &Actor) -> bool {
 }
 
 fn is_plain(actor: &Actor, index: usize, cue: &Cue) -> bool {
+    // All are named, so that the compiler asks whether poses remain those of the keys with a new one.
+    let Cue {
+        clip,
+        fade_in,
+        weight,
+        weight_keys,
+        in_step,
+        inertialization,
+        root,
+        // `is_even` is about these two, `play` about the others.
+        time_remapping: _,
+        freezes: _,
+        start: _,
+        end: _,
+        fade_out: _,
+        trim: _,
+        ease: _,
+        speed: _,
+        repeat: _,
+    } = cue;
     // The first cue has all the weight.
-    let whole = index == 0 || (cue.weight >= 1.0 && cue.weight_keys.is_none() && cue.fade_in <= Time::ZERO);
+    let whole = index == 0 || (*weight >= 1.0 && weight_keys.is_none() && *fade_in <= Time::ZERO);
     whole
-        && cue.inertialization <= Time::ZERO
-        && cue.in_step.iter().all(Option::is_none)
-        && cue.time_remapping.is_none()
-        && cue.freezes.is_empty()
-        && cue.root.is_none()
-        && cue.clip.expressions().is_empty()
-        && cue.clip.joint_count() == actor.asset.skeleton.len()
+        && *inertialization <= Time::ZERO
+        && in_step.iter().all(Option::is_none)
+        && cue.is_even()
+        && root.is_none()
+        && clip.expressions().is_empty()
+        && clip.joint_count() == actor.asset.skeleton.len()
 }
 
 /// The base layer's clips from a time to another, as (key times, tracks, still values, numbers). `None` where a spline would have to
@@ -341,10 +360,7 @@ fn value_at(curve: &Curve, time: Time, out: &mut Vec<f32>) {
 pub(crate) fn add_key_times(actor: &Actor, start: Time, end: Time, out: &mut Vec<Time>) {
     for (number, layer) in actor.layers.iter().enumerate() {
         for (index, cue) in layer.cues.iter().enumerate() {
-            let is_straight = cue.in_step.iter().all(Option::is_none)
-                && cue.time_remapping.is_none()
-                && cue.freezes.is_empty();
-            if !is_straight {
+            if !cue.is_even() || cue.in_step.iter().any(Option::is_some) {
                 continue;
             }
             // The cue is active until the next one has faded in.

@@ -36,13 +36,13 @@ pub enum Interpolation {
 /// The property of a joint that a curve animates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Path {
-    /// 3 floats a key, metres.
+    /// 3 floats per key, metres.
     Translation,
-    /// 4 floats a key, x y z w.
+    /// 4 floats per key, x y z w.
     Rotation,
-    /// 3 floats a key.
+    /// 3 floats per key.
     Scale,
-    /// Morph weights of the mesh at that joint, this many floats a key.
+    /// Morph weights of the mesh at that joint, this many floats per key.
     Weights(u32),
 }
 
@@ -82,7 +82,7 @@ pub struct Curve {
     pub interpolation: Interpolation,
     /// Strictly increasing, at least one.
     pub times: Arc<[Time]>,
-    /// [`Curve::stride`] floats a key.
+    /// [`Curve::stride`] floats per key.
     pub values: Arc<[f32]>,
 }
 
@@ -181,7 +181,7 @@ crate::error_texts! { ExpressionError:
 pub struct CompressionReport {
     /// Bytes of keys, ranges and constants, before and after.
     pub bytes: [usize; 2],
-    /// Size of translation, rotation and scale of every joint at 30 Hz in f32: 40 bytes a joint and key.
+    /// Size of translation, rotation and scale of every joint at 30 Hz in f32: 40 bytes per joint and key.
     pub dense_bytes: usize,
     /// Metres of the model, of any joint's place and of points 10 cm from it along each axis: at all keys and halfway between,
     /// 4,000 times at most. Zero where the clip stays as it was, since it would not have become smaller.

@@ -30,7 +30,7 @@ pub struct Aim<'a> {
 }
 
 impl Aim<'_> {
-    /// How each joint is turned, all before it included; `turns` has one a joint. What does not point, or at nothing, is not turned.
+    /// How each joint is turned, all before it included; `turns` has one per joint. What does not point, or at nothing, is not turned.
     pub fn run(&mut self, turns: &mut [DQuat]) {
         turns.fill(DQuat::IDENTITY);
         let shares = |joints: &[AimJoint]| joints.iter().map(|j| j.share.max(0.0)).sum::<f64>();

@@ -34,7 +34,7 @@ impl AdditiveLayers {
         self.joints.resize(joints, NONE);
     }
 
-    /// Adds what `pose` does beyond `reference`. `weight` may be negative, which subtracts; times the mask's, one a joint
+    /// Adds what `pose` does beyond `reference`. `weight` may be negative, which subtracts; times the mask's, one per joint
     /// (`None` = 1). Poses of fewer joints add nothing to the rest.
     pub fn add(&mut self, reference: &Pose, pose: &Pose, weight: f32, mask: Option<&[f32]>) {
         let count = self.joints.len().min(reference.len()).min(pose.len());

@@ -19,7 +19,7 @@ pub struct Blend<'a> {
     pub to: &'a Pose,
     /// 0..=1.
     pub weight: f32,
-    /// Multiplies the weight, one a joint, 0..=1; `None` = 1.
+    /// Multiplies the weight, one per joint, 0..=1; `None` = 1.
     pub mask: Option<&'a [f32]>,
     /// Out: the blended pose.
     pub out: &'a mut Pose,
@@ -52,7 +52,7 @@ pub struct BlendOnto<'a> {
     pub to: &'a Pose,
     /// 0..=1.
     pub weight: f32,
-    /// Multiplies the weight, one a joint, 0..=1; `None` = 1.
+    /// Multiplies the weight, one per joint, 0..=1; `None` = 1.
     pub mask: Option<&'a [f32]>,
 }
 

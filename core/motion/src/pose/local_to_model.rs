@@ -96,7 +96,7 @@ pub(crate) struct Matrices<'a, L> {
     /// See [`Skeleton::by_depth`].
     pub by_depth: &'a [[u32; 2]],
     pub locals: L,
-    /// Matrices, one a joint; missing or superfluous ones are left out.
+    /// Matrices, one per joint; missing or superfluous ones are left out.
     pub out: &'a mut [Affine3A],
 }
 

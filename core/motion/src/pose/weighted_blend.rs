@@ -33,7 +33,7 @@ impl WeightedBlend {
         self.sums.resize(joints.div_ceil(LANES), NOTHING);
     }
 
-    /// Adds a pose. `base` is the same for all of one sum; `weight` ≥ 0, times the mask's, one a joint (`None` = 1).
+    /// Adds a pose. `base` is the same for all of one sum; `weight` ≥ 0, times the mask's, one per joint (`None` = 1).
     pub fn add(&mut self, base: &Pose, pose: &Pose, weight: f32, mask: Option<&[f32]>) {
         let (base, pose) = (base.blocks(), pose.blocks());
         dispatch(Level::best(), Add { sums: &mut self.sums, base, pose, weight, mask });

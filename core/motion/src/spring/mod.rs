@@ -4,7 +4,7 @@
 //! [`SpringStep`] moves them on by a step of any length and turns the joints. [`bone`] has the equation, why it is stable and
 //! where it is exact.
 //!
-//! A step is exact for what it is given, but the pose is only looked at once a step: whoever wants the same motion at every
+//! A step is exact for what it is given, but the pose is only looked at once per step: whoever wants the same motion at every
 //! frame rate steps on a grid of its own, and from the last point of the grid to the frame's time on a copy.
 
 pub mod bone;

@@ -185,7 +185,7 @@ impl AssetBuilder {
         &self.names
     }
 
-    /// 8 bits a channel, rows from the top: 1 (gray), 3 (RGB) or 4 (RGBA) bytes a pixel.
+    /// 8 bits per channel, rows from the top: 1 (gray), 3 (RGB) or 4 (RGBA) bytes per pixel.
     ///
     /// # Errors
     /// Another number of bytes, or no pixels.
@@ -505,7 +505,7 @@ impl AssetBuilder {
     }
 }
 
-/// 8 bits a channel, rows from the top: 1 (gray), 3 (RGB) or 4 (RGBA) bytes a pixel.
+/// 8 bits per channel, rows from the top: 1 (gray), 3 (RGB) or 4 (RGBA) bytes per pixel.
 pub fn image(name: &str, width: u32, height: u32, pixels: &[u8]) -> Result<Image> {
     let count = width as usize * height as usize;
     let channels = pixels.len().checked_div(count).unwrap_or(0);

@@ -1,3 +1,5 @@
+//! Tests of [`super::AssetBuilder`]: what it makes of good parts, and the errors of bad ones.
+
 use super::arrays::normals;
 use super::*;
 use choreo_asset::{LightKind, Sampler, TextureRef};

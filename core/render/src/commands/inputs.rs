@@ -1,4 +1,4 @@
-//! The pass of what effects on images read of the scene, before everything else.
+//! The pass that draws what effects on images read of the scene, before everything else.
 
 use crate::commands::draws::DrawRecorder;
 use crate::commands::{Command, Recorder, cull_of};

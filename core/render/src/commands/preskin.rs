@@ -1,5 +1,5 @@
 //! Pre-skinning: meshes that several passes draw are skinned and morphed once, by a compute pass, whose vertices all passes read.
-//! A recording is rewritten, so that draws of every pass count.
+//! A recording is rewritten, so that the draws of all passes are counted.
 //!
 //! Meshes that are drawn once stay with the vertex shader: no compute pipeline, no buffer. So do those whose shader needs more
 //! than deformed vertices (displacement effects, refraction, triplanar textures, joint colors, thick lines).

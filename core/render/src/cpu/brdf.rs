@@ -1,7 +1,7 @@
 //! Shading formulas, four pixels at once. CPU reference of brdf.wgsl.
 //!
-//! choreo's light convention: radiance out = π · f · color · intensity · NL, so that a white diffuse surface facing a
-//! directional light of intensity 1 is 1. The functions here return π · f.
+//! Radiance out = f · E · NL, with the illuminance E in lux. `PlanLight::color` is E / π, and the functions here return π · f: a white diffuse
+//! surface that faces a directional light of π lux is 1.
 
 use crate::lanes::{F4, V3};
 use glam::Vec3;

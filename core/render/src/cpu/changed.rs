@@ -1,4 +1,4 @@
-//! Materials that are not now as in the scene resources.
+//! Materials that differ from the scene resources in this frame.
 
 use super::CpuRenderer;
 use super::shade::ShadeMaterial;

@@ -1,4 +1,4 @@
-//! Cut-outs with several samples a pixel: how many of them an edge of leaves or hair keeps. CPU reference of `COVERAGE` in scene.wgsl.
+//! Cut-outs with several samples per pixel: how many of them an edge of leaves or hair keeps. CPU reference of `COVERAGE` in scene.wgsl.
 
 use super::shade::ALL_SAMPLES;
 

@@ -1,4 +1,4 @@
-//! The CPU renderer: what each shader means, and what draws where no Vulkan driver is.
+//! The CPU renderer: the reference of each shader, and the renderer where there is no Vulkan driver.
 //!
 //! vertex.rs, brdf.rs and shade.rs are the references of vertex.wgsl, brdf.wgsl and scene.wgsl; setup.rs and raster.rs do
 //! what Vulkan leaves to the device. Tiles are independent of each other: any number of threads gives the same bits.

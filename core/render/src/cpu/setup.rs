@@ -11,7 +11,7 @@ pub(crate) const SUBPIXEL: i32 = 256;
 /// A screen triangle. Positions are snapped; interpolation runs on exact ones.
 #[derive(Clone, Copy, Debug)]
 pub struct Triangle {
-    /// Fixed point, y down, counter-clockwise on a y-up plane made clockwise: the area is positive.
+    /// Fixed point, y down. Counter-clockwise (y up) is reordered to clockwise (y down), so that the signed area is positive.
     pub x: [i32; 3],
     pub y: [i32; 3],
     /// Pixel that `edges` and `depth` are relative to.

@@ -241,12 +241,12 @@ mod tests {
             let u = F4([0.5, 0.5 + step, 0.5, 0.5 + step]);
             t.sample(&Sampler::default(), [u, F4::splat(0.5)])[0].0[0] * 255.0
         };
-        // A step of 16 texels a pixel: the 1×1 level, the mean of 0, 10 … 150.
+        // A step of 16 texels per pixel: the 1×1 level, the mean of 0, 10 … 150.
         assert!((level_red(1.0) - 75.0).abs() < 0.51);
         assert!((level_red(1.0 / 16.0) - 75.0).abs() < 0.51, "between texels 7 and 8 of level 0");
         let u = F4([0.53125, 0.53125 + 0.5, 0.53125, 0.53125 + 0.5]);
         let nearest = Sampler { mip_linear: Some(false), min_linear: false, ..Sampler::default() };
-        // 8 texels a pixel: level 3 of 2 texels, the right one is the mean of 80 … 150.
+        // 8 texels per pixel: level 3 of 2 texels, the right one is the mean of 80 … 150.
         assert!((t.sample(&nearest, [u, F4::splat(0.5)])[0].0[0] * 255.0 - 115.0).abs() < 0.51);
     }
 }

@@ -7,7 +7,7 @@ use crate::scene_resources::thick_lines::{Spread, thick_mesh};
 use choreo_asset::Primitive;
 use glam::Mat4;
 
-/// `vertices`: one a vertex of the primitive, which the triangles refer to.
+/// `vertices`: one per vertex of the primitive, which the triangles refer to.
 pub fn triangles(
     primitive: &Primitive,
     vertices: &[Vertex],

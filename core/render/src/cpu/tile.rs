@@ -1,4 +1,4 @@
-//! One tile: opaque triangles into a visibility buffer, each visible one shaded once a pixel, then masked and blended
+//! One tile: opaque triangles into a visibility buffer, each visible one shaded once per pixel, then masked and blended
 //! ones in order, then samples resolved. The same image as drawing one after the other, without shading what is hidden.
 
 use super::background_effects::BackgroundEffects;

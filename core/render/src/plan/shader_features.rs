@@ -1,5 +1,5 @@
 //! The table of shader features: for each its name, which is its switch in WGSL too, what requests it, what it needs, which texture
-//! it reads, and what a frame reports that does without it. Everything else that is known of features is made from this table:
+//! it reads, and the text that a frame reports when it does not use the feature. Everything else that is known of features is made from this table:
 //! the bits of [`Features`], the switches of `@if`, the bindings of material textures, the reports, and the set of all pipeline
 //! keys that the planner can produce, which `tests/shaders/keys.rs` compiles.
 

@@ -175,7 +175,7 @@ impl Context {
         })
     }
 
-    /// To be held during calls of the device, once a thread: under validation, no other thread creates or destroys one meanwhile.
+    /// The lock that is held during calls of the device, once a thread: under validation, no other thread creates or destroys one meanwhile.
     pub fn calls(&self) -> Option<RwLockReadGuard<'static, ()>> {
         self.messenger.is_some().then(|| LAYER_STATE.read().unwrap_or_else(PoisonError::into_inner))
     }

@@ -1,15 +1,15 @@
-//! Features that choreo uses where a device has them, and what it does where not.
+//! Features that choreo uses where a device has them, and what it does without them.
 
 use ash::vk;
 
-/// One that a device may lack. What every Vulkan 1.3 device has, four samples a pixel among it, is not here.
+/// One that a device may lack. What every Vulkan 1.3 device has, four samples per pixel among it, is not here.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Ability {
     /// `alphaToOne`. Without it cut-outs keep or lose whole pixels.
     AlphaToOne,
     /// `samplerAnisotropy`. Without it textures are filtered alike in both directions.
     SamplerAnisotropy,
-    /// `sampleRateShading`. Without it transparent surfaces are sorted where there are several samples a pixel.
+    /// `sampleRateShading`. Without it transparent surfaces are sorted where there are several samples per pixel.
     SampleRateShading,
     /// Images that surfaces are kept in until they are lit. Without them they are lit as they are drawn. Vulkan promises them,
     /// so that this is for drivers that break the promise.

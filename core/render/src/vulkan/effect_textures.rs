@@ -1,4 +1,4 @@
-//! Textures of effects on the device, there once a frame requests one.
+//! Textures of effects on the device, made as soon as a frame requests one.
 
 use super::VulkanRenderer;
 use super::memory::Buffer;

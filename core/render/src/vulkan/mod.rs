@@ -3,7 +3,7 @@
 //! Compromises, on one page: one queue, one primary command buffer a frame; targets shared by the frames in flight (the
 //! queue runs them in order anyway), everything a frame writes from the host in one mapped buffer of its own;
 //! resources are made when a frame first draws them and kept by content; `load` waits for the device. What fails here is not
-//! tried again here: `steady` does, with a new device that is asked for less.
+//! tried again here: `device_recovery` does, with a new device that is asked for less.
 
 mod cache;
 mod clock;

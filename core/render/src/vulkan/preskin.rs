@@ -1,4 +1,4 @@
-//! Meshes pre-skinned once a frame by compute shaders; see [`crate::commands::preskin`] and preskin.wgsl.
+//! Meshes pre-skinned once per frame by compute shaders; see [`crate::commands::preskin`] and preskin.wgsl.
 
 use super::VulkanRenderer;
 use super::context::Context;

@@ -1,4 +1,4 @@
-//! Leaves and hair: cut-outs with several samples a pixel, against their exact share of each pixel, by both renderers.
+//! Leaves and hair: cut-outs with several samples per pixel, against their exact share of each pixel, by both renderers.
 
 use crate::common::*;
 use choreo_asset::*;

@@ -86,7 +86,7 @@ fn mirror(c: &mut Call) -> Reply {
             lost.len(),
             list(lost.iter().copied(), 12)
         );
-        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text));
+        c.shared.note(Severity::Warning, &c.place, &ApiError::new(text).rule("mirror_partial"));
     }
     let mut clip = map.clip(&this.asset, &this.clip);
     clip.name = format!("{} mirrored", this.clip.name);

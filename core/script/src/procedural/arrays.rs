@@ -83,8 +83,8 @@ pub fn indices(o: &Options, name: &str) -> Result<Vec<u32>, ApiError> {
     Ok(flat)
 }
 
-/// One color a vertex, linear RGBA: names, `[r, g, b]` in sRGB as everywhere in scripts, such numbers one after the other, or
-/// a blob of 4 bytes a vertex.
+/// One color per vertex, linear RGBA: names, `[r, g, b]` in sRGB as everywhere in scripts, such numbers one after the other, or
+/// a blob of 4 bytes per vertex.
 pub fn colors(o: &Options, name: &str, vertices: usize) -> Result<Vec<f32>, ApiError> {
     let Some(value) = o.map.get(name) else { return Ok(Vec::new()) };
     let blame = |text: String| ApiError::new(format!("{}: {text}", o.function)).focus(name);

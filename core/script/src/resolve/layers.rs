@@ -44,7 +44,7 @@ fn gets_nowhere(build: &Build, made: &[Option<Cue>], notes: &mut Notes) {
         } else {
             ApiError::new(format!("\"{name}\" has root motion, but no clip that it plays gets anywhere"))
         };
-        notes.push((Severity::Warning, actor.at.clone(), error));
+        notes.push((Severity::Warning, actor.at.clone(), error.rule("goes_nowhere")));
     }
 }
 
@@ -212,7 +212,7 @@ fn match_phases(
         }
         Err(why) => {
             let text = format!("clip \"{}\" cannot keep step: {}", draft.cue.clip.name, why.message);
-            notes.push((Severity::Warning, draft.at.clone(), ApiError::new(text)));
+            notes.push((Severity::Warning, draft.at.clone(), ApiError::new(text).rule("not_in_step")));
             None
         }
     }

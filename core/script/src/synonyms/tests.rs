@@ -1,3 +1,5 @@
+//! Tests of the synonyms: each leads to calls that exist, and to a page.
+
 use super::*;
 use crate::api::defs;
 use crate::help::{answer, nearest, search};

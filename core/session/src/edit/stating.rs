@@ -1,4 +1,4 @@
-//! Values that the script states of an object or a cue: read as they are written, stated anew, and taken away, so that the default counts.
+//! Values that the script states of an object or a cue: read as they are written, stated anew, and taken away, so that the default applies.
 
 use super::object::{ScriptObject, quoted};
 use super::scan::Call;

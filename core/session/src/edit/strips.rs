@@ -7,16 +7,27 @@ use super::scan::{Call, Source};
 use super::times::{CueTime, EditTime, TimeLiteral};
 use super::values::{format_number, literals, option_value, options_of, rewritten};
 use super::{Edit, EditRefused};
+use choreo_stage::{Cue, Described};
 use std::ops::Range;
 
-/// Calls and options that make up the content of a cue, so that each part of a split cue has them.
-const CONTENT: [&str; 8] = ["speed", "weight", "repeat", "reverse", "once", "loop", "ping_pong", "hold"];
+/// Calls and options about the transition into a cue or out of it, and the part of the clip: the second part of a split cue has its own.
+const ENDS: [&str; 8] = ["fade", "fade_out", "ease", "in_step", "inertial", "trim", "clip_time", "freeze"];
 /// Calls and options that say when a cue plays.
 const TIMES: [&str; 2] = ["from", "until"];
 /// Calls of a layer, which hold for all cues of a chain.
 const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_weight"];
-/// Calls with times of the stage in their keys.
-const KEYED: [&str; 4] = ["clip_time", "weight", "speed", "layer_weight"];
+/// Calls with times of the stage in their keys, beside those of the described fields of a cue.
+const KEYED: [&str; 2] = ["clip_time", "layer_weight"];
+
+/// Whether a call or option belongs to one cue, wherever it stands on the timeline.
+fn is_own(name: &str) -> bool {
+    !TIMES.contains(&name) && !LAYER.contains(&name)
+}
+
+/// Whether the keys of a call have times of the stage.
+fn is_keyed(name: &str) -> bool {
+    KEYED.contains(&name) || Cue::field(name).is_some_and(|field| field.keyed.is_some())
+}
 
 /// The call that makes a cue, and the calls behind it.
 struct Strip<'a> {
@@ -204,7 +215,7 @@ pub fn split_cue(
 ) -> Result<Edit, EditRefused> {
     let strip = Strip::at(text, line, column)?;
     strip.refuse_variable()?;
-    let mut second = strip.then(|name| CONTENT.contains(&name));
+    let mut second = strip.then(|name| is_own(name) && !ENDS.contains(&name));
     match rest {
         Rest::Trim([from, to]) => {
             second += &format!(".trim({}, {})", format_number(from), format_number(to));
@@ -257,8 +268,7 @@ pub fn duplicate_cue(
 ) -> Result<Edit, EditRefused> {
     let strip = Strip::at(text, line, column)?;
     strip.refuse_variable()?;
-    let other = |name: &str| TIMES.contains(&name) || LAYER.contains(&name);
-    let second = strip.then(|name| !other(name));
+    let second = strip.then(is_own);
     let then = second.trim_start();
     let shifted =
         shift_keys(then, 1, 2, by).map_err(|refused| EditRefused { line: Some(line), ..refused })?;
@@ -421,7 +431,7 @@ pub fn shift_keys(text: &str, line: usize, column: usize, by: EditTime) -> Resul
                 let secs = old.secs(by.fps) + by.secs;
                 old.set(EditTime { secs, fps: by.fps })
             }
-            name if KEYED.contains(&name) && strip.text[first.clone()].trim_start().starts_with('[') => {
+            name if is_keyed(name) && strip.text[first.clone()].trim_start().starts_with('[') => {
                 shifted_keys(&strip.text, first.clone(), by).ok_or_else(|| strip.computed(name, &first))?
             }
             _ => continue,

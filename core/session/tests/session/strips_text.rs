@@ -65,6 +65,11 @@ fn a_split_clip_is_two_with_the_same_content() {
     let chain = split("a.|play(c).weight(0.5)\n    .then(d);", Rest::Same, None).unwrap();
     assert_eq!(chain, "a.play(c).until(1.5).weight(0.5)\n    .then(c).weight(0.5)\n    .then(d);");
     let keys = Rest::ClipTime([[1.5, 0.25], [4.0, 2.75]]);
+    // All that is not about its ends, so that a new option needs no entry in a list.
+    let in_place =
+        split("a.|play(c, #{ reverse: true, ease: \"smooth\" }).in_place().inertial(0.2);", rest, None);
+    let second = ".then(c, #{ reverse: true }).in_place().trim(1.0, 2.5)";
+    assert!(in_place.as_ref().is_ok_and(|text| text.contains(second)), "{in_place:?}");
     let looped = split("a.|play(c, #{ until: 4.0 });", keys, None).unwrap();
     assert_eq!(
         looped,

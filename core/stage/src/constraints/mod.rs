@@ -1,4 +1,4 @@
-//! Constraints: what a body does beside its clips. Feet stay where they stand, the spine turns to look, a hand takes hold of a prop,
+//! Constraints: how a body is changed after its clips. Feet stay where they stand, the spine turns to look, a hand takes hold of a prop,
 //! and at last hair and tails swing.
 //!
 //! In this order, after all actors have been posed and placed: planted feet, aims, looks, reaches, each in the order of the

@@ -1,4 +1,4 @@
-//! The order of one actor's own constraints: what points at something in its own hand comes after what moves that hand.
+//! The order of one actor's own constraints: a constraint whose target hangs on the actor's own hand runs after the constraint that moves the hand.
 
 use crate::constraints::look_at::Aim;
 use crate::constraints::order::for_carriers;

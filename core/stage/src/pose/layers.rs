@@ -1,4 +1,4 @@
-//! Layers of one rank: mixed and summed so that their order does not count.
+//! Layers of one rank: mixed and summed so that their order does not matter.
 
 use crate::stage::clips::{Cue, Layer, LayerMode, Reference};
 use crate::timeline::active_clips as timeline;

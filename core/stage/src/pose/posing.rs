@@ -43,7 +43,7 @@ fn available_threads() -> usize {
 
 impl Posing<'_> {
     /// Poses the actors that anything needs, and returns how many they are. `scratch` grows to one for each part that a thread takes.
-    /// `faces`: one an actor, filled for those whose file states how their eyes move.
+    /// `expression_weights`: one for each actor, filled for those whose file states how their eyes move.
     pub fn run(
         &self,
         actors: &[Actor],

@@ -12,7 +12,7 @@ pub struct Channel {
     pub interpolation: Interpolation,
     /// Stage times of the keys, strictly increasing.
     pub times: Vec<Time>,
-    /// `property.width()` numbers a key (three times that for CubicSpline, glTF order).
+    /// `property.width()` numbers per key (three times that for CubicSpline, glTF order).
     pub values: Vec<f64>,
 }
 

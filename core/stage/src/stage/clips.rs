@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// A layer of clips on one actor. Layer 0 is the base; the others come over it by rank.
 #[derive(Clone, Debug, Default)]
 pub struct Layer {
-    /// One weight a joint of the actor's skeleton, 0..=1; `None` = all joints.
+    /// One weight for each joint of the actor's skeleton, 0..=1; `None` = all joints.
     pub mask: Option<Arc<Vec<f32>>>,
     /// Its effect on the layers below.
     pub mode: LayerMode,
@@ -69,13 +69,13 @@ described! {
         ease: Ease = Ease::Linear;
         /// Clip seconds per stage second; negative plays backwards from `trim.1`.
         speed: f64 = 1.0;
-        /// Continuation after the clip has been played.
+        /// Behavior at the end of the clip.
         repeat: Repeat = Repeat::Loop;
         /// 0 to 1, times the fades. The first cue of the base layer always has all the weight.
         weight: f32 = 1.0;
         /// `Property::Weight` over stage time, in place of `weight`; what a spline overshoots is cut off at 0 and 1.
         weight_keys: Option<Arc<Channel>> = None;
-        /// Clip time keyed over stage time, in place of the amount of `speed`, whose sign still states from which end.
+        /// Clip time keyed over stage time. It replaces |`speed`|; the sign still sets the direction.
         time_remapping: Option<Arc<TimeRemapping>> = None;
         /// Spans of stage time in which the clip stands still; sorted, one after the other.
         freezes: Vec<(Time, Time)> = Vec::new();

@@ -1,4 +1,4 @@
-//! Effects in use: on what, while what, with which parameters at a time.
+//! Effects in use: what they apply to, when they are on, and their parameters.
 
 use crate::stage::actor::Target;
 use crate::stage::channel::Channel;

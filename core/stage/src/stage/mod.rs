@@ -150,10 +150,10 @@ pub enum Transparency {
     Independent,
 }
 
-/// The step at which opaque surfaces are lit: as each is drawn (forward), or once a pixel when all are drawn (deferred).
+/// The step at which opaque surfaces are lit: as each is drawn (forward), or once per pixel when all are drawn (deferred).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Pipeline {
-    /// Deferred if it is estimated to be faster, by the lights and the overlapping surfaces; never with several samples a pixel.
+    /// Deferred if it is estimated to be faster, by the lights and the overlapping surfaces; never with several samples per pixel.
     #[default]
     Auto,
     /// Forward shading.

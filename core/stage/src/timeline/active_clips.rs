@@ -24,7 +24,7 @@ pub struct ActiveClip {
 
 impl Actor {
     /// The clips that play at a time, in the order in which they are blended: each over those before it, additive ones on top.
-    /// The weights of layers with the same priority are given before these layers are averaged.
+    /// Of layers with the same priority the weights are those from before the layers are averaged.
     pub fn active_clips(&self, time: Time) -> Vec<ActiveClip> {
         let mut active = Vec::new();
         let mut active_cues = Vec::new();

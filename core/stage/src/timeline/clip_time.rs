@@ -10,6 +10,11 @@ impl Cue {
         Playback { speed: self.speed, trim: self.trim, repeat: self.repeat }
     }
 
+    /// Whether the clip plays at one speed from its start on: no keys and no freezes say which time of it is shown when.
+    pub fn is_even(&self) -> bool {
+        self.time_remapping.is_none() && self.freezes.is_empty()
+    }
+
     /// Ticks of the clip that have been played at a stage time, whole rounds included; none before the start. Below zero
     /// where a speed curve runs backwards.
     pub fn played(&self, time: Time) -> i128 {

@@ -1,4 +1,4 @@
-//! The parents of actors at a time: which there are, how much each counts, and the space that each gives.
+//! The parents of actors at a time: which there are, the weight of each, and the space that each gives.
 
 use crate::snapshot::ActorState;
 use crate::stage::Stage;

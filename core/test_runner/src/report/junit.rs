@@ -1,4 +1,4 @@
-//! JUnit XML as build servers read it (the schema of Jenkins' xUnit plugin): a suite a file, a case a section.
+//! JUnit XML as build servers read it (the schema of Jenkins' xUnit plugin): one suite per file, one case per section.
 
 use super::{accept, rerun};
 use crate::outcome::{Check, Outcome, Status};

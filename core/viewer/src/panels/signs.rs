@@ -48,7 +48,7 @@ fn signs(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<Sign> {
         let (at, kind) = match light.light.kind {
             LightKind::Directional => (middle - direction * SUN, Kind::Sun(middle)),
             LightKind::Spot { outer, .. } => (light.position, Kind::Spot(direction, f64::from(outer))),
-            _ => (light.position, Kind::Point),
+            LightKind::Point => (light.position, Kind::Point),
         };
         Some(Sign { what: SignOf::Light(number), at, kind })
     });

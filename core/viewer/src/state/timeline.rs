@@ -53,7 +53,7 @@ impl Strip {
             speed: cue.speed,
             repeat: cue.repeat,
             weight: f64::from(cue.weight),
-            is_keyed: cue.time_remapping.is_some() || !cue.freezes.is_empty(),
+            is_keyed: !cue.is_even(),
         }
     }
 

@@ -131,19 +131,22 @@ fn is_checked(path: &str) -> bool {
     code || scripts || path.ends_with(".md")
 }
 
+/// The paths of the files whose texts are checked.
+fn listed(root: &Path) -> Result<Vec<String>, String> {
+    let listed = Command::new("git").args(["ls-files"]).current_dir(root).output();
+    let listed = listed.map_err(|e| format!("git ls-files: {e}"))?;
+    let listed = String::from_utf8_lossy(&listed.stdout);
+    Ok(listed.lines().filter(|path| is_checked(path)).map(str::to_string).collect())
+}
+
 /// All problems of the repository's files.
 pub fn all_problems(root: &Path) -> Result<Vec<String>, String> {
-    let listed = Command::new("git")
-        .args(["ls-files"])
-        .current_dir(root)
-        .output()
-        .map_err(|e| format!("git ls-files: {e}"))?;
     let rules = Rule::all();
     let mut found = Vec::new();
-    for path in String::from_utf8_lossy(&listed.stdout).lines().filter(|path| is_checked(path)) {
+    for path in listed(root)? {
         // A file that is listed and deleted is on its way out.
-        let Ok(content) = std::fs::read_to_string(root.join(path)) else { continue };
-        found.extend(texts(path, &content).iter().flat_map(|text| problems(path, text, &rules)));
+        let Ok(content) = std::fs::read_to_string(root.join(&path)) else { continue };
+        found.extend(texts(&path, &content).iter().flat_map(|text| problems(&path, text, &rules)));
     }
     Ok(found)
 }
@@ -193,6 +196,32 @@ mod tests {
         let text = std::fs::read_to_string(crate::root().join("ARCHITECTURE.md")).unwrap();
         assert_eq!(missing_paths(&text), Vec::<&str>::new());
         assert_eq!(missing_paths("`core/gone.rs` and `core/cli`"), ["core/gone.rs"]);
+    }
+
+    /// Files of `core` and `shaders` that a text names and that do not exist; those with a capital NAME stand for many.
+    fn missing_files(text: &str) -> Vec<&str> {
+        let is_part = |c: char| c.is_alphanumeric() || "_-./".contains(c);
+        let is_file = |word: &&str| {
+            let end = Path::new(word).extension().and_then(|end| end.to_str()).unwrap_or_default();
+            (word.starts_with("core/") || word.starts_with("shaders/"))
+                && ["rs", "wgsl", "md", "txt", "toml"].contains(&end)
+                && !word.contains("NAME")
+        };
+        let words = text.split(|c| !is_part(c)).map(|word| word.trim_end_matches('.'));
+        words.filter(is_file).filter(|path| !crate::root().join(path).exists()).collect()
+    }
+
+    #[test]
+    fn the_files_that_texts_name_exist() {
+        let mut missing = Vec::new();
+        for path in listed(&crate::root()).unwrap() {
+            let Ok(content) = std::fs::read_to_string(crate::root().join(&path)) else { continue };
+            for text in texts(&path, &content) {
+                missing.extend(missing_files(&text.words).iter().map(|file| format!("{path}: {file}")));
+            }
+        }
+        assert!(missing.is_empty(), "{}", missing.join("\n"));
+        assert_eq!(missing_files("See core/gone.rs, and `core/cli/README.md`."), ["core/gone.rs"]);
     }
 
     #[test]

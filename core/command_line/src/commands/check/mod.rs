@@ -188,7 +188,7 @@ fn unknown_effects(stage: &Stage, registry: &Registry) -> Vec<Problem> {
         .collect()
 }
 
-/// The finding that more lights shine than can be drawn, at the first of some times, the beginning among them.
+/// The finding that more lights shine than can be drawn, at the first of 32 sampled times, of which the first is 0.
 fn too_many_lights(stage: &Stage) -> Option<Finding> {
     /// Times at which lights are counted; that takes a few milliseconds.
     const TIMES: i64 = 32;

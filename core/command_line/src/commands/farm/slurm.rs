@@ -1,4 +1,4 @@
-//! The job as scripts for Slurm: an array of renders, a chunk a task, and a join that depends on all of them; for each film of the job, the
+//! The job as scripts for Slurm: an array of renders, one chunk per task, and a join that depends on all of them; for each film of the job, the
 //! preview first. The films of a batch are one array.
 
 use super::job::{FarmJob, Film, OUTPUT, ROWS, SCENE};

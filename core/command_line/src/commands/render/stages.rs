@@ -1,4 +1,4 @@
-//! `choreo render --stages`: what the CPU renderer does on the way to a frame, an image a stage.
+//! `choreo render --stages`: what the CPU renderer does on the way to a frame, an image per stage.
 
 use crate::args::RenderArgs;
 use crate::commands::render;

@@ -1,5 +1,5 @@
-//! The report that a render of a segment leaves beside it, for `choreo farm --status`. A report that cannot be written costs nothing but
-//! itself: the segment counts.
+//! The report that a render of a segment leaves beside it, for `choreo farm --status`. A report that cannot be written is left out:
+//! the segment is what matters.
 
 use crate::drawing::pipeline::Pixels;
 use crate::failure::Failure;

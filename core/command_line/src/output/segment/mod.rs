@@ -2,7 +2,7 @@
 //!
 //! A segment is text and bytes in turn. Each line is the BLAKE3 of its JSON, a space and the JSON. The first line is the magic, the second
 //! says which film it is and how it is made ([`Film`]), each further one describes a record ([`Record`]) whose bytes follow, and the last
-//! one is the end. What was cut or bent is found by the hashes, and only what lies before it counts. Frames that an exporter can make
+//! one is the end. What was cut or bent is found by the hashes, and only what lies before it is used. Frames that an exporter can make
 //! without those before are pieces of the film's own bytes; the others are images, which `choreo join` gives to the exporter.
 
 mod coverage;
@@ -141,7 +141,7 @@ pub(crate) enum Kind {
     Image,
     /// One frame with the pixels of the record before, an image or another such frame; nothing follows.
     Repeat,
-    /// The film's own bytes: the mark of the exporter, of `state` bytes, and what it wrote. Of formats of one image a file the file.
+    /// The film's own bytes: the mark of the exporter, of `state` bytes, and what it wrote. Of formats of one image per file the file.
     Piece { state: u64 },
 }
 

@@ -1,3 +1,5 @@
+//! Tests of recognized joint names, over the naming schemes of common programs.
+
 use super::*;
 
 /// The joints of one family of names.
