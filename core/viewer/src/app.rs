@@ -509,6 +509,7 @@ impl Viewer {
         let mut all = all.into_iter();
         self.selection = all.next();
         self.more = (self.selection.clone(), all.collect());
+        self.keys = (None, Vec::new());
     }
 
     /// The selected keys.

@@ -124,25 +124,27 @@ impl<'a> ScriptObject<'a> {
         }
     }
 
-    /// The second argument of the call that made it, as it is written: the offset in `.follow(target, offset)`.
-    pub fn second(&self) -> Option<&str> {
-        Some(self.text[self.second_range()?].trim())
+    /// An argument of the call that made it, from 0, as it is written: the target in `.follow(target, offset)`.
+    pub fn argument(&self, number: usize) -> Option<&str> {
+        Some(self.text[self.argument_range(number)?].trim())
     }
 
-    fn second_range(&self) -> Option<Range<usize>> {
+    fn argument_range(&self, number: usize) -> Option<Range<usize>> {
         let inside = &self.made.inside;
-        let start = self.text.value_end(inside.start, inside.end) + 1;
-        (start < inside.end).then(|| start..self.text.value_end(start, inside.end))
+        let next = |at: usize| Some(self.text.value_end(at, inside.end) + 1).filter(|at| *at < inside.end);
+        let start = (0..number).try_fold(inside.start, |at, _| next(at))?;
+        Some(self.text.trimmed(&(start..self.text.value_end(start, inside.end))))
+            .filter(|range| !range.is_empty())
     }
 
-    /// Writes the second argument of the call that made it anew.
+    /// Writes an argument of the call that made it anew, whatever is there.
     ///
     /// # Errors
-    /// The script computes it.
-    pub fn state_second(&self, value: &str) -> Result<Edit, EditRefused> {
-        let range = self.second_range();
-        let range = range.ok_or_else(|| EditRefused::at(self.line, "the call has no second argument"))?;
-        self.overwrite(&self.made, range, value)
+    /// The call has none of this number.
+    pub fn state_argument(&self, number: usize, value: &str) -> Result<Edit, EditRefused> {
+        let range = self.argument_range(number);
+        let range = range.ok_or_else(|| EditRefused::at(self.line, "the call has no such argument"))?;
+        Ok(Edit { range, text: value.to_string() })
     }
 
     /// All arguments of the call that made it, as they are written.

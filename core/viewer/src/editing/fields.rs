@@ -37,8 +37,8 @@ pub enum FieldChange {
     Material(&'static str, Option<String>),
     /// A value in the map of an option, such as `size` in `shadow`; `None` takes it away.
     Within(&'static str, &'static str, Option<String>),
-    /// The second argument of a call.
-    Second(String),
+    /// An argument of a call, from 0.
+    Argument(usize, String),
     /// The key of a point at the playhead, by the name of its property.
     KeyedPoint(&'static str, DVec3),
 }
@@ -51,6 +51,8 @@ pub struct StatedCall {
     pub siblings: usize,
     /// Name and arguments of the call.
     pub title: String,
+    /// Its first argument: the target of a camera.
+    pub first: Option<String>,
     /// Options and methods of the call, as they are written.
     pub written: BTreeMap<String, String>,
 }
@@ -165,12 +167,16 @@ impl Viewer {
 
     /// The call at a place; `name` where its text cannot be edited.
     pub fn stated_call(&self, place: &Place, siblings: usize, name: &str) -> StatedCall {
-        let call = |title: String, written| StatedCall { place: place.clone(), siblings, title, written };
+        let call = |title: String, first: Option<String>, written| {
+            let place = place.clone();
+            StatedCall { place, siblings, title, first, written }
+        };
         let read = self.read_object(place, siblings, |object| {
             let title = format!("{} {}", object.made_by(), object.arguments());
-            Some(call(title.trim().to_string(), object.all_written()))
+            let first = object.argument(0).map(str::to_string);
+            Some(call(title.trim().to_string(), first, object.all_written()))
         });
-        read.unwrap_or_else(|| call(name.to_string(), BTreeMap::new()))
+        read.unwrap_or_else(|| call(name.to_string(), None, BTreeMap::new()))
     }
 
     /// The values in the map of an option, by name.
@@ -274,7 +280,7 @@ fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Ed
                 None => Ok(asset.unstate(&[name])),
             }
         }
-        FieldChange::Second(value) => object.state_second(value),
+        FieldChange::Argument(number, value) => object.state_argument(*number, value),
         FieldChange::Time(..)
         | FieldChange::Trim(_)
         | FieldChange::FocalLength(_)

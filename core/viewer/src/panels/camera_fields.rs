@@ -1,10 +1,11 @@
 //! Where a camera stands and looks, or how it moves with a target: fields of the inspector.
 
 use super::fields::{self, Stated};
+use super::hint::Hint;
 use super::rig::CallChange;
 use super::values;
 use crate::app::Viewer;
-use crate::editing::FieldChange;
+use crate::editing::{FieldChange, StatedCall, expression};
 use crate::state::selection::Selected;
 use choreo_session::edit::{Anew, format_number};
 use choreo_stage::{Camera, Property, Rig, Target};
@@ -43,9 +44,18 @@ pub fn show(
                 let moved = stands(ui, viewer, stated, camera, (*position, look_at), &mut key_button);
                 moved.map(CameraChange::Field)
             }
-            Rig::Orbit { .. } => options(ui, viewer, camera, "orbit", &ORBIT),
-            Rig::Frame { .. } => options(ui, viewer, camera, "frame", &FRAME),
-            Rig::Follow { offset, .. } => follows(ui, viewer, camera, *offset),
+            Rig::Orbit { target, .. } => moves(ui, viewer, camera, "orbit", |ui, call| {
+                let of = options(ui, viewer, call, &ORBIT);
+                aims_at(ui, viewer, call, target).or(of)
+            }),
+            Rig::Frame { .. } => {
+                moves(ui, viewer, camera, "frame", |ui, call| options(ui, viewer, call, &FRAME))
+            }
+            Rig::Follow { target, offset } => moves(ui, viewer, camera, "follow", |ui, call| {
+                let to = point(ui, "offset", "camera offset", *offset);
+                let to = to.map(|text| FieldChange::Argument(1, text));
+                aims_at(ui, viewer, call, target).or(to)
+            }),
             Rig::File { .. } => None,
         };
     });
@@ -101,21 +111,31 @@ fn stands(
     wanted
 }
 
-/// The numbers among the options of the call that moves a camera.
-fn options(
+/// Fields of the call that moves a camera.
+fn moves(
     ui: &mut Ui,
     viewer: &Viewer,
     camera: &Camera,
-    call: &'static str,
-    all: &[(&'static str, &'static str, f64, f64, f64)],
+    name: &str,
+    show: impl FnOnce(&mut Ui, &StatedCall) -> Option<FieldChange>,
 ) -> Option<CameraChange> {
     let what = Selected::Camera(camera.name.clone());
-    let call = viewer.stated_calls(&what, &[call]).pop()?;
+    let call = viewer.stated_calls(&what, &[name]).pop()?;
+    show(ui, &call).map(|change| CameraChange::Call(CallChange(call, change)))
+}
+
+/// The numbers among the options of a call.
+fn options(
+    ui: &mut Ui,
+    viewer: &Viewer,
+    call: &StatedCall,
+    all: &[(&'static str, &'static str, f64, f64, f64)],
+) -> Option<FieldChange> {
     let (fps, mut wanted) = (viewer.playhead.fps().as_fps(), None);
     for (name, unit, usual, low, high) in all {
         wanted = fields::label(ui, &call.written, name, "").or(wanted);
         let written = call.written.get(*name);
-        let now = written.map_or(Some(*usual), |text| crate::editing::expression::value(text, fps));
+        let now = written.map_or(Some(*usual), |text| expression::value(text, fps));
         ui.horizontal(|ui| {
             match now {
                 Some(now) => {
@@ -130,27 +150,56 @@ fn options(
         });
         ui.end_row();
     }
-    wanted.map(|change| CameraChange::Call(CallChange(call, change)))
+    wanted
 }
 
-/// The offset of a camera that follows a target.
-fn follows(ui: &mut Ui, viewer: &Viewer, camera: &Camera, offset: DVec3) -> Option<CameraChange> {
-    let what = Selected::Camera(camera.name.clone());
-    let call = viewer.stated_calls(&what, &["follow"]).pop()?;
+/// The target of a camera: a point of the world, an actor as a whole, or one of its joints.
+fn aims_at(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target) -> Option<FieldChange> {
+    /// The choice of the whole actor.
+    const WHOLE: &str = "all of it";
+    let (actor, joint) = match target {
+        Target::Point(at) => {
+            return point(ui, "center", "camera center", *at).map(|text| FieldChange::Argument(0, text));
+        }
+        Target::Actor(actor) => (*actor, None),
+        Target::Joint { actor, joint } => (*actor, Some(*joint as usize)),
+    };
+    let scene = viewer.scene.as_ref()?;
+    let names = scene.stage.actors.get(actor)?.asset.skeleton.names();
+    let short = |name: &'_ str| name.rsplit(':').next().unwrap_or(name).to_string();
+    let now = joint.and_then(|joint| names.get(joint)).map_or(WHOLE.to_string(), |name| short(name));
+    let first = call.first.as_deref()?;
+    ui.label("target").hint("the whole actor, or one of its joints");
     let mut wanted = None;
-    ui.label("offset");
+    ui.horizontal(|ui| {
+        ui.monospace(&scene.stage.actors[actor].name);
+        let all: Vec<String> =
+            std::iter::once(WHOLE.to_string()).chain(names.iter().map(|name| short(name))).collect();
+        let chosen = fields::choice(ui, "joint", &now, all.iter().map(String::as_str));
+        let variable = first.split(".joint(").next().unwrap_or(first);
+        wanted = chosen.map(|name| match name == WHOLE {
+            true => FieldChange::Argument(0, variable.to_string()),
+            false => FieldChange::Argument(0, format!("{variable}.joint(\"{name}\")")),
+        });
+    });
+    ui.end_row();
+    wanted
+}
+
+/// Three numbers in a row of their own: the text of a point.
+fn point(ui: &mut Ui, label: &str, name: &str, now: DVec3) -> Option<String> {
+    let mut wanted = None;
+    ui.label(label);
     ui.horizontal(|ui| {
         for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
-            let label = format!("camera offset {letter}");
-            if let Some(to) = values::number(ui, &label, offset[axis], 0.01, -1e9..=1e9) {
-                let mut all = offset;
+            if let Some(to) = values::number(ui, &format!("{name} {letter}"), now[axis], 0.01, -1e9..=1e9) {
+                let mut all = now;
                 all[axis] = to;
-                wanted =
-                    Some(FieldChange::Second(format!("[{}]", all.to_array().map(format_number).join(", "))));
+                wanted = Some(format!("[{}]", all.to_array().map(format_number).join(", ")));
             }
         }
         ui.weak("m");
     });
     ui.end_row();
-    wanted.map(|change| CameraChange::Call(CallChange(call, change)))
+    wanted
 }

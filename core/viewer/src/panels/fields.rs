@@ -215,7 +215,12 @@ fn number(
 }
 
 /// A list of names, the present one first shown.
-fn choice<'n>(ui: &mut Ui, id: &str, now: &str, names: impl Iterator<Item = &'n str>) -> Option<String> {
+pub(super) fn choice<'n>(
+    ui: &mut Ui,
+    id: &str,
+    now: &str,
+    names: impl Iterator<Item = &'n str>,
+) -> Option<String> {
     let mut chosen = None;
     let combo = egui::ComboBox::from_id_salt(id).selected_text(now).show_ui(ui, |ui| {
         for name in names {

@@ -131,6 +131,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 fn apply(viewer: &mut Viewer, selection: Selected, wanted: Wanted, known: &[KeyedProperty]) {
+    viewer.note = None;
     let change = match wanted {
         Wanted::Field(change) => viewer.change_field(&selection, &change),
         Wanted::Name(name) => viewer.rename(&selection, &name),
@@ -347,14 +348,8 @@ fn light(
         let resets: &[&'static str] =
             if name == "position" { &["position", "at"] } else { &["direction", "look_at"] };
         wanted = stated::reset(&menu, resets).map(Wanted::Field).or(wanted.take());
-        for (axis, letter) in ["light x", "light y", "light z"].into_iter().enumerate() {
-            if let Some(to) = values::number(ui, letter, vector[axis], speed, -1e6..=1e6) {
-                let mut all = vector;
-                all[axis] = to;
-                let [x, y, z] = all.to_array().map(format_number);
-                wanted = Some(Wanted::Value(name, format!("[{x}, {y}, {z}]")));
-            }
-        }
+        let set = vector_field(ui, ["light x", "light y", "light z"], vector, speed);
+        wanted = set.map(|text| Wanted::Value(name, text)).or(wanted.take());
         wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
         ui.end_row();
         wanted = aim(ui, &light, written, is_aimed(keyable)).or(wanted.take());
@@ -378,23 +373,39 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
         };
         let label = if at.is_some() { "shines on" } else { "shines along" };
         ui.label(label);
-        for (axis, letter) in ["aim x", "aim y", "aim z"].into_iter().enumerate() {
-            if let Some(to) = values::number(ui, letter, vector[axis], 0.01, -1e6..=1e6) {
-                let mut all = vector;
+        let set = vector_field(ui, ["aim x", "aim y", "aim z"], vector, 0.01);
+        wanted = set.map(|text| Wanted::Value(name, text));
+        ui.end_row();
+    }
+    wanted = default_menu(ui, written, "kelvin").or(wanted);
+    let now = written.get("kelvin").and_then(|text| text.parse().ok());
+    let range = 1000.0..=40_000.0;
+    let set = match now {
+        _ if written.contains_key("color") => {
+            ui.weak("the color is stated");
+            None
+        }
+        Some(now) => values::number(ui, "light kelvin", now, 10.0, range),
+        None => values::unstated(ui, "light kelvin", None, range),
+    };
+    wanted = set.map(|to| Wanted::Value("kelvin", format_number(to))).or(wanted);
+    ui.end_row();
+    wanted
+}
+
+/// Three numbers in one cell: the text of a point or a direction.
+fn vector_field(ui: &mut Ui, names: [&str; 3], now: DVec3, speed: f64) -> Option<String> {
+    let mut wanted = None;
+    ui.horizontal(|ui| {
+        for (axis, name) in names.into_iter().enumerate() {
+            if let Some(to) = values::number(ui, name, now[axis], speed, -1e6..=1e6) {
+                let mut all = now;
                 all[axis] = to;
                 let [x, y, z] = all.to_array().map(format_number);
-                wanted = Some(Wanted::Value(name, format!("[{x}, {y}, {z}]")));
+                wanted = Some(format!("[{x}, {y}, {z}]"));
             }
         }
-        ui.end_row();
-    }
-    if !written.contains_key("color") {
-        wanted = default_menu(ui, written, "kelvin").or(wanted);
-        let now = written.get("kelvin").and_then(|text| text.parse().ok());
-        let set = values::unstated(ui, "light kelvin", now, 1000.0..=40_000.0);
-        wanted = set.map(|to| Wanted::Value("kelvin", format_number(to))).or(wanted);
-        ui.end_row();
-    }
+    });
     wanted
 }
 

@@ -269,7 +269,7 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         viewer.edit(|v| v.add_clip_to_layer(&on, &clip.of, &clip.clip, Some(secs), layer));
     }
     if let Some(what) = clicked {
-        viewer.selection = Some(what);
+        viewer.select_all(vec![what]);
     }
 }
 

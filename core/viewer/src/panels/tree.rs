@@ -124,7 +124,7 @@ fn select(ui: &mut Ui, viewer: &mut Viewer, text: RichText, what: Selected) {
         command = bar_menu::entries(ui, viewer, can);
     });
     if response.clicked() || command.is_some() {
-        viewer.selection = Some(what);
+        viewer.select_all(vec![what]);
     }
     if let Some(command) = command {
         bar_menu::run(ui, viewer, command);

@@ -141,8 +141,9 @@ fn hex(ui: &mut Ui, name: &str, [r, g, b]: [u8; 3]) -> Option<[u8; 3]> {
     let id = ui.id().with(("hex", name));
     let now = format!("#{r:02x}{g:02x}{b:02x}");
     let mut text: String = ui.data(|d| d.get_temp(id)).unwrap_or_else(|| now.clone());
-    let field = egui::TextEdit::singleline(&mut text).desired_width(66.0);
-    let response = ui.add(field.font(egui::TextStyle::Monospace));
+    let field = egui::TextEdit::singleline(&mut text).font(egui::TextStyle::Monospace);
+    // As wide as its digits, however narrow the column is.
+    let response = ui.add_sized([66.0, ui.spacing().interact_size.y], field);
     let response = named(response, WidgetType::TextEdit, &format!("{name} hex"));
     super::inspected::hold(ui, &response);
     if response.has_focus() {

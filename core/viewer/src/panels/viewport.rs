@@ -243,7 +243,7 @@ fn click(viewer: &mut Viewer, index: usize, lens: &Lens, at: DVec2) {
     let pickable = |i: usize| scene.stage.actors.get(i).is_some_and(|a| !shelf.locked.contains(&a.name));
     let picked = picking::actor(&scene.stage, &shown.snapshot, lens.ray(at), pickable);
     let picked = picked.map(|i| Selected::Actor(scene.stage.actors[i].name.clone()));
-    viewer.selection = picked;
+    viewer.select_all(picked.into_iter().collect());
 }
 
 /// Names what the image lacks while the view moves: pixels, effects, frames.
