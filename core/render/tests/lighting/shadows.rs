@@ -560,7 +560,7 @@ fn shadow_maps_that_do_not_change_are_kept() {
     assert_eq!(maps(&scene), 0);
     // Another light has a map of its own; with its numbers the first keeps its map, at another place of the image.
     let further = DVec3::new(-1.2, 2.0, 0.2);
-    scene.snapshot.lights.insert(0, LightState { position: further, ..scene.snapshot.lights[0].clone() });
+    scene.snapshot.lights.insert(0, LightState { position: further, ..scene.snapshot.lights[0] });
     assert_eq!([maps(&scene), maps(&scene)], [1, 0]);
     scene.snapshot.lights.remove(0);
     assert_eq!(maps(&scene), 0);
