@@ -208,6 +208,6 @@ pub fn choice() -> Result<Choice, String> {
     let nanos = interleaved(Clock::Thread, BUDGET_SECS, &mut cases);
     drop(cases);
     choice.rows.iter_mut().zip(nanos).for_each(|(row, nanos)| row.nanos = Some(nanos));
-    choice.choose(SMOOTH, "the least error of both, paid once a clip when the scene is loaded; other bodies jolt by up to 62 mm without it (decision 91)");
+    choice.choose(SMOOTH, "the least error of both, paid once a clip when the scene is loaded; other characters jolt by up to 62 mm without it (decision 91)");
     Ok(choice)
 }

@@ -6,7 +6,7 @@ use crate::scene_resources::SceneResources;
 /// Hash of everything that a shadow map is drawn from.
 pub type MapKey = [u8; 32];
 
-/// What a map depends on beyond the places of vertices: textures, widths of lines in pixels. Such maps are always drawn.
+/// Features by which a map depends on more than the places of vertices: textures, widths of lines in pixels. Such maps are always drawn.
 const MORE: Features =
     Features::ALPHA_MASK.with(Features::OUTLINE).with(Features::WIREFRAME).with(Features::THICK_LINES);
 

@@ -88,7 +88,7 @@ pub struct CpuRenderer {
     /// The scene's sky, once a plan has shown it.
     sky: Option<Sky>,
     submitted: VecDeque<Plan>,
-    /// Of the frame before, from which the next takes over what has not changed.
+    /// Maps of the frame before, from which the next takes over what has not changed.
     shadow_maps: Mutex<ShadowMaps>,
     times: Arc<StageTimes>,
     faults: Arc<EffectFaults>,

@@ -19,7 +19,7 @@ pub struct ShadowMaps {
 }
 
 struct Map {
-    /// Of all that it was drawn from; none where it is not kept for the next frame.
+    /// Key of all that it was drawn from; none where it is not kept for the next frame.
     key: Option<MapKey>,
     at: [u32; 2],
     size: [u32; 2],

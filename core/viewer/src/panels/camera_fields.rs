@@ -1,4 +1,4 @@
-//! Where a camera stands and looks, or how it moves with a target: fields of the inspector.
+//! Fields of the inspector for a camera: its place and target, or its motion with a target.
 
 use super::fields::{self, Stated};
 use super::hint::Hint;

@@ -277,7 +277,7 @@ fn lens(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: Keyabl
     wanted
 }
 
-/// Where a camera stands, or how it moves.
+/// Place and target of a camera, or its motion with a target.
 fn camera(
     ui: &mut Ui,
     viewer: &Viewer,
