@@ -225,7 +225,7 @@ fn measure_names_a_way_for_each_choice() {
     let worst = |choice: usize, row: usize| choices[choice]["rows"][row]["worst"].as_f64().unwrap();
     assert!(worst(0, 0) < 0.01 && worst(0, 1) > worst(0, 0), "{}", choices[0]);
     assert!(worst(1, 2) < worst(1, 1) && worst(1, 1) < worst(1, 0), "{}", choices[1]);
-    // Of skins, dual quaternions are near the mean motion of the joints, and what runs is not compared with itself.
+    // Dual quaternions are near the mean motion of the joints; the skinning that runs is not compared with itself.
     assert!(worst(2, 0) > 10.0 * worst(2, 1) && worst(2, 1) < 1.0, "{}", choices[2]);
     let left_out: Vec<&str> =
         value["left_out"].as_array().unwrap().iter().map(|l| l["what"].as_str().unwrap()).collect();

@@ -106,7 +106,7 @@ impl TwoBone {
 /// passes through the start at right angles to that way turns it evenly, half a turn over the width of the core.
 fn direction(target: DVec3, core: f64, by_way: DVec3) -> DVec3 {
     let from_start = target.length();
-    // At 0 and beyond the core the tangent says nothing.
+    // The tangent is meaningless at 0 and beyond the core.
     let lean = match FRAC_PI_2 * from_start / core {
         angle if angle >= FRAC_PI_2 => 0.0,
         angle if angle < 1e-9 => core / FRAC_PI_2,

@@ -293,7 +293,7 @@ fn the_lowest_foot_is_where_it_should_be() {
             worst.fold(0.0, f64::max)
         };
         let slow = dance_of(random, &from, LENGTH);
-        // Sampling rounds off the corner where one foot takes over: by 2.3 mm in the worst of these.
+        // Sampling smooths the kink where one foot takes over from the other: by 2.3 mm in the worst of these.
         assert!(off(&slow, LENGTH) < 3e-3, "{seed}: {}", off(&slow, LENGTH));
         fastest = fastest.max(off(&dance_of(random, &from, 1.0), 1.0));
     }

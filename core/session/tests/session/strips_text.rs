@@ -136,7 +136,7 @@ fn a_copy_is_pasted_on_another_row_and_into_another_script() {
         pasted.contains("\nz.play(load(\"m.glb\").clip(\"y\"), #{ fade: 0.2 }).from(0.0).until(1.0)"),
         "{pasted}"
     );
-    // Where the actor itself is of that file, by another variable, the clip comes from there.
+    // The clip comes from the actor's own variable where that is of the same file.
     let own =
         "let m = load(\"m.glb\", #{ color: \"red\" });\nlet n = load(\"m.glb\");\nlet z = cast(\"z\", n);";
     let pasted = paste_cue(own, 3, 9, &copied, at(0.0)).unwrap().apply(own);

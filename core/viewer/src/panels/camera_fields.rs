@@ -143,7 +143,7 @@ fn options(
                     let change = |to| FieldChange::Value(name, format_number(to), Anew::Option);
                     wanted = set.map(change).or(wanted.take());
                 }
-                // It is computed.
+                // The script computes the value.
                 None => drop(ui.monospace(written.map_or("", String::as_str))),
             }
             ui.weak(*unit);

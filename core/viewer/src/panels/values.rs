@@ -142,7 +142,7 @@ fn hex(ui: &mut Ui, name: &str, [r, g, b]: [u8; 3]) -> Option<[u8; 3]> {
     let now = format!("#{r:02x}{g:02x}{b:02x}");
     let mut text: String = ui.data(|d| d.get_temp(id)).unwrap_or_else(|| now.clone());
     let field = egui::TextEdit::singleline(&mut text).font(egui::TextStyle::Monospace);
-    // As wide as its digits, however narrow the column is.
+    // Columns can be narrower than the digits.
     let response = ui.add_sized([66.0, ui.spacing().interact_size.y], field);
     let response = named(response, WidgetType::TextEdit, &format!("{name} hex"));
     super::inspected::hold(ui, &response);
