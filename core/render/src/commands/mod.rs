@@ -13,6 +13,7 @@ use crate::commands::deferred::record_gbuffer;
 use crate::commands::draws::DrawRecorder;
 use crate::commands::preskin::{PreskinVariant, PreskinnedMesh};
 use crate::commands::scene::record_scene;
+use crate::plan::build::shadow_cascades::MAX_VIEWS;
 pub use crate::plan::shader_features::texture_slots;
 use crate::plan::{Draw, Features, Plan, PostPass, TopologyKey};
 use crate::scene_resources::vertex_layout::VertexLayout;
@@ -43,16 +44,22 @@ pub enum Command {
     },
     /// Later commands read the pre-skinned vertices.
     EndPreskin,
-    /// Begins the pass of all shadow maps: depth only, this part of the image.
+    /// Begins the pass of all shadow maps: depth only, this part of the image. `clear`: it holds no map of the frame before.
     BeginShadows {
         image: [u32; 2],
         size: [u32; 2],
+        clear: bool,
     },
-    /// The next draws go into this map (of `ShadowMaps::views`).
+    /// The next draws go into this map (of `ShadowMaps::views`). `clear`: beside maps that are kept, so that it is cleared by itself.
     ShadowView {
         index: usize,
         at: [u32; 2],
         size: [u32; 2],
+        clear: bool,
+    },
+    /// All shadow maps are those of the frame before.
+    KeepShadows {
+        image: [u32; 2],
     },
     /// Copies the gradient or color, computed on the host, into the image before a pass that loads it or draws into a part.
     CopyBackground,
@@ -200,7 +207,11 @@ pub struct RecordOptions {
     pub no_deferred: bool,
     /// The device's queue cannot compute, or a buffer would be too large: every pass skins vertices.
     pub no_compute: bool,
+    /// Shadow maps of the frame before that are as they would be drawn now: a bit for each of `ShadowMaps::views`.
+    pub kept_maps: u32,
 }
+
+const _: () = assert!(MAX_VIEWS <= u32::BITS as usize);
 
 /// A color target. Float targets exist only if full-screen passes read them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -320,11 +331,17 @@ fn upload(plan: &Plan) -> Command {
 
 fn record_shadow_maps(recorder: Recorder, commands: &mut Vec<Command>) {
     let Some(shadow_maps) = &recorder.plan.shadow_maps else { return };
-    commands.push(Command::BeginShadows { image: shadow_maps.image, size: shadow_maps.size });
+    let (image, size) = (shadow_maps.image, shadow_maps.size);
+    let is_kept = |index: usize| recorder.options.kept_maps >> index & 1 == 1;
+    let none_kept = recorder.options.kept_maps == 0;
+    if !none_kept && (0..shadow_maps.views.len()).all(is_kept) {
+        return commands.push(Command::KeepShadows { image });
+    }
+    commands.push(Command::BeginShadows { image, size, clear: none_kept });
     let mut draws = DrawRecorder::new(recorder, commands);
     draws.shadow_pass = true;
-    for (index, view) in shadow_maps.views.iter().enumerate() {
-        draws.commands.push(Command::ShadowView { index, at: view.at, size: view.size });
+    for (index, view) in shadow_maps.views.iter().enumerate().filter(|(index, _)| !is_kept(*index)) {
+        draws.commands.push(Command::ShadowView { index, at: view.at, size: view.size, clear: !none_kept });
         view.draws.iter().for_each(|draw| draws.draw(draw, cull_of(draw)));
     }
     commands.push(Command::EndPass);
@@ -446,6 +463,7 @@ impl Recording {
                 | Command::BeginInputs { .. }
                 | Command::BeginPass { .. }
                 | Command::BeginShadows { .. }
+                | Command::KeepShadows { .. }
                 | Command::BeginPeel { .. }
                 | Command::BeginLayer { .. } => counts.passes += 1,
                 Command::ShadowView { .. } => counts.shadow_views += 1,

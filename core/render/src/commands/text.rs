@@ -17,9 +17,10 @@ impl fmt::Display for Recording {
                 }
                 Command::EndPreskin => writeln!(f, "end of pre-skinning")?,
                 Command::BeginShadows { size: [w, h], .. } => writeln!(f, "begin shadow maps {w}×{h}")?,
-                Command::ShadowView { index, at, size: [w, h] } => {
+                Command::ShadowView { index, at, size: [w, h], .. } => {
                     writeln!(f, "  view {index}: {w}×{h} at {at:?}")?
                 }
+                Command::KeepShadows { .. } => writeln!(f, "keep all shadow maps")?,
                 Command::BeginGeometry => writeln!(f, "begin G-buffer")?,
                 Command::BeginInputs { motion } => {
                     writeln!(f, "begin inputs of effects{}", if *motion { ", motion" } else { "" })?

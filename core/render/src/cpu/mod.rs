@@ -12,7 +12,6 @@ mod displace;
 pub(crate) mod float_frames;
 mod id_mattes;
 pub mod image_passes;
-mod kept_maps;
 mod layer_shading;
 mod layers;
 mod lighting;
@@ -46,6 +45,7 @@ mod view_transform;
 use crate::effect_faults::EffectFaults;
 use crate::error::RenderError;
 use crate::plan::dissolve::dissolved;
+use crate::plan::map_key::map_keys;
 use crate::plan::motion_blur::Accumulated;
 use crate::plan::{self, Draw, Features, Glass, OverlayPart, PipelineKey, Plan};
 use crate::renderer::{DeviceInfo, DeviceKind, Renderer};
@@ -329,7 +329,7 @@ impl CpuRenderer {
         let deformed = self.times.of(Stage::Vertices, || DeformedMeshes::of(self, plan));
         let kept = || self.shadow_maps.lock().unwrap_or_else(PoisonError::into_inner);
         let draw_maps = |shadows: &plan::ShadowMaps| {
-            let keys = shadows.views.iter().map(|view| kept_maps::key(view, plan, &self.resources)).collect();
+            let keys = map_keys(shadows, plan, &self.resources);
             ShadowMaps::draw(shadows, keys, std::mem::take(&mut kept()), |view| {
                 self.times.count_shadow_map();
                 self.batches(

@@ -1,10 +1,10 @@
 //! Shadow maps, drawn by the same rasterizer as images, and their lookup. CPU reference of shadow.wgsl.
 
-use super::kept_maps::MapKey;
 use super::raster::{TILE_HEIGHT, TILE_PIXELS, TILE_WIDTH, cover};
 use super::setup::Triangle;
 use super::tile::{Batch, Paint};
 use crate::lanes::{ALL, F4, Mask, NONE, V3, Weights, select};
+use crate::plan::map_key::MapKey;
 use crate::plan::shadow_maps::MAX_PENUMBRA;
 use crate::plan::{self, Features, PlanLight, ShadowView};
 use crate::shader::uniforms::ShadowUniform;

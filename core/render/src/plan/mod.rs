@@ -15,6 +15,7 @@ pub(crate) mod instance;
 pub(crate) mod left_out;
 pub mod light_clusters;
 pub(crate) mod lights;
+pub(crate) mod map_key;
 pub mod motion_blur;
 pub(crate) mod options;
 pub(crate) mod overlay;

@@ -55,6 +55,7 @@ impl VulkanRenderer {
             no_depth_peeling: plan.samples > 1 && !has(Ability::SampleRateShading),
             no_deferred,
             no_compute: !has(Ability::Compute),
+            kept_maps: 0,
         };
         // An answer to the script, not to the plan's own choice.
         let asked = plan.deferred.as_ref().is_some_and(|d| d.cause == DeferredCause::Requested);

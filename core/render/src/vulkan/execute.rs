@@ -24,6 +24,8 @@ pub(crate) struct Execution<'a> {
     pub pipelines: &'a Pipelines,
     pub targets: &'a Targets,
     pub slot: &'a FrameInFlight,
+    /// Whether a pass of this recording draws shadow maps.
+    pub draws_shadows: bool,
 }
 
 impl Execution<'_> {
@@ -88,9 +90,12 @@ impl Execution<'_> {
             Command::EndPreskin => self.end_poses(),
             Command::CopyBackground => self.copy_background(),
             Command::SetCull(cull) => self.set_cull(*cull),
-            Command::BeginShadows { size, .. } => self.begin_shadows(*size)?,
-            Command::ShadowView { index, at, size } => {
+            Command::BeginShadows { size, clear, .. } => self.begin_shadows(*size, *clear)?,
+            Command::ShadowView { index, at, size, clear } => {
                 self.set_area(*at, *size);
+                if *clear {
+                    self.clear_depth(*at, *size);
+                }
                 let set = self.slot.view_sets.get(*index).ok_or_else(|| missing("a shadow view"))?;
                 self.bind_set(self.pipelines.layout, 0, set.raw);
             }
@@ -127,6 +132,7 @@ impl Execution<'_> {
             Command::ReadBackLinear => self.read_back(Target::Float(0)),
             // Uploaded before the recording, or executed in `run`.
             Command::UploadFrameData { .. }
+            | Command::KeepShadows { .. }
             | Command::Preskin { .. }
             | Command::BindPipeline(_)
             | Command::BindMaterial { .. }
@@ -234,21 +240,35 @@ impl Execution<'_> {
     }
 
     /// Depth alone, into the part of the image that the maps lie in.
-    fn begin_shadows(&self, [width, height]: [u32; 2]) -> Result<(), RenderError> {
+    fn begin_shadows(&self, [width, height]: [u32; 2], clear: bool) -> Result<(), RenderError> {
         let Some(target) = &self.targets.shadow else {
             return Err(RenderError::Usage("the shadow maps were not prepared".into()));
         };
         // The frame before may still read it.
         let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
         let barrier = to_depth(&target.image);
-        self.barriers(&[barrier.src_stage_mask(barrier.src_stage_mask | read)]);
-        let depth =
-            depth_attachment(&target.image, vk::AttachmentLoadOp::CLEAR, vk::AttachmentStoreOp::STORE);
+        let barrier = barrier.src_stage_mask(barrier.src_stage_mask | read);
+        let (barrier, load) = match clear {
+            true => (barrier, vk::AttachmentLoadOp::CLEAR),
+            false => (again(barrier, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL), vk::AttachmentLoadOp::LOAD),
+        };
+        self.barriers(&[barrier]);
+        let depth = depth_attachment(&target.image, load, vk::AttachmentStoreOp::STORE);
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
         let info = vk::RenderingInfo::default().render_area(area).layer_count(1).depth_attachment(&depth);
         // SAFETY: the command buffer is being recorded, outside a pass; the image is in the layout named.
         unsafe { self.gpu.device.cmd_begin_rendering(self.slot.commands, &info) };
         Ok(())
+    }
+
+    /// Clears a part of the depth image that is drawn into.
+    fn clear_depth(&self, at: [u32; 2], [width, height]: [u32; 2]) {
+        let clear = vk::ClearAttachment::default().aspect_mask(vk::ImageAspectFlags::DEPTH);
+        let offset = vk::Offset2D { x: at[0] as i32, y: at[1] as i32 };
+        let rect = vk::Rect2D { offset, extent: vk::Extent2D { width, height } };
+        let rect = vk::ClearRect { rect, base_array_layer: 0, layer_count: 1 };
+        // SAFETY: a pass with a depth attachment has been begun, and the part lies in its area.
+        unsafe { self.gpu.device.cmd_clear_attachments(self.slot.commands, &[clear], &[rect]) };
     }
 
     /// Viewport and scissor.
@@ -338,7 +358,8 @@ impl Execution<'_> {
             if after_geometry {
                 barriers.extend(self.targets.kept.iter().map(from_color));
             }
-            barriers.extend(self.targets.shadow.as_ref().map(|s| from_depth(&s.image)));
+            let drawn = self.targets.shadow.as_ref().filter(|_| self.draws_shadows);
+            barriers.extend(drawn.map(|s| from_depth(&s.image)));
         }
         self.barriers(&barriers);
     }

@@ -240,14 +240,17 @@ impl VulkanRenderer {
         (0..self.slots.len()).find(|s| !self.pending.contains(s))
     }
 
+    fn has_targets(&self, recording: &Recording) -> bool {
+        self.targets.as_ref().is_some_and(|targets| targets.needs == Needs::of(recording))
+    }
+
     fn prepare_targets(&mut self, plan: &Plan, recording: &Recording) -> Result<(), RenderError> {
-        let needs = Needs::of(recording);
-        if self.targets.as_ref().is_none_or(|t| t.needs != needs) {
+        if !self.has_targets(recording) {
             self.wait_idle()?;
             if let Some(mut old) = self.targets.take() {
                 old.destroy(&self.gpu);
             }
-            self.targets = Some(Targets::new(&self.gpu, needs)?);
+            self.targets = Some(Targets::new(&self.gpu, Needs::of(recording))?);
         }
         let copied = recording.commands.contains(&Command::CopyBackground);
         let (top, bottom) = match plan.background {
@@ -300,6 +303,7 @@ impl VulkanRenderer {
             pipelines: &self.pipelines,
             targets,
             slot,
+            draws_shadows: recording.commands.iter().any(|c| matches!(c, Command::BeginShadows { .. })),
         };
         execution.run(recording, ids)?;
         if let Some(clock) = &self.clock {
@@ -356,12 +360,19 @@ impl VulkanRenderer {
             RenderError::Usage(format!("{} frames are in flight; collect one first", self.slots.len()))
         })?;
         self.check(plan)?;
-        let options = self.record_options(plan);
+        let maps = shadow::maps_of(plan, &self.scene_resources);
+        let mut options =
+            RecordOptions { kept_maps: self.kept_maps(plan, &maps), ..self.record_options(plan) };
         let entry = |primitive: u32| self.scene_resources.primitives.get(primitive as usize);
         let triangles = |primitive| entry(primitive).map_or(0, |p| p.primitive().indices.len() / 3);
         let mut recording = record(plan, options, triangles);
         if !self.can_pose(&recording) {
-            recording = record(plan, RecordOptions { no_compute: true, ..options }, triangles);
+            options.no_compute = true;
+            recording = record(plan, options, triangles);
+        }
+        if options.kept_maps != 0 && !self.has_targets(&recording) {
+            // New images hold no maps.
+            recording = record(plan, RecordOptions { kept_maps: 0, ..options }, triangles);
         }
         let ids = pipelines::ids(&recording);
         self.prepare_targets(plan, &recording)?;
@@ -416,6 +427,9 @@ impl VulkanRenderer {
             self.slots[index].release_staging(&self.gpu);
             return Err(e);
         }
+        if let Some(targets) = &mut self.targets {
+            targets.shadow_maps = maps;
+        }
         self.last = Some(recording);
         if let Err(e) = self.gpu.check_messages() {
             // An error means that nothing was submitted.
@@ -457,6 +471,7 @@ impl Renderer for VulkanRenderer {
         self.forget_texels(effects);
         self.faults.clear();
         self.pipelines.set_effects(&self.gpu, effects);
+        self.forget_maps();
         self.gpu.check_messages()
     }
 
@@ -464,6 +479,7 @@ impl Renderer for VulkanRenderer {
         let _calls = self.gpu.calls();
         self.wait_idle()?;
         self.pipelines.reload(&self.gpu, &self.layouts)?;
+        self.forget_maps();
         self.gpu.check_messages()
     }
 

@@ -1,10 +1,14 @@
-//! The image of all shadow maps, and how shaders compare with it.
+//! The image of all shadow maps, how shaders compare with it, and the maps in it that the next frame keeps.
 
 use super::context::Context;
 use super::memory::ImageDesc;
 use super::sampled_image::SampledImage;
 use super::targets::DEPTH;
+use super::{VulkanRenderer, targets::Targets};
 use crate::error::RenderError;
+use crate::plan::Plan;
+use crate::plan::map_key::{MapKey, map_keys};
+use crate::scene_resources::SceneResources;
 use ash::vk;
 
 pub(crate) fn shadow_maps(gpu: &Context, [width, height]: [u32; 2]) -> Result<SampledImage, RenderError> {
@@ -22,4 +26,37 @@ pub(crate) fn shadow_maps(gpu: &Context, [width, height]: [u32; 2]) -> Result<Sa
     let sampler =
         vk::SamplerCreateInfo::default().compare_enable(true).compare_op(vk::CompareOp::GREATER_OR_EQUAL);
     SampledImage::new(gpu, &desc, sampler)
+}
+
+/// A map in the image: the key of its content, where it lies, and its size, texels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct HeldMap {
+    key: Option<MapKey>,
+    at: [u32; 2],
+    size: [u32; 2],
+}
+
+/// The maps of a plan.
+pub(super) fn maps_of(plan: &Plan, resources: &SceneResources) -> Vec<HeldMap> {
+    let Some(shadows) = plan.shadow_maps.as_ref().filter(|_| !plan.inputs_only) else { return Vec::new() };
+    let keys = map_keys(shadows, plan, resources).into_iter();
+    keys.zip(&shadows.views).map(|(key, view)| HeldMap { key, at: view.at, size: view.size }).collect()
+}
+
+impl VulkanRenderer {
+    /// Draws all maps anew: other shaders may draw others.
+    pub(super) fn forget_maps(&mut self) {
+        if let Some(targets) = &mut self.targets {
+            targets.shadow_maps.clear();
+        }
+    }
+
+    /// A bit for each of these maps that the image holds at its place.
+    pub(super) fn kept_maps(&self, plan: &Plan, maps: &[HeldMap]) -> u32 {
+        let image = plan.shadow_maps.as_ref().map(|shadows| shadows.image);
+        let same_image = |targets: &&Targets| targets.needs.shadow == image;
+        let Some(targets) = self.targets.as_ref().filter(same_image) else { return 0 };
+        let is_held = |map: &HeldMap| map.key.is_some() && targets.shadow_maps.contains(map);
+        maps.iter().enumerate().map(|(index, map)| u32::from(is_held(map)) << index).sum()
+    }
 }

@@ -5,7 +5,7 @@ use super::error::Named;
 use super::memory::{Buffer, Image, ImageDesc};
 use super::sampled_image::SampledImage;
 use super::scene_color_copy::behind_glass;
-use super::shadow::shadow_maps;
+use super::shadow::{HeldMap, shadow_maps};
 use super::sky::SkyImages;
 use crate::commands::{Command, Recording, Target};
 use crate::dither::{self, dithered};
@@ -70,7 +70,9 @@ impl Needs {
                 Target::Picture | Target::Texture(_) => 0,
             };
             match command {
-                Command::BeginShadows { image, .. } => needs.shadow = Some(*image),
+                Command::BeginShadows { image, .. } | Command::KeepShadows { image } => {
+                    needs.shadow = Some(*image)
+                }
                 Command::BeginPeel { .. } => needs.layers = true,
                 Command::BeginGeometry => needs.kept = true,
                 Command::BeginInputs { motion } => needs.inputs = 1 + usize::from(*motion),
@@ -112,6 +114,8 @@ pub struct Targets {
     /// Multisampled target with more than one sample, resolved into the scene's target.
     pub multisampled: Option<Image>,
     pub shadow: Option<SampledImage>,
+    /// The maps that it holds.
+    pub shadow_maps: Vec<HeldMap>,
     pub behind: Option<SampledImage>,
     /// The background's rows as encoded bytes, and what they were made from.
     background: Option<(Buffer, [Vec4; 2])>,
@@ -156,6 +160,7 @@ impl Targets {
             sampler: vk::Sampler::null(),
             multisampled: None,
             shadow: None,
+            shadow_maps: Vec::new(),
             behind: None,
             background: None,
         };

@@ -580,3 +580,56 @@ fn shadow_maps_that_do_not_change_are_kept() {
     scene.add(&asset(vec![quad(0.3, 0.3)], vec![holes], vec![]), DAffine3::from_translation(DVec3::Y));
     assert_eq!([maps(&scene), maps(&scene)], [1, 1]);
 }
+
+/// As above on a device, whose maps lie in one image: a map that is kept stays where it is, beside one that is drawn.
+#[test]
+fn a_device_keeps_shadow_maps_too() {
+    let (Some(mut keeping), Some(mut fresh)) = (vulkan(GpuOptions::default()), vulkan(GpuOptions::default()))
+    else {
+        return;
+    };
+    let options = PlanOptions::new([96, 96], 1);
+    let mut maps = |scene: &Scene, options: &PlanOptions| {
+        let frame = draw_with(&mut keeping, scene, options);
+        // Effects that are set again make it draw everything anew.
+        fresh.set_effects(&[]).unwrap();
+        assert!(frame == draw_with(&mut fresh, scene, options), "a kept map shows something else");
+        let passes = |recording: &commands::Recording| {
+            recording.commands.iter().filter(|c| matches!(c, Command::BeginShadows { .. })).count()
+        };
+        let [kept, all] = [&keeping, &fresh].map(|renderer| renderer.last_recording().unwrap().clone());
+        assert_eq!((passes(&kept), passes(&all)), (usize::from(kept.counts().shadow_views > 0), 1));
+        assert_eq!(all.counts().shadow_views, scene.snapshot.lights.len());
+        kept.counts().shadow_views
+    };
+    let mut scene = floor_and_square();
+    let small = asset(vec![quad(0.2, 0.3)], vec![Material { double_sided: true, ..white() }], vec![]);
+    let aslant = DAffine3::from_rotation_x(-1.2);
+    let figure = scene.add(&small, DAffine3::from_translation(DVec3::new(1.4, 0.8, 1.4)) * aslant);
+    let spot = LightKind::Spot { inner: 0.28, outer: 0.3 };
+    for at in [DVec3::new(0.1, 3.0, -0.2), DVec3::new(1.4, 3.0, 1.4)] {
+        cast(&mut scene, plain(spot, 12.0), at, DVec3::NEG_Y, Shadow { size: 256, softness: None });
+    }
+    assert_eq!([maps(&scene, &options), maps(&scene, &options)], [2, 0]);
+    scene.snapshot.lights[0].light.intensity = 9.0;
+    scene.snapshot.camera.world_from_view *= DAffine3::from_rotation_z(0.3);
+    assert_eq!(maps(&scene, &options), 0);
+    // The figure turns in the light of one lamp alone.
+    for angle in [0.4, 0.8] {
+        scene.snapshot.actors[figure].world_from_model *= DAffine3::from_rotation_y(angle);
+        assert_eq!([maps(&scene, &options), maps(&scene, &options)], [1, 0]);
+    }
+    // It leaves: its map is cleared.
+    scene.snapshot.actors[figure].visible = false;
+    assert_eq!([maps(&scene, &options), maps(&scene, &options)], [1, 0]);
+    // Images of another size are other images, and so is a map at another place.
+    let larger = PlanOptions::new([128, 128], 1);
+    assert_eq!([maps(&scene, &larger), maps(&scene, &larger), maps(&scene, &options)], [2, 0, 2]);
+    scene.snapshot.lights.swap(0, 1);
+    assert_eq!([maps(&scene, &options), maps(&scene, &options)], [2, 0]);
+    // Holes of a texture are always drawn.
+    let holes = Material { alpha_mode: AlphaMode::Mask(0.5), double_sided: true, ..white() };
+    let floating = asset(vec![quad(0.3, 0.3)], vec![holes], vec![]);
+    scene.add(&floating, DAffine3::from_translation(DVec3::new(0.1, 1.5, -0.2)));
+    assert_eq!([maps(&scene, &options), maps(&scene, &options)], [1, 1]);
+}

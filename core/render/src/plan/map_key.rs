@@ -1,6 +1,6 @@
-//! Which shadow maps of the frame before are as they would be drawn now.
+//! The keys of shadow maps by their content: a map of the frame before with an equal key is as it would be drawn now.
 
-use crate::plan::{Draw, Features, Plan, ShadowView};
+use crate::plan::{Draw, Features, Plan, ShadowMaps, ShadowView};
 use crate::scene_resources::SceneResources;
 
 /// Hash of everything that a shadow map is drawn from.
@@ -10,8 +10,23 @@ pub type MapKey = [u8; 32];
 const MORE: Features =
     Features::ALPHA_MASK.with(Features::OUTLINE).with(Features::WIREFRAME).with(Features::THICK_LINES);
 
-/// The key of a map; none where it must be drawn anew each time.
-pub fn key(view: &ShadowView, plan: &Plan, resources: &SceneResources) -> Option<MapKey> {
+/// The keys of maps; none where one must be drawn anew each time.
+pub fn map_keys(shadows: &ShadowMaps, plan: &Plan, resources: &SceneResources) -> Vec<Option<MapKey>> {
+    let all = shadows.views.iter().flat_map(|view| &view.draws).map(|draw| draw.pipeline.features);
+    let features = all.fold(Features::default(), Features::with);
+    let hash = |asked: bool, bytes: &[u8]| asked.then(|| *blake3::hash(bytes).as_bytes());
+    let joints = hash(features.has(Features::SKIN), bytemuck::cast_slice(&plan.joint_matrices));
+    let morphs = hash(features.has(Features::MORPH), bytemuck::cast_slice(&plan.morphs));
+    shadows.views.iter().map(|view| key(view, plan, resources, [joints, morphs])).collect()
+}
+
+/// `shapes`: hashes of the joint matrices and the morph weights of the frame.
+fn key(
+    view: &ShadowView,
+    plan: &Plan,
+    resources: &SceneResources,
+    [joints, morphs]: [Option<[u8; 32]>; 2],
+) -> Option<MapKey> {
     let fixed = |draw: &Draw| {
         let pipeline = &draw.pipeline;
         pipeline.displaced == 0
@@ -28,10 +43,10 @@ pub fn key(view: &ShadowView, plan: &Plan, resources: &SceneResources) -> Option
     let all = view.draws.iter().map(|draw| draw.pipeline.features);
     let features = all.fold(Features::default(), Features::with);
     if features.has(Features::SKIN) {
-        hasher.update(bytemuck::cast_slice(&plan.joint_matrices));
+        hasher.update(&joints.unwrap_or_default());
     }
     if features.has(Features::MORPH) {
-        hasher.update(bytemuck::cast_slice(&plan.morphs));
+        hasher.update(&morphs.unwrap_or_default());
     }
     for draw in &view.draws {
         hasher.update(&resources.primitives[draw.primitive as usize].hash);
