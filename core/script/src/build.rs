@@ -481,11 +481,6 @@ impl CueDraft {
     }
 }
 
-/// Default azimuth in degrees: a little from the side, where a character shows its shape.
-pub(crate) const DEFAULT_AZIMUTH: f64 = 25.0;
-/// Default elevation in degrees: a little from above.
-pub(crate) const DEFAULT_ELEVATION: f64 = 10.0;
-
 /// A camera while the script runs. Its rig and its projection follow from all calls together; everything else is in `camera`.
 pub(crate) struct CameraDraft {
     pub camera: Camera,

@@ -44,7 +44,7 @@ pub use snapshot::{
     Snapshot,
 };
 pub use stage::actor::{Actor, ActorShadow, Attachment, LookAt, Placement, Target};
-pub use stage::camera::{Camera, Cut, Rig};
+pub use stage::camera::{Camera, Cut, Rig, RigOption};
 pub use stage::camera_moves::{CameraLook, CameraShake};
 pub use stage::channel::{Channel, Property};
 pub use stage::clips::{Cue, Layer, LayerMode, Reference};

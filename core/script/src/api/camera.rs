@@ -2,13 +2,13 @@
 
 use super::actor::before_start;
 use super::keys;
-use crate::build::{CameraDraft, DEFAULT_AZIMUTH, DEFAULT_ELEVATION, room};
-use crate::call::{ApiError, Call, Reply, api, radians, unknown, wrong};
+use crate::build::{CameraDraft, room};
+use crate::call::{ApiError, Call, Options, Reply, api, radians, unknown, wrong};
 use crate::hook;
 use crate::value::{ActorRef, CameraRef};
 use choreo_asset::Asset;
 use choreo_motion::Time;
-use choreo_stage::{Camera, CameraEdit, CameraLook, CameraShake, Cut, Property, Rig};
+use choreo_stage::{Camera, CameraEdit, CameraLook, CameraShake, Cut, Property, Rig, RigOption};
 use glam::{DQuat, DVec3};
 use rhai::Dynamic;
 
@@ -229,27 +229,32 @@ fn rig(c: &Call, rig: Rig) -> Reply {
 
 fn orbit(c: &mut Call) -> Reply {
     let target = c.target(0)?;
-    let all = ["distance", "elevation", "azimuth", "speed"];
+    let [distance, elevation, azimuth, speed] = &Rig::ORBIT;
+    let all = Rig::ORBIT.map(|option| option.name);
     let o = c.options(1, if c.in_frame { &all[..3] } else { &all[..] })?;
-    // Degrees per second; in a frame the azimuth is that of its time.
-    let turning = if c.in_frame { 0.0 } else { 20.0 };
+    // In a frame the azimuth is that of its time.
+    let speed = if c.in_frame { 0.0 } else { number(&o, speed)? };
     let orbit = Rig::Orbit {
         target,
-        distance: o.number_in("distance", 0.001, 1e9)?.unwrap_or(4.0),
-        elevation: o.number_in("elevation", -89.0, 89.0)?.unwrap_or(15.0).to_radians(),
-        azimuth: radians(o.number("azimuth")?.unwrap_or(0.0)),
-        speed: o.number_in("speed", -36_000.0, 36_000.0)?.unwrap_or(turning).to_radians(),
+        distance: number(&o, distance)?,
+        elevation: number(&o, elevation)?.to_radians(),
+        azimuth: radians(number(&o, azimuth)?),
+        speed: speed.to_radians(),
     };
     rig(c, orbit)
 }
 
 fn frame(c: &mut Call) -> Reply {
-    let o = c.options(0, &["azimuth", "elevation"])?;
-    let framing = Rig::Frame {
-        azimuth: radians(o.number("azimuth")?.unwrap_or(DEFAULT_AZIMUTH)),
-        elevation: o.number_in("elevation", -89.0, 89.0)?.unwrap_or(DEFAULT_ELEVATION).to_radians(),
-    };
-    rig(c, framing)
+    let [azimuth, elevation] = &Rig::FRAME;
+    let o = c.options(0, &Rig::FRAME.map(|option| option.name))?;
+    let (azimuth, elevation) = (number(&o, azimuth)?, number(&o, elevation)?);
+    rig(c, Rig::Frame { azimuth: radians(azimuth), elevation: elevation.to_radians() })
+}
+
+/// The number that an option states, or its default.
+fn number(options: &Options, of: &RigOption) -> Result<f64, ApiError> {
+    let [least, most] = of.range;
+    Ok(options.number_in(of.name, least, most)?.unwrap_or(of.default))
 }
 
 /// Allowed fields of view, degrees.

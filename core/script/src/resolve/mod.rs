@@ -7,9 +7,7 @@ mod planting;
 use self::layers::{Layers, layers};
 use self::planting::{plant_in_fades, plant_in_step};
 use crate::api_error::{ApiError, Place};
-use crate::build::{
-    ActorDraft, Build, CameraDraft, DEFAULT_AZIMUTH, DEFAULT_ELEVATION, HookDraft, ParentDraft, Shared,
-};
+use crate::build::{ActorDraft, Build, CameraDraft, HookDraft, ParentDraft, Shared};
 use crate::content::hex;
 use crate::diagnostic::{Diagnostic, Severity};
 use crate::hidden_parts::HiddenParts;
@@ -242,7 +240,8 @@ fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
         let position = draft.position.unwrap_or(DVec3::new(0.0, 1.6, 5.0));
         Rig::Fixed { position, rotation: draft.rotation, look_at: draft.look_at }
     } else {
-        Rig::Frame { azimuth: DEFAULT_AZIMUTH.to_radians(), elevation: DEFAULT_ELEVATION.to_radians() }
+        let [azimuth, elevation] = Rig::FRAME.map(|option| option.default.to_radians());
+        Rig::Frame { azimuth, elevation }
     });
     let mut note = |text: String| {
         let text = format!("camera \"{}\"{text}", camera.name);

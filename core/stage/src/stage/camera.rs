@@ -26,6 +26,39 @@ pub enum Rig {
     Frame { azimuth: f64, elevation: f64 },
 }
 
+/// A number among the options of a motion of cameras, as scripts state it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RigOption {
+    /// Its name.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// The number where none is stated.
+    pub default: f64,
+    /// The least and the greatest number.
+    pub range: [f64; 2],
+}
+
+/// Degrees of a turn about the vertical.
+const TURNS: [f64; 2] = [f64::MIN, f64::MAX];
+/// Degrees above the horizontal: at 90 there is no side that is up.
+const ELEVATIONS: [f64; 2] = [-89.0, 89.0];
+
+impl Rig {
+    /// Options of `.orbit(target, …)`.
+    pub const ORBIT: [RigOption; 4] = [
+        RigOption { name: "distance", unit: "m", default: 4.0, range: [0.001, 1e9] },
+        RigOption { name: "elevation", unit: "°", default: 15.0, range: ELEVATIONS },
+        RigOption { name: "azimuth", unit: "° at 0 s", default: 0.0, range: TURNS },
+        RigOption { name: "speed", unit: "° a second", default: 20.0, range: [-36_000.0, 36_000.0] },
+    ];
+    /// Options of `.frame(…)`. By default a little from the side, where a character shows its shape, and a little from above.
+    pub const FRAME: [RigOption; 2] = [
+        RigOption { name: "azimuth", unit: "°", default: 25.0, range: TURNS },
+        RigOption { name: "elevation", unit: "°", default: 10.0, range: ELEVATIONS },
+    ];
+}
+
 described! {
     /// A camera of the stage. By default perspective, 0.7 rad high, and it fits everything into the image from the front.
     #[derive(Clone, Debug, PartialEq)]

@@ -8,20 +8,9 @@ use crate::app::Viewer;
 use crate::editing::{FieldChange, StatedCall, expression};
 use crate::state::selection::Selected;
 use choreo_session::edit::{Anew, format_number};
-use choreo_stage::{Camera, Property, Rig, Target};
+use choreo_stage::{Camera, Property, Rig, RigOption, Target};
 use egui::{Grid, Ui};
 use glam::DVec3;
-
-/// Options of `.orbit(target, …)`: name, unit, default, least and greatest.
-const ORBIT: [(&str, &str, f64, f64, f64); 4] = [
-    ("distance", "m", 4.0, 1e-3, 1e6),
-    ("elevation", "°", 15.0, -89.0, 89.0),
-    ("azimuth", "° at 0 s", 0.0, -1e5, 1e5),
-    ("speed", "° a second", 20.0, -1e5, 1e5),
-];
-/// Options of `.frame(…)`.
-const FRAME: [(&str, &str, f64, f64, f64); 2] =
-    [("azimuth", "°", 25.0, -1e5, 1e5), ("elevation", "°", 10.0, -89.0, 89.0)];
 
 /// The change that the user makes: of the camera itself, or of a call that moves it.
 pub enum CameraChange {
@@ -45,11 +34,11 @@ pub fn show(
                 moved.map(CameraChange::Field)
             }
             Rig::Orbit { target, .. } => moves(ui, viewer, camera, "orbit", |ui, call| {
-                let of = options(ui, viewer, call, &ORBIT);
+                let of = options(ui, viewer, call, &Rig::ORBIT);
                 aims_at(ui, viewer, call, target).or(of)
             }),
             Rig::Frame { .. } => {
-                moves(ui, viewer, camera, "frame", |ui, call| options(ui, viewer, call, &FRAME))
+                moves(ui, viewer, camera, "frame", |ui, call| options(ui, viewer, call, &Rig::FRAME))
             }
             Rig::Follow { target, offset } => moves(ui, viewer, camera, "follow", |ui, call| {
                 let to = point(ui, "offset", "camera offset", *offset);
@@ -125,17 +114,12 @@ fn moves(
 }
 
 /// The numbers among the options of a call.
-fn options(
-    ui: &mut Ui,
-    viewer: &Viewer,
-    call: &StatedCall,
-    all: &[(&'static str, &'static str, f64, f64, f64)],
-) -> Option<FieldChange> {
+fn options(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, all: &[RigOption]) -> Option<FieldChange> {
     let (fps, mut wanted) = (viewer.playhead.fps().as_fps(), None);
-    for (name, unit, usual, low, high) in all {
+    for RigOption { name, unit, default, range: [low, high] } in all {
         wanted = fields::label(ui, &call.written, name, "").or(wanted);
         let written = call.written.get(*name);
-        let now = written.map_or(Some(*usual), |text| expression::value(text, fps));
+        let now = written.map_or(Some(*default), |text| expression::value(text, fps));
         ui.horizontal(|ui| {
             match now {
                 Some(now) => {
@@ -166,15 +150,14 @@ fn aims_at(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target) -> 
     };
     let scene = viewer.scene.as_ref()?;
     let names = scene.stage.actors.get(actor)?.asset.skeleton.names();
-    let short = |name: &'_ str| name.rsplit(':').next().unwrap_or(name).to_string();
-    let now = joint.and_then(|joint| names.get(joint)).map_or(WHOLE.to_string(), |name| short(name));
+    let short = |name: &String| fields::short_joint(name).to_string();
+    let now = joint.and_then(|joint| names.get(joint)).map_or(WHOLE.to_string(), short);
     let first = call.first.as_deref()?;
     ui.label("target").hint("the whole actor, or one of its joints");
     let mut wanted = None;
     ui.horizontal(|ui| {
         ui.monospace(&scene.stage.actors[actor].name);
-        let all: Vec<String> =
-            std::iter::once(WHOLE.to_string()).chain(names.iter().map(|name| short(name))).collect();
+        let all: Vec<String> = std::iter::once(WHOLE.to_string()).chain(names.iter().map(short)).collect();
         let chosen = fields::choice(ui, "joint", &now, all.iter().map(String::as_str));
         let variable = first.split(".joint(").next().unwrap_or(first);
         wanted = chosen.map(|name| match name == WHOLE {
