@@ -221,7 +221,7 @@ pub fn rename(request: &Request) -> Result<Value, ResponseError> {
         return Err(refused("only variables, parameters, functions and names of modules can be renamed"));
     };
     let new = request.parameters["newName"].as_str().unwrap_or_default();
-    unfit_name(new).map_or(Ok(()), |why| Err(refused(&why)))?;
+    unfit_name(new, &named.declaration).map_or(Ok(()), |why| Err(refused(&why)))?;
     let places = places(request, &named);
     let mut changes: Map<String, Value> = Map::new();
     for (uri, source, bytes) in &places {
@@ -235,14 +235,15 @@ pub fn rename(request: &Request) -> Result<Value, ResponseError> {
     Ok(json!({ "changes": changes }))
 }
 
-/// Why a text can be no name of a script.
-fn unfit_name(new: &str) -> Option<String> {
+/// Why a text can be no name of what a script declares. Variables may have the name of a function of the API, which scripts can call still.
+fn unfit_name(new: &str, declaration: &Declaration) -> Option<String> {
     let plain = is_word(new) && new.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
     if !plain || is_keyword(new) {
         let why = "cannot be a name: write letters, digits and _, and no word of the language";
         return Some(format!("\"{new}\" {why}"));
     }
-    describe::entry("", new).map(|_| format!("{new} is a function of the API"))
+    let taken = describe::entry("", new).filter(|_| declaration.kind == Declared::Function);
+    taken.map(|_| format!("{new} is a function of the API"))
 }
 
 /// Why a variable is not renamed, for the user.
@@ -262,11 +263,11 @@ pub fn variable_uses(text: &str, byte: usize, new: &str) -> Result<Vec<Range<usi
     let (source, budget) = (Source::new(text), Budget::default());
     let line = source.lines.line_of(byte) + 1;
     let refuse = |why: String| NotRenamed { why: format!("line {line}: {why}"), line: Some(line) };
-    unfit_name(new).map_or(Ok(()), |why| Err(refuse(why)))?;
     let token = source.token_at(byte);
     let types = Types::new(&source, &NoModules, &budget);
     let declared = token.and_then(|token| Some((token, types.declares(token)?)));
     let (token, declaration) = declared.ok_or_else(|| refuse("no variable is made there".to_string()))?;
+    unfit_name(new, &declaration).map_or(Ok(()), |why| Err(refuse(why)))?;
     let (name, range) = (source.get(token).to_string(), source.tokens[token].clone());
     if exported(&source, &name, &NoModules).as_ref() == Some(&declaration) {
         return Err(refuse(format!("other scripts can know it as {name}; rename it in the script")));
@@ -341,7 +342,7 @@ mod tests {
     fn what_is_not_certain_is_refused_with_its_line() {
         for (text, new, why, line) in [
             ("let |a = 1;\nlet e = a;", "e", "line 2 uses the name e already", 2),
-            ("let |a = 1;", "sun", "line 1: sun is a function of the API", 1),
+            ("let |a = 1;\nsun(1);", "sun", "line 2 uses the name sun already", 2),
             (
                 "let |a = 1;",
                 "if",
