@@ -1,5 +1,6 @@
 //! A scene made again and again from files that change.
 
+use crate::edit::ScriptText;
 use crate::package::ENDINGS;
 use crate::plugin_files::{self, Listing};
 use crate::{SceneSource, Waker, Watch, WatchError, WatchEvent, WatchedPaths, model};
@@ -7,14 +8,14 @@ use choreo_asset::Asset;
 use choreo_plugin::{PluginPanic, Registry};
 use choreo_render::SceneResources;
 use choreo_script::{
-    AssetCache, BUILT_IN, Diagnostic, Folders, Imports, Loader, Parameter, Places, ScriptOptions, Severity,
-    Touched, content_of, run_file_touching,
+    AssetCache, BUILT_IN, Diagnostic, Folders, Imports, Loader, Parameter, Place, Places, ScriptOptions,
+    Severity, Touched, content_of, run_file_touching,
 };
 use choreo_stage::{Evaluator, Stage};
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// Everything needed to draw frames of one version, and its origin.
@@ -31,6 +32,22 @@ pub struct Scene {
     pub places: Places,
     pub parameters: Vec<Parameter>,
     pub printed: Vec<String>,
+    /// The script's text as [`Scene::script_text`] gives it.
+    pub text: OnceLock<Option<ScriptText>>,
+}
+
+impl Scene {
+    /// The text of the script that made it, split into tokens once, when it is needed first; `None` for a model.
+    pub fn script_text(&self) -> Option<&ScriptText> {
+        let read = || Some(ScriptText::new(self.places.sources.get(&self.places.main)?.clone()));
+        self.text.get_or_init(read).as_ref()
+    }
+
+    /// The variable of what a place of the script makes.
+    pub fn variable(&self, place: &Place) -> Option<String> {
+        let is_own = place.line > 0 && place.file == self.places.main;
+        self.script_text().filter(|_| is_own)?.object(place.line, place.column).ok()?.variable
+    }
 }
 
 /// An error or a warning.
@@ -202,7 +219,17 @@ impl Session {
         let zero = choreo_motion::Time::ZERO;
         evaluator.at(zero).map_err(|error| vec![Diagnostic::error(error.to_string())])?;
         let registry = registry.settled_for([&*stage]);
-        let scene = Scene { number, stage, resources, evaluator, registry, places, parameters, printed };
+        let scene = Scene {
+            number,
+            stage,
+            resources,
+            evaluator,
+            registry,
+            places,
+            parameters,
+            printed,
+            text: OnceLock::new(),
+        };
         Ok((scene, warnings))
     }
 

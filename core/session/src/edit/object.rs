@@ -5,11 +5,12 @@ use super::casting::{first_free, identifier};
 use super::cues::statement_start;
 use super::key_name::{JointKey, joint_keys};
 use super::refused::ADD;
-use super::scan::{Call, Source};
+use super::scan::{Call, Source, Tokens, tokens_of};
 use super::times::{EditTime, TimeLiteral};
 use super::values::{format_number, literals, option_of, rewritten, set_option};
 use super::{Edit, EditRefused};
 use glam::{DMat3, DQuat, DVec3};
+use std::sync::Arc;
 
 #[derive(Clone)]
 pub struct ScriptObject<'a> {
@@ -27,19 +28,22 @@ pub struct ScriptObject<'a> {
 }
 
 /// A script's text, split into tokens once for many objects.
-pub struct ScriptText<'a>(Source<'a>);
+pub struct ScriptText {
+    text: Arc<str>,
+    tokens: Tokens,
+}
 
-impl<'a> ScriptText<'a> {
-    pub fn new(text: &'a str) -> ScriptText<'a> {
-        ScriptText(Source::new(text))
+impl ScriptText {
+    pub fn new(text: Arc<str>) -> ScriptText {
+        ScriptText { tokens: tokens_of(&text), text }
     }
 
     /// The object made by the call at a place, as [`ScriptObject::at`] has it.
     ///
     /// # Errors
     /// There is no call.
-    pub fn object(&self, line: usize, column: usize) -> Result<ScriptObject<'a>, EditRefused> {
-        ScriptObject::within(self.0.clone(), line, column)
+    pub fn object(&self, line: usize, column: usize) -> Result<ScriptObject<'_>, EditRefused> {
+        ScriptObject::within(Source::of(&self.text, self.tokens.clone()), line, column)
     }
 }
 

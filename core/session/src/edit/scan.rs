@@ -4,11 +4,18 @@ use choreo_script::token_ranges;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
 
+/// Byte ranges of tokens.
+pub(super) type Tokens = Arc<[Range<usize>]>;
+
+pub(super) fn tokens_of(text: &str) -> Tokens {
+    token_ranges(text).into()
+}
+
 /// A script's text with the byte ranges of its tokens.
 #[derive(Clone)]
 pub(super) struct Source<'a> {
     text: &'a str,
-    tokens: Arc<[Range<usize>]>,
+    tokens: Tokens,
 }
 
 impl Deref for Source<'_> {
@@ -47,7 +54,12 @@ fn is_close(token: &str) -> bool {
 
 impl<'a> Source<'a> {
     pub fn new(text: &'a str) -> Source<'a> {
-        Source { text, tokens: token_ranges(text).into() }
+        Source::of(text, tokens_of(text))
+    }
+
+    /// A text of which the tokens are known.
+    pub fn of(text: &'a str, tokens: Tokens) -> Source<'a> {
+        Source { text, tokens }
     }
 
     /// The number of the first token that begins at a byte or after it.
@@ -87,8 +99,13 @@ impl<'a> Source<'a> {
 
     /// The first token outside brackets, from a byte on, that ends the search; brackets that open on the way are passed over.
     fn find_outside(&self, at: usize, ends: impl Fn(&str) -> bool) -> usize {
+        self.find_outside_before(self.tokens.len(), at, ends)
+    }
+
+    /// As above, or the number `stop` or one behind it where none of the tokens before it ends.
+    fn find_outside_before(&self, stop: usize, at: usize, ends: impl Fn(&str) -> bool) -> usize {
         let mut index = self.index(at);
-        while index < self.tokens.len() && !ends(self.token(index)) {
+        while index < stop && !ends(self.token(index)) {
             index = match is_open(self.token(index)) {
                 true => self.matching(index).map_or(self.tokens.len(), |close| close + 1),
                 false => index + 1,
@@ -251,7 +268,7 @@ impl<'a> Source<'a> {
 
     /// The comma behind a value, or `end`.
     pub(crate) fn value_end(&self, at: usize, end: usize) -> usize {
-        self.start(self.find_outside(at, |token| token == ",")).min(end)
+        self.start(self.find_outside_before(self.index(end), at, |token| token == ",")).min(end)
     }
 
     pub(crate) fn count_arguments(&self, inside: &Range<usize>) -> usize {

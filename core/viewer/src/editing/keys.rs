@@ -180,13 +180,13 @@ impl Viewer {
 
     /// Keys as text for the clipboard, a property in each line.
     pub fn copy_keys(&self, keys: &[KeyRef]) -> Result<String, EditError> {
-        let known = self.known().ok_or(EditError::NothingShown)?;
+        let known = self.text().ok_or(EditError::NothingShown)?;
         let mut lines = Vec::new();
         for ((what, property), at) in by_property(keys) {
             let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
             self.check_place(&place, siblings)?;
             let at: Vec<EditTime> = at.iter().map(|at| self.edit_time(at.as_secs())).collect();
-            let object = ScriptObject::at(&known, place.line, place.column);
+            let object = known.object(place.line, place.column);
             let copied = object.and_then(|object| object.copy_keys(property, &at));
             lines.push(copied.map_err(|r| EditError::Refused { why: r.why, line: r.line })?);
         }
@@ -293,14 +293,14 @@ impl Viewer {
     /// All properties of something that can have keys, and those that have some, found once a version.
     pub(crate) fn known_properties(&mut self, what: &Selected) -> Option<KnownProperties> {
         let scene = self.scene.clone()?;
-        let find = || keyed::properties(&scene, keyed::text_of(&scene).as_ref(), what);
+        let find = || keyed::properties(&scene, what);
         Some(self.curves.properties(scene.number, what, find))
     }
 
     /// The properties of something that have keys or could have some.
     pub fn keyed_properties(&self, what: &Selected) -> Vec<KeyedProperty> {
         let Some(scene) = &self.scene else { return Vec::new() };
-        keyed::properties(scene, keyed::text_of(scene).as_ref(), what)
+        keyed::properties(scene, what)
     }
 
     pub(super) fn keyed(&self, what: &Selected, property: &str) -> Result<KeyedProperty, EditError> {

@@ -258,6 +258,7 @@ fn performed(
         places: Default::default(),
         parameters: Vec::new(),
         printed: Vec::new(),
+        text: Default::default(),
     };
     let note = format!("{} of {} animated joints are followed", coverage.followed(), coverage.moved);
     Ok((Arc::new(scene), secs, note))

@@ -45,6 +45,9 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         if !matches(&actor.name) && joints.is_empty() {
             continue;
         }
+        if is_skipped(ui, joints.len()) {
+            continue;
+        }
         let visible = viewer.shown().and_then(|s| s.snapshot.actors.get(index)).is_none_or(|a| a.visible);
         let mut text = RichText::new(&actor.name);
         if !visible {
@@ -86,6 +89,18 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     for (index, effect) in stage.effects.iter().enumerate().filter(|(_, e)| matches(&e.plugin)) {
         select(ui, viewer, RichText::new(&effect.plugin), Selected::Effect(index));
     }
+}
+
+/// Whether a row with some joints under it lies outside what is seen of the list; then it takes its place and no more is made of it.
+fn is_skipped(ui: &mut Ui, joints: usize) -> bool {
+    let (text, between) = (ui.text_style_height(&egui::TextStyle::Body), ui.spacing().item_spacing.y);
+    let height = ui.spacing().interact_size.y + joints as f32 * (text + between);
+    let size = egui::vec2(ui.available_width(), height);
+    let is_skipped = !ui.is_rect_visible(egui::Rect::from_min_size(ui.cursor().min, size));
+    if is_skipped {
+        ui.allocate_space(size);
+    }
+    is_skipped
 }
 
 /// Draws one of the small buttons before a name. `icons`: while it is off, and on.

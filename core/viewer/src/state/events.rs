@@ -7,9 +7,7 @@ use crate::state::timeline::Bar;
 use choreo_motion::{Repeat, Time};
 use choreo_script::{ClipMarkers, Place};
 use choreo_session::Scene;
-use choreo_session::edit::ScriptText;
-use choreo_stage::{Actor, Channel, Cue, Layer2d, Layer2dContent, Property, Stage};
-use std::cell::OnceCell;
+use choreo_stage::{Actor, Channel, Cue, Layer2d, Layer2dContent, Property};
 use std::sync::Arc;
 
 /// Events in one row at most; further ones would not be told apart.
@@ -52,46 +50,6 @@ pub(crate) struct Gathered {
     all: Vec<(Time, EventKind, String, Option<KeyOf>)>,
 }
 
-/// The script's text for the keys of a scene, split into tokens once, when it is needed first.
-pub(crate) struct KeyText<'s> {
-    scene: &'s Scene,
-    text: OnceCell<Option<ScriptText<'s>>>,
-}
-
-impl<'s> KeyText<'s> {
-    pub fn of(scene: &'s Scene) -> KeyText<'s> {
-        KeyText { scene, text: OnceCell::new() }
-    }
-
-    /// The variable of what a place of the script makes.
-    pub fn variable(&self, place: &Place) -> Option<String> {
-        let text = self.text.get_or_init(|| keyed::text_of(self.scene)).as_ref()?;
-        let is_own = place.line > 0 && place.file == self.scene.places.main;
-        text.object(place.line, place.column).ok().filter(|_| is_own)?.variable
-    }
-
-    /// The keyed properties of something, whatever it has.
-    fn all_properties(&self, what: &Selected) -> Vec<KeyedProperty> {
-        keyed::properties(self.scene, self.text.get_or_init(|| keyed::text_of(self.scene)).as_ref(), what)
-    }
-
-    /// The keyed properties of something that has these channels.
-    fn properties<'c>(
-        &self,
-        what: &Selected,
-        channels: impl Iterator<Item = &'c Channel> + Clone,
-    ) -> Vec<KeyedProperty> {
-        if channels.clone().next().is_none() {
-            return Vec::new();
-        }
-        let text = match keyed::may_be_sampled(channels) {
-            true => self.text.get_or_init(|| keyed::text_of(self.scene)).as_ref(),
-            false => None,
-        };
-        keyed::properties(self.scene, text, what)
-    }
-}
-
 impl Gathered {
     fn add(&mut self, at: Time, kind: EventKind, label: impl Into<String>) {
         if self.all.len() < MOST {
@@ -122,8 +80,9 @@ impl Gathered {
     }
 
     /// The keys of a layer's weight, by the cue of it that states them.
-    pub(crate) fn layer_weight(&mut self, keys: &Channel, cues: &[Bar], text: &KeyText) {
-        let of = |bar: &Bar| text.all_properties(&bar.what).into_iter().find(|k| k.name == ".layer_weight");
+    pub(crate) fn layer_weight(&mut self, keys: &Channel, cues: &[Bar], scene: &Scene) {
+        let of =
+            |bar: &Bar| keyed::properties(scene, &bar.what).into_iter().find(|k| k.name == ".layer_weight");
         let mut all: Vec<KeyedProperty> = cues.iter().filter_map(of).collect();
         all.sort_by_key(|keyed| keyed.written.is_none());
         match all.first().filter(|keyed| keyed.written.is_some()) {
@@ -143,12 +102,12 @@ impl Gathered {
     }
 
     /// Events of an actor, without its cues.
-    pub fn actor(&mut self, actor: &Actor, text: &KeyText) {
+    pub fn actor(&mut self, actor: &Actor, scene: &Scene) {
         let what = Selected::Actor(actor.name.clone());
         let joints = keyed_parts::keys_of_joints(actor).is_some();
         match joints {
-            true => self.keys(&text.all_properties(&what), ""),
-            false => self.keys(&text.properties(&what, actor.channels.iter()), ""),
+            true => self.keys(&keyed::properties(scene, &what), ""),
+            false => self.keys(&keyed::properties_of(scene, &what, actor.channels.iter()), ""),
         }
         let mut seen = actor.visible;
         for channel in actor.channels.iter().filter(|c| c.property == Property::Visible) {
@@ -167,15 +126,9 @@ impl Gathered {
     }
 
     /// The keys of a cue, and named times of its clip, each time that it gets there until `end`.
-    pub fn cue(
-        &mut self,
-        (cue, what): (&Cue, &Selected),
-        text: &KeyText,
-        end: Time,
-        markers: &[ClipMarkers],
-    ) {
+    pub fn cue(&mut self, (cue, what): (&Cue, &Selected), scene: &Scene, end: Time, markers: &[ClipMarkers]) {
         if cue.weight_keys.is_some() || cue.time_remapping.is_some() {
-            let mut keyed = text.all_properties(what);
+            let mut keyed = keyed::properties(scene, what);
             keyed.retain(|keyed| keyed.name != ".layer_weight");
             self.keys(&keyed, &format!("{} ", cue.clip.name));
         }
@@ -228,37 +181,38 @@ impl Gathered {
 }
 
 /// Events of cameras, lights and effects: rows of things that have keys.
-pub(crate) fn of_cameras(scene: &Scene, text: &KeyText) -> Vec<Event> {
+pub(crate) fn of_cameras(scene: &Scene) -> Vec<Event> {
     let mut gathered = Gathered::default();
     for camera in &scene.stage.cameras {
         let what = Selected::Camera(camera.name.clone());
-        gathered.keys(&text.properties(&what, camera.channels.iter()), &format!("{} ", camera.name));
+        gathered
+            .keys(&keyed::properties_of(scene, &what, camera.channels.iter()), &format!("{} ", camera.name));
     }
     gathered.events(scene.stage.settings.length, None, &Place::default())
 }
 
 /// Keys of one light.
-pub(crate) fn of_light(stage: &Stage, text: &KeyText, index: usize, place: &Place) -> Vec<Event> {
+pub(crate) fn of_light(scene: &Scene, index: usize, place: &Place) -> Vec<Event> {
     let (mut gathered, what) = (Gathered::default(), Selected::Light(index));
-    gathered.keys(&text.properties(&what, stage.lights[index].channels.iter()), "");
-    gathered.events(stage.settings.length, Some(&what), place)
+    gathered.keys(&keyed::properties_of(scene, &what, scene.stage.lights[index].channels.iter()), "");
+    gathered.events(scene.stage.settings.length, Some(&what), place)
 }
 
-pub(crate) fn of_sky(stage: &Stage, text: &KeyText, place: &Place) -> Vec<Event> {
+pub(crate) fn of_sky(scene: &Scene, place: &Place) -> Vec<Event> {
     let mut gathered = Gathered::default();
-    let channels = stage.sky.iter().flat_map(|sky| &sky.channels);
-    gathered.keys(&text.properties(&Selected::Sky, channels), "sky ");
-    gathered.events(stage.settings.length, Some(&Selected::Sky), place)
+    let channels = scene.stage.sky.iter().flat_map(|sky| &sky.channels);
+    gathered.keys(&keyed::properties_of(scene, &Selected::Sky, channels), "sky ");
+    gathered.events(scene.stage.settings.length, Some(&Selected::Sky), place)
 }
 
 /// Keys of texts, images and panels.
-pub(crate) fn of_titles(stage: &Stage, text: &KeyText) -> Vec<Event> {
+pub(crate) fn of_titles(scene: &Scene) -> Vec<Event> {
     let mut gathered = Gathered::default();
-    for (index, layer) in stage.layers_2d.iter().enumerate() {
-        let keyed = text.properties(&Selected::Title(index), layer.channels.iter());
+    for (index, layer) in scene.stage.layers_2d.iter().enumerate() {
+        let keyed = keyed::properties_of(scene, &Selected::Title(index), layer.channels.iter());
         gathered.keys(&keyed, &format!("{} ", title(layer)));
     }
-    gathered.events(stage.settings.length, None, &Place::default())
+    gathered.events(scene.stage.settings.length, None, &Place::default())
 }
 
 /// The first words of a text, or the kind of another 2D layer.
@@ -274,10 +228,14 @@ pub(crate) fn title(layer: &Layer2d) -> String {
     }
 }
 
-pub(crate) fn of_effects(scene: &Scene, text: &KeyText) -> Vec<Event> {
+pub(crate) fn of_effects(scene: &Scene) -> Vec<Event> {
     let mut gathered = Gathered::default();
     for (index, used) in scene.stage.effects.iter().enumerate() {
-        let keyed = text.properties(&Selected::Effect(index), used.keys.iter().map(|(_, channel)| channel));
+        let keyed = keyed::properties_of(
+            scene,
+            &Selected::Effect(index),
+            used.keys.iter().map(|(_, channel)| channel),
+        );
         gathered.keys(&keyed, &format!("{} ", used.plugin));
     }
     gathered.events(scene.stage.settings.length, None, &Place::default())

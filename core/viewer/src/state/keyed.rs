@@ -326,13 +326,25 @@ pub fn place_of(scene: &Scene, what: &Selected) -> Option<(Place, usize)> {
     Some((place, siblings))
 }
 
-/// The script's text, split into tokens once, for the properties of many things.
-pub fn text_of(scene: &Scene) -> Option<ScriptText<'_>> {
-    Some(ScriptText::new(scene.places.sources.get(&scene.places.main)?))
+/// The properties of something that keys animate or could animate, with their keys as the script states them.
+pub fn properties(scene: &Scene, what: &Selected) -> Vec<KeyedProperty> {
+    properties_in(scene, scene.script_text(), what)
 }
 
-/// The properties of something that keys animate or could animate.
-pub fn properties(scene: &Scene, text: Option<&ScriptText>, what: &Selected) -> Vec<KeyedProperty> {
+/// The properties of something that has these channels; the script is read only where they may be samples of its keys.
+pub(super) fn properties_of<'c>(
+    scene: &Scene,
+    what: &Selected,
+    channels: impl Iterator<Item = &'c Channel> + Clone,
+) -> Vec<KeyedProperty> {
+    match channels.clone().next() {
+        None => Vec::new(),
+        Some(_) if may_be_sampled(channels) => properties(scene, what),
+        Some(_) => properties_in(scene, None, what),
+    }
+}
+
+fn properties_in(scene: &Scene, text: Option<&ScriptText>, what: &Selected) -> Vec<KeyedProperty> {
     let stage = &scene.stage;
     let place = place_of(scene, what)
         .filter(|(place, count)| *count == 1 && place.line > 0 && place.file == scene.places.main);
@@ -516,7 +528,7 @@ fn kind_of(option: &OptionSpec) -> Option<ValueKind> {
 }
 
 /// Whether the interpolation of a property was replaced by samples in the stage, so that its keys are known from the text alone.
-pub(crate) fn may_be_sampled<'c>(mut channels: impl Iterator<Item = &'c Channel>) -> bool {
+fn may_be_sampled<'c>(mut channels: impl Iterator<Item = &'c Channel>) -> bool {
     let sampled = |c: &Channel| c.interpolation == Interpolation::Linear || c.property == Property::Rotation;
     // The color of a light may be stated in kelvin.
     channels.any(|c| c.property == Property::Color || c.times.len() > 2 && sampled(c))

@@ -1,6 +1,6 @@
 //! The stage as rows of a sequencer: cues over time, active cameras.
 
-use crate::state::events::{self, Event, Gathered, KeyText};
+use crate::state::events::{self, Event, Gathered};
 use crate::state::selection::Selected;
 use choreo_asset::LightKind;
 use choreo_motion::{FrameRate, Repeat, Time};
@@ -86,7 +86,7 @@ pub struct Timeline {
 
 impl Timeline {
     pub fn new(scene: &Scene) -> Timeline {
-        let (stage, places, text) = (&scene.stage, &scene.places, &KeyText::of(scene));
+        let (stage, places) = (&scene.stage, &scene.places);
         let length = stage.settings.length;
         let plain = |label: &str, bars: Vec<Bar>, events: Vec<Event>| Row {
             label: label.into(),
@@ -96,25 +96,25 @@ impl Timeline {
             events,
             place: Place::default(),
         };
-        let mut rows = vec![plain("camera", cameras(scene), events::of_cameras(scene, text))];
+        let mut rows = vec![plain("camera", cameras(scene), events::of_cameras(scene))];
         for index in 0..stage.actors.len() {
-            rows.extend(actor_rows(scene, text, index));
+            rows.extend(actor_rows(scene, index));
         }
         if !stage.effects.is_empty() {
             let bars = (0..stage.effects.len()).map(|index| effect(scene, index));
-            rows.extend(lanes("effects", bars.collect(), events::of_effects(scene, text)));
+            rows.extend(lanes("effects", bars.collect(), events::of_effects(scene)));
         }
         let mut lights = Vec::new();
         for index in 0..stage.lights.len() {
             let (what, place) =
                 (Selected::Light(index), places.lights.get(index).cloned().unwrap_or_default());
-            let label = light_name(stage, text, index, &place);
+            let label = light_name(scene, index, &place);
             lights.push(label.clone());
-            let events = events::of_light(stage, text, index, &place);
+            let events = events::of_light(scene, index, &place);
             rows.push(Row { label, what: Some(what), layer: None, bars: Vec::new(), events, place });
         }
         let place = places.sky.clone().unwrap_or_default();
-        let sky = events::of_sky(stage, text, &place);
+        let sky = events::of_sky(scene, &place);
         let what = Some(Selected::Sky);
         let (label, bars) = ("sky".to_string(), Vec::new());
         if !sky.is_empty() {
@@ -122,7 +122,7 @@ impl Timeline {
         }
         if !stage.layers_2d.is_empty() {
             let bars = (0..stage.layers_2d.len()).map(|index| title(scene, index)).collect();
-            rows.extend(lanes("titles", bars, events::of_titles(stage, text)));
+            rows.extend(lanes("titles", bars, events::of_titles(scene)));
         }
         Timeline { rows, lights, markers: stage.markers.clone(), length }
     }
@@ -156,13 +156,13 @@ impl Timeline {
 }
 
 /// A row for each layer of an actor; one without layers has a row of events alone.
-fn actor_rows(scene: &Scene, text: &KeyText, index: usize) -> Vec<Row> {
+fn actor_rows(scene: &Scene, index: usize) -> Vec<Row> {
     let (stage, places) = (&scene.stage, &scene.places);
     let (actor, length) = (&stage.actors[index], stage.settings.length);
     let what = Some(Selected::Actor(actor.name.clone()));
     let place = places.actors.get(index).cloned().unwrap_or_default();
     let mut gathered = Gathered::default();
-    gathered.actor(actor, text);
+    gathered.actor(actor, scene);
     if actor.layers.is_empty() {
         let events = gathered.events(length, what.as_ref(), &place);
         return vec![Row { label: actor.name.clone(), what, layer: None, bars: Vec::new(), events, place }];
@@ -179,10 +179,10 @@ fn actor_rows(scene: &Scene, text: &KeyText, index: usize) -> Vec<Row> {
         });
         let bars: Vec<Bar> = cues.collect();
         if let Some(keys) = &layer.weight_keys {
-            gathered.layer_weight(keys, &bars, text);
+            gathered.layer_weight(keys, &bars, scene);
         }
         for (cue, bar) in layer.cues.iter().zip(&bars) {
-            gathered.cue((cue, &bar.what), text, bar.end, &places.clip_markers);
+            gathered.cue((cue, &bar.what), scene, bar.end, &places.clip_markers);
         }
         let events = std::mem::take(&mut gathered).events(length, what.as_ref(), &place);
         rows.push(Row { label, what: what.clone(), layer: Some(number), bars, events, place: place.clone() });
@@ -231,8 +231,8 @@ fn lanes(label: &str, mut bars: Vec<Bar>, mut events: Vec<Event>) -> Vec<Row> {
 }
 
 /// The name of a light: the one that the script states, else its variable, else its kind and number.
-fn light_name(stage: &Stage, text: &KeyText, index: usize, place: &Place) -> String {
-    let light = &stage.lights[index];
+fn light_name(scene: &Scene, index: usize, place: &Place) -> String {
+    let light = &scene.stage.lights[index];
     let made_by = match light.light.kind {
         LightKind::Directional => "sun",
         LightKind::Point => "point",
@@ -241,8 +241,7 @@ fn light_name(stage: &Stage, text: &KeyText, index: usize, place: &Place) -> Str
     if light.name != format!("{made_by} {}", index + 1) {
         return light.name.clone();
     }
-    let variable = text.variable(place);
-    variable.unwrap_or_else(|| format!("{} {}", light.light.kind.title(), index + 1))
+    scene.variable(place).unwrap_or_else(|| format!("{} {}", light.light.kind.title(), index + 1))
 }
 
 /// The bar of a 2D layer.
