@@ -32,7 +32,7 @@ impl ScriptObject<'_> {
         stated.or_else(|| self.variable.clone().filter(|_| by != NamedBy::Argument))
     }
 
-    fn stated_name(&self, by: NamedBy) -> Option<Range<usize>> {
+    pub(super) fn stated_name(&self, by: NamedBy) -> Option<Range<usize>> {
         let inside = &self.made.inside;
         let range = match by {
             NamedBy::Argument => inside.start..self.text.value_end(inside.start, inside.end),

@@ -6,8 +6,7 @@ use crate::app::Viewer;
 use crate::state::selection::Selected;
 use choreo_script::Place;
 use choreo_session::edit::{
-    Anew, CueTime, Edit, EditRefused, EditTime, KeyValue, ScriptObject, delete_object, format_number,
-    set_trim,
+    Anew, CueTime, Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_number, set_trim,
 };
 use choreo_stage::{Camera, Property};
 use glam::DVec3;
@@ -116,21 +115,9 @@ impl Viewer {
     pub fn stage_written(&self) -> BTreeMap<String, String> {
         let all = || {
             let place = &self.scene.as_ref()?.places.settings;
-            let known = self.known()?;
-            Some(ScriptObject::at(&known, place.line, place.column).ok()?.all_written())
+            Some(self.text()?.object(place.line, place.column).ok()?.all_written())
         };
         all().unwrap_or_default()
-    }
-
-    /// Takes an actor, a camera, a light, an effect or a title off the stage: the statement that makes it, and those about it alone.
-    ///
-    /// # Errors
-    /// Why not, for the user; nothing has changed.
-    pub fn delete_object(&mut self, what: &Selected) -> Result<(), EditError> {
-        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-        self.change(&place, siblings, |text| delete_object(text, place.line, place.column))?;
-        self.selection = None;
-        Ok(())
     }
 
     /// Changes a value of a constraint, an attachment or springs, which a call at a place states.
@@ -215,8 +202,7 @@ impl Viewer {
         read: impl FnOnce(&ScriptObject) -> Option<R>,
     ) -> Option<R> {
         self.check_place(place, siblings).ok()?;
-        let known = self.known()?;
-        read(&ScriptObject::at(&known, place.line, place.column).ok()?)
+        read(&self.text()?.object(place.line, place.column).ok()?)
     }
 
     /// Reads the call that makes what is selected.

@@ -12,6 +12,7 @@ pub mod expression;
 mod fields;
 mod keys;
 mod next_clip;
+mod objects;
 pub mod placing;
 mod renaming;
 mod room;
@@ -32,7 +33,7 @@ use crate::state::selection::Selected;
 use choreo_files::{WriteError, write_whole};
 use choreo_script::Place;
 use choreo_session::edit::{
-    CueTime, Edit, EditRefused, EditTime, ScriptObject, follows, set_marker, set_time,
+    CueTime, Edit, EditRefused, EditTime, ScriptObject, ScriptText, follows, set_marker, set_time,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -88,6 +89,11 @@ impl Viewer {
     /// A time as edits write it: in seconds, or in frames of the stage.
     pub(crate) fn edit_time(&self, secs: f64) -> EditTime {
         EditTime { secs, fps: self.playhead.fps().as_fps() }
+    }
+
+    /// The script's text as it was when what is shown was made, split into tokens.
+    fn text(&self) -> Option<&ScriptText> {
+        self.scene.as_ref()?.script_text()
     }
 
     /// The script's text as it was when what is shown was made.

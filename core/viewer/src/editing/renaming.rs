@@ -32,6 +32,15 @@ impl Viewer {
         }
     }
 
+    /// The place of its name.
+    pub(super) fn named_by(&self, what: &Selected) -> NamedBy {
+        match what {
+            Selected::Actor(_) | Selected::Camera(_) => NamedBy::Argument,
+            Selected::Light(_) => NamedBy::Option,
+            _ => NamedBy::Variable,
+        }
+    }
+
     /// Gives something another name: the text that states it, and the variable that is called after it with all its uses. Of a title, the words.
     ///
     /// # Errors
@@ -41,14 +50,10 @@ impl Viewer {
         if self.name_of(what).as_deref() == Some(to) {
             return Ok(());
         }
-        let by = match what {
-            Selected::Actor(_) | Selected::Camera(_) => NamedBy::Argument,
-            Selected::Light(_) => NamedBy::Option,
-            Selected::Title(index) if self.words_of(*index).is_some() => {
-                return self.change_field(what, &FieldChange::Words(to.to_string()));
-            }
-            _ => NamedBy::Variable,
-        };
+        if matches!(what, Selected::Title(index) if self.words_of(*index).is_some()) {
+            return self.change_field(what, &FieldChange::Words(to.to_string()));
+        }
+        let by = self.named_by(what);
         let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
         self.change(&place, siblings, |text| renamed(text, &place, by, to))?;
         self.goes_by(what, to);

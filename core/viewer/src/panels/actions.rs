@@ -106,7 +106,7 @@ pub(crate) const ACTIONS: &[Action] = &[
     outside("disable", "disable or enable the selected clips", "M", |c| bars(c, bar_menu::Command::Disable)),
     outside(
         "duplicate",
-        "play the selected clip once more after it; of keys: a copy at the playhead",
+        "the selected clip once more after it, the selected actor, camera, light or title once more; keys at the playhead",
         "Ctrl+D",
         duplicate,
     ),

@@ -29,6 +29,7 @@ impl Command {
         match self {
             Command::Paste | Command::Delete | Command::GoToLine => true,
             Command::Rename => matches!(bar.what, Selected::Camera(_) | Selected::Title(_)),
+            Command::Duplicate => true,
             _ => bar.strip.is_some(),
         }
     }
@@ -38,6 +39,7 @@ impl Command {
         match self {
             Command::Paste => matches!(what, Selected::Actor(_)),
             Command::Rename => matches!(what, Selected::Actor(_) | Selected::Light(_)),
+            Command::Duplicate => *what != Selected::Sky,
             command => matches!(command, Command::Delete | Command::GoToLine),
         }
     }
@@ -119,11 +121,16 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
     let at = viewer.playhead.time().as_secs();
     match command {
         Command::Split => viewer.edit(|v| v.split_cues(&all, at)),
-        Command::Duplicate => viewer.edit(|v| match all.as_slice() {
-            [one] => v.duplicate_cue(one),
-            [] => Err(EditError::refused("select a clip or a key; Add puts another actor on stage")),
-            _ => Err(EditError::refused("one clip is duplicated at a time; copy and paste several")),
-        }),
+        Command::Duplicate => {
+            let chosen = viewer.selection.clone();
+            viewer.edit(|v| match (all.as_slice(), chosen) {
+                ([one @ Selected::Cue { .. }], _) => v.duplicate_cue(one),
+                ([one], _) => v.duplicate_object(one),
+                ([], Some(what)) => v.duplicate_object(&what),
+                ([], None) => Err(EditError::refused("select what is to be duplicated")),
+                _ => Err(EditError::refused("one clip is duplicated at a time; copy and paste several")),
+            });
+        }
         Command::Copy | Command::Cut if all.is_empty() => {
             viewer.edit(|_| Err(EditError::refused("select a clip or a key")));
         }

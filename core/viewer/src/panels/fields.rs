@@ -288,8 +288,12 @@ fn clip(
         ui.end_row();
         wanted = ease(ui, stated).or(wanted.take());
         wanted = match layer {
-            0 => mask(ui).or(wanted.take()),
-            _ => layer_fields(ui, stated).or(wanted.take()),
+            _ if own.is_none() => wanted.take(),
+            0 => {
+                ui.label("on").hint("joints on which it plays: it becomes a layer with those that follow it");
+                own.and_then(|asset| mask(ui, "", asset)).or(wanted.take())
+            }
+            _ => own.and_then(|asset| layer_fields(ui, stated, asset)).or(wanted.take()),
         };
     });
     wanted
@@ -347,26 +351,37 @@ fn ease(ui: &mut Ui, stated: &Stated) -> Option<FieldChange> {
     wanted
 }
 
-/// A mask makes a clip, and those that follow it, a layer of their own.
-fn mask(ui: &mut Ui) -> Option<FieldChange> {
-    ui.label("on").hint("joints on which it plays: it becomes a layer with those that follow it");
-    let set = source(ui, "on", "", "RightShoulder..");
+/// The mask of a layer: a text to type, a joint and those below it to choose. One text is shown without its quotes. `now`: as it is
+/// written; empty: the clip has none, and one makes it, with those that follow it, a layer of their own.
+fn mask(ui: &mut Ui, now: &str, asset: &Asset) -> Option<FieldChange> {
+    let one = now.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).filter(|one| !one.contains('"'));
+    let is_text = now.is_empty() || one.is_some();
+    let branches = asset.skeleton.names().iter().map(|name| format!("{}..", short_joint(name)));
+    let branches: Vec<String> = branches.collect();
+    let set = ui.horizontal(|ui| {
+        let typed = source(ui, "on", one.unwrap_or(now), "RightShoulder..");
+        choice(ui, "joints", "", branches.iter().map(String::as_str)).or(typed)
+    });
     ui.end_row();
-    let set = set.filter(|text| !text.is_empty())?;
-    let is_written = set.starts_with(['"', '[', '#', '`']);
+    let set = set.inner.filter(|text| !text.is_empty())?;
+    let is_written = set.starts_with(['"', '[', '#', '`']) || !(is_text || branches.contains(&set));
     let text = if is_written { set } else { format!("\"{set}\"") };
     Some(FieldChange::Text("on", text, Anew::Method))
 }
 
+/// A joint's name without that of its rig: `Hips` of `mixamorig:Hips`.
+pub(super) fn short_joint(name: &str) -> &str {
+    name.rsplit(':').next().unwrap_or(name)
+}
+
 /// Mask, priority and weight of the layer, on the clip that states them.
-fn layer_fields(ui: &mut Ui, stated: &Stated) -> Option<FieldChange> {
+fn layer_fields(ui: &mut Ui, stated: &Stated, asset: &Asset) -> Option<FieldChange> {
     let mut wanted = None;
-    let hints = [
-        ("on", "joints of the layer: \"Spine..\", [\"Head\", \"*Arm*\"]"),
-        ("priority", "0 to 1000"),
-        ("layer_weight", "0 to 1"),
-    ];
-    for (name, hint) in hints {
+    if let Some(now) = stated.get("on") {
+        wanted = label(ui, stated, "on", "joints of the layer: Spine.., or [\"Head\", \"*Arm*\"]");
+        wanted = mask(ui, now, asset).or(wanted);
+    }
+    for (name, hint) in [("priority", "0 to 1000"), ("layer_weight", "0 to 1")] {
         // Those are said once a layer, by its first clip.
         let Some(now) = stated.get(name) else { continue };
         if now.starts_with("[[") {

@@ -1,7 +1,7 @@
 //! Why a change was not made, beside the pointer that made it, with the line that decides as a link.
 
 use crate::app::Viewer;
-use egui::{Area, Frame, Key, Order, Pos2, RichText, Ui, vec2};
+use egui::{Area, Frame, Key, Order, Pos2, RichText, TextStyle, Ui, WidgetText, vec2};
 
 /// Points.
 const WIDEST: f32 = 420.0;
@@ -23,22 +23,33 @@ pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
         refusals.at = None;
         return;
     };
-    let area = Area::new(egui::Id::new("refusal")).order(Order::Foreground).fixed_pos(at + vec2(14.0, 18.0));
-    let shown = area.constrain(true).show(ui.ctx(), |ui| {
-        Frame::popup(ui.style()).show(ui, |ui| {
+    let place = at + vec2(14.0, 18.0);
+    // Clicks go through the text to what it covers; the line alone takes them.
+    let area = Area::new(egui::Id::new("refusal")).order(Order::Foreground).fixed_pos(place);
+    let room = area.constrain(true).interactable(false).show(ui.ctx(), |ui| {
+        let popup = Frame::popup(ui.style()).show(ui, |ui| {
             ui.set_max_width(WIDEST);
             ui.label(RichText::new(&why).color(ui.visuals().warn_fg_color));
-            if let Some(line) = viewer.message_line
-                && ui.link(format!("go to line {line}")).clicked()
-            {
-                viewer.go_to = Some(line);
-                refusals.at = None;
-            }
+            let line = viewer.message_line.map(|line| format!("go to line {line}"));
+            line.map(|text| {
+                let words = WidgetText::from(text.as_str());
+                let size = words.into_galley(ui, None, WIDEST, TextStyle::Body).size();
+                (ui.allocate_space(size).1.min, text)
+            })
         });
+        popup.inner
     });
-    let inside = |at: Pos2| shown.response.rect.contains(at);
-    let elsewhere =
-        ui.input(|i| i.pointer.any_pressed() && i.pointer.interact_pos().is_some_and(|p| !inside(p)));
+    let mut pressed_link = false;
+    if let Some((at, text)) = room.inner {
+        let link = Area::new(egui::Id::new("refusal line")).order(Order::Foreground).fixed_pos(at);
+        let link = link.show(ui.ctx(), |ui| ui.link(text));
+        pressed_link = link.response.contains_pointer();
+        if link.inner.clicked() {
+            viewer.go_to = viewer.message_line;
+            refusals.at = None;
+        }
+    }
+    let elsewhere = ui.input(|i| i.pointer.any_pressed()) && !pressed_link;
     if elsewhere || ui.input(|i| i.key_pressed(Key::Escape)) {
         refusals.at = None;
     }

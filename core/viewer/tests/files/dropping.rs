@@ -8,7 +8,7 @@ use choreo_viewer::editing::ClipOf;
 use choreo_viewer::state::dropped_models::DroppedModels;
 use choreo_viewer::state::selection::Selected;
 use choreo_viewer::state::side::Side;
-use egui::{Pos2, pos2, vec2};
+use egui::{Order, Pos2, pos2, vec2};
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
 use std::collections::BTreeSet;
@@ -56,6 +56,10 @@ fn a_refusal_is_read_beside_the_pointer_with_its_line_as_a_link() {
     assert_eq!(desk.state().text(), SCRIPT);
     let link = desk.get_by_label("go to line 7").rect();
     assert!((link.left_top() - to).length() < 80.0, "{link:?} is not beside {to:?}");
+    // The line takes a click, and the words above it leave one to what they cover.
+    let taken_by = |at| desk.ctx.layer_id_at(at).map(|layer| layer.order);
+    assert_eq!(taken_by(link.center()), Some(Order::Foreground));
+    assert_eq!(taken_by(link.center() - vec2(0.0, link.height())), Some(Order::Background));
     desk.get_by_label("go to line 7").click();
     desk.run();
     assert!(desk.query_by_label("go to line 7").is_none());

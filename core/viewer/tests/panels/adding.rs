@@ -118,6 +118,51 @@ fn characters_come_from_the_menu_in_their_own_colors_beside_each_other() {
     }
 }
 
+#[test]
+fn what_is_selected_is_duplicated_with_the_lines_about_it() {
+    let mut desk = desk(SCRIPT);
+    for (what, copy, more) in [
+        (
+            Selected::Actor("ada".into()),
+            Selected::Actor("ada 2".into()),
+            "let ada_2 = cast(\"ada 2\", coral).at(WIDTH, 0.0, 0.0);\nada_2.play(coral.clip(\"Walk\")).until(2.0)\n    \
+             .then(coral.clip(\"Wave\"), #{ fade: 0.4 });\n",
+        ),
+        (
+            Selected::Camera("wide".into()),
+            Selected::Camera("wide 2".into()),
+            "camera(\"wide 2\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);\n",
+        ),
+        (Selected::Light(0), Selected::Light(1), "sun(#{ direction: [-0.5, -1.0, -0.5] });\n"),
+        (Selected::Effect(0), Selected::Effect(1), "effect(\"vignette\");\n"),
+    ] {
+        desk.state_mut().reload_with(SCRIPT);
+        desk.state_mut().viewer.selection = Some(what.clone());
+        desk.run();
+        desk.get_by_label("Edit").click();
+        desk.run();
+        click(&mut desk, "Duplicate");
+        let text = desk.state().text();
+        desk.state_mut().reload();
+        let place = desk.state();
+        assert!(place.viewer.problems.is_empty(), "{:?}", place.viewer.problems);
+        assert_eq!(place.viewer.selection, Some(copy), "{what:?}");
+        let mut more = more.to_string();
+        if let Selected::Actor(_) = what {
+            let stage = &place.viewer.scene.as_ref().unwrap().stage;
+            let beside = stage.actors[1].transform.translation.x - stage.actors[0].transform.translation.x;
+            assert!((0.3..=2.0).contains(&beside), "{beside}");
+            more = more.replace("WIDTH", &format!("{beside:?}"));
+        }
+        let mut lines: Vec<&str> = text.lines().collect();
+        for line in more.lines() {
+            let at = lines.iter().rposition(|other| *other == line);
+            lines.remove(at.unwrap_or_else(|| panic!("no {line:?} in {text}")));
+        }
+        assert_eq!(lines.join("\n") + "\n", SCRIPT, "the copy of {what:?} in {text}");
+    }
+}
+
 /// Where the corners of an actor's posed bounds lie in the image of the camera that is on, as parts of half its height and width: computed
 /// here from the snapshot, in f64.
 fn corners_in_image(place: &Place, name: &str, at: Time) -> Vec<DVec2> {

@@ -448,6 +448,24 @@ ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
     desk.run();
     type_into(&mut desk, "on field", "[\"Head\", \"*Arm*\"]");
     assert!(desk.state().text().contains(".on([\"Head\", \"*Arm*\"]);"), "{}", desk.state().text());
+    // A joint with those below it is chosen, too, and a text is shown and typed without its quotes.
+    for (choose, typed) in [(Some("Hips.."), None), (None, Some("Spine.."))] {
+        desk.state_mut().reload();
+        desk.run();
+        if let Some(joint) = choose {
+            desk.get_by_label("joints: ").click();
+            desk.run();
+            desk.get_by_label(joint).click();
+            desk.run();
+        }
+        if let Some(text) = typed {
+            let field = desk.get_by_label("on field");
+            assert_eq!(field.value().as_deref(), Some("Hips.."));
+            type_into(&mut desk, "on field", text);
+        }
+        let written = format!(".on(\"{}\");", choose.or(typed).unwrap());
+        assert!(desk.state().text().contains(&written), "{}", desk.state().text());
+    }
 }
 
 #[test]

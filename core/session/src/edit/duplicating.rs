@@ -1,0 +1,167 @@
+//! Whole objects once more: the statement that makes one and those about it, under another name.
+
+use super::casting::first_free;
+use super::object::{ScriptObject, quoted};
+use super::scan::Source;
+use super::{Edit, EditRefused, NamedBy};
+use glam::DVec3;
+use std::ops::Range;
+
+/// Adds a copy of the object that the call at a place makes, behind the last statement about it: the statement with the call and the later
+/// ones that begin with its variable, in their order. The copy and its variable have the next free number, `bob 2` and `bob_2`; the
+/// name that is stated is returned, too. `by`: how far from the object the copy stands, metres, where its place is stated by numbers.
+///
+/// # Errors
+/// Why it cannot be copied, for the user: its name is computed, or a statement about it stands in a block or defines another variable.
+pub fn duplicate_object(
+    text: &str,
+    (line, column): (usize, usize),
+    by: NamedBy,
+    offset: Option<DVec3>,
+) -> Result<(Edit, Option<String>), EditRefused> {
+    let object = ScriptObject::at(text, line, column)?;
+    let source = &object.text;
+    let ranges = statements_about(source, object.made.name.start, line)?;
+    let stated = object.stated_name(by);
+    let name = match stated.as_ref().map(|range| (object.name(by), &text[range.clone()])) {
+        None => None,
+        Some((Some(name), _)) => {
+            Some(first_free(|n| format!("{name} {}", n + 1), |name| text.contains(&quoted(name))))
+        }
+        Some((None, written)) => {
+            let why = format!("its name, {written}, is computed; duplicate it in the script");
+            return Err(EditRefused::at(line, &why));
+        }
+    };
+    let old = source.variable_of(ranges[0].start);
+    let variable = old.map(|old| first_free(|n| format!("{old}_{}", n + 1), |name| text.contains(name)));
+    let new_name = stated.zip(name.as_deref().map(quoted));
+    let mut copy = String::new();
+    for range in &ranges {
+        let mut changes: Vec<(Range<usize>, &str)> = Vec::new();
+        if let (Some(old), Some(new)) = (old, &variable) {
+            let declared = (range.start == ranges[0].start).then(|| source.skip(range.start + "let".len()));
+            let used = source.uses_of(old).filter(|at| range.contains(at) && Some(*at) != declared);
+            changes.extend(declared.into_iter().chain(used).map(|at| (at..at + old.len(), new.as_str())));
+        }
+        let own_name = new_name.iter().filter(|(at, _)| range.contains(&at.start));
+        changes.extend(own_name.map(|(at, new)| (at.clone(), new.as_str())));
+        changes.sort_by_key(|(at, _)| std::cmp::Reverse(at.start));
+        let mut statement = text[range.clone()].to_string();
+        for (at, new) in changes {
+            statement.replace_range(at.start - range.start..at.end - range.start, new);
+        }
+        copy += &format!("\n{statement}");
+    }
+    let last = ranges.last().map_or(0, |range| range.end);
+    let at = source.own_lines(&(last..last)).map_or(last, |lines| lines.end);
+    let at = at - usize::from(text[..at].ends_with('\n') && at > last);
+    let after = Edit { range: at..at, text: copy }.apply(text);
+    let longer = old.zip(variable.as_ref()).map_or(0, |(old, new)| new.len() - old.len());
+    let made_at = at + 1 + object.made.name.start - ranges[0].start + longer;
+    let moved = offset.and_then(|by| moved(&after, made_at, by));
+    let after = moved.map_or(after.clone(), |edit| edit.apply(&after));
+    Ok((Edit::between(text, &after), name))
+}
+
+/// The change that moves what the call at a byte makes; `None` where its place is computed.
+fn moved(text: &str, byte: usize, by: DVec3) -> Option<Edit> {
+    let before = text.get(..byte)?;
+    let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
+    let object = ScriptObject::at(text, before.matches('\n').count() + 1, column).ok()?;
+    object.move_by(by, by).ok()
+}
+
+/// The statement around a call and the later ones that begin with its variable, in their order.
+fn statements_about(source: &Source, call: usize, line: usize) -> Result<Vec<Range<usize>>, EditRefused> {
+    let line_of = |byte: usize| source[..byte].matches('\n').count() + 1;
+    let in_block = |at: usize| source.depth_to(source.statement_start(at)) > 0;
+    if in_block(call) {
+        return Err(EditRefused::at(line, "it stands in a function or a block; duplicate it there"));
+    }
+    let own = source.statement_start(call)..source.statement_end(call);
+    let mut ranges = vec![own.clone()];
+    let Some(name) = source.variable_of(own.start) else { return Ok(ranges) };
+    for used in source.uses_of(name).filter(|used| *used > own.end) {
+        let start = source.statement_start(used);
+        let continues = source[source.skip(used + name.len())..].starts_with('.');
+        if start == used && continues && !in_block(used) {
+            ranges.push(start..source.statement_end(used));
+        } else if continues && (in_block(used) || source.variable_of(start).is_some()) {
+            let why = format!(
+                "this line changes {name} in a way that a copy would lack; duplicate it in the script"
+            );
+            return Err(EditRefused::at(line_of(used), &why));
+        }
+    }
+    ranges.dedup();
+    Ok(ranges)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The place is where `|` stands.
+    fn copied(text: &str, by: Option<DVec3>) -> Result<(String, Option<String>), String> {
+        let at = text.find('|').unwrap();
+        let line = text[..at].matches('\n').count() + 1;
+        let column = text[..at].rsplit('\n').next().unwrap().chars().count() + 1;
+        let text = text.replacen('|', "", 1);
+        let made = duplicate_object(&text, (line, column), NamedBy::Argument, by);
+        let (edit, name) = made.map_err(|refused| refused.why)?;
+        let after = edit.apply(&text);
+        assert_eq!(edit.inverse(&text).apply(&after), text);
+        Ok((after, name))
+    }
+
+    #[test]
+    fn an_object_is_copied_with_the_lines_about_it() {
+        let text = "let m = load(\"m\");\nlet bob = |cast(\"bob\", m)\n    .at(1, 0, 0); // left\nlet a = 1;\nbob.play(m.clip(\"W\"))\n    .until(2.0); // walks\nsun(#{});\n";
+        let plain = text.replace('|', "");
+        let more = "let bob_2 = cast(\"bob 2\", m)\n    .at(2, 0, 0);\nbob_2.play(m.clip(\"W\"))\n    .until(2.0);\n";
+        let wanted = plain.replace("sun(", &format!("{more}sun("));
+        let (after, name) = copied(text, Some(DVec3::X)).unwrap();
+        assert_eq!((after.as_str(), name.as_deref()), (wanted.as_str(), Some("bob 2")));
+        // The next copy has the next number, and one without a distance stands where the object does.
+        let again = wanted.replacen("cast(", "|cast(", 1);
+        let (after, name) = copied(&again, None).unwrap();
+        assert!(after.contains("let bob_3 = cast(\"bob 3\", m)\n    .at(1, 0, 0);"), "{after}");
+        assert_eq!(name.as_deref(), Some("bob 3"));
+        let (after, _) = copied("|cast(\"a\", m).play(c);", Some(DVec3::Z)).unwrap();
+        assert_eq!(after, "cast(\"a\", m).play(c);\ncast(\"a 2\", m).at(0, 0, 1).play(c);");
+        // What others do with it stays theirs.
+        let (after, _) = copied("let a = |cast(\"a\", m);\neve.face(a);\na.face(a);", None).unwrap();
+        assert_eq!(
+            after,
+            "let a = cast(\"a\", m);\neve.face(a);\na.face(a);\nlet a_2 = cast(\"a 2\", m);\na_2.face(a_2);"
+        );
+    }
+
+    #[test]
+    fn what_a_copy_would_lack_is_refused_with_its_line() {
+        for (text, why) in [
+            ("let a = |cast(\"a\", m);\nif x { a.play(c); }\n", "line 2: this line changes a "),
+            ("let a = |cast(\"a\", m);\nlet w = a.play(c);\n", "line 2: this line changes a "),
+            ("fn f(x) {\n    |cast(x, m);\n}\n", "line 2: it stands in a function or a block"),
+            ("|cast(\"a\" + 1, m);\n", "line 1: its name, \"a\" + 1, is computed"),
+        ] {
+            let refused = copied(text, None).unwrap_err();
+            assert!(refused.starts_with(why), "{refused}");
+        }
+    }
+
+    #[test]
+    fn no_text_makes_it_panic() {
+        let text = "let ä = cast(\"ü(\") /* é */ .at([1]);\nä.play(x);\n}";
+        let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();
+        for from in &ends {
+            for to in ends.iter().filter(|to| *to >= from) {
+                for column in 1..12 {
+                    let part = &text[*from..*to];
+                    let _ = duplicate_object(part, (1, column), NamedBy::Argument, Some(DVec3::X));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! Actors, cameras, lights, effects and titles as a whole: put on stage once more, and taken off it.
+
+use super::EditError;
+use crate::app::Viewer;
+use crate::geometry::picking;
+use crate::state::selection::{Selected, actor};
+use choreo_script::Place;
+use choreo_session::edit::{delete_object, duplicate_object};
+use choreo_stage::Property;
+use glam::DVec3;
+
+impl Viewer {
+    /// Puts something on stage once more, with the statements about it. An actor stands beside the first, by its width, where its place is
+    /// stated by numbers.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn duplicate_object(&mut self, what: &Selected) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+        let (by, offset) = (self.named_by(what), self.beside(what));
+        let (mut name, mut line) = (None, 0);
+        self.change(&place, siblings, |text| {
+            let (edit, its_name) = duplicate_object(text, (place.line, place.column), by, offset)?;
+            (name, line) = (its_name, text[..edit.range.start].matches('\n').count() + 1);
+            Ok(edit)
+        })?;
+        let before = |places: &[Place]| places.iter().filter(|place| place.line <= line).count();
+        self.selection = match (what, name) {
+            (Selected::Actor(_), Some(name)) => Some(Selected::Actor(name)),
+            (Selected::Camera(_), Some(name)) => Some(Selected::Camera(name)),
+            (Selected::Light(_), _) => Some(Selected::Light(before(&scene.places.lights))),
+            (Selected::Effect(_), _) => Some(Selected::Effect(before(&scene.places.effects))),
+            (Selected::Title(_), _) => Some(Selected::Title(before(&scene.places.layers_2d))),
+            _ => None,
+        };
+        Ok(())
+    }
+
+    /// How far from an actor its copy stands; `None` where keys, a path or another actor place it.
+    fn beside(&self, what: &Selected) -> Option<DVec3> {
+        let Selected::Actor(name) = what else { return None };
+        let stage = &self.scene.as_ref()?.stage;
+        let index = actor(stage, name)?;
+        let own = &stage.actors[index];
+        let is_keyed = own.channels.iter().any(|channel| channel.property == Property::Translation);
+        if is_keyed || own.path_following.is_some() || !own.parents.is_empty() {
+            return None;
+        }
+        let snapshot = stage.at(self.playhead.time()).ok()?;
+        let (low, high) = picking::bounds(&own.asset, snapshot.actors.get(index)?)?;
+        Some(DVec3::X * ((high.x - low.x) * 10.0).ceil().max(1.0) / 10.0)
+    }
+
+    /// Takes an actor, a camera, a light, an effect or a title off the stage: the statement that makes it, and those about it alone.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn delete_object(&mut self, what: &Selected) -> Result<(), EditError> {
+        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+        self.change(&place, siblings, |text| delete_object(text, place.line, place.column))?;
+        self.selection = None;
+        Ok(())
+    }
+}
