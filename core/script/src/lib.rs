@@ -4,7 +4,7 @@
 //! script.rhai ─► engine (sandbox) ─► api (tables of functions) ─► build (drafts) ─► resolve ─► Stage
 //!                                     └ loader ─► importer plugins                    └ check ─► warnings
 //! ```
-//! The only crate that knows Rhai. What a script can call is listed in `API.md`, made from the tables in `api`.
+//! No other crate runs scenes by Rhai. What a script can call is listed in `API.md`, made from the tables in `api`.
 
 mod api;
 mod api_error;

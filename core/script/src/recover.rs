@@ -17,7 +17,7 @@ use std::collections::BTreeSet;
 /// Statements that may fail before the script ends.
 const MOST: usize = 20;
 
-/// Runs the statements of a script and notes what is wrong with them. Whether nothing was.
+/// Runs the statements of a script and notes what is wrong with them. True if there was no error.
 pub(crate) fn run(
     engine: &Engine,
     name: &str,

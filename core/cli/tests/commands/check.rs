@@ -1,5 +1,5 @@
-//! `choreo check` on scripts that are hardly meant, each with the exact text of what is found: `checked/NAME.rhai` and
-//! `checked/NAME.txt`. `CHOREO_ACCEPT=1 cargo test -p choreo --test commands check` writes the texts anew; read them before you commit.
+//! `choreo check` on scripts that are valid but probably not intended, each with the exact text of what is found: `checked/NAME.rhai` and
+//! `checked/NAME.txt`. `CHOREO_ACCEPT=1 cargo test --workspace --test commands check` writes the texts anew; read them before you commit.
 
 use crate::common::*;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! The rules of `check`: they find things that are valid in a script but probably not intended. Only `choreo check` reports them.
+//! The rules of `check`: they find things that are valid in a script but probably not intended. Only `choreo check` and editors report them.
 //!
 //! ```text
 //! drafts ─► cues, unused ─┐

@@ -56,8 +56,8 @@ described! {
     ) {
         /// Stage time at which it begins.
         start: Time = Time::ZERO;
-        /// The pose of the base layer is held from here on, where no cue follows at once (one that does fades in over the
-        /// playing clip). On upper layers: faded out (over `fade_out`) by then. `None`: until the next cue or for ever.
+        /// From this time on the base layer holds its last pose, unless the next cue begins at once: it fades in over the
+        /// clip, which goes on. On upper layers: faded out (over `fade_out`) by then. `None`: until the next cue or for ever.
         end: Option<Time> = None;
         /// How long it takes to fade in.
         fade_in: Time = Time::ZERO;

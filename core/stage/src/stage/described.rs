@@ -250,7 +250,7 @@ impl<T: Holds + Default> Holds for Option<T> {
 /// ```
 /// Members in parentheses are arguments of `new`, which takes `&str` for `String => str`; the others have a default there. The content hash is made of all members in
 /// this order, each by [`Hashed`](choreo_asset::hash::Hashed) or by the function after `hash`. A field is a member, or a member of a
-/// member; `get` and `set` reach what is neither, and `lacks` gives the reason why some do not have it.
+/// member; `get` and `set` give access to values that are neither, and `lacks` gives the reason why some do not have it.
 macro_rules! described {
     (
         $(#[$attr:meta])*

@@ -176,6 +176,11 @@ impl Facts {
             || self.looks.iter().flatten().any(|f| !f.counted || !f.reached)
             || self.reaches.open(stage)
             || self.lights.iter().any(|f| !f.shines || !f.reaches)
+            || stage
+                .cameras
+                .iter()
+                .zip(&self.cameras)
+                .any(|(c, f)| may_pass_its_target(c) && !f.in_its_target)
             || self.on.iter().zip(&self.cameras).any(|(on, f)| *on > Time::ZERO && !(f.looked && f.sees))
     }
 
@@ -438,4 +443,10 @@ fn reaches(light: &LightState, sight: &Sight, bounds: &DAabb) -> bool {
     }
     let angle = libm::acos((way.dot(direction) / distance).clamp(-1.0, 1.0));
     angle <= f64::from(outer) + libm::asin(radius / distance)
+}
+
+/// Whether a camera has keys of its place and looks at something, so that single frames may have both in one point.
+fn may_pass_its_target(camera: &Camera) -> bool {
+    let looks = matches!(camera.rig, Rig::Fixed { look_at: Some(_), .. });
+    looks && camera.channels.iter().any(|channel| channel.property == Property::Translation)
 }
