@@ -4,6 +4,7 @@
 
 use egui::epaint::{ImageDelta, Primitive, Vertex};
 use egui::{ClippedPrimitive, Color32, ImageData, Pos2, Rect, TextureFilter, TextureId, TexturesDelta};
+use glam::{Vec2, Vec4};
 use std::collections::BTreeMap;
 
 /// A texture with premultiplied colors.
@@ -24,8 +25,8 @@ impl Texture {
     }
 
     /// The color at a place, 0 to 1, between the four nearest pixels; the edge goes on outside.
-    fn color(&self, u: f32, v: f32) -> [f32; 4] {
-        let (x, y) = (u * self.width as f32 - 0.5, v * self.height as f32 - 0.5);
+    fn color(&self, at: Vec2) -> Vec4 {
+        let (x, y) = (at.x * self.width as f32 - 0.5, at.y * self.height as f32 - 0.5);
         let part = |at: f32, size: usize| {
             let at = at.clamp(0.0, (size - 1) as f32);
             let low = at as usize;
@@ -33,16 +34,20 @@ impl Texture {
         };
         let (x0, x1, fx) = part(x, self.width);
         let (y0, y1, fy) = part(y, self.height);
-        let at = |x: usize, y: usize| self.pixels[y * self.width + x].to_array().map(f32::from);
+        let at = |x: usize, y: usize| color(self.pixels[y * self.width + x]);
         // A pixel of the image for each of the screen: the same bytes.
         const EXACT: f32 = 1.0 / 256.0;
         let near = |f: f32| !(EXACT..=1.0 - EXACT).contains(&f);
         if self.nearest || (near(fx) && near(fy)) {
             return at(if fx > 0.5 { x1 } else { x0 }, if fy > 0.5 { y1 } else { y0 });
         }
-        let mix = |a: [f32; 4], b: [f32; 4], f: f32| std::array::from_fn(|i| a[i] + (b[i] - a[i]) * f);
-        mix(mix(at(x0, y0), at(x1, y0), fx), mix(at(x0, y1), at(x1, y1), fx), fy)
+        at(x0, y0).lerp(at(x1, y0), fx).lerp(at(x0, y1).lerp(at(x1, y1), fx), fy)
     }
+}
+
+/// Red, green, blue and alpha, 0 to 255.
+fn color(color: Color32) -> Vec4 {
+    Vec4::from_array(color.to_array().map(f32::from))
 }
 
 /// All textures of a window.
@@ -91,22 +96,50 @@ impl Textures {
     }
 }
 
-/// The pixels of a window, 0x00RRGGBB.
-pub struct Target<'a> {
-    pub width: usize,
-    pub height: usize,
-    pub pixels: &'a mut [u32],
+/// The pixels of some rows of a window, 0x00RRGGBB.
+struct Target<'a> {
+    width: usize,
+    /// The number of the first row.
+    top: usize,
+    pixels: &'a mut [u32],
 }
+
+/// Draws triangles over all pixels of a window of this width; its rows are shared by threads.
+pub fn draw(
+    pixels: &mut [u32],
+    width: usize,
+    primitives: &[ClippedPrimitive],
+    pixels_per_point: f32,
+    textures: &Textures,
+) {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
+    let rows = (pixels.len() / width.max(1)).div_ceil(threads).max(1);
+    std::thread::scope(|scope| {
+        let mut parts = pixels.chunks_mut(width.max(1) * rows).enumerate();
+        let own = parts.next();
+        let draw = move |(part, pixels)| {
+            Target { width, top: part * rows, pixels }.draw(primitives, pixels_per_point, textures);
+        };
+        parts.for_each(|part| drop(scope.spawn(move || draw(part))));
+        own.into_iter().for_each(draw);
+    });
+}
+
+/// Further threads find little to do.
+const MOST_THREADS: usize = 8;
 
 impl Target<'_> {
     /// Draws triangles over what is there.
-    pub fn draw(&mut self, primitives: &[ClippedPrimitive], pixels_per_point: f32, textures: &Textures) {
+    fn draw(&mut self, primitives: &[ClippedPrimitive], pixels_per_point: f32, textures: &Textures) {
         for ClippedPrimitive { clip_rect, primitive } in primitives {
             let Primitive::Mesh(mesh) = primitive else { continue };
             let Some(texture) = textures.0.get(&mesh.texture_id).filter(|t| !t.pixels.is_empty()) else {
                 continue;
             };
             let clip = self.clip(*clip_rect * pixels_per_point);
+            if clip[0] >= clip[2] || clip[1] >= clip[3] {
+                continue;
+            }
             let vertex = |index: u32| {
                 let vertex = mesh.vertices.get(index as usize)?;
                 Some(Vertex { pos: vertex.pos * pixels_per_point, ..*vertex })
@@ -119,55 +152,109 @@ impl Target<'_> {
         }
     }
 
-    /// Left, top, right and bottom in whole pixels of this target.
+    /// Left, top, right and bottom in whole pixels of the window, within this target.
     fn clip(&self, rect: Rect) -> [usize; 4] {
-        let within = |at: f32, size: usize| at.round().clamp(0.0, size as f32) as usize;
-        let (w, h) = (self.width, self.height);
-        [within(rect.min.x, w), within(rect.min.y, h), within(rect.max.x, w), within(rect.max.y, h)]
+        let within = |at: f32, [low, high]: [usize; 2]| at.round().clamp(low as f32, high as f32) as usize;
+        let (columns, rows) = ([0, self.width], [self.top, self.top + self.pixels.len() / self.width.max(1)]);
+        [
+            within(rect.min.x, columns),
+            within(rect.min.y, rows),
+            within(rect.max.x, columns),
+            within(rect.max.y, rows),
+        ]
     }
 
     fn triangle(&mut self, mut vertices: [Vertex; 3], clip: [usize; 4], texture: &Texture) {
         vertices.sort_by(|a, b| a.pos.y.total_cmp(&b.pos.y));
         let [a, b, c] = vertices.map(|vertex| vertex.pos);
         let rows = pixels(a.y, c.y, clip[1], clip[3]);
-        let Some(paint) = Paint::new(&vertices, texture).filter(|_| !rows.is_empty()) else { return };
+        if rows.is_empty() {
+            return;
+        }
+        let Some(paint) = Paint::new(&vertices, texture) else { return };
+        let (long, upper, lower) = (Edge::new(a, c), Edge::new(a, b), Edge::new(b, c));
         for y in rows {
             let center = y as f32 + 0.5;
-            let long = crossing(a, c, center);
-            let short = if center < b.y { crossing(a, b, center) } else { crossing(b, c, center) };
+            let long = long.crossing(center);
+            let short = if center < b.y { upper.crossing(center) } else { lower.crossing(center) };
             let span = pixels(long.min(short), long.max(short), clip[0], clip[2]);
             if span.is_empty() {
                 continue;
             }
             let from = span.start as f32 + 0.5;
-            let row = &mut self.pixels[y * self.width + span.start..y * self.width + span.end];
-            paint.row(row, from, center);
+            let start = (y - self.top) * self.width;
+            paint.row(&mut self.pixels[start + span.start..start + span.end], from, center);
         }
     }
 }
 
 /// The pixels whose centers lie in [low, high), and within the clipped range.
 fn pixels(low: f32, high: f32, from: usize, until: usize) -> std::ops::Range<usize> {
-    let first = |at: f32| (at - 0.5).ceil().clamp(from as f32, until.max(from) as f32) as usize;
+    let first = |at: f32| {
+        let at = (at - 0.5).clamp(from as f32, until.max(from) as f32);
+        let whole = at as usize;
+        whole + usize::from((whole as f32) < at)
+    };
     first(low)..first(high)
 }
 
-/// Place at which an edge crosses the middle of a row: the same from both of its triangles.
-fn crossing(a: Pos2, b: Pos2, y: f32) -> f32 {
-    // Vertices at the same height come in any order, and have no crossing between them.
-    let (a, b) = if (a.y, a.x) <= (b.y, b.x) { (a, b) } else { (b, a) };
-    if b.y <= a.y {
-        return a.x;
+/// An edge of a triangle, by its upper end.
+struct Edge {
+    from: Pos2,
+    /// Change of x in a row.
+    slope: f32,
+}
+
+impl Edge {
+    /// The same of both triangles that have the edge, whichever end is first.
+    fn new(a: Pos2, b: Pos2) -> Edge {
+        // Vertices at the same height come in any order, and have no crossing between them.
+        let (a, b) = if (a.y, a.x) <= (b.y, b.x) { (a, b) } else { (b, a) };
+        let slope = if b.y <= a.y { 0.0 } else { (b.x - a.x) / (b.y - a.y) };
+        Edge { from: a, slope }
     }
-    a.x + (y - a.y) * ((b.x - a.x) / (b.y - a.y))
+
+    /// Place at which it crosses the middle of a row.
+    fn crossing(&self, y: f32) -> f32 {
+        self.from.x + (y - self.from.y) * self.slope
+    }
 }
 
 /// A value over a triangle: at a vertex, and its change a pixel to the right and down.
 #[derive(Clone, Copy)]
-struct Plane<const N: usize> {
-    at: [f32; N],
-    right: [f32; N],
-    down: [f32; N],
+struct Plane<T> {
+    at: T,
+    right: T,
+    down: T,
+}
+
+/// The area of a triangle by its edges from the first vertex.
+struct Area {
+    to_b: egui::Vec2,
+    to_c: egui::Vec2,
+    /// Twice the area.
+    size: f32,
+}
+
+impl<T> Plane<T>
+where
+    T: Copy + PartialEq + std::ops::Sub<Output = T> + std::ops::Add<Output = T>,
+    T: std::ops::Mul<f32, Output = T> + std::ops::Div<f32, Output = T>,
+{
+    /// `None` where the value is the same at all vertices.
+    fn new([a, b, c]: [T; 3], area: &Area) -> Option<Plane<T>> {
+        if a == b && a == c {
+            return None;
+        }
+        let (b, c, Area { to_b, to_c, size }) = (b - a, c - a, area);
+        let right = (b * to_c.y - c * to_b.y) / *size;
+        let down = (c * to_b.x - b * to_c.x) / *size;
+        Some(Plane { at: a, right, down })
+    }
+
+    fn value(&self, right: f32, down: f32) -> T {
+        self.at + self.right * right + self.down * down
+    }
 }
 
 /// Colors of one triangle.
@@ -175,91 +262,83 @@ struct Paint<'a> {
     origin: Pos2,
     texture: &'a Texture,
     /// Premultiplied, 0 to 255; `None` where it is the same everywhere.
-    tint: Option<Plane<4>>,
-    place: Option<Plane<2>>,
+    tint: Option<Plane<Vec4>>,
+    place: Option<Plane<Vec2>>,
     /// Values at the first vertex: the tint and the texture's color.
-    first: ([f32; 4], [f32; 4]),
+    first: (Vec4, Vec4),
 }
 
 impl Paint<'_> {
     /// `None` for a triangle without an area.
     fn new<'a>(vertices: &[Vertex; 3], texture: &'a Texture) -> Option<Paint<'a>> {
         let [a, b, c] = vertices;
-        let (u, v) = (b.pos - a.pos, c.pos - a.pos);
-        let area = u.x * v.y - u.y * v.x;
-        if !(area.abs() > 1e-12 && area.is_finite()) {
+        let (to_b, to_c) = (b.pos - a.pos, c.pos - a.pos);
+        let area = Area { to_b, to_c, size: to_b.x * to_c.y - to_b.y * to_c.x };
+        if !(area.size.abs() > 1e-12 && area.size.is_finite()) {
             return None;
         }
-        fn plane<const N: usize>(
-            at: [[f32; N]; 3],
-            u: egui::Vec2,
-            v: egui::Vec2,
-            area: f32,
-        ) -> Option<Plane<N>> {
-            let [a, b, c] = at;
-            let (to_b, to_c): ([f32; N], [f32; N]) =
-                (std::array::from_fn(|i| b[i] - a[i]), std::array::from_fn(|i| c[i] - a[i]));
-            if to_b == [0.0; N] && to_c == [0.0; N] {
-                return None;
-            }
-            let right = std::array::from_fn(|i| (to_b[i] * v.y - to_c[i] * u.y) / area);
-            let down = std::array::from_fn(|i| (to_c[i] * u.x - to_b[i] * v.x) / area);
-            Some(Plane { at: a, right, down })
-        }
-        let color = |vertex: &Vertex| vertex.color.to_array().map(f32::from);
-        let place = |vertex: &Vertex| [vertex.uv.x, vertex.uv.y];
+        let place = |vertex: &Vertex| Vec2::new(vertex.uv.x, vertex.uv.y);
         Some(Paint {
             origin: a.pos,
             texture,
-            tint: plane([a, b, c].map(color), u, v, area),
-            place: plane([a, b, c].map(place), u, v, area),
-            first: (color(a), texture.color(a.uv.x, a.uv.y)),
+            tint: Plane::new([a, b, c].map(|vertex| color(vertex.color)), &area),
+            place: Plane::new([a, b, c].map(place), &area),
+            first: (color(a.color), texture.color(place(a))),
         })
     }
 
     /// Draws pixels beside each other, the first of them with its center at `x`.
     fn row(&self, row: &mut [u32], x: f32, y: f32) {
         let (dx, dy) = (x - self.origin.x, y - self.origin.y);
-        if self.tint.is_none() && self.place.is_none() {
-            let color = product(self.first.0, self.first.1);
-            return match color[3] >= 254.5 {
-                true => row.fill(packed(color)),
-                false => row.iter_mut().for_each(|pixel| *pixel = over(color, *pixel)),
-            };
-        }
-        for (step, pixel) in row.iter_mut().enumerate() {
-            let right = dx + step as f32;
-            let tint = self.tint.map_or(self.first.0, |plane| plane.value(right, dy));
-            let texel = self.place.map_or(self.first.1, |plane| {
-                let [u, v] = plane.value(right, dy);
-                self.texture.color(u, v)
-            });
-            let color = product(tint, texel);
-            *pixel = if color[3] >= 254.5 { packed(color) } else { over(color, *pixel) };
+        let (tint, texel) = self.first;
+        let pixels = (0u32..).zip(row.iter_mut()).map(|(step, pixel)| (dx + step as f32, pixel));
+        match (&self.tint, &self.place) {
+            (None, None) => {
+                let color = product(tint, texel);
+                match color.w >= OPAQUE {
+                    true => row.fill(packed(color)),
+                    false => row.iter_mut().for_each(|pixel| *pixel = over(color, *pixel)),
+                }
+            }
+            (Some(tint), None) => {
+                pixels.for_each(|(right, pixel)| paint(pixel, product(tint.value(right, dy), texel)));
+            }
+            (None, Some(place)) => pixels.for_each(|(right, pixel)| {
+                paint(pixel, product(tint, self.texture.color(place.value(right, dy))));
+            }),
+            (Some(tint), Some(place)) => pixels.for_each(|(right, pixel)| {
+                let texel = self.texture.color(place.value(right, dy));
+                paint(pixel, product(tint.value(right, dy), texel));
+            }),
         }
     }
 }
 
-impl<const N: usize> Plane<N> {
-    fn value(&self, right: f32, down: f32) -> [f32; N] {
-        std::array::from_fn(|i| self.at[i] + self.right[i] * right + self.down[i] * down)
+/// Alpha from which nothing is seen through a color.
+const OPAQUE: f32 = 254.5;
+
+fn product(a: Vec4, b: Vec4) -> Vec4 {
+    (a * b / 255.0).clamp(Vec4::ZERO, Vec4::splat(255.0))
+}
+
+fn paint(pixel: &mut u32, color: Vec4) {
+    // Most of a letter's square is empty.
+    if color != Vec4::ZERO {
+        *pixel = if color.w >= OPAQUE { packed(color) } else { over(color, *pixel) };
     }
 }
 
-fn product(a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
-    std::array::from_fn(|i| (a[i] * b[i] / 255.0).clamp(0.0, 255.0))
-}
-
-fn packed(color: [f32; 4]) -> u32 {
-    let [r, g, b, _] = color.map(|c| (c + 0.5) as u32);
+fn packed(color: Vec4) -> u32 {
+    let [r, g, b, _] = color.to_array().map(|c| (c + 0.5) as u32);
     r << 16 | g << 8 | b
 }
 
 /// A premultiplied color over an opaque one (Porter and Duff 1984).
-fn over(color: [f32; 4], below: u32) -> u32 {
-    let through = 1.0 - color[3] / 255.0;
-    let channel = |shift: u32, i: usize| (color[i] + (below >> shift & 0xff) as f32 * through).min(255.0);
-    packed([channel(16, 0), channel(8, 1), channel(0, 2), 255.0])
+fn over(color: Vec4, below: u32) -> u32 {
+    let through = 1.0 - color.w / 255.0;
+    let channel = |shift: u32| (below >> shift & 0xff) as f32;
+    let below = Vec4::new(channel(16), channel(8), channel(0), 0.0);
+    packed((color + below * through).min(Vec4::splat(255.0)))
 }
 
 #[cfg(test)]
@@ -281,7 +360,7 @@ mod tests {
         let clip_rect = Rect::from_min_size(Pos2::ZERO, egui::Vec2::splat(size as f32));
         let primitive = ClippedPrimitive { clip_rect, primitive: Primitive::Mesh(mesh) };
         let mut pixels = vec![below; size * size];
-        Target { width: size, height: size, pixels: &mut pixels }.draw(&[primitive], 1.0, textures);
+        draw(&mut pixels, size, &[primitive], 1.0, textures);
         pixels
     }
 

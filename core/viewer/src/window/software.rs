@@ -1,7 +1,7 @@
 //! Frames of the window without Vulkan: egui's triangles as pixels, which go to the window system as they are. On the window's own
-//! thread, because the threads of the pool may draw a frame of the scene for a second.
+//! thread and helpers of its own, because the threads of the pool may draw a frame of the scene for a second.
 
-use super::raster::{Target, Texture, Textures};
+use super::raster::{self, Texture, Textures};
 use choreo_plugin::Frame;
 use egui::{ClippedPrimitive, TextureId, TexturesDelta};
 use softbuffer::{Context, SoftBufferError, Surface};
@@ -66,8 +66,7 @@ impl Software {
         self.surface.resize(w, h)?;
         let mut pixels = self.surface.buffer_mut()?;
         pixels.fill(0);
-        let mut target = Target { width: width as usize, height: height as usize, pixels: &mut pixels };
-        target.draw(primitives, pixels_per_point, &self.textures);
+        raster::draw(&mut pixels, width as usize, primitives, pixels_per_point, &self.textures);
         before();
         pixels.present()?;
         Ok(true)

@@ -3,7 +3,7 @@
 
 use super::{Desk, Place};
 use choreo_plugin::Frame;
-use choreo_viewer::raster::{Target, Texture, Textures};
+use choreo_viewer::raster::{self, Texture, Textures};
 use egui::accesskit::Role;
 use egui::{Event, Modifiers, Pos2, Rect, TextureId, TexturesDelta, Vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -128,7 +128,7 @@ impl Mouse {
         let (width, height) = (self.size.x as usize, self.size.y as usize);
         let mut pixels = vec![0; width * height];
         let primitives = self.desk.ctx.tessellate(self.desk.output().shapes.clone(), 1.0);
-        Target { width, height, pixels: &mut pixels }.draw(&primitives, 1.0, &self.textures.0.borrow());
+        raster::draw(&mut pixels, width, &primitives, 1.0, &self.textures.0.borrow());
         let rgb = pixels.iter().flat_map(|p| [(p >> 16) as u8, (p >> 8) as u8, *p as u8]).collect();
         let image = image::RgbImage::from_raw(width as u32, height as u32, rgb).unwrap();
         image.save(folder.join(format!("{name}.png"))).unwrap();
