@@ -69,9 +69,9 @@ pub struct Subject<'a> {
 /// The lines that add it to a script of this text, and the name that it has there, if it has one:
 ///
 /// ```text
-/// let teal = load("choreo:mannequin", #{ color: "teal" });
-/// let bob = cast("bob", teal).at(1.0, 0.0, 0.0);
-/// bob.play(teal.clip("Idle"));
+/// let bob_model = load("choreo:mannequin", #{ color: "teal" });
+/// let bob = cast("bob", bob_model).at(1.0, 0.0, 0.0);
+/// bob.play(bob_model.clip("Idle"));
 /// ```
 pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<String>) {
     let point = |p: DVec3| p.to_array().map(format_number).join(", ");
@@ -83,7 +83,8 @@ pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<
         Addition::Character => {
             let is_free = |(name, color): &&(&str, &str)| !is_quoted(name) && !is_quoted(color);
             let (name, color) = CHARACTERS.iter().find(is_free).copied().unwrap_or(("actor", "silver"));
-            let (name, model) = (free_name(text, name), free_name(text, color));
+            let name = free_name(text, name);
+            let model = free_name(text, &format!("{name}_model"));
             let lines = format!(
                 "let {model} = load(\"choreo:mannequin\", #{{ color: \"{color}\" }});\n\
                  let {name} = cast(\"{name}\", {model}){};\n{name}.play({model}.clip(\"Idle\"));\n",
@@ -197,10 +198,10 @@ mod tests {
         let first = lines("", &Addition::Character);
         assert_eq!(
             first,
-            "let coral = load(\"choreo:mannequin\", #{ color: \"coral\" });\nlet ada = cast(\"ada\", coral).at(1.0, 0.0, 0.0);\n\
-             ada.play(coral.clip(\"Idle\"));\n"
+            "let ada_model = load(\"choreo:mannequin\", #{ color: \"coral\" });\nlet ada = cast(\"ada\", ada_model).at(1.0, 0.0, 0.0);\n\
+             ada.play(ada_model.clip(\"Idle\"));\n"
         );
-        assert!(lines(&first, &Addition::Character).contains("let bob = cast(\"bob\", teal).at("));
+        assert!(lines(&first, &Addition::Character).contains("let bob = cast(\"bob\", bob_model).at("));
         let boxes = lines("let box = 1;", &Addition::Shape("box"));
         assert!(boxes.starts_with("let box_2 = cast(\"box_2\", shape(\"box\", #{"), "{boxes}");
         assert_eq!(lines("marker(\"marker 1\", 0.0);", &Addition::Marker), "marker(\"marker 2\", 1.0);\n");

@@ -4,6 +4,7 @@ use super::bar_menu::{self, Command};
 use super::hint::Hint;
 use super::icons;
 use crate::app::Viewer;
+use crate::state::events;
 use crate::state::selection::Selected;
 use egui::{RichText, Ui};
 use std::collections::BTreeSet;
@@ -88,6 +89,13 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     section(ui, "effects", stage.effects.len());
     for (index, effect) in stage.effects.iter().enumerate().filter(|(_, e)| matches(&e.plugin)) {
         select(ui, viewer, RichText::new(&effect.plugin), Selected::Effect(index));
+    }
+    section(ui, "titles", stage.layers_2d.len());
+    for (index, layer) in stage.layers_2d.iter().enumerate() {
+        let name = events::title(layer);
+        if matches(&name) {
+            select(ui, viewer, RichText::new(name), Selected::Title(index));
+        }
     }
 }
 

@@ -89,10 +89,10 @@ fn characters_come_from_the_menu_in_their_own_colors_beside_each_other() {
         desk.run();
     }
     let text = desk.state().text();
-    let added = "let teal = load(\"choreo:mannequin\", #{ color: \"teal\" });\nlet bob = cast(\"bob\", teal).at(1.0, 0.0, 0.0);\n\
-                 bob.play(teal.clip(\"Idle\"));\n\
-                 let gold = load(\"choreo:mannequin\", #{ color: \"gold\" });\nlet cleo = cast(\"cleo\", gold).at(-1.0, 0.0, 0.0);\n\
-                 cleo.play(gold.clip(\"Idle\"));\n";
+    let added = "let bob_model = load(\"choreo:mannequin\", #{ color: \"teal\" });\nlet bob = cast(\"bob\", bob_model).at(1.0, 0.0, 0.0);\n\
+                 bob.play(bob_model.clip(\"Idle\"));\n\
+                 let cleo_model = load(\"choreo:mannequin\", #{ color: \"gold\" });\nlet cleo = cast(\"cleo\", cleo_model).at(-1.0, 0.0, 0.0);\n\
+                 cleo.play(cleo_model.clip(\"Idle\"));\n";
     assert_eq!(text, format!("{SCRIPT}{added}"));
     assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("cleo".into())));
     // The menu Edit takes it back, and Delete takes off whatever is selected with all lines about it.
