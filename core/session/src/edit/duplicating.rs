@@ -53,9 +53,9 @@ pub fn duplicate_object(
         }
         copy += &format!("\n{statement}");
     }
-    let last = ranges.last().map_or(0, |range| range.end);
-    let at = source.own_lines(&(last..last)).map_or(last, |lines| lines.end);
-    let at = at - usize::from(text[..at].ends_with('\n') && at > last);
+    // Behind a comment on the last line, before its end.
+    let last = ranges.last().cloned().unwrap_or_default();
+    let at = source.own_lines(&last).map_or(last.end, |lines| lines.start + text[lines].trim_end().len());
     let after = Edit { range: at..at, text: copy }.apply(text);
     let longer = old.zip(variable.as_ref()).map_or(0, |(old, new)| new.len() - old.len());
     let made_at = at + 1 + object.made.name.start - ranges[0].start + longer;
@@ -119,7 +119,7 @@ mod tests {
     fn an_object_is_copied_with_the_lines_about_it() {
         let text = "let m = load(\"m\");\nlet bob = |cast(\"bob\", m)\n    .at(1, 0, 0); // left\nlet a = 1;\nbob.play(m.clip(\"W\"))\n    .until(2.0); // walks\nsun(#{});\n";
         let plain = text.replace('|', "");
-        let more = "let bob_2 = cast(\"bob 2\", m)\n    .at(2, 0, 0);\nbob_2.play(m.clip(\"W\"))\n    .until(2.0);\n";
+        let more = "let bob_2 = cast(\"bob 2\", m)\n    .at(2.0, 0, 0);\nbob_2.play(m.clip(\"W\"))\n    .until(2.0);\n";
         let wanted = plain.replace("sun(", &format!("{more}sun("));
         let (after, name) = copied(text, Some(DVec3::X)).unwrap();
         assert_eq!((after.as_str(), name.as_deref()), (wanted.as_str(), Some("bob 2")));
@@ -129,7 +129,7 @@ mod tests {
         assert!(after.contains("let bob_3 = cast(\"bob 3\", m)\n    .at(1, 0, 0);"), "{after}");
         assert_eq!(name.as_deref(), Some("bob 3"));
         let (after, _) = copied("|cast(\"a\", m).play(c);", Some(DVec3::Z)).unwrap();
-        assert_eq!(after, "cast(\"a\", m).play(c);\ncast(\"a 2\", m).at(0, 0, 1).play(c);");
+        assert_eq!(after, "cast(\"a\", m).play(c);\ncast(\"a 2\", m).at(0.0, 0.0, 1.0).play(c);");
         // What others do with it stays theirs.
         let (after, _) = copied("let a = |cast(\"a\", m);\neve.face(a);\na.face(a);", None).unwrap();
         assert_eq!(
