@@ -45,6 +45,15 @@ pub const CASES: &[Case] = &[
     Case::new("a shadow, and a box 5 km away", "share over 2 of 255 off that without", 0.0, || {
         shadow_moved(10.0, 1.0, true)
     }),
+    Case::new("a shadow, and a tower 5 km away", "share over 2 of 255 off that on 10 m", 0.0, || {
+        let mut stage = shadow(1e5, 1.0, false);
+        put(
+            &mut stage,
+            asset(quad(50.0), Material { double_sided: true, ..matte() }),
+            Placement::at(0.0, 50.0, -5e3),
+        );
+        off_room(&stage)
+    }),
     Case::new("a shadow in a scene of 1 cm", "share over 2 of 255 off that on 10 m", 0.0, || {
         shadow_moved(10.0, 1.0 / 1024.0, false)
     }),
@@ -252,9 +261,12 @@ fn shadow_off_rays(stage: &Stage) -> f64 {
 
 /// Against the same shadow in a scene of 10 m, where the board meets the ground.
 fn shadow_moved(ground: f64, scale: f64, far_box: bool) -> f64 {
+    off_room(&shadow(ground, scale, far_box))
+}
+
+fn off_room(stage: &Stage) -> f64 {
     let feet = |stage: &Stage| draw(stage, [96, 96]).map(|rgba| rgba[rgba.len() / 3 * 2..].to_vec());
-    let (Ok(room), Ok(moved)) = (feet(&shadow(10.0, 1.0, false)), feet(&shadow(ground, scale, far_box)))
-    else {
+    let (Ok(room), Ok(moved)) = (feet(&shadow(10.0, 1.0, false)), feet(stage)) else {
         return f64::NAN;
     };
     if room.iter().filter(|v| **v == 0).count() < 200 {

@@ -383,8 +383,9 @@ fn vulkan_draws_the_same_shadows() {
     assert!(c.mean > 0.15 && c.share_beyond > 0.01, "{c}");
 }
 
-/// A post 0.4 m wide and 1.6 m high on a square floor, which stands 3 m before the camera; all of it `scale` times as large.
-fn post_on_floor(floor: f64, scale: f64, far_box: bool) -> Scene {
+/// A post 0.4 m wide and 1.6 m high on a square floor, which stands 3 m before the camera; all of it `scale` times as large. `far_box`: the side
+/// of a box 5 km away.
+fn post_on_floor(floor: f64, scale: f64, far_box: Option<f64>) -> Scene {
     let camera = CameraState {
         camera: None,
         world_from_view: DAffine3::from_rotation_translation(
@@ -401,9 +402,9 @@ fn post_on_floor(floor: f64, scale: f64, far_box: bool) -> Scene {
     let post = scene.add(&block, turned * DAffine3::from_scale(DVec3::new(0.4, 1.6, 0.4) * scale));
     // Triangles are split by what the stage says about sizes.
     scene.stage.actors[post].transform.scale = DVec3::new(0.4, 1.6, 0.4) * scale;
-    if far_box {
-        let place = DAffine3::from_translation(DVec3::new(0.0, 0.25, -5000.0));
-        scene.add(&block, place * DAffine3::from_scale(DVec3::splat(0.5)));
+    if let Some(side) = far_box {
+        let place = DAffine3::from_translation(DVec3::new(0.0, 0.5 * side, -5000.0));
+        scene.add(&block, place * DAffine3::from_scale(DVec3::splat(side)));
     }
     scene.sun(Vec3::new(-0.7, -1.0, 0.3), Vec3::ONE, 0.7);
     scene.snapshot.lights[0].shadow = Some(Shadow::default());
@@ -425,24 +426,32 @@ fn apart(a: &[u8], b: &[u8]) -> (u8, usize) {
 
 /// The same pixels at the feet, whatever the floor's size, the scale of the scene and what stands at the horizon.
 fn same_at_the_feet(draw: &mut dyn FnMut(&Scene) -> choreo_plugin::Frame) {
-    let room = draw(&post_on_floor(10.0, 1.0, false));
+    let room = draw(&post_on_floor(10.0, 1.0, None));
     let dark = feet(&room).chunks_exact(4).filter(|p| p[0] < 110).count();
     assert!(dark > 300, "{dark} pixels are in shadow");
     for floor in [100.0, 1e3, 1e4, 1e5] {
-        let (worst, beyond) = apart(feet(&room), feet(&draw(&post_on_floor(floor, 1.0, false))));
+        let (worst, beyond) = apart(feet(&room), feet(&draw(&post_on_floor(floor, 1.0, None))));
         println!("a floor of {floor} m: {worst} at worst, {beyond} beyond 2");
         assert_eq!(beyond, 0, "a floor of {floor} m: {worst}");
     }
-    let with_box = draw(&post_on_floor(10.0, 1.0, true));
+    let with_box = draw(&post_on_floor(10.0, 1.0, Some(0.5)));
     assert_eq!(apart(feet(&room), feet(&with_box)), (0, 0), "a box 5 km away");
+    // One that is large enough to be drawn, with a ground under it on which its shadow falls.
+    let far = post_on_floor(1e5, 1.0, Some(100.0));
+    let (_, plan) = far.plan(&PlanOptions::new([160, 120], 1));
+    let maps = plan.shadow_maps.as_ref().unwrap();
+    let casters: u32 = maps.views.iter().flat_map(|view| &view.draws).map(|draw| draw.instance_count).sum();
+    assert!(casters > 1, "the box casts no shadow");
+    let (worst, beyond) = apart(feet(&room), feet(&draw(&far)));
+    assert_eq!(beyond, 0, "a large box 5 km away: {worst}");
     // Texels have sizes in steps that divide an octave.
     for scale in [1.0 / 1024.0, 0.125, 32.0, 1024.0] {
-        let scaled = draw(&post_on_floor(10.0, scale, false));
+        let scaled = draw(&post_on_floor(10.0, scale, None));
         assert_eq!(apart(feet(&room), feet(&scaled)), (0, 0), "{scale} times as large");
     }
     // Texels have other sizes and places at other factors, which is seen at the edges of the post's shadow.
     for scale in [1e-3, 1e3] {
-        let scaled = draw(&post_on_floor(10.0, scale, false));
+        let scaled = draw(&post_on_floor(10.0, scale, None));
         let off = feet(&room).iter().zip(feet(&scaled)).map(|(a, b)| (decode(*a) - decode(*b)).abs());
         let beyond = off.clone().filter(|off| *off > 0.02).count();
         let worst = off.fold(0.0, f64::max);
@@ -503,8 +512,13 @@ fn a_penumbra_is_as_wide_as_the_suns_disc_makes_it() {
 #[test]
 fn actors_cast_and_receive_as_they_are_told_to() {
     let mut vulkan = vulkan(GpuOptions::default());
-    let mut darker = |square: ActorShadow, floor: ActorShadow| {
+    let mut darker_beside = |square: ActorShadow, floor: ActorShadow, board: bool| {
         let mut scene = floor_and_square();
+        if board {
+            // Over the left half of the square's shadow.
+            let at = DAffine3::from_translation(DVec3::new(-4.4, 0.01, 0.0));
+            scene.add(&asset(vec![quad(4.0, 4.0)], vec![white()], vec![]), at * flat_down());
+        }
         let sun = plain(LightKind::Directional, 0.8);
         cast(&mut scene, sun, DVec3::ZERO, DVec3::new(-0.5, -1.0, -0.3), Shadow::default());
         scene.stage.actors[0].shadow = floor;
@@ -521,6 +535,11 @@ fn actors_cast_and_receive_as_they_are_told_to() {
         (dark(&on_cpu), why)
     };
     let as_usual = ActorShadow::default();
+    // Beside an actor that receives, one that does not stays bright.
+    let aside = ActorShadow { receive: false, ..as_usual };
+    let [whole, half] = [as_usual, aside].map(|floor| darker_beside(as_usual, floor, true).0);
+    assert!(half > whole / 4 && half < whole / 4 * 3, "{half} of {whole}");
+    let mut darker = |square: ActorShadow, floor: ActorShadow| darker_beside(square, floor, false);
     let (dark, why) = darker(as_usual, as_usual);
     assert!(dark > 500 && why.is_none(), "{dark}, {why:?}");
     let off =

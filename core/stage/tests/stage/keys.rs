@@ -1,7 +1,8 @@
 //! Curves through keys: no overshoot, and no worse on smooth motions.
 
 use choreo_motion::Time;
-use choreo_stage::Tangents;
+use choreo_stage::{Path, Tangents};
+use glam::DVec3;
 
 /// Farthest that a component leaves the range between its two keys.
 fn overshoot(tangents: Tangents, times: &[f64], values: &[Vec<f64>], vector: bool) -> f64 {
@@ -63,4 +64,14 @@ fn a_jump_ends_a_curve_and_begins_another() {
     let tangents = Tangents::Limited.of(&times, &values, false);
     assert_eq!(tangents[2..4], [[0.0], [0.0]]);
     assert!(tangents[1][0] > 0.0 && tangents[4][0] > 0.0);
+}
+
+/// A hairpin of 0.3 m behind a straight of 10 m. With the same time from each point to the next a path swings out by 1.25 m.
+#[test]
+fn a_path_hardly_swings_out_where_its_points_lie_close_together() {
+    let points = [[0.0, 0.0], [10.0, 0.0], [10.0, 0.3], [0.0, 0.3]].map(|[x, z]| DVec3::new(x, 0.0, z));
+    let path = Path::new(points.into(), false).unwrap();
+    let places = (0..=4000).map(|i| path.at(path.length() * f64::from(i) / 4000.0).0.x);
+    let out = places.fold(0.0, f64::max) - 10.0;
+    assert!((0.01..0.1).contains(&out), "{out}");
 }

@@ -61,6 +61,35 @@ fn all_effects_compile_and_have_the_program_s_version() {
     assert_eq!(ALL.len(), 20);
 }
 
+/// At 0 an effect is left out, so that it costs nothing. A shadow catcher of strength 0 hides the surfaces that it is on.
+#[test]
+fn every_effect_with_a_strength_is_off_at_0() {
+    let strengths = [
+        ("ambient_occlusion", "strength"),
+        ("bloom", "strength"),
+        ("depth_of_field", "limit"),
+        ("edge_lines", "strength"),
+        ("film_grain", "strength"),
+        ("fog", "density"),
+        ("god_rays", "strength"),
+        ("grid", "opacity"),
+        ("heat_haze", "strength"),
+        ("motion_blur", "shutter"),
+        ("outline", "width"),
+        ("vignette", "strength"),
+    ];
+    for (name, parameter) in strengths {
+        let off = |value| effect(name).off(&effect(name).manifest().parameters(&[(parameter.into(), value)]));
+        assert_eq!(off(0.0), Some(format!("{parameter} is 0")), "{name}");
+        assert_eq!(off(0.01), None, "{name}");
+    }
+    for manifest in ALL.iter().map(|effect| effect.manifest()).filter(|m| m.name != "shadow_catcher") {
+        let listed = strengths.iter().any(|(name, _)| manifest.name == *name);
+        let strong = manifest.options.iter().any(|option| option.name == "strength");
+        assert!(listed || !strong, "{}", manifest.name);
+    }
+}
+
 mod bloom {
     use super::*;
 
