@@ -56,7 +56,7 @@ described! {
     ) {
         /// Stage time at which it begins.
         start: Time = Time::ZERO;
-        /// From this time on the base layer holds its last pose, unless the next cue begins at once: it fades in over the
+        /// The base layer holds its last pose from this time on, unless the next cue begins at once: it fades in over the
         /// clip, which goes on. On upper layers: faded out (over `fade_out`) by then. `None`: until the next cue or for ever.
         end: Option<Time> = None;
         /// How long it takes to fade in.

@@ -314,7 +314,7 @@ impl Paint<'_> {
     }
 }
 
-/// Alpha from which nothing is seen through a color.
+/// Alpha from which a color covers all that is below it.
 const OPAQUE: f32 = 254.5;
 
 fn product(a: Vec4, b: Vec4) -> Vec4 {
