@@ -2,14 +2,24 @@
 
 use super::casting::first_free;
 use super::object::{ScriptObject, quoted};
-use super::scan::Source;
+use super::scan::{Call, Source};
 use super::{Edit, EditRefused, NamedBy};
 use glam::DVec3;
 use std::ops::Range;
 
+/// A copy of an object that is to be added to a script.
+#[derive(Clone, Debug)]
+pub struct Duplicate {
+    pub edit: Edit,
+    /// The name that the copy states.
+    pub name: Option<String>,
+    /// Lines that use the object in statements about other things, which were not copied, from 1.
+    pub left: Vec<usize>,
+}
+
 /// Adds a copy of the object that the call at a place makes, behind the last statement about it: the statement with the call and the later
-/// ones that begin with its variable, in their order. The copy and its variable have the next free number, `bob 2` and `bob_2`; the
-/// name that is stated is returned, too. `by`: how far from the object the copy stands, metres, where its place is stated by numbers.
+/// ones that begin with its variable, in their order. The copy and its variable have the next free number, `bob 2` and `bob_2`; a copied
+/// camera has no cuts. `offset`: how far from the object the copy stands, metres, where its place is stated by numbers.
 ///
 /// # Errors
 /// Why it cannot be copied, for the user: its name is computed, or a statement about it stands in a block or defines another variable.
@@ -18,10 +28,10 @@ pub fn duplicate_object(
     (line, column): (usize, usize),
     by: NamedBy,
     offset: Option<DVec3>,
-) -> Result<(Edit, Option<String>), EditRefused> {
+) -> Result<Duplicate, EditRefused> {
     let object = ScriptObject::at(text, line, column)?;
     let source = &object.text;
-    let ranges = statements_about(source, object.made.name.start, line)?;
+    let (ranges, left) = statements_about(source, object.made.name.start, line)?;
     let stated = object.stated_name(by);
     let name = match stated.as_ref().map(|range| (object.name(by), &text[range.clone()])) {
         None => None,
@@ -35,23 +45,25 @@ pub fn duplicate_object(
     };
     let old = source.variable_of(ranges[0].start);
     let variable = old.map(|old| first_free(|n| format!("{old}_{}", n + 1), |name| text.contains(name)));
+    let mut changes: Vec<(Range<usize>, &str)> = cuts(&object).into_iter().map(|cut| (cut, "")).collect();
+    if let (Some(old), Some(new)) = (old, &variable) {
+        let declared = source.skip(ranges[0].start + "let".len());
+        let used = source.uses_of(old).filter(|at| *at != declared);
+        changes.extend(std::iter::once(declared).chain(used).map(|at| (at..at + old.len(), new.as_str())));
+    }
     let new_name = stated.zip(name.as_deref().map(quoted));
+    changes.extend(new_name.iter().map(|(at, new)| (at.clone(), new.as_str())));
+    changes.sort_by_key(|(at, _)| std::cmp::Reverse(at.start));
     let mut copy = String::new();
     for range in &ranges {
-        let mut changes: Vec<(Range<usize>, &str)> = Vec::new();
-        if let (Some(old), Some(new)) = (old, &variable) {
-            let declared = (range.start == ranges[0].start).then(|| source.skip(range.start + "let".len()));
-            let used = source.uses_of(old).filter(|at| range.contains(at) && Some(*at) != declared);
-            changes.extend(declared.into_iter().chain(used).map(|at| (at..at + old.len(), new.as_str())));
-        }
-        let own_name = new_name.iter().filter(|(at, _)| range.contains(&at.start));
-        changes.extend(own_name.map(|(at, new)| (at.clone(), new.as_str())));
-        changes.sort_by_key(|(at, _)| std::cmp::Reverse(at.start));
         let mut statement = text[range.clone()].to_string();
-        for (at, new) in changes {
+        for (at, new) in changes.iter().filter(|(at, _)| range.contains(&at.start)) {
             statement.replace_range(at.start - range.start..at.end - range.start, new);
         }
-        copy += &format!("\n{statement}");
+        // Nothing but a cut.
+        if variable.as_deref() != Some(statement.trim_end_matches(';').trim()) {
+            copy += &format!("\n{statement}");
+        }
     }
     // Behind a comment on the last line, before its end.
     let last = ranges.last().cloned().unwrap_or_default();
@@ -61,7 +73,17 @@ pub fn duplicate_object(
     let made_at = at + 1 + object.made.name.start - ranges[0].start + longer;
     let moved = offset.and_then(|by| moved(&after, made_at, by));
     let after = moved.map_or(after.clone(), |edit| edit.apply(&after));
-    Ok((Edit::between(text, &after), name))
+    Ok(Duplicate { edit: Edit::between(text, &after), name, left })
+}
+
+/// The calls `.cut(…)` of a camera, with their dots: two cameras with the same cut would hide the first.
+fn cuts(object: &ScriptObject) -> Vec<Range<usize>> {
+    let is_cut = |call: &&Call| object.text[call.name.clone()] == *"cut";
+    let with_dot = |call: &Call| {
+        let dot = object.text[..call.name.start].rfind('.').unwrap_or(call.name.start);
+        dot..call.end
+    };
+    object.calls.iter().filter(is_cut).map(with_dot).collect()
 }
 
 /// The change that moves what the call at a byte makes; `None` where its place is computed.
@@ -72,30 +94,37 @@ fn moved(text: &str, byte: usize, by: DVec3) -> Option<Edit> {
     object.move_by(by, by).ok()
 }
 
-/// The statement around a call and the later ones that begin with its variable, in their order.
-fn statements_about(source: &Source, call: usize, line: usize) -> Result<Vec<Range<usize>>, EditRefused> {
+/// The statement around a call and the later ones that begin with its variable, in their order, and lines of others that use it.
+fn statements_about(
+    source: &Source,
+    call: usize,
+    line: usize,
+) -> Result<(Vec<Range<usize>>, Vec<usize>), EditRefused> {
     let line_of = |byte: usize| source[..byte].matches('\n').count() + 1;
     let in_block = |at: usize| source.depth_to(source.statement_start(at)) > 0;
     if in_block(call) {
         return Err(EditRefused::at(line, "it stands in a function or a block; duplicate it there"));
     }
     let own = source.statement_start(call)..source.statement_end(call);
-    let mut ranges = vec![own.clone()];
-    let Some(name) = source.variable_of(own.start) else { return Ok(ranges) };
+    let (mut ranges, mut left) = (vec![own.clone()], Vec::new());
+    let Some(name) = source.variable_of(own.start) else { return Ok((ranges, left)) };
     for used in source.uses_of(name).filter(|used| *used > own.end) {
         let start = source.statement_start(used);
         let continues = source[source.skip(used + name.len())..].starts_with('.');
         if start == used && continues && !in_block(used) {
             ranges.push(start..source.statement_end(used));
-        } else if continues && (in_block(used) || source.variable_of(start).is_some()) {
+        } else if continues && (source.begins_statement(used) || source.variable_before(used).is_some()) {
             let why = format!(
                 "this line changes {name} in a way that a copy would lack; duplicate it in the script"
             );
             return Err(EditRefused::at(line_of(used), &why));
+        } else if !ranges.iter().any(|range| range.contains(&used)) {
+            left.push(line_of(used));
         }
     }
     ranges.dedup();
-    Ok(ranges)
+    left.dedup();
+    Ok((ranges, left))
 }
 
 #[cfg(test)]
@@ -109,7 +138,7 @@ mod tests {
         let column = text[..at].rsplit('\n').next().unwrap().chars().count() + 1;
         let text = text.replacen('|', "", 1);
         let made = duplicate_object(&text, (line, column), NamedBy::Argument, by);
-        let (edit, name) = made.map_err(|refused| refused.why)?;
+        let Duplicate { edit, name, .. } = made.map_err(|refused| refused.why)?;
         let after = edit.apply(&text);
         assert_eq!(edit.inverse(&text).apply(&after), text);
         Ok((after, name))
@@ -136,6 +165,18 @@ mod tests {
             after,
             "let a = cast(\"a\", m);\neve.face(a);\na.face(a);\nlet a_2 = cast(\"a 2\", m);\na_2.face(a_2);"
         );
+    }
+
+    #[test]
+    fn other_statements_are_named_and_a_camera_is_copied_without_its_cuts() {
+        let text =
+            "let a = cast(\"a\", m);\nlet c = camera(\"c\").look_at(a.joint(\"Head\"));\ndance(a, 1);\n";
+        let made = duplicate_object(text, (1, 9), NamedBy::Argument, None).unwrap();
+        assert_eq!(made.left, [2, 3]);
+        assert!(made.edit.apply(text).contains("\nlet a_2 = cast(\"a 2\", m);\nlet c"), "{made:?}");
+        let (after, _) =
+            copied("let c = |camera(\"c\").at(0, 1, 2).cut(2.0).fov(30);\nc.cut(4.0);", None).unwrap();
+        assert!(after.ends_with("let c_2 = camera(\"c 2\").at(0, 1, 2).fov(30);"), "{after}");
     }
 
     #[test]

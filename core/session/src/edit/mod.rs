@@ -28,7 +28,7 @@ pub use additions::{AddedAt, Addition, SHAPES, Subject, added_lines};
 pub use casting::{cast_lines, numbered_name};
 pub use cues::{CueChange, delete_cue, has_end, set_times};
 pub use deleting::delete_object;
-pub use duplicating::duplicate_object;
+pub use duplicating::{Duplicate, duplicate_object};
 pub use key_tangents::{KeyShape, KeySide};
 pub use keys::{KeyValue, WrittenKey, WrittenKeys, copied_keys, euler_degrees_near};
 pub use object::{ScriptObject, ScriptText, euler_degrees, rotation_of, set_call, set_marker};

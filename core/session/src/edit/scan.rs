@@ -175,6 +175,11 @@ impl<'a> Source<'a> {
         self.start(index)
     }
 
+    /// Whether a statement of a block or of the script begins at a byte.
+    pub(super) fn begins_statement(&self, at: usize) -> bool {
+        self.index(at).checked_sub(1).is_none_or(|before| matches!(self.token(before), ";" | "{" | "}"))
+    }
+
     /// The variable that a statement, given by its first byte, makes: `let NAME = …`.
     pub(super) fn variable_of(&self, statement: usize) -> Option<&'a str> {
         let index = self.index(statement);

@@ -19,12 +19,16 @@ impl Viewer {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
         let (by, offset) = (self.named_by(what), self.beside(what));
-        let (mut name, mut line) = (None, 0);
+        let (mut name, mut line, mut left) = (None, 0, Vec::new());
         self.change(&place, siblings, |text| {
-            let (edit, its_name) = duplicate_object(text, (place.line, place.column), by, offset)?;
-            (name, line) = (its_name, text[..edit.range.start].matches('\n').count() + 1);
-            Ok(edit)
+            let made = duplicate_object(text, (place.line, place.column), by, offset)?;
+            line = text[..made.edit.range.start].matches('\n').count() + 1;
+            (name, left) = (made.name, made.left);
+            Ok(made.edit)
         })?;
+        let left: Vec<String> = left.iter().map(usize::to_string).collect();
+        self.note = (!left.is_empty())
+            .then(|| format!("the copy lacks what other statements do, in lines {}", left.join(", ")));
         let before = |places: &[Place]| places.iter().filter(|place| place.line <= line).count();
         self.selection = match (what, name) {
             (Selected::Actor(_), Some(name)) => Some(Selected::Actor(name)),

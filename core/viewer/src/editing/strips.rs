@@ -180,6 +180,14 @@ impl Viewer {
         if cues.is_empty() {
             return Err(EditError::refused("the clipboard holds no clip of a timeline"));
         }
+        let stage = &self.scene.as_ref().ok_or(EditError::NothingShown)?.stage;
+        let asset = actor(stage, name).map(|index| &stage.actors[index].asset);
+        if asset.is_some_and(|asset| asset.skeleton.len() < 2 && asset.clips.is_empty()) {
+            return Err(EditError::refused_at(
+                &place,
+                &format!("{name} has no joints that a clip could move"),
+            ));
+        }
         let steps = cues.into_iter().zip(starts).map(|(copied, start)| {
             let from = self.edit_time(secs + start - first);
             let make = move |text: &str, line, column| paste_cue(text, line, column, &copied, from);

@@ -1,7 +1,7 @@
 //! Why a change was not made, beside the pointer that made it, with the line that decides as a link.
 
 use crate::app::Viewer;
-use egui::{Area, Frame, Key, Order, Pos2, RichText, TextStyle, Ui, WidgetText, vec2};
+use egui::{Area, Frame, Key, Order, Pos2, RichText, TextStyle, TextWrapMode, Ui, WidgetText, vec2};
 
 /// Points.
 const WIDEST: f32 = 420.0;
@@ -42,7 +42,10 @@ pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
     let mut pressed_link = false;
     if let Some((at, text)) = room.inner {
         let link = Area::new(egui::Id::new("refusal line")).order(Order::Foreground).fixed_pos(at);
-        let link = link.show(ui.ctx(), |ui| ui.link(text));
+        let link = link.constrain(false).show(ui.ctx(), |ui| {
+            ui.style_mut().wrap_mode = Some(TextWrapMode::Extend);
+            ui.link(text)
+        });
         pressed_link = link.response.contains_pointer();
         if link.inner.clicked() {
             viewer.go_to = viewer.message_line;

@@ -333,7 +333,7 @@ fn a_model_of_the_browser_is_put_on_stage() {
     open_assets(&mut harness);
     let pos = harness.get_by_label("wave.bvh").rect().center();
     harness.hover_at(pos);
-    harness.run();
+    harness.run_steps(4);
     let button = |pressed| {
         let (button, modifiers) = (egui::PointerButton::Primary, Modifiers::NONE);
         egui::Event::PointerButton { pos, button, pressed, modifiers }
