@@ -4,7 +4,7 @@
 //! script.rhai ─► engine (sandbox) ─► api (tables of functions) ─► build (drafts) ─► resolve ─► Stage
 //!                                     └ loader ─► importer plugins                    └ check ─► warnings
 //! ```
-//! No other crate runs scenes by Rhai. What a script can call is listed in `API.md`, made from the tables in `api`.
+//! Scenes are run by Rhai in this crate alone. What a script can call is listed in `API.md`, made from the tables in `api`.
 
 mod api;
 mod api_error;

@@ -600,7 +600,7 @@ fn shadow_maps_that_do_not_change_are_kept() {
     assert_eq!([maps(&scene), maps(&scene)], [1, 1]);
 }
 
-/// As above on a device, whose maps lie in one image: a map that is kept stays where it is, beside one that is drawn.
+/// The maps of a device lie in one image: a map that is kept stays where it is, beside one that is drawn.
 #[test]
 fn a_device_keeps_shadow_maps_too() {
     let (Some(mut keeping), Some(mut fresh)) = (vulkan(GpuOptions::default()), vulkan(GpuOptions::default()))

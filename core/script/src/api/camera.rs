@@ -232,7 +232,7 @@ fn orbit(c: &mut Call) -> Reply {
     let [distance, elevation, azimuth, speed] = &Rig::ORBIT;
     let all = Rig::ORBIT.map(|option| option.name);
     let o = c.options(1, if c.in_frame { &all[..3] } else { &all[..] })?;
-    // In a frame the azimuth is that of its time.
+    // The azimuth of a frame is that of its time.
     let speed = if c.in_frame { 0.0 } else { number(&o, speed)? };
     let orbit = Rig::Orbit {
         target,

@@ -1,4 +1,4 @@
-//! Whole objects once more: the statement that makes one and those about it, under another name.
+//! Copies of whole objects: the statement that makes one and those about it, under another name.
 
 use super::casting::first_free;
 use super::object::{ScriptObject, quoted};
@@ -60,12 +60,12 @@ pub fn duplicate_object(
         for (at, new) in changes.iter().filter(|(at, _)| range.contains(&at.start)) {
             statement.replace_range(at.start - range.start..at.end - range.start, new);
         }
-        // Nothing but a cut.
+        // A statement that was nothing but a cut is left out.
         if variable.as_deref() != Some(statement.trim_end_matches(';').trim()) {
             copy += &format!("\n{statement}");
         }
     }
-    // Behind a comment on the last line, before its end.
+    // The copy comes behind a comment on the last line.
     let last = ranges.last().cloned().unwrap_or_default();
     let at = source.own_lines(&last).map_or(last.end, |lines| lines.start + text[lines].trim_end().len());
     let after = Edit { range: at..at, text: copy }.apply(text);

@@ -102,7 +102,7 @@ impl<'a> Source<'a> {
         self.find_outside_before(self.tokens.len(), at, ends)
     }
 
-    /// As above, or the number `stop` or one behind it where none of the tokens before it ends.
+    /// The search of [`Source::find_outside`] among the tokens before the number `stop`; that number or a greater one where none of them ends it.
     fn find_outside_before(&self, stop: usize, at: usize, ends: impl Fn(&str) -> bool) -> usize {
         let mut index = self.index(at);
         while index < stop && !ends(self.token(index)) {
