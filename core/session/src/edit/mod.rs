@@ -15,6 +15,7 @@ mod object;
 mod reaching;
 mod refused;
 mod renaming;
+mod reordering;
 mod scan;
 mod stating;
 mod strips;
@@ -34,6 +35,7 @@ pub use keys::{KeyValue, WrittenKey, WrittenKeys, copied_keys, euler_degrees_nea
 pub use object::{ScriptObject, ScriptText, euler_degrees, rotation_of, set_call, set_marker};
 pub use refused::EditRefused;
 pub use renaming::{NamedBy, Renaming};
+pub use reordering::{RowSide, reorder};
 pub use stating::Anew;
 pub use strips::{
     Rest, copied_cues, copied_start, copy_cue, duplicate_cue, paste_cue, set_disabled, set_number, set_trim,

@@ -175,6 +175,51 @@ impl<'a> Source<'a> {
         self.start(index)
     }
 
+    /// First byte of the token before a byte; 0 before the first.
+    pub(super) fn token_before(&self, at: usize) -> usize {
+        self.index(at).checked_sub(1).map_or(0, |before| self.start(before))
+    }
+
+    /// The word or sign that begins at a byte or after it.
+    pub(super) fn word_at(&self, at: usize) -> &'a str {
+        self.token(self.index(at))
+    }
+
+    /// The end of the statement that begins at a byte: of a loop or a condition, that of its last block.
+    pub(super) fn end_of_statement_from(&self, start: usize) -> usize {
+        const BLOCKS: [&str; 9] = ["for", "while", "loop", "do", "if", "switch", "try", "fn", "{"];
+        if !BLOCKS.contains(&self.word_at(start)) {
+            return self.statement_end(start);
+        }
+        let mut at = start;
+        loop {
+            let open = self.find_outside(at, |token| token == "{" || token == ";");
+            let Some(close) = self.matching(open).filter(|_| self.token(open) == "{") else {
+                return self.statement_end(start);
+            };
+            match self.token(close + 1) {
+                "else" | "catch" => at = self.start(close + 1),
+                "while" | "until" if self.word_at(start) == "do" => {
+                    return self.statement_end(self.start(close + 1));
+                }
+                _ => return self.tokens[close].end,
+            }
+        }
+    }
+
+    /// The names that statements in a range declare or give another value.
+    pub(super) fn set_within(&self, range: &Range<usize>) -> Vec<Range<usize>> {
+        let tokens = self.index(range.start)..self.index(range.end);
+        let is_set = |index: &usize| {
+            let before = index.checked_sub(1).map_or("", |before| self.token(before));
+            let follows = self.token(index + 1);
+            let assigns = matches!(follows, "=" | "+=" | "-=" | "*=" | "/=" | "%=" | "**=" | "<<=" | ">>=")
+                || matches!(follows, "&=" | "|=" | "^=");
+            before == "let" || before == "const" || (assigns && before != ".")
+        };
+        tokens.filter(is_set).filter_map(|index| self.tokens.get(index).cloned()).collect()
+    }
+
     /// Whether a statement of a block or of the script begins at a byte.
     pub(super) fn begins_statement(&self, at: usize) -> bool {
         self.index(at).checked_sub(1).is_none_or(|before| matches!(self.token(before), ";" | "{" | "}"))

@@ -16,6 +16,7 @@ mod objects;
 pub mod placing;
 mod renaming;
 mod room;
+mod rows;
 mod shared;
 mod signs;
 mod strips;

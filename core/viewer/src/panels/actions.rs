@@ -88,6 +88,12 @@ pub(crate) const ACTIONS: &[Action] = &[
         keys::nudge(c.viewer, CueTime::End, 1);
     }),
     outside("rename", "rename the selected actor, camera, light or title", "F2", |c| rename::ask(c.viewer)),
+    outside("row_up", "the row of the selected actor or light one up", "Ctrl+Shift+Up", |c| {
+        bars(c, bar_menu::Command::RowUp);
+    }),
+    outside("row_down", "the row of the selected actor or light one down", "Ctrl+Shift+Down", |c| {
+        bars(c, bar_menu::Command::RowDown);
+    }),
     outside("cut", "cut the selected clips or keys", "", |c| clipboard(c, bar_menu::Command::Cut)),
     outside("copy", "copy the selected clips or keys", "", |c| clipboard(c, bar_menu::Command::Copy)),
     outside("paste", "paste clips on the row of the selected actor, or keys, at the playhead", "", |c| {

@@ -6,7 +6,8 @@ use super::rename;
 use crate::app::Viewer;
 use crate::editing::EditError;
 use crate::state::selection::Selected;
-use crate::state::timeline::Bar;
+use crate::state::timeline::{Bar, Row};
+use choreo_session::edit::RowSide;
 use egui::{Button, Event, Response, Ui};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +20,9 @@ pub enum Command {
     Paste,
     Disable,
     Rename,
+    /// The row changes places with the one above or below.
+    RowUp,
+    RowDown,
     Delete,
     GoToLine,
 }
@@ -30,7 +34,17 @@ impl Command {
             Command::Paste | Command::Delete | Command::GoToLine => true,
             Command::Rename => matches!(bar.what, Selected::Camera(_) | Selected::Title(_)),
             Command::Duplicate => true,
+            Command::RowUp | Command::RowDown => false,
             _ => bar.strip.is_some(),
+        }
+    }
+
+    /// Where a row is moved to.
+    pub fn side(self) -> Option<RowSide> {
+        match self {
+            Command::RowUp => Some(RowSide::Above),
+            Command::RowDown => Some(RowSide::Below),
+            _ => None,
         }
     }
 
@@ -40,13 +54,14 @@ impl Command {
             Command::Paste => matches!(what, Selected::Actor(_)),
             Command::Rename => matches!(what, Selected::Actor(_) | Selected::Light(_)),
             Command::Duplicate => *what != Selected::Sky,
+            Command::RowUp | Command::RowDown => matches!(what, Selected::Actor(_) | Selected::Light(_)),
             command => matches!(command, Command::Delete | Command::GoToLine),
         }
     }
 }
 
 /// Commands, their names, and their keys: those of an action, or of the clipboard.
-const COMMANDS: [(Command, &str, &str); 9] = [
+const COMMANDS: [(Command, &str, &str); 11] = [
     (Command::Split, "Split at the playhead", "split"),
     (Command::Duplicate, "Duplicate", "duplicate"),
     (Command::Copy, "Copy", "Ctrl C"),
@@ -54,6 +69,8 @@ const COMMANDS: [(Command, &str, &str); 9] = [
     (Command::Paste, "Paste at the playhead", "Ctrl V"),
     (Command::Disable, "Disable, enable", "disable"),
     (Command::Rename, "Rename", "rename"),
+    (Command::RowUp, "Move row up", "row_up"),
+    (Command::RowDown, "Move row down", "row_down"),
     (Command::Delete, "Delete", "delete"),
     (Command::GoToLine, "Go to its line", ""),
 ];
@@ -149,6 +166,15 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
             paste(viewer, &copied);
         }
         Command::Rename => rename::ask(viewer),
+        Command::RowUp | Command::RowDown => {
+            let is_selected = |row: &Row| row.what.is_some() && row.what == viewer.selection;
+            let row = viewer.timeline.rows.iter().position(is_selected);
+            let Some(side) = command.side() else { return };
+            viewer.edit(|v| match row {
+                Some(row) => v.shift_row(row, side),
+                None => Err(EditError::refused("select the actor or the light whose row is to be moved")),
+            });
+        }
         Command::Disable => viewer.edit(|v| v.toggle_cues(&all)),
         Command::Delete => {
             let is_cue = |what: &Selected| matches!(what, Selected::Cue { .. });

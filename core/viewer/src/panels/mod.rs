@@ -36,6 +36,7 @@ mod refusal;
 mod rename;
 mod render;
 mod rig;
+mod row_order;
 mod script;
 mod sequencer;
 mod signs;

@@ -3,7 +3,7 @@
 use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks::MarkAct;
-use super::{bar_menu, bars, headers, icons, key_menu, markers, marks, values};
+use super::{bar_menu, bars, headers, icons, key_menu, markers, marks, row_order, values};
 use crate::app::Viewer;
 use crate::editing::{ClipOf, EditError};
 use crate::state::keyed::KeyRef;
@@ -220,7 +220,7 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         moment = marks::feet(ui, viewer, row, lane);
     }
     let mut clicked = None;
-    let response = ui.interact(label, ui.id().with(("row", index)), Sense::click());
+    let response = ui.interact(label, ui.id().with(("row", index)), Sense::click_and_drag());
     response.widget_info(|| {
         egui::WidgetInfo::labeled(egui::WidgetType::Label, true, format!("row {}", row.label))
     });
@@ -237,7 +237,8 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     let command = command.zip(row.what.clone());
     let toggled = headers::buttons(ui, viewer, index, label);
     name(ui, &row.label, headers::name_place(&viewer.timeline, index, label), color);
-    response.hint(&row.label);
+    let response = response.hint(&row.label);
+    let reordered = row_order::drag(ui, viewer, index, &response);
     let lane_of = bars::Lane { rect: lane, row: index };
     let locked = row.what.as_ref().and_then(Selected::actor).is_some_and(|a| viewer.shelf.locked.contains(a));
     let act = bars::show(ui, viewer, &row.bars, &row.label, &lane_of, locked);
@@ -251,9 +252,15 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     if let Some(toggle) = toggled {
         headers::toggle(viewer, toggle);
     }
+    if let Some((to, side)) = reordered {
+        viewer.edit(|v| v.move_row(index, to, side));
+    }
     if let Some((command, what)) = command {
         viewer.selection = Some(what);
-        bar_menu::run(ui, viewer, command);
+        match command.side() {
+            Some(side) => viewer.edit(|v| v.shift_row(index, side)),
+            None => bar_menu::run(ui, viewer, command),
+        }
     }
     if let Some(at) = moment {
         viewer.playhead.seek(at);

@@ -187,3 +187,99 @@ fn a_bar_prefers_tenths_that_are_frames() {
         desk.run();
     }
 }
+
+/// The names of actors and lights in the order of their rows.
+fn row_names(desk: &Desk) -> Vec<String> {
+    desk.state().viewer.timeline.rows.iter().map(|row| row.label.clone()).collect()
+}
+
+#[test]
+fn a_row_is_dragged_by_its_name_to_another_place() {
+    let script = SCRIPT.replace("sun(", "let key = point(#{ position: [0, 3, 0] });\nsun(");
+    let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
+    assert_eq!(row_names(&desk), ["camera", "ada", "ada +1", "bob", "ball", "key", "sun 2", "titles"]);
+    let name = |desk: &Desk, label: &str| {
+        let row = desk.get_by_label(&format!("row {label}")).rect();
+        pos2(row.left() + 30.0, row.center().y)
+    };
+    let above = vec2(0.0, -6.0);
+    // With the layers, and past two rows.
+    let (from, to) = (name(&desk, "ball"), name(&desk, "ada") + above);
+    drag(&mut desk, from, to);
+    assert_eq!(desk.state().viewer.message, None);
+    let ball = "let ball = cast(\"ball\", shape(\"sphere\"));\n";
+    let moved = script.replace(ball, "").replace("let ada", &format!("{ball}let ada"));
+    assert_eq!(desk.state().text(), moved);
+    desk.state_mut().reload();
+    desk.run();
+    assert_eq!(row_names(&desk)[..5], ["camera", "ball", "ada", "ada +1", "bob"]);
+    // Below the layers of another, at the lower half of the name; then by the menu back.
+    let (from, to) = (name(&desk, "ball"), name(&desk, "ada +1"));
+    drag(&mut desk, from, to);
+    desk.state_mut().reload();
+    desk.run();
+    assert_eq!(row_names(&desk)[..5], ["camera", "ada", "ada +1", "ball", "bob"]);
+    let at = name(&desk, "ball");
+    secondary_click(&mut desk, at);
+    desk.get_by_label_contains("Move row up").click();
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+    assert_eq!(row_names(&desk)[..5], ["camera", "ball", "ada", "ada +1", "bob"]);
+    // A light, which stays selected under its new number.
+    desk.state_mut().viewer.selection = Some(Selected::Light(1));
+    let (from, to) = (name(&desk, "sun 2"), name(&desk, "key") + above);
+    drag(&mut desk, from, to);
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Light(0)));
+    desk.state_mut().reload();
+    desk.run();
+    assert_eq!(row_names(&desk)[5..7], ["sun 1", "key"]);
+    // All of it can be taken back.
+    for _ in 0..4 {
+        desk.state_mut().viewer.undo().unwrap();
+    }
+    assert_eq!(desk.state().text(), script);
+}
+
+#[test]
+fn a_layer_is_dragged_below_another_and_stays_muted() {
+    let line = "ada.play(moves.clip(\"Jump\")).from(2.0).until(3.0).on(\"LeftShoulder..\").fade(0.2);\n";
+    let script = SCRIPT.replace("let bob", &format!("{line}let bob"));
+    let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
+    desk.state_mut().viewer.shelf.muted.insert(("ada".into(), 2));
+    let name = |label: &str| desk.get_by_label(&format!("row {label}")).rect().center();
+    let (from, to) = (name("ada +2"), name("ada +1") - vec2(0.0, 6.0));
+    drag(&mut desk, from, to);
+    assert_eq!(desk.state().viewer.message, None);
+    let bow = script.lines().find(|line| line.contains("Bow")).unwrap();
+    let wanted = script.replace(line, "").replace(bow, &format!("{line}{bow}"));
+    assert_eq!(desk.state().text(), wanted);
+    assert!(desk.state().viewer.shelf.muted.contains(&("ada".into(), 1)));
+    assert!(!desk.state().viewer.shelf.muted.contains(&("ada".into(), 2)));
+}
+
+#[test]
+fn a_row_that_cannot_be_moved_there_says_why() {
+    let mut desk = desk();
+    let name = |desk: &Desk, label: &str| desk.get_by_label(&format!("row {label}")).rect().center();
+    for (row, to, why) in [
+        ("camera", "bob", "the row of cameras stays above the others"),
+        ("ada", "sun 1", "is moved above or below that of another actor"),
+        ("ada +1", "bob", "a layer is moved above or below another layer of its actor"),
+        ("titles", "ada", "this one cannot"),
+    ] {
+        let (from, to) = (name(&desk, row), name(&desk, to));
+        drag(&mut desk, from, to);
+        let message = desk.state().viewer.message.clone().unwrap_or_default();
+        assert!(message.contains(why), "{row}: {message}");
+        assert_eq!(desk.state().text(), SCRIPT);
+    }
+    // What it uses stays above it.
+    desk.state_mut()
+        .reload_with(&SCRIPT.replace("let bob", "let x = 1.0;\nlet bob").replace("at(1.0", "at(x"));
+    desk.run();
+    let (from, to) = (name(&desk, "bob"), name(&desk, "ada") - vec2(0.0, 6.0));
+    drag(&mut desk, from, to);
+    let message = desk.state().viewer.message.clone().unwrap_or_default();
+    assert!(message.contains("line 10: this line sets x"), "{message}");
+}

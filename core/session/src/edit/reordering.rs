@@ -1,0 +1,293 @@
+//! The order of rows: what stands first in the script has the upper row, and layers of an actor lie over those before them.
+
+use super::scan::Source;
+use super::{Edit, EditRefused};
+use std::ops::Range;
+
+/// The side of another row to which one is moved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RowSide {
+    Above,
+    Below,
+}
+
+/// Moves the statement around the call at one place to before or behind the one around the call at another, with the statements about
+/// what it makes that follow it directly, and with its comment where they are a paragraph of their own. Places are lines and columns,
+/// both from 1.
+///
+/// # Errors
+/// Why it cannot be moved, for the user: it stands in a block, or a statement on the way decides what the moved ones do.
+pub fn reorder(
+    text: &str,
+    moved: (usize, usize),
+    target: (usize, usize),
+    side: RowSide,
+) -> Result<Edit, EditRefused> {
+    let source = &Source::new(text);
+    let line_of = |byte: usize| source.place_of(byte).0;
+    let byte = |(line, column): (usize, usize)| {
+        let call = source.byte_at(line, column).filter(|at| source.call_from(*at).is_some());
+        call.ok_or_else(|| EditRefused::at(line, "there is no call whose statement could be moved"))
+    };
+    let (from, to) = (byte(moved)?, byte(target)?);
+    if source.depth_to(source.statement_start(from)) > 0 {
+        return Err(EditRefused::at(moved.0, "it stands in a function or a block; move it there"));
+    }
+    let other = outermost(source, to);
+    if ["fn", "private"].contains(&source.word_at(other.start)) {
+        let why = "a function makes it, so that the calls of the function decide the order";
+        return Err(EditRefused::at(target.0, why));
+    }
+    let whole = |range: &Range<usize>| {
+        let why = "it shares its line with another statement; put it on a line of its own first";
+        source.own_lines(range).ok_or_else(|| EditRefused::at(line_of(range.start), why))
+    };
+    let lines = whole(&(source.statement_start(from)..source.statement_end(from)))?;
+    let target_lines = whole(&other)?;
+    if lines.contains(&target_lines.start) {
+        return Err(EditRefused::at(moved.0, "this statement makes both"));
+    }
+    let with_more = lines.start..about_it(source, &lines);
+    let with_more = if with_more.contains(&target_lines.start) { lines.clone() } else { with_more };
+    let target_lines = target_lines.start..about_it(source, &target_lines);
+    let mut refused = None;
+    for lines in [with_more, lines] {
+        match passes(source, &lines, &target_lines, side) {
+            Ok(()) => return Ok(Edit::between(text, &swapped(text, lines, target_lines, side))),
+            Err(why) => drop(refused.get_or_insert(why)),
+        }
+    }
+    Err(refused.unwrap_or_else(|| EditRefused::at(moved.0, "it cannot be moved")))
+}
+
+/// The statement of the script, outside all blocks, around a byte.
+fn outermost(source: &Source, at: usize) -> Range<usize> {
+    let mut start = source.statement_start(at);
+    while source.depth_to(start) > 0 {
+        start = source.statement_start(source.token_before(start));
+    }
+    start..source.end_of_statement_from(start)
+}
+
+/// The end of the lines of the statements that follow whole lines directly and begin with the variable that these make.
+fn about_it(source: &Source, lines: &Range<usize>) -> usize {
+    let mut end = lines.end;
+    let Some(name) = source.variable_of(source.skip(lines.start)) else { return end };
+    loop {
+        let next = source.skip(end);
+        let gap = &source[end..next];
+        let is_apart = gap[..gap.rfind('\n').map_or(0, |n| n + 1)].lines().any(|line| line.trim().is_empty());
+        let is_about = next < source.len()
+            && source.word_at(next) == name
+            && source[source.skip(next + name.len())..].starts_with('.');
+        let statement = next..source.statement_end(next);
+        match source.own_lines(&statement).filter(|_| is_about && !is_apart) {
+            Some(own) => end = own.end,
+            None => return end,
+        }
+    }
+}
+
+/// Whether statements on whole lines do the same before and behind those that they pass.
+fn passes(
+    source: &Source,
+    lines: &Range<usize>,
+    target: &Range<usize>,
+    side: RowSide,
+) -> Result<(), EditRefused> {
+    let at = if side == RowSide::Above { target.start } else { target.end };
+    let (between, upwards) = if at < lines.end { (at..lines.start, true) } else { (lines.end..at, false) };
+    let line_of = |byte: usize| source.place_of(byte).0;
+    let refuse = |byte: usize, why: String| Err(EditRefused::at(line_of(byte), &why));
+    let inside = |range: &Range<usize>, name: &str| source.uses_of(name).find(|at| range.contains(at));
+    for set in source.set_within(lines) {
+        let name = &source[set];
+        if let Some(used) = inside(&between, name) {
+            return refuse(used, format!("this line uses {name}, which the moved one sets"));
+        }
+    }
+    for set in source.set_within(&between) {
+        let name = &source[set.clone()];
+        if inside(lines, name).is_some() {
+            let way = if upwards { "before" } else { "behind" };
+            return refuse(
+                set.start,
+                format!("this line sets {name}, and what would come {way} it uses that"),
+            );
+        }
+    }
+    Ok(())
+}
+
+/// The text with whole lines moved to before or behind others.
+fn swapped(text: &str, lines: Range<usize>, target: Range<usize>, side: RowSide) -> String {
+    let (own, own_apart) = paragraph(text, lines);
+    let (other, other_apart) = paragraph(text, target);
+    let mut moved = text[own.clone()].to_string();
+    if !moved.ends_with('\n') {
+        moved.push('\n');
+    }
+    let (blank, mut gone) = (own_apart && other_apart, own);
+    if own_apart {
+        // One of the two blank lines around the paragraph goes with it.
+        let behind = text[gone.end..].split_inclusive('\n').next().filter(|line| line.trim().is_empty());
+        let before =
+            text[..gone.start].split_inclusive('\n').next_back().filter(|line| line.trim().is_empty());
+        match (behind, before) {
+            (Some(line), _) => gone.end += line.len(),
+            (None, Some(line)) => gone.start -= line.len(),
+            (None, None) => {}
+        }
+    }
+    let at = if side == RowSide::Above { other.start } else { other.end };
+    if (gone.start..=gone.end).contains(&at) {
+        return text.to_string();
+    }
+    let mut put = match (side, blank) {
+        (RowSide::Above, true) => format!("{moved}\n"),
+        (RowSide::Below, true) => format!("\n{moved}"),
+        (_, false) => moved,
+    };
+    if !text[..at].is_empty() && !text[..at].ends_with('\n') {
+        put.insert(0, '\n');
+    }
+    let (mut after, ends) = (text.to_string(), text.ends_with('\n'));
+    match at <= gone.start {
+        true => {
+            after.replace_range(gone, "");
+            after.insert_str(at, &put);
+        }
+        false => {
+            after.insert_str(at, &put);
+            after.replace_range(gone, "");
+        }
+    }
+    if !ends {
+        after.truncate(after.trim_end_matches('\n').len());
+    }
+    after
+}
+
+/// Whole lines with the comments directly before them, and true, where blank lines or the text's ends stand around both; else the lines alone.
+fn paragraph(text: &str, lines: Range<usize>) -> (Range<usize>, bool) {
+    let mut start = lines.start;
+    let mut is_apart = text[lines.end..].lines().next().is_none_or(|line| line.trim().is_empty());
+    for line in text[..lines.start].split_inclusive('\n').rev() {
+        match line.trim() {
+            "" => break,
+            comment if comment.starts_with("//") => start -= line.len(),
+            _ => is_apart = false,
+        }
+        if !is_apart {
+            break;
+        }
+    }
+    if is_apart { (start..lines.end, true) } else { (lines, false) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is moved stands behind `|`, what it is moved beside behind `^`.
+    fn moved(text: &str, side: RowSide) -> Result<String, String> {
+        let place = |mark: char| {
+            let before: String =
+                text.split(mark).next().unwrap().chars().filter(|c| !"|^".contains(*c)).collect();
+            (before.matches('\n').count() + 1, before.rsplit('\n').next().unwrap().chars().count() + 1)
+        };
+        let plain = text.replace(['|', '^'], "");
+        let edit = reorder(&plain, place('|'), place('^'), side).map_err(|refused| refused.why)?;
+        let after = edit.apply(&plain);
+        assert_eq!(edit.inverse(&plain).apply(&after), plain);
+        Ok(after)
+    }
+
+    #[test]
+    fn statements_change_places_with_what_is_about_them() {
+        let text = "// All.\nlet a = ^cast(\"a\", m);\na.play(x);\nlet b = |cast(\"b\", m); // right\n// It bows.\nb.play(y);\nsun();\n";
+        let wanted = "// All.\nlet b = cast(\"b\", m); // right\n// It bows.\nb.play(y);\nlet a = cast(\"a\", m);\na.play(x);\nsun();\n";
+        assert_eq!(moved(text, RowSide::Above).unwrap(), wanted);
+        let down = "let a = |cast(\"a\", m);\na.play(x);\nlet b = ^cast(\"b\", m);\nb.play(y);";
+        let wanted = "let b = cast(\"b\", m);\nb.play(y);\nlet a = cast(\"a\", m);\na.play(x);";
+        assert_eq!(moved(down, RowSide::Below).unwrap(), wanted);
+        // Beside its neighbor on the side on which it is, nothing changes.
+        let plain = down.replace(['|', '^'], "");
+        assert_eq!(moved(down, RowSide::Above).unwrap(), plain);
+        // Statements without a variable, and a target that a loop makes.
+        let text = "for i in 0..3 {\n    ^cast(\"p\" + i, m);\n}\n|spot(#{});\n";
+        assert_eq!(
+            moved(text, RowSide::Above).unwrap(),
+            "spot(#{});\nfor i in 0..3 {\n    cast(\"p\" + i, m);\n}\n"
+        );
+        let text = "|spot(#{});\nfor i in 0..3 {\n    ^cast(\"p\" + i, m);\n}\nsun();\n";
+        assert_eq!(
+            moved(text, RowSide::Below).unwrap(),
+            "for i in 0..3 {\n    cast(\"p\" + i, m);\n}\nspot(#{});\nsun();\n"
+        );
+    }
+
+    #[test]
+    fn paragraphs_take_their_comments_along() {
+        let text = "let m = 1;\n\n// Ada.\nlet a = ^cast(\"a\", m);\n\n// Bob\n// bows.\nlet b = |cast(\"b\", m);\nb.play(y);\n\nsun();\n";
+        let wanted = "let m = 1;\n\n// Bob\n// bows.\nlet b = cast(\"b\", m);\nb.play(y);\n\n// Ada.\nlet a = cast(\"a\", m);\n\nsun();\n";
+        assert_eq!(moved(text, RowSide::Above).unwrap(), wanted);
+        // The comment of several statements stays, and the statements that stand apart do not come.
+        let text = "// Both.\nlet a = ^cast(\"a\", m);\nlet b = |cast(\"b\", m);\n\n// Clips.\nb.play(y);\n";
+        let wanted = "// Both.\nlet b = cast(\"b\", m);\nlet a = cast(\"a\", m);\n\n// Clips.\nb.play(y);\n";
+        assert_eq!(moved(text, RowSide::Above).unwrap(), wanted);
+    }
+
+    #[test]
+    fn a_statement_stays_behind_what_it_uses() {
+        for (text, side, why) in [
+            (
+                "let a = ^cast(\"a\", m);\nlet x = 2.0;\nlet b = |cast(\"b\", m).at(x, 0, 0);\n",
+                RowSide::Above,
+                "line 2: this line sets x, and what would come before it uses that",
+            ),
+            (
+                "let a = |cast(\"a\", m);\na.play(x);\nlet b = ^cast(\"b\", m).face(a);\n",
+                RowSide::Below,
+                "line 3: this line uses a, which the moved one sets",
+            ),
+            (
+                "let a = ^cast(\"a\", m);\nx += 2.0;\nlet b = |cast(\"b\", m).at(x, 0, 0);\n",
+                RowSide::Above,
+                "line 2: this line sets x, and what would come before it uses that",
+            ),
+            (
+                "if x {\n    |cast(\"a\", m);\n}\n^sun();\n",
+                RowSide::Below,
+                "line 2: it stands in a function or a block",
+            ),
+            ("fn f() {\n    ^cast(\"a\", m);\n}\n|sun();\n", RowSide::Above, "line 2: a function makes it"),
+            ("^sun(); |spot(#{});\n", RowSide::Above, "line 1: it shares its line with another statement"),
+        ] {
+            let refused = moved(text, side).unwrap_err();
+            assert!(refused.starts_with(why), "{refused}");
+        }
+        // The statements about it stay where they cannot pass, and what they use stays before them.
+        let text = "let a = ^cast(\"a\", m);\nlet x = 2.0;\nlet b = |cast(\"b\", m);\nb.at(x, 0, 0);\n";
+        let wanted = "let b = cast(\"b\", m);\nlet a = cast(\"a\", m);\nlet x = 2.0;\nb.at(x, 0, 0);\n";
+        assert_eq!(moved(text, RowSide::Above).unwrap(), wanted);
+    }
+
+    #[test]
+    fn no_text_makes_it_panic() {
+        let text =
+            "// ü\nlet ä = cast(\"ü(\") /* é */ .at([1]);\nä.play(x);\n\nfor i in 0..2 { f(i) } else {\n}";
+        let ends: Vec<usize> = text.char_indices().map(|(i, _)| i).collect();
+        for from in &ends {
+            for to in ends.iter().filter(|to| *to >= from) {
+                let part = &text[*from..*to];
+                for place in [(1, 9), (2, 9), (3, 3), (5, 19)] {
+                    for target in [(1, 9), (2, 9), (3, 3), (5, 19)] {
+                        let _ = reorder(part, place, target, RowSide::Above);
+                        let _ = reorder(part, place, target, RowSide::Below);
+                    }
+                }
+            }
+        }
+    }
+}

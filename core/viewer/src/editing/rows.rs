@@ -1,0 +1,140 @@
+//! The order of the timeline's rows, which is that of the script.
+
+use super::EditError;
+use crate::app::Viewer;
+use crate::state::selection::Selected;
+use choreo_session::edit::{RowSide, reorder};
+use std::collections::BTreeSet;
+
+/// Rows that can change places with each other.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Group {
+    Actors,
+    /// Layers of an actor, but for the lowest.
+    Layers(String),
+    Lights,
+}
+
+impl Viewer {
+    /// Moves a row to above or below another, with the statement of the script that makes what it shows.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn move_row(&mut self, row: usize, to: usize, side: RowSide) -> Result<(), EditError> {
+        let (group, what) = self.ordered(row).ok_or_else(|| fixed(row))?;
+        let target = self.target(&group, to).ok_or_else(|| elsewhere(&group))?;
+        let (place, siblings) = self.place_of(&what).ok_or(EditError::Gone)?;
+        let (beside, _) = self.place_of(&target).ok_or(EditError::Gone)?;
+        if what == target {
+            return Ok(());
+        }
+        self.check_place(&beside, 1)?;
+        let (moved, beside) = ((place.line, place.column), (beside.line, beside.column));
+        self.change(&place, siblings, |text| reorder(text, moved, beside, side))?;
+        self.renumber(&group, &what, &target, side);
+        Ok(())
+    }
+
+    /// Moves a row by one place among those that it can change places with.
+    ///
+    /// # Errors
+    /// Fails as [`Viewer::move_row`] does, or if it is the first or last of them.
+    pub fn shift_row(&mut self, row: usize, side: RowSide) -> Result<(), EditError> {
+        let (group, what) = self.ordered(row).ok_or_else(|| fixed(row))?;
+        let all = 0..self.timeline.rows.len();
+        let rows: Vec<(usize, Selected)> = all
+            .filter_map(|row| {
+                self.ordered(row).filter(|(other, _)| *other == group).map(|(_, what)| (row, what))
+            })
+            .collect();
+        let at = rows.iter().position(|(_, other)| *other == what).ok_or(EditError::Gone)?;
+        let next = match side {
+            RowSide::Above => at.checked_sub(1),
+            RowSide::Below => Some(at + 1),
+        };
+        let next = next.and_then(|next| rows.get(next));
+        let (to, _) = *next.as_ref().ok_or_else(|| EditError::refused("it is the last of its kind there"))?;
+        self.move_row(row, *to, side)
+    }
+
+    /// The rows with which a row can change places, and what its place in the script decides the order of.
+    fn ordered(&self, row: usize) -> Option<(Group, Selected)> {
+        let row = self.timeline.rows.get(row)?;
+        let what = row.what.clone()?;
+        match (&what, row.layer) {
+            (Selected::Actor(name), Some(1..)) => {
+                Some((Group::Layers(name.clone()), row.bars.first()?.what.clone()))
+            }
+            (Selected::Actor(_), _) => Some((Group::Actors, what)),
+            (Selected::Light(_), _) => Some((Group::Lights, what)),
+            _ => None,
+        }
+    }
+
+    /// What a row of a group is moved beside, where the pointer is on this row.
+    fn target(&self, group: &Group, row: usize) -> Option<Selected> {
+        match (group, self.ordered(row)?) {
+            (Group::Actors, (Group::Layers(name), _)) => Some(Selected::Actor(name)),
+            (group, (other, what)) => (*group == other).then_some(what),
+        }
+    }
+
+    /// The rows beside which a row would be moved from here, from the first to the last.
+    pub(crate) fn rows_of_target(&self, row: usize, to: usize) -> Option<Vec<usize>> {
+        let (group, _) = self.ordered(row)?;
+        let target = self.target(&group, to)?;
+        let is_of_it = |row: &usize| self.target(&group, *row).as_ref() == Some(&target);
+        Some((0..self.timeline.rows.len()).filter(is_of_it).collect())
+    }
+
+    /// What goes by its number, selected or muted, has another one after a move.
+    fn renumber(&mut self, group: &Group, what: &Selected, target: &Selected, side: RowSide) {
+        let number = |what: &Selected| match what {
+            Selected::Light(index) => Some(*index),
+            Selected::Cue { layer, .. } => Some(*layer),
+            _ => None,
+        };
+        let (Some(from), Some(to)) = (number(what), number(target)) else { return };
+        let to = match side {
+            RowSide::Above if from < to => to - 1,
+            RowSide::Below if from > to => to + 1,
+            _ => to,
+        };
+        let renumbered = |number: usize| match number {
+            number if number == from => to,
+            number if from < number && number <= to => number - 1,
+            number if to <= number && number < from => number + 1,
+            number => number,
+        };
+        match (group, &mut self.selection) {
+            (Group::Lights, Some(Selected::Light(index))) => *index = renumbered(*index),
+            (Group::Layers(name), Some(Selected::Cue { actor, layer, .. })) if actor == name => {
+                *layer = renumbered(*layer);
+            }
+            _ => {}
+        }
+        if let Group::Layers(name) = group {
+            let muted = std::mem::take(&mut self.shelf.muted).into_iter();
+            let of = |(actor, layer): (String, usize)| {
+                let layer = if actor == *name { renumbered(layer) } else { layer };
+                (actor, layer)
+            };
+            self.shelf.muted = muted.map(of).collect::<BTreeSet<_>>();
+        }
+    }
+}
+
+fn fixed(row: usize) -> EditError {
+    EditError::refused(match row {
+        0 => "the row of cameras stays above the others",
+        _ => "rows of actors, of their layers and of lights can be moved; this one cannot",
+    })
+}
+
+fn elsewhere(group: &Group) -> EditError {
+    EditError::refused(match group {
+        Group::Actors => "the row of an actor is moved above or below that of another actor",
+        Group::Layers(_) => "a layer is moved above or below another layer of its actor",
+        Group::Lights => "the row of a light is moved above or below that of another light",
+    })
+}

@@ -1,0 +1,36 @@
+//! Rows of the sequencer that are dragged by their names to another place among the rows.
+
+use super::sequencer::row_places;
+use crate::app::Viewer;
+use choreo_session::edit::RowSide;
+use egui::{Id, LayerId, Order, Rect, Response, Stroke, Ui};
+
+/// Marks where a dragged row would come; at the end of the drag, the row that it comes beside, and the side.
+pub fn drag(ui: &Ui, viewer: &Viewer, row: usize, response: &Response) -> Option<(usize, RowSide)> {
+    if !response.dragged() && !response.drag_stopped() {
+        return None;
+    }
+    let pointer = response.interact_pointer_pos()?;
+    let places = row_places(ui, viewer);
+    let &(to, rect) = places.iter().find(|(_, rect)| rect.y_range().contains(pointer.y))?;
+    let rows = viewer.rows_of_target(row, to);
+    let of_target = |index: &usize| rows.as_ref().is_some_and(|rows| rows.contains(index));
+    let around: Rect = places
+        .iter()
+        .filter(|(index, _)| of_target(index))
+        .map(|(_, rect)| *rect)
+        .reduce(Rect::union)
+        .unwrap_or(rect);
+    let side = if pointer.y < around.center().y { RowSide::Above } else { RowSide::Below };
+    if response.drag_stopped() {
+        return (to != row).then_some((to, side));
+    }
+    let color = match rows {
+        Some(_) => ui.visuals().selection.stroke.color,
+        None => ui.visuals().error_fg_color,
+    };
+    let y = if side == RowSide::Above { around.top() } else { around.bottom() };
+    let painter = ui.ctx().layer_painter(LayerId::new(Order::Foreground, Id::new("row order")));
+    painter.hline(around.x_range(), y, Stroke::new(2.0, color));
+    None
+}
