@@ -134,16 +134,16 @@ pub fn show(
             viewer.selection = Some(hot.what.selected());
         }
     }
-    drag(ui, viewer, &scene, response, lens, &near) || hot.is_some()
+    drag(ui, viewer, index, &scene, (response, lens), &near) || hot.is_some()
 }
 
 /// Gives whether one is being dragged. It moves in the plane of the image, at its own distance.
 fn drag(
     ui: &Ui,
     viewer: &mut Viewer,
+    index: usize,
     scene: &Scene,
-    response: &Response,
-    lens: &Lens,
+    (response, lens): (&Response, &Lens),
     near: &dyn Fn(DVec2) -> Option<Sign>,
 ) -> bool {
     let vector = |p: egui::Pos2| DVec2::new(f64::from(p.x), f64::from(p.y));
@@ -151,9 +151,12 @@ fn drag(
         && let Some(sign) = ui.input(|i| i.pointer.press_origin()).and_then(|p| near(vector(p)))
     {
         viewer.selection = Some(sign.what.selected());
-        viewer.dragged_sign = Some(DraggedSign { what: sign.what, from: sign.at, to: sign.at });
+        viewer.dragged_sign = Some(DraggedSign { view: index, what: sign.what, from: sign.at, to: sign.at });
     }
-    let Some(dragged) = &mut viewer.dragged_sign else { return false };
+    // One that is dragged in another viewport is moved there.
+    let Some(dragged) = viewer.dragged_sign.as_mut().filter(|dragged| dragged.view == index) else {
+        return false;
+    };
     if let Some(at) = response.interact_pointer_pos().filter(|_| response.dragged()) {
         let (origin, direction) = lens.ray(vector(at));
         let normal = lens.forward();

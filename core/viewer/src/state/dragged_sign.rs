@@ -24,6 +24,8 @@ impl SignOf {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct DraggedSign {
+    /// Number of the viewport in which it is dragged.
+    pub view: usize,
     pub what: SignOf,
     /// Place at which it was, and at which it is by now.
     pub from: DVec3,

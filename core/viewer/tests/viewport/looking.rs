@@ -3,7 +3,9 @@
 use crate::place::{Desk, Place, drag};
 use choreo_asset::Projection;
 use choreo_viewer::geometry::projection::Lens;
+use choreo_viewer::panels::Panels;
 use choreo_viewer::state::selection::Selected;
+use choreo_viewer::state::settings::Settings;
 use choreo_viewer::state::side::Side;
 use choreo_viewer::state::trail::JointRef;
 use choreo_viewer::state::view::ViewCamera;
@@ -39,8 +41,13 @@ fn painted(desk: &mut Desk) {
 
 /// A place of the world on the screen.
 fn on_screen(desk: &Desk, world: DVec3) -> Pos2 {
+    on_screen_in(desk, 0, world)
+}
+
+/// A place of the world in a viewport.
+fn on_screen_in(desk: &Desk, view: usize, world: DVec3) -> Pos2 {
     let viewer = &desk.state().viewer;
-    let view = &viewer.views[0];
+    let view = &viewer.views[view];
     let [left, top, right, bottom] = view.place.map(f64::from);
     let camera = view.now(&viewer.scene.as_ref().unwrap().stage).unwrap();
     let lens = Lens::new(&camera, DVec2::new(left, top), DVec2::new(right - left, bottom - top));
@@ -109,6 +116,38 @@ fn a_light_and_a_camera_are_picked_and_dragged_by_their_signs() {
     let height = line.split("1.2, ").nth(1).and_then(|rest| rest.split(',').next());
     let height: f64 = height.unwrap_or_else(|| panic!("{line}")).parse().unwrap();
     assert!((height - 2.0).abs() < 0.01 && line.ends_with(".look_at(ada);"), "{line}");
+}
+
+#[test]
+fn a_sign_is_dragged_in_either_of_two_free_viewports() {
+    for view in [0, 1] {
+        let mut place = Place::new(SCRIPT);
+        let layout = serde_json::json!({
+            "below": 0.7,
+            "first": { "right": 0.5, "first": { "tabs": ["Viewport"] }, "second": { "tabs": ["Viewport 2"] } },
+            "second": { "tabs": ["Sequencer"] },
+        });
+        place.panels = Panels::new(&Settings { layout: Some(layout), ..Settings::default() });
+        place.paint();
+        let mut desk = place.harness(vec2(1280.0, 860.0));
+        let paint_all = |desk: &mut Desk| (0..5).for_each(|_| painted(desk));
+        paint_all(&mut desk);
+        for view in [0, 1] {
+            assert!(desk.state_mut().viewer.free_camera(view).is_some());
+        }
+        paint_all(&mut desk);
+        let before: Vec<ViewCamera> = desk.state().viewer.views.iter().map(|v| v.camera.clone()).collect();
+        let lamp = DVec3::new(-1.2, 1.8, 0.5);
+        let from = on_screen_in(&desk, view, lamp);
+        let to = on_screen_in(&desk, view, lamp + DVec3::new(-0.3, 0.2, 0.0));
+        drag(&mut desk, from, to);
+        let text = desk.state().text();
+        assert_ne!(text, SCRIPT, "viewport {view}: {:?}", desk.state().viewer.message);
+        let line = text.lines().find(|line| line.starts_with("let lamp")).unwrap();
+        assert!(!line.contains("[-1.2, 1.8, 0.5]"), "{line}");
+        let after: Vec<ViewCamera> = desk.state().viewer.views.iter().map(|v| v.camera.clone()).collect();
+        assert_eq!(after, before, "neither view turns");
+    }
 }
 
 #[test]
