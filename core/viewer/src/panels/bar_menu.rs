@@ -39,7 +39,7 @@ impl Command {
         }
     }
 
-    /// Where a row is moved to.
+    /// The side to which a row is moved.
     pub fn side(self) -> Option<RowSide> {
         match self {
             Command::RowUp => Some(RowSide::Above),
