@@ -3,6 +3,7 @@
 
 mod additions;
 mod casting;
+mod copying;
 mod cues;
 mod deleting;
 mod duplicating;
@@ -26,6 +27,7 @@ use std::ops::Range;
 
 pub use additions::{AddedAt, Addition, SHAPES, Subject, added_lines};
 pub use casting::{cast_lines, numbered_name};
+pub use copying::{copied_cues, copied_start, copy_cue, paste_cue};
 pub use cues::{CueChange, delete_cue, has_end, set_times};
 pub use deleting::delete_object;
 pub use duplicating::{Duplicate, duplicate_object};
@@ -35,10 +37,7 @@ pub use object::{ScriptObject, ScriptText, euler_degrees, rotation_of, set_call,
 pub use refused::EditRefused;
 pub use renaming::{NamedBy, Renaming};
 pub use stating::Anew;
-pub use strips::{
-    Rest, copied_cues, copied_start, copy_cue, duplicate_cue, paste_cue, set_disabled, set_number, set_trim,
-    shift_cue, shift_keys, split_cue,
-};
+pub use strips::{Rest, duplicate_cue, set_disabled, set_number, set_trim, shift_cue, shift_keys, split_cue};
 pub use times::{CueTime, EditTime, follows, set_time};
 pub use unroll::unroll;
 pub use values::format_number;
