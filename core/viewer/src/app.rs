@@ -22,6 +22,7 @@ use crate::state::render_form::RenderForm;
 use crate::state::selection::{self, Selected};
 use crate::state::shortcuts::Shortcuts;
 use crate::state::span::Span;
+use crate::state::tempo::Tempo;
 use crate::state::timeline::{Bar, Timeline};
 use crate::state::trail::{JointRef, Trails};
 use crate::state::view::{Resolution, View, ViewCamera, Wish, fitted};
@@ -132,6 +133,8 @@ pub struct Viewer {
     pub in_seconds: bool,
     /// Dragged times are whole frames.
     pub snap: bool,
+    /// Beats to which they snap before that.
+    pub tempo: Tempo,
     /// The script panel goes to this line.
     pub go_to: Option<usize>,
     /// Files that were dropped on the window together, shown in place of the script.
@@ -204,6 +207,7 @@ impl Viewer {
             span: Span::whole(1.0),
             in_seconds: true,
             snap: true,
+            tempo: Tempo::default(),
             go_to: None,
             guests: Vec::new(),
             dropped: Vec::new(),
@@ -611,6 +615,7 @@ impl Viewer {
         let edges = self.bars().filter(is_other).flat_map(|bar| [bar.start, bar.until, bar.end]);
         let markers = self.timeline.markers.iter().map(|(_, at)| *at);
         let all = edges.chain(markers).chain([self.playhead.time(), self.timeline.length]).map(Time::as_secs);
+        let all = all.chain(self.tempo.nearest(secs));
         let near = all.filter(|at| self.snap && (at - secs).abs() <= reach);
         near.min_by(|a, b| (a - secs).abs().total_cmp(&(b - secs).abs()))
     }

@@ -1,7 +1,7 @@
 //! Whole cues: moved with their ends, or deleted.
 
-use super::scan::{Call, Source, find};
-use super::times::{CueTime, EditTime, set_time};
+use super::scan::{Call, Source};
+use super::times::{CueTime, EditTime, TimeLiteral, set_time, stated_time};
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
@@ -29,11 +29,11 @@ pub fn set_times(text: &str, changes: &[CueChange]) -> Result<Edit, EditRefused>
     Ok(Edit::between(text, &after))
 }
 
-/// Whether the cue that the call at a place makes states its end, `.until(…)`.
+/// Whether the cue that the call at a place makes states its end, `.until(…)` or `until: …`.
 pub fn has_end(text: &str, line: usize, column: usize) -> bool {
     let text = &Source::new(text);
     let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
-    call.is_some_and(|call| find(&text.chain_after(call.end), text, "until").is_some())
+    call.is_some_and(|call| stated_time(text, &call, "until").is_some())
 }
 
 /// Deletes the cue that the call at a place makes, with its times and options. `next`: when the clip after it begins, which then stands
@@ -58,17 +58,47 @@ pub fn delete_cue(
     let end = source.chain_after(call.end).last().map_or(call.end, |last| last.end);
     let follower = source.call_from(end).filter(|next| source[next.name.clone()] == *"then");
     if let (true, Some(follower)) = (source[call.name.clone()] == *"play", follower) {
-        let from = find(&source.chain_after(follower.end), source, "from");
-        let from = next.filter(|_| from.is_none()).map(|next| format!(".from({})", next.anew(source)));
+        let next = next.filter(|_| stated_time(source, &follower, "from").is_none());
+        // The end of the deleted clip becomes the start of the next, in the same style.
+        let end = stated_time(source, &call, "until").and_then(|end| TimeLiteral::of(source, &end));
+        let in_frames = end.map(|end| end.in_frames);
+        let from = next.map(|next| format!(".from({})", next.like(in_frames, source)));
         let kept = &text[follower.name.end..follower.end];
         let range = call.name.start..follower.end;
         return Ok(Edit { range, text: format!("play{kept}{}", from.unwrap_or_default()) });
     }
-    let range = whole_statement(source, &call, end).unwrap_or_else(|| {
-        let dot = text[..call.name.start].rfind('.').unwrap_or(call.name.start);
-        text[..dot].trim_end().len()..end
-    });
-    Ok(Edit { range, text: String::new() })
+    match whole_statement(source, &call, end) {
+        Some(range) => Ok(Edit { range, text: String::new() }),
+        None => Ok(Edit::between(text, &without(source, &call, end))),
+    }
+}
+
+/// The text without a call of a chain up to a byte, and without the comment of its line. A comment between the call and the code before it
+/// stays, behind the code of both lines.
+fn without(source: &Source, call: &Call, end: usize) -> String {
+    let text = source.whole();
+    let dot = text[..call.name.start].rfind('.').unwrap_or(call.name.start);
+    let before = source.code_end(dot);
+    let gap = text[before..dot].trim_end();
+    let line_end = text[end..].find('\n').map_or(text.len(), |at| end + at);
+    let own = comment_behind(source, call, end);
+    let (closing, rest) = own.map_or((end..line_end, line_end), |own| (end..own.start, own.end));
+    format!("{}{}{gap}{}", &text[..before], &text[closing], &text[rest..])
+}
+
+/// The comment that ends the line on which a cue ends, with the blanks before it; `None` where another call stands on that line, which the
+/// comment is about, too.
+pub(super) fn comment_behind(text: &Source, call: &Call, end: usize) -> Option<Range<usize>> {
+    let line_end = text[end..].find('\n').map_or(text.len(), |at| end + at);
+    let semicolon = text[end..line_end].len() - text[end..line_end].trim_start().len() + end;
+    let code = if text[semicolon..line_end].starts_with(';') { semicolon + 1 } else { end };
+    let behind = text[code..line_end].trim();
+    let is_block = behind.starts_with("/*") && behind.find("*/").is_some_and(|at| at + 2 == behind.len());
+    let line = text[..end].rfind('\n').map_or(0, |at| at + 1);
+    let before = text.get(line..call.name.start).unwrap_or_default().trim();
+    let is_alone = before.chars().all(|c| c.is_alphanumeric() || c == '_' || c == '.');
+    (is_alone && (behind.starts_with("//") || is_block))
+        .then(|| code..code + text[code..line_end].trim_end().len())
 }
 
 /// The first byte of the expression that a call of a method ends, `actor` in `actor.play(…)`; `None` where that is not a name.
@@ -146,6 +176,15 @@ mod tests {
         assert_eq!(deleted(text, None).unwrap(), "a.play(c).until(2.0) // in\n    .then(e);");
         let text = "a.|play(c).from(1.0).until(2.0)\n    .then(d, #{ fade: 0.4 }).on(\"x\");";
         assert_eq!(deleted(text, Some(at(2.0))).unwrap(), "a.play(d, #{ fade: 0.4 }).from(2.0).on(\"x\");");
+        // The next begins where the deleted one ended, in its style; comments go with their lines and end no other.
+        let text = "a.|play(c).until(f(50)) // in\n    .then(d); // out";
+        assert_eq!(deleted(text, Some(at(2.0))).unwrap(), "a.play(d).from(f(50)); // out");
+        let text = "a.play(c).until(2.0) // in\n    .|then(d).until(4.0) // waves\n    .then(e);";
+        assert_eq!(deleted(text, None).unwrap(), "a.play(c).until(2.0) // in\n    .then(e);");
+        let text = "a.play(c).until(2.0) // in\n    .|then(d).until(4.0); // waves\nb.play(c);";
+        assert_eq!(deleted(text, None).unwrap(), "a.play(c).until(2.0); // in\nb.play(c);");
+        let text = "a.play(c).until(2.0) // in\n    .|then(d).then(e); // both";
+        assert_eq!(deleted(text, None).unwrap(), "a.play(c).until(2.0).then(e); // both // in");
         let text = "a.|play(c).then(d).from(3.0);";
         assert_eq!(deleted(text, Some(at(3.0))).unwrap(), "a.play(d).from(3.0);");
     }

@@ -3,6 +3,7 @@
 
 mod additions;
 mod casting;
+mod copying;
 mod cues;
 mod deleting;
 mod duplicating;
@@ -27,6 +28,7 @@ use std::ops::Range;
 
 pub use additions::{AddedAt, Addition, SHAPES, Subject, added_lines};
 pub use casting::{cast_lines, numbered_name};
+pub use copying::{copied_cues, copied_start, copy_cue, paste_cue};
 pub use cues::{CueChange, delete_cue, has_end, set_times};
 pub use deleting::delete_object;
 pub use duplicating::{Duplicate, duplicate_object};
@@ -37,10 +39,7 @@ pub use refused::EditRefused;
 pub use renaming::{NamedBy, Renaming};
 pub use reordering::{RowSide, reorder};
 pub use stating::Anew;
-pub use strips::{
-    Rest, copied_cues, copied_start, copy_cue, duplicate_cue, paste_cue, set_disabled, set_number, set_trim,
-    shift_cue, shift_keys, split_cue,
-};
+pub use strips::{Rest, duplicate_cue, set_disabled, set_number, set_trim, shift_cue, shift_keys, split_cue};
 pub use times::{CueTime, EditTime, follows, set_time};
 pub use unroll::unroll;
 pub use values::format_number;

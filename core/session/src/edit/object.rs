@@ -7,7 +7,7 @@ use super::key_name::{JointKey, joint_keys};
 use super::refused::ADD;
 use super::scan::{Call, Source, Tokens, tokens_of};
 use super::times::{EditTime, TimeLiteral};
-use super::values::{format_number, literals, option_of, rewritten, set_option};
+use super::values::{format_number, is_calculation, literals, option_of, rewritten, set_option};
 use super::{Edit, EditRefused};
 use glam::{DMat3, DQuat, DVec3};
 use std::sync::Arc;
@@ -255,7 +255,8 @@ impl<'a> ScriptObject<'a> {
     ) -> Result<Edit, EditRefused> {
         let inside = &self.text[bytes.clone()];
         let quoted = inside.trim().starts_with('"') && inside.trim().ends_with('"');
-        if !quoted && literals(&self.text, &bytes).is_none_or(|l| l.is_empty()) {
+        let is_literal = literals(&self.text, &bytes).is_some_and(|l| !l.is_empty());
+        if !quoted && !is_literal && !is_calculation(&self.text, &bytes) {
             return Err(self.computed(call, &format!("{}({value})", &self.text[call.name.clone()])));
         }
         let start = bytes.start + (inside.len() - inside.trim_start().len());

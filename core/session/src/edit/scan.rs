@@ -97,6 +97,16 @@ impl<'a> Source<'a> {
         self.start(self.index(at))
     }
 
+    /// The byte behind the last token that begins before a byte: blanks and comments before it are passed over.
+    pub(super) fn code_end(&self, at: usize) -> usize {
+        self.index(at).checked_sub(1).map_or(0, |before| self.tokens[before].end.min(at))
+    }
+
+    /// The tokens that begin in a range.
+    pub(super) fn tokens_within(&self, range: &Range<usize>) -> impl Iterator<Item = &'a str> {
+        (self.index(range.start)..self.index(range.end)).map(|index| self.token(index))
+    }
+
     /// The first token outside brackets, from a byte on, that ends the search; brackets that open on the way are passed over.
     fn find_outside(&self, at: usize, ends: impl Fn(&str) -> bool) -> usize {
         self.find_outside_before(self.tokens.len(), at, ends)

@@ -3,7 +3,7 @@
 use super::object::{ScriptObject, quoted};
 use super::scan::Call;
 use super::times::{EditTime, TimeLiteral};
-use super::values::{option_value, set_option};
+use super::values::{method_place, option_value, set_option};
 use super::{Edit, EditRefused};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -15,6 +15,8 @@ pub enum Anew {
     Method,
     /// `#{ fade: 0.5 }`
     Option,
+    /// As the other values of a cue are: an option where it has options or nothing, else a method.
+    Alike,
 }
 
 impl<'a> ScriptObject<'a> {
@@ -50,10 +52,15 @@ impl<'a> ScriptObject<'a> {
         if let Some(call) = self.last(&[name]) {
             return self.overwrite(call, call.inside.clone(), value);
         }
-        if anew == Anew::Option || option_value(&self.text, &self.made, name).is_some() {
-            return set_option(&self.text, &self.made, self.line, name, value);
+        let method = match anew {
+            Anew::Option => None,
+            Anew::Method => Some(self.made.end),
+            Anew::Alike => method_place(&self.text, &self.made, &self.calls, name),
+        };
+        match method.filter(|_| option_value(&self.text, &self.made, name).is_none()) {
+            Some(at) => Ok(self.behind(at, &format!("{name}({value})"))),
+            None => set_option(&self.text, &self.made, self.line, name, value),
         }
-        Ok(self.behind(self.made.end, &format!("{name}({value})")))
     }
 
     /// Like [`ScriptObject::state`], in place of whatever is written there, computed or not.

@@ -1,11 +1,13 @@
-//! Cues as strips of a timeline: trimmed, slipped, split, duplicated, copied as text and pasted, faded over, disabled.
+//! Cues as strips of a timeline: trimmed, slipped, split, duplicated, disabled.
 
-use super::cues::{CueChange, set_times};
+use super::cues::{CueChange, comment_behind, set_times};
 use super::keys::shifted_keys;
-use super::object::{ScriptObject, loaded_as, quoted};
+use super::object::ScriptObject;
 use super::scan::{Call, Source};
 use super::times::{CueTime, EditTime, TimeLiteral};
-use super::values::{format_number, literals, option_value, options_of, rewritten};
+use super::values::{
+    format_number, is_calculation, literals, method_place, option_value, options_of, rewritten, set_option,
+};
 use super::{Edit, EditRefused};
 use choreo_stage::{Cue, Described};
 use std::ops::Range;
@@ -13,9 +15,9 @@ use std::ops::Range;
 /// Calls and options about the transition into a cue or out of it, and the part of the clip: the second part of a split cue has its own.
 const ENDS: [&str; 8] = ["fade", "fade_out", "ease", "in_step", "inertial", "trim", "clip_time", "freeze"];
 /// Calls and options that say when a cue plays.
-const TIMES: [&str; 2] = ["from", "until"];
+pub(super) const TIMES: [&str; 2] = ["from", "until"];
 /// Calls of a layer, which hold for all cues of a chain.
-const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_weight"];
+pub(super) const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_weight"];
 /// Calls with times of the stage in their keys, beside those of the described fields of a cue.
 const KEYED: [&str; 2] = ["clip_time", "layer_weight"];
 
@@ -30,11 +32,11 @@ fn is_keyed(name: &str) -> bool {
 }
 
 /// The call that makes a cue, and the calls behind it.
-struct Strip<'a> {
-    text: Source<'a>,
+pub(super) struct Strip<'a> {
+    pub text: Source<'a>,
     line: usize,
-    call: Call,
-    chain: Vec<Call>,
+    pub call: Call,
+    pub chain: Vec<Call>,
 }
 
 /// The content of the second part of a cue that is split.
@@ -49,7 +51,7 @@ pub enum Rest {
 }
 
 impl<'a> Strip<'a> {
-    fn at(text: &'a str, line: usize, column: usize) -> Result<Strip<'a>, EditRefused> {
+    pub(super) fn at(text: &'a str, line: usize, column: usize) -> Result<Strip<'a>, EditRefused> {
         let text = Source::new(text);
         let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
         let call = call.ok_or_else(|| EditRefused::at(line, "there is no play or then to be changed"))?;
@@ -57,20 +59,20 @@ impl<'a> Strip<'a> {
         Ok(Strip { text, line, call, chain })
     }
 
-    fn name(&self, call: &Call) -> &str {
+    pub(super) fn name(&self, call: &Call) -> &str {
         &self.text[call.name.clone()]
     }
 
-    fn last(&self, name: &str) -> Option<&Call> {
+    pub(super) fn last(&self, name: &str) -> Option<&Call> {
         self.chain.iter().rev().find(|call| self.name(call) == name)
     }
 
-    fn end(&self) -> usize {
+    pub(super) fn end(&self) -> usize {
         self.chain.last().map_or(self.call.end, |call| call.end)
     }
 
     /// The value of a method behind it, or of an option.
-    fn value(&self, name: &str) -> Option<Range<usize>> {
+    pub(super) fn value(&self, name: &str) -> Option<Range<usize>> {
         let method = self.last(name).map(|call| call.inside.clone());
         method.or_else(|| option_value(&self.text, &self.call, name))
     }
@@ -84,12 +86,64 @@ impl<'a> Strip<'a> {
     /// Writes numbers as the value of a method or an option.
     fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let Some(old) = self.value(name) else {
-            let values = values.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(", ");
-            return Ok(Edit { range: self.call.end..self.call.end, text: format!(".{name}({values})") });
+            let method = method_place(&self.text, &self.call, &self.chain, name);
+            return Ok(self.add(method, (name, values)));
         };
-        let literals = literals(&self.text, &self.text.trimmed(&old)).filter(|l| l.len() == values.len());
+        let range = self.text.trimmed(&old);
+        if let ([value], true) = (values, is_calculation(&self.text, &range)) {
+            return Ok(Edit { range, text: format_number(*value) });
+        }
+        let literals = literals(&self.text, &range).filter(|l| l.len() == values.len());
         let changed = literals.and_then(|literals| rewritten(&self.text, &literals, values));
         changed.ok_or_else(|| self.computed(name, &old))
+    }
+
+    /// Adds a value that is not stated yet as a method at a byte, else among the options; behind the call where those are computed.
+    fn add(&self, method: Option<usize>, (name, values): (&str, &[f64])) -> Edit {
+        let numbers = values.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(", ");
+        let value = if values.len() == 1 { numbers.clone() } else { format!("[{numbers}]") };
+        let option = || set_option(&self.text, &self.call, self.line, name, &value).ok();
+        let at = method.unwrap_or(self.call.end);
+        let new = || Edit { range: at..at, text: format!(".{name}({numbers})") };
+        method.map_or_else(option, |_| None).unwrap_or_else(new)
+    }
+
+    /// The comment of its line, with the blanks before it.
+    pub(super) fn comment(&self) -> Option<Range<usize>> {
+        comment_behind(&self.text, &self.call, self.end())
+    }
+
+    /// The whole text with more of its chain behind it: a comment of its line stays with it.
+    fn followed_by(&self, more: &str) -> String {
+        let (text, end) = (self.text.whole(), self.end());
+        let comment = self.comment().unwrap_or(end..end);
+        let (code, closing) = (&text[..end], &text[end..comment.start]);
+        format!("{code}{}{more}{closing}{}", &text[comment.clone()], &text[comment.end..])
+    }
+
+    /// Whether it states its times in frames: its end, else its start, else the end of the clip before it, where it begins. `None` where the
+    /// script states none of them.
+    pub(super) fn in_frames(&self) -> Option<bool> {
+        let style = |strip: &Strip, name| Some(TimeLiteral::of(&strip.text, &strip.value(name)?)?.in_frames);
+        let before = || {
+            let before = self.cues().into_iter().take_while(|cue| cue.call.name != self.call.name).last()?;
+            style(&before, "until")
+        };
+        style(self, "until").or_else(|| style(self, "from")).or_else(before)
+    }
+
+    /// The cues of its chain, in order, itself among them.
+    pub(super) fn cues(&self) -> Vec<Strip<'a>> {
+        let mut all: Vec<Strip> = Vec::new();
+        let mut next = Some(self.first());
+        while let Some(call) = next {
+            let chain = self.text.chain_after(call.end);
+            let cue = Strip { text: self.text.clone(), line: self.line, call, chain };
+            next = self.text.call_from(cue.end()).filter(|next| matches!(self.name(next), "play" | "then"));
+            // The calls before the first cue are the actor's.
+            all.extend(Some(cue).filter(|cue| matches!(self.name(&cue.call), "play" | "then")));
+        }
+        all
     }
 
     /// Separator before a `.then` that is added: a line of its own, indented.
@@ -142,7 +196,7 @@ impl<'a> Strip<'a> {
     }
 
     /// `.name(…)`
-    fn dotted(&self, call: &Call) -> String {
+    pub(super) fn dotted(&self, call: &Call) -> String {
         format!(".{}", &self.text[call.name.start..call.end])
     }
 }
@@ -192,13 +246,8 @@ pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result
     if let Some(old) = inside.split_once("/*").and_then(|(_, rest)| rest.split_once("*/")) {
         return Ok(Edit { range, text: old.0.trim().to_string() });
     }
-    match strip.last("weight") {
-        Some(call) => {
-            let dot = strip.text[..call.name.start].rfind('.').unwrap_or(call.name.start);
-            Ok(Edit { range: dot..call.end, text: String::new() })
-        }
-        None => Ok(Edit { range, text: "1.0".into() }),
-    }
+    // Without a stated weight it has all of it.
+    Ok(ScriptObject::at(text, line, column)?.unstate(&["weight"]))
 }
 
 /// Splits a cue at a time: it ends there, and a second one with the rest of its clip follows. `fade_out`: of an upper layer, goes to the second.
@@ -216,10 +265,11 @@ pub fn split_cue(
     let strip = Strip::at(text, line, column)?;
     strip.refuse_variable()?;
     let mut second = strip.then(|name| is_own(name) && !ENDS.contains(&name));
+    let until = strip.value("until").map(|until| strip.text[until].trim().to_string());
+    // The second part is written as the first is.
+    let is_method = method_place(&strip.text, &strip.call, &strip.chain, "trim").is_some();
     match rest {
-        Rest::Trim([from, to]) => {
-            second += &format!(".trim({}, {})", format_number(from), format_number(to));
-        }
+        Rest::Trim(trim) => second = with_number(&second, is_method, ("trim", &trim)),
         Rest::ClipTime(keys) => {
             let keys = keys.map(|[when, shown]| {
                 let when = EditTime { secs: when, fps: at.fps }.anew(&strip.text);
@@ -229,29 +279,28 @@ pub fn split_cue(
         }
         Rest::Same => {}
     }
-    let until = strip.value("until");
     if let Some(until) = &until {
-        second += &format!(".until({})", strip.text[until.clone()].trim());
+        second += &format!(".until({until})");
     }
     if let Some(fade_out) = fade_out {
-        second += &format!(".fade_out({})", format_number(fade_out));
+        second = with_number(&second, is_method, ("fade_out", &[fade_out]));
     }
-    let end = strip.end();
-    // The call stands behind a .fade(…), which would set it again.
-    let off = if fade_out.is_some() && strip.last("fade_out").is_none() { ".fade_out(0.0)" } else { "" };
-    let mut after = format!("{}{off}{second}{}", &text[..end], &text[end..]);
+    let mut after = strip.followed_by(&second);
     let first_end = CueChange { line, column, part: CueTime::End, time: at };
-    after = match until {
-        Some(until) if strip.last("until").is_none() => {
-            let old = TimeLiteral::of(&strip.text, &until).ok_or_else(|| strip.computed("until", &until))?;
-            old.set(at).apply(&after)
-        }
-        _ => set_times(&after, &[first_end])?.apply(&after),
-    };
-    if fade_out.is_some() && strip.last("fade_out").is_some() {
+    after = set_times(&after, &[first_end])?.apply(&after);
+    if fade_out.is_some() {
         after = set_number(&after, line, column, "fade_out", 0.0)?.apply(&after);
     }
     Ok(Edit::between(text, &after))
+}
+
+/// A `.then(…)` with a number that it does not state yet: behind it, or as an option.
+fn with_number(then: &str, is_method: bool, number: (&str, &[f64])) -> String {
+    let dot = then.len() - then.trim_start().len();
+    let text = Source::new(then);
+    let Some(call) = text.call_from(dot) else { return then.to_string() };
+    let strip = Strip { chain: text.chain_after(call.end), text, line: 1, call };
+    strip.add(is_method.then_some(then.len()), number).apply(then)
 }
 
 /// Plays the clip of a cue once more right after it, with its options, and with its keys and freezes `by` later. `until`: the end of the
@@ -273,126 +322,9 @@ pub fn duplicate_cue(
     let shifted =
         shift_keys(then, 1, 2, by).map_err(|refused| EditRefused { line: Some(line), ..refused })?;
     let blanks = &second[..second.len() - then.len()];
-    let until = until.map(|until| format!(".until({})", until.anew(&strip.text))).unwrap_or_default();
-    let at = strip.end();
-    Ok(Edit { range: at..at, text: format!("{blanks}{}{until}", shifted.apply(then)) })
-}
-
-/// A cue as text for the clipboard, `play(load("hero.glb").clip("Walk"), #{ fade: 0.3 }).from(1.0).until(2.0)`, to be pasted on another
-/// row or into another script.
-///
-/// # Errors
-/// The errors are those of [`set_trim`].
-pub fn copy_cue(
-    text: &str,
-    line: usize,
-    column: usize,
-    start: EditTime,
-    until: Option<EditTime>,
-) -> Result<String, EditRefused> {
-    let strip = Strip::at(text, line, column)?;
-    let inside = &strip.text[strip.call.inside.clone()];
-    let name: String = inside.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
-    // The variable of a file is another one in another script.
-    let load = strip.text.calls_of("load").find(|load| {
-        strip.text.variable_before(load.name.start) == Some(&*name) && load.name.start < strip.call.name.start
-    });
-    let load = load.map(|load| &strip.text[load.name.start..load.end]);
-    let inside = match load {
-        Some(load) => format!("{load}{}", &inside.trim_start()[name.len()..]),
-        None => inside.trim().to_string(),
-    };
-    let mut copy = format!("play({inside}).from({})", start.anew(&strip.text));
-    if let Some(until) = until {
-        copy += &format!(".until({})", until.anew(&strip.text));
-    }
-    let mut first = Some(strip.first()).filter(|first| first.name != strip.call.name);
-    let mut calls: Vec<Call> = Vec::new();
-    while let Some(call) = first {
-        let chain = strip.text.chain_after(call.end);
-        let end = chain.last().map_or(call.end, |call| call.end);
-        calls.extend(chain.into_iter().filter(|call| LAYER.contains(&strip.name(call))));
-        let next = strip.text.call_from(end).filter(|next| next.name.start < strip.call.name.start);
-        first = next.filter(|_| strip.text[end..].trim_start().starts_with('.'));
-    }
-    // Those in later lines about its variable, too.
-    let own = ScriptObject::at(text, line, column)?.calls;
-    calls.extend(own.into_iter().filter(|call| !TIMES.contains(&strip.name(call))));
-    copy.extend(calls.iter().map(|call| strip.dotted(call)));
-    Ok(copy)
-}
-
-/// Plays a copied cue on an actor (line and column of its `cast`) from a time on.
-///
-/// # Errors
-/// The text is no copied cue, or names what this script does not have.
-pub fn paste_cue(
-    text: &str,
-    line: usize,
-    column: usize,
-    copied: &str,
-    from: EditTime,
-) -> Result<Edit, EditRefused> {
-    let copied = copied.trim().trim_end_matches(';');
-    let refuse = || EditRefused::from("the clipboard holds no clip of a timeline".to_string());
-    let strip = Strip::at(copied, 1, 1).map_err(|_| refuse())?;
-    if strip.name(&strip.call) != "play" || strip.call.name.start != 0 || strip.end() != copied.len() {
-        return Err(refuse());
-    }
-    let start = strip.last("from").and_then(|call| TimeLiteral::of(&strip.text, &call.inside));
-    let start = start.map_or(0.0, |start| start.secs(from.fps));
-    let shifted = shift_cue(copied, 1, 1, EditTime { secs: from.secs - start, fps: from.fps })?;
-    let mut new = shifted.apply(copied);
-    let object = ScriptObject::at(text, line, column)?;
-    // The script's own name of the file, if it has one: that of the actor's own file first.
-    let script = Source::new(text);
-    let copy = Source::new(&new);
-    let first = |source: &Source, call: &Call| {
-        source[call.inside.start..source.value_end(call.inside.start, call.inside.end)].trim().to_string()
-    };
-    let own = copy.calls_of("load").next().and_then(|load| {
-        let file = first(&copy, &load);
-        let of_object = object.asset_object().ok();
-        let of_object = of_object.filter(|own| own.made_by() == "load" && first(&script, &own.made) == file);
-        let of_object = of_object.and_then(|own| script.variable_before(own.made.name.start));
-        let name = of_object.or_else(|| loaded_as(&script, &file, text.len()))?;
-        Some((load.name.start..load.end, name.to_string()))
-    });
-    let clip = copy[strip.call.inside.start..].trim_start();
-    let name: String = clip.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
-    let declared = |name: &str| {
-        let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_').peekable();
-        std::iter::from_fn(|| words.next().map(|word| (word, words.peek().copied())))
-            .any(|(word, next)| matches!(word, "let" | "const") && next == Some(name))
-    };
-    if !matches!(&*name, "load" | "") && !declared(&name) {
-        return Err(format!("this script has no {}, of which the copied clip is made", quoted(&name)).into());
-    }
-    let uses = own.as_ref().map_or(&name, |(_, own)| own).clone();
-    if let Some((range, own)) = own {
-        new.replace_range(range, &own);
-    }
-    // Variables that it names are made before it.
-    let declared_at = text.find(&format!("let {uses} ")).unwrap_or(0);
-    object.add_call(&new, object.last_at().max(declared_at))
-}
-
-/// The cues in the text of a clipboard, each as [`copy_cue`] has it.
-pub fn copied_cues(copied: &str) -> Vec<&str> {
-    let source = Source::new(copied);
-    let starts = source.calls_of("play").map(|call| call.name.start).filter(|at| source.depth_to(*at) == 0);
-    let starts: Vec<usize> = starts.collect();
-    let ends = starts.iter().skip(1).copied().chain([copied.len()]);
-    let first = starts.first().filter(|first| copied[..**first].trim().is_empty());
-    first.map_or_else(Vec::new, |_| {
-        starts.iter().zip(ends).map(|(from, to)| copied[*from..to].trim()).collect()
-    })
-}
-
-/// The start of a copied cue, seconds.
-pub fn copied_start(copied: &str, fps: f64) -> Option<f64> {
-    let strip = Strip::at(copied, 1, 1).ok()?;
-    Some(TimeLiteral::of(&strip.text, &strip.last("from")?.inside)?.secs(fps))
+    let until = until.map(|until| format!(".until({})", until.like(strip.in_frames(), &strip.text)));
+    let second = format!("{blanks}{}{}", shifted.apply(then), until.unwrap_or_default());
+    Ok(Edit::between(text, &strip.followed_by(&second)))
 }
 
 /// Shifts all times of the stage in a cue: its start and end, and those of its keys and freezes.

@@ -1,7 +1,7 @@
 //! Times of cues, and of what else begins and ends.
 
-use super::scan::{Source, find};
-use super::values::{literal, option_value, set_option};
+use super::scan::{Call, Source, find};
+use super::values::{literal, method_place, option_value, set_option};
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
@@ -32,6 +32,11 @@ impl EditTime {
         let text = self.text(false);
         let is_long = text.split('.').nth(1).is_some_and(|digits| digits.len() > USUAL_DIGITS);
         if is_long && script.counts_frames() { self.text(true) } else { text }
+    }
+
+    /// The time in the style of another one, `in_frames` or not, else as it stands where none does yet.
+    pub(super) fn like(self, in_frames: Option<bool>, script: &Source) -> String {
+        in_frames.map_or_else(|| self.anew(script), |in_frames| self.text(in_frames))
     }
 
     /// The time in place of another one: `f(31)` where that is in frames, too, else seconds, always with a point, so that they stay a float: to
@@ -70,7 +75,7 @@ impl TimeLiteral {
             return Some(TimeLiteral { range, number, in_frames: false });
         }
         let range = text.trimmed(bytes);
-        let is_frame = |call: &super::scan::Call| call.end == range.end && text[call.name.clone()] == *"f";
+        let is_frame = |call: &Call| call.end == range.end && text[call.name.clone()] == *"f";
         let call = text.call_from(range.start).filter(is_frame)?;
         let (_, number) = literal(text, &call.inside)?;
         Some(TimeLiteral { range, number, in_frames: true })
@@ -114,24 +119,24 @@ pub fn set_time(
     let Some(at) = text.byte_at(line, column) else { return refuse("the script has no such line") };
     let Some(call) = text.call_from(at) else { return refuse("there is no play or then to be changed") };
     let chain = text.chain_after(call.end);
-    let (name, argument) = match part {
-        CueTime::Start => ("from", find(&chain, text, "from")),
-        CueTime::End => ("until", find(&chain, text, "until")),
-        CueTime::FadeIn => {
-            let old = option_value(text, &call, "fade").and_then(|bytes| TimeLiteral::of(text, &bytes));
-            return match old {
-                Some(old) => Ok(old.set(time)),
-                None => set_option(text, &call, line, "fade", &time.anew(text)),
-            };
-        }
+    let name = match part {
+        CueTime::Start => "from",
+        CueTime::End => "until",
+        CueTime::FadeIn => return set_fade(text, (&call, &chain), line, time),
     };
-    if let Some(argument) = argument {
+    if let Some(argument) = find(&chain, text, name) {
         return match TimeLiteral::of(text, &argument) {
             Some(old) => Ok(old.set(time)),
             None => refuse(&format!(
                 "the time in .{name}({}) is computed; change it there",
                 text[argument].trim()
             )),
+        };
+    }
+    if let Some(value) = option_value(text, &call, name) {
+        return match TimeLiteral::of(text, &value) {
+            Some(old) => Ok(old.set(time)),
+            None => refuse(&format!("{name}: {} is computed; change it there", text[value].trim())),
         };
     }
     if part == CueTime::Start && text[call.name.clone()] == *"then" {
@@ -144,13 +149,39 @@ pub fn set_time(
     Ok(Edit { range: at..at, text: format!(".{name}({})", time.anew(text)) })
 }
 
+/// Sets the duration of the transition into a cue, where the script states it, as a fade or as inertialization, else anew.
+fn set_fade(
+    text: &Source,
+    (call, chain): (&Call, &[Call]),
+    line: usize,
+    time: EditTime,
+) -> Result<Edit, EditRefused> {
+    if let Some(argument) = find(chain, text, "fade") {
+        let why =
+            || format!("the time in .fade({}) is computed; change it there", text[argument.clone()].trim());
+        let old = TimeLiteral::of(text, &argument).ok_or_else(|| EditRefused::at(line, &why()))?;
+        return Ok(old.set(time));
+    }
+    let stated = |name: &&str| option_value(text, call, name).is_some();
+    let name = ["fade", "inertial"].into_iter().find(stated).unwrap_or("fade");
+    let old = option_value(text, call, name).and_then(|bytes| TimeLiteral::of(text, &bytes));
+    match (old, method_place(text, call, chain, name)) {
+        (Some(old), _) => Ok(old.set(time)),
+        (None, None) => set_option(text, call, line, name, &time.anew(text)),
+        (None, Some(at)) => Ok(Edit { range: at..at, text: format!(".{name}({})", time.anew(text)) }),
+    }
+}
+
+/// The value of a time that a cue states, as a method or among its options.
+pub(super) fn stated_time(text: &Source, call: &Call, name: &str) -> Option<Range<usize>> {
+    find(&text.chain_after(call.end), text, name).or_else(|| option_value(text, call, name))
+}
+
 /// Whether the call at a place is a `then` that begins where the clip before it ends.
 pub fn follows(text: &str, line: usize, column: usize) -> bool {
     let text = &Source::new(text);
     let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
-    call.is_some_and(|call| {
-        text[call.name.clone()] == *"then" && find(&text.chain_after(call.end), text, "from").is_none()
-    })
+    call.is_some_and(|call| text[call.name.clone()] == *"then" && stated_time(text, &call, "from").is_none())
 }
 
 #[cfg(test)]

@@ -63,12 +63,37 @@ pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option
     Some(Edit { range: first.0.start..last.0.end, text: out })
 }
 
-/// A number, a list of numbers, a text literal, or a map of these: what may be overwritten.
+/// A number, a calculation with numbers alone, a list of numbers, a text literal, or a map of these: what may be overwritten.
 pub fn is_plain(text: &Source, bytes: &Range<usize>) -> bool {
     let inside = text[bytes.clone()].trim();
     let quoted =
         inside.len() >= 2 && inside.starts_with('"') && inside[1..].find('"') == Some(inside.len() - 2);
-    quoted || literals(text, bytes).is_some_and(|l| !l.is_empty()) || is_plain_map(text, bytes)
+    quoted
+        || is_calculation(text, bytes)
+        || literals(text, bytes).is_some_and(|l| !l.is_empty())
+        || is_plain_map(text, bytes)
+}
+
+/// Whether these bytes are a calculation with literals alone, `1.0 / 3.0`, which a person typed in place of a number.
+pub(super) fn is_calculation(text: &Source, bytes: &Range<usize>) -> bool {
+    let is_number = |token: &str| token.trim_start_matches('-').starts_with(|c: char| c.is_ascii_digit());
+    let is_part = |token: &str| is_number(token) || matches!(token, "+" | "-" | "*" | "/" | "(" | ")");
+    text.tokens_within(bytes).any(is_number) && text.tokens_within(bytes).all(is_part)
+}
+
+/// Methods of a cue that are options of `play` and `then`, too, or that say how it repeats.
+const OPTION_METHODS: [&str; 11] =
+    ["fade", "fade_out", "ease", "speed", "trim", "reverse", "weight", "once", "loop", "ping_pong", "hold"];
+
+/// The byte at which a value that a cue does not state yet becomes a method. `None` where it becomes an option: among others that the call
+/// has, and where it has neither options nor methods in their place, as in the lessons.
+pub(super) fn method_place(text: &Source, call: &Call, chain: &[Call], name: &str) -> Option<usize> {
+    let named = |other: &&Call, name: &str| text[other.name.clone()] == *name;
+    // A fade behind it would set the fade-out again.
+    let fade = chain.iter().rfind(|other| named(other, "fade")).filter(|_| name == "fade_out");
+    let is_option_method = |other: &Call| OPTION_METHODS.iter().any(|name| named(&other, name));
+    let takes_option = text.map_in(&call.inside).is_some() || !chain.iter().any(is_option_method);
+    fade.map(|fade| fade.end).or_else(|| (!takes_option).then_some(call.end))
 }
 
 fn is_plain_map(text: &Source, bytes: &Range<usize>) -> bool {

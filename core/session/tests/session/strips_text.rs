@@ -1,8 +1,8 @@
 //! Clips as strips in a script's text: trimmed, split, duplicated, copied, pasted, disabled.
 
 use choreo_session::edit::{
-    Edit, EditRefused, EditTime, Rest, copied_cues, copy_cue, duplicate_cue, paste_cue, set_disabled,
-    set_number, set_trim, shift_cue, shift_keys, split_cue,
+    Anew, CueTime, Edit, EditRefused, EditTime, Rest, ScriptObject, copied_cues, copy_cue, duplicate_cue,
+    paste_cue, set_disabled, set_number, set_time, set_trim, shift_cue, shift_keys, split_cue,
 };
 
 /// The text without the mark `|`, and where it stands.
@@ -29,7 +29,7 @@ fn changed(text: &str, change: Change) -> Result<String, String> {
 #[test]
 fn numbers_are_written_where_the_script_states_them() {
     let trim = |text: &str| changed(text, &|t, l, c| set_trim(t, l, c, [0.5, 2.0]));
-    assert_eq!(trim("a.|play(c).until(2.0);").unwrap(), "a.play(c).trim(0.5, 2.0).until(2.0);");
+    assert_eq!(trim("a.|play(c).until(2.0);").unwrap(), "a.play(c, #{ trim: [0.5, 2.0] }).until(2.0);");
     assert_eq!(trim("a.|play(c).trim( 0, 1.5 );").unwrap(), "a.play(c).trim( 0.5, 2.0 );");
     assert_eq!(trim("a.|play(c, #{ trim: [0.0, 1.0] });").unwrap(), "a.play(c, #{ trim: [0.5, 2.0] });");
     assert_eq!(
@@ -38,6 +38,42 @@ fn numbers_are_written_where_the_script_states_them() {
     );
     let speed = |text: &str| changed(text, &|t, l, c| set_number(t, l, c, "speed", 1.25)).unwrap();
     assert_eq!(speed("a.|play(c, #{ speed: 2 }).speed(3);"), "a.play(c, #{ speed: 2 }).speed(1.25);");
+    // A calculation that a person typed in place of a number.
+    assert_eq!(speed("a.|play(c, #{ speed: 1.0 / 3.0 });"), "a.play(c, #{ speed: 1.25 });");
+    assert_eq!(speed("a.|play(c).speed(-(1.0 + 2.0) / 3.0);"), "a.play(c).speed(1.25);");
+    let computed = changed("a.|play(c).speed(1.0 / x);", &|t, l, c| set_number(t, l, c, "speed", 1.25));
+    assert!(computed.unwrap_err().contains("computed"));
+}
+
+/// A value that is not stated yet is written as the others of the cue are: among the options, or as a method; in a bare call as in the
+/// lessons, as an option.
+#[test]
+fn a_new_value_is_written_as_the_others_are() {
+    let speed = |text: &str| changed(text, &|t, l, c| set_number(t, l, c, "speed", 2.0)).unwrap();
+    assert_eq!(
+        speed("a.|play(c).from(1.0).on(\"Head\");"),
+        "a.play(c, #{ speed: 2.0 }).from(1.0).on(\"Head\");"
+    );
+    assert_eq!(
+        speed("a.|play(c, #{ fade: 0.4 }).weight(0.5);"),
+        "a.play(c, #{ fade: 0.4, speed: 2.0 }).weight(0.5);"
+    );
+    assert_eq!(speed("a.|play(c).from(1.0).weight(0.5);"), "a.play(c).speed(2.0).from(1.0).weight(0.5);");
+    assert_eq!(speed("a.|play(c, options);"), "a.play(c, options).speed(2.0);");
+    let fade = |text: &str| changed(text, &|t, l, c| set_time(t, l, c, CueTime::FadeIn, at(0.8))).unwrap();
+    assert_eq!(fade("a.|play(c).until(2.0);"), "a.play(c, #{ fade: 0.8 }).until(2.0);");
+    assert_eq!(fade("a.|play(c).until(2.0).weight(0.5);"), "a.play(c).fade(0.8).until(2.0).weight(0.5);");
+    // The one that counts is changed.
+    assert_eq!(fade("a.|play(c, #{ fade: 0.1 }).fade(f(5));"), "a.play(c, #{ fade: 0.1 }).fade(f(20));");
+    assert_eq!(fade("a.|play(c, #{ inertial: 0.2 });"), "a.play(c, #{ inertial: 0.8 });");
+    let end = |text: &str| changed(text, &|t, l, c| set_time(t, l, c, CueTime::End, at(3.0))).unwrap();
+    assert_eq!(end("a.|play(c, #{ until: f(50) });"), "a.play(c, #{ until: f(75) });");
+    let stated = |text: &str, anew| {
+        changed(text, &|t, l, c| ScriptObject::at(t, l, c)?.state("speed", "1.0 / 3.0", anew)).unwrap()
+    };
+    assert_eq!(stated("a.|play(c).weight(0.5);", Anew::Alike), "a.play(c).speed(1.0 / 3.0).weight(0.5);");
+    assert_eq!(stated("a.|play(c);", Anew::Alike), "a.play(c, #{ speed: 1.0 / 3.0 });");
+    assert_eq!(stated("a.|play(c).speed(2.0 / 3.0);", Anew::Alike), "a.play(c).speed(1.0 / 3.0);");
 }
 
 #[test]
@@ -60,7 +96,7 @@ fn a_split_clip_is_two_with_the_same_content() {
     let split = |text: &str, rest, fade| changed(text, &|t, l, c| split_cue(t, l, c, at(1.5), rest, fade));
     assert_eq!(
         split("  a.|play(c, #{ fade: 0.3, speed: 2 }).from(0.5).until(f(75)); // in", rest, None).unwrap(),
-        "  a.play(c, #{ fade: 0.3, speed: 2 }).from(0.5).until(1.5)\n      .then(c, #{ speed: 2 }).trim(1.0, 2.5).until(f(75)); // in"
+        "  a.play(c, #{ fade: 0.3, speed: 2 }).from(0.5).until(1.5) // in\n      .then(c, #{ speed: 2, trim: [1.0, 2.5] }).until(f(75));"
     );
     let chain = split("a.|play(c).weight(0.5)\n    .then(d);", Rest::Same, None).unwrap();
     assert_eq!(chain, "a.play(c).until(1.5).weight(0.5)\n    .then(c).weight(0.5)\n    .then(d);");
@@ -68,7 +104,7 @@ fn a_split_clip_is_two_with_the_same_content() {
     // All that is not about its ends, so that a new option needs no entry in a list.
     let in_place =
         split("a.|play(c, #{ reverse: true, ease: \"smooth\" }).in_place().inertial(0.2);", rest, None);
-    let second = ".then(c, #{ reverse: true }).in_place().trim(1.0, 2.5)";
+    let second = ".then(c, #{ reverse: true, trim: [1.0, 2.5] }).in_place()";
     assert!(in_place.as_ref().is_ok_and(|text| text.contains(second)), "{in_place:?}");
     let looped = split("a.|play(c, #{ until: 4.0 });", keys, None).unwrap();
     assert_eq!(
@@ -78,7 +114,7 @@ fn a_split_clip_is_two_with_the_same_content() {
     let layer = split("a.|play(c).fade(0.5).until(2.0).on(\"Head\");", rest, Some(0.5)).unwrap();
     assert_eq!(
         layer,
-        "a.play(c).fade(0.5).until(1.5).on(\"Head\").fade_out(0.0)\n    .then(c).trim(1.0, 2.5).until(2.0).fade_out(0.5);"
+        "a.play(c).fade(0.5).fade_out(0.0).until(1.5).on(\"Head\")\n    .then(c).trim(1.0, 2.5).until(2.0).fade_out(0.5);"
     );
     let why = split("let w = a.|play(c);", rest, None).unwrap_err();
     assert_eq!(why, "line 1: the script uses this clip as \"w\"; change it there");
@@ -94,6 +130,11 @@ fn a_duplicate_follows_the_clip() {
         "a.play(c).trim(0.5, 1).from(1.0).until(2.0)\n    .then(c).trim(0.5, 1).until(3.0).then(d);"
     );
     assert_eq!(twice("a.|play(c);", 1.0, None), "a.play(c)\n    .then(c);");
+    // One style of times, that of the copied clip, and the comment stays with its line.
+    assert_eq!(
+        twice("a.|play(c).from(f(25)).until(f(50)); // in", 1.0, Some(at(3.0))),
+        "a.play(c).from(f(25)).until(f(50)) // in\n    .then(c).until(f(75));"
+    );
     // All that is no time of the stage, and what holds for the layer anyway.
     assert_eq!(
         twice(
@@ -157,13 +198,50 @@ fn a_copy_has_all_options_wherever_they_stand() {
     let text = "let m = load(\"m.glb\");\nlet a = cast(\"a\", m);\nlet w = a.|play(m.clip(\"x\"), #{\n    fade: 0.2, // in\n}).until(2.0)\n    .speed(2) // fast\n    .reverse();\nw.ease(\"smooth\").from(1.0);\nif x { w.weight(0.5); }\nlet b = cast(\"b\", m);\n";
     let (text, line, column) = marked(text);
     let copied = copy_cue(&text, line, column, at(1.0), Some(at(2.0))).unwrap();
-    let wanted = "play(load(\"m.glb\").clip(\"x\"), #{\n    fade: 0.2, // in\n}).from(1.0).until(2.0).speed(2).reverse().ease(\"smooth\")";
+    let wanted = "play(load(\"m.glb\").clip(\"x\"), #{\n    fade: 0.2, // in\n}).from(1.0).until(2.0)\n    .speed(2) // fast\n    .reverse().ease(\"smooth\")";
     assert_eq!(copied, wanted);
     let two = format!("{copied}\nplay(c).from(2.0);\n");
     assert_eq!(copied_cues(&two), [wanted, "play(c).from(2.0);"]);
     assert_eq!(copied_cues("say(play(c));"), Vec::<&str>::new());
     let pasted = paste_cue(&text, 10, 9, &copied, at(3.0)).unwrap().apply(&text);
-    assert!(pasted.ends_with("\nb.play(m.clip(\"x\"), #{\n    fade: 0.2, // in\n}).from(3.0).until(4.0).speed(2).reverse().ease(\"smooth\");\n"), "{pasted}");
+    assert!(pasted.ends_with("\nb.play(m.clip(\"x\"), #{\n    fade: 0.2, // in\n}).from(3.0).until(4.0)\n    .speed(2) // fast\n    .reverse().ease(\"smooth\");\n"), "{pasted}");
+}
+
+/// Frames stay frames, and a comment goes with its line.
+#[test]
+fn a_copy_keeps_the_style_of_its_times_and_its_comment() {
+    let text = "let m = load(\"m.glb\");\nlet a = cast(\"a\", m);\na.|play(m.clip(\"x\")).from(f(25)).until(f(50)); // waves\nlet b = cast(\"b\", m);\n";
+    let (text, line, column) = marked(text);
+    let copied = copy_cue(&text, line, column, at(1.0), Some(at(2.0))).unwrap();
+    assert_eq!(copied, "play(load(\"m.glb\").clip(\"x\")).from(f(25)).until(f(50)); // waves");
+    let pasted = paste_cue(&text, 4, 9, &copied, at(3.0)).unwrap().apply(&text);
+    assert!(pasted.ends_with("\nb.play(m.clip(\"x\")).from(f(75)).until(f(100)); // waves\n"), "{pasted}");
+    // One that follows begins where the clip before it ends, in frames.
+    let chain = "a.play(c).until(f(50)) // walks\n    .|then(d)\n    .then(e); // both";
+    let (chain, line, column) = marked(chain);
+    assert_eq!(copy_cue(&chain, line, column, at(2.0), None).unwrap(), "play(d).from(f(50))");
+    let copy = |text: &str, start| {
+        let (text, line, column) = marked(text);
+        copy_cue(&text, line, column, at(start), Some(at(start + 1.0))).unwrap()
+    };
+    // The comment of a line with two clips stays with the line.
+    assert_eq!(
+        copy("a.play(c).until(1.0).|then(d).until(2.0); // both", 1.0),
+        "play(d).from(1.0).until(2.0)"
+    );
+    // Computed times become those of the bar, times of a sequence those of the stage.
+    assert_eq!(copy("a.|play(c).from(x).until(x + 1.0);", 3.0), "play(c).from(3.0).until(4.0)");
+    assert_eq!(copy("a.|play(c).from(1.0).until(f(50));", 3.0), "play(c).from(3.0).until(f(100))");
+    assert_eq!(
+        copy("a.|play(c, #{ from: f(25), until: 2.0 });", 1.0),
+        "play(c, #{ from: f(25), until: 2.0 })"
+    );
+    // An actor without a name has the clip behind what makes it.
+    let pasted = |text: &str| {
+        paste_cue(text, 1, 1, "play(load(\"m\").clip(\"x\")); // in", at(0.0)).unwrap().apply(text)
+    };
+    assert_eq!(pasted("cast(\"a\", m);\n"), "cast(\"a\", m).play(load(\"m\").clip(\"x\")); // in\n");
+    assert_eq!(pasted("cast(\"a\", m); // a"), "cast(\"a\", m).play(load(\"m\").clip(\"x\")) /* in */; // a");
 }
 
 #[test]

@@ -5,7 +5,10 @@ use crate::app::Viewer;
 use crate::state::selection::Selected;
 use crate::state::timeline::Bar;
 use choreo_motion::Time;
-use choreo_session::edit::{CueTime, EditTime, delete_cue, follows, has_end, set_time, shift_keys};
+use choreo_script::Place;
+use choreo_session::edit::{
+    CueTime, EditTime, delete_cue, follows, has_end, set_number, set_time, shift_keys,
+};
 use std::collections::BTreeSet;
 
 impl Viewer {
@@ -18,8 +21,39 @@ impl Viewer {
         let layer = self.layer_of(what);
         let at = layer.iter().position(|bar| bar.what == *what).ok_or(EditError::Gone)?;
         let by = secs.max(0.0) - layer[at].start.as_secs();
+        self.check_begins(&layer[at].place, &layer[at].label, secs)?;
         let steps = self.move_steps(&layer, &|index| index == at || ripple && index > at, by)?;
-        self.change_all(steps)
+        let note = self.pushed_out(&layer[at + 1..], by).filter(|_| ripple);
+        self.change_all(steps)?;
+        self.note = note;
+        Ok(())
+    }
+
+    /// Refuses what would begin where the scene is over, and never be seen.
+    pub(super) fn check_begins(&self, place: &Place, label: &str, secs: f64) -> Result<(), EditError> {
+        let (begins, length) = (Time::from_secs(secs), self.timeline.length);
+        if begins < length {
+            return Ok(());
+        }
+        let (begins, ends) = (self.shown_time(begins), self.shown_time(length));
+        let why =
+            format!("{label} would begin at {begins}, and the scene ends at {ends}: make the stage longer");
+        Err(EditError::refused_at(place, &why))
+    }
+
+    /// Bars that are no longer seen since they begin later by a time, in words.
+    pub(super) fn pushed_out(&self, later: &[Bar], by: f64) -> Option<String> {
+        let length = self.timeline.length;
+        let is_out = |bar: &&Bar| bar.start < length && bar.start + Time::from_secs(by) >= length;
+        let labels: Vec<&str> = later.iter().filter(is_out).map(|bar| bar.label.as_str()).collect();
+        let ends = self.shown_time(length);
+        let begin = if labels.len() == 1 { "begins" } else { "begin" };
+        (!labels.is_empty()).then(|| {
+            format!(
+                "{} now {begin} after the end of the scene at {ends}: make the stage longer",
+                labels.join(", ")
+            )
+        })
     }
 
     /// Moves bars by a time, as one change.
@@ -49,6 +83,7 @@ impl Viewer {
         let mut layers: BTreeSet<Vec<Selected>> = BTreeSet::new();
         for what in all {
             let bar = self.bar(what)?;
+            self.check_begins(&bar.place, &bar.label, bar.start.as_secs() + by)?;
             if matches!(what, Selected::Cue { .. }) {
                 layers.insert(self.layer_of(what).into_iter().map(|bar| bar.what).collect());
                 continue;
@@ -83,6 +118,11 @@ impl Viewer {
                 // It begins where the clip before it ends, and that has been moved.
                 (true, Some(before)) if moves(before) => {}
                 (true, Some(before)) => {
+                    self.check_boundary(
+                        Some(&layer[before]),
+                        bar,
+                        later(bar.start).min(bar.start.as_secs()),
+                    )?;
                     steps.push(self.time_step(&layer[before], CueTime::End, later(bar.start)));
                 }
                 _ => steps.push(self.time_step(bar, CueTime::Start, later(bar.start))),
@@ -107,16 +147,27 @@ impl Viewer {
         let at = layer.iter().position(|bar| bar.what == *what).ok_or(EditError::Gone)?;
         let before = at.checked_sub(1).map(|before| &layer[before]);
         let overlap = before.map_or(0.0, |before| before.end.as_secs() - secs);
-        let Some(before) = before.filter(|before| overlap > 0.0 && secs > before.start.as_secs()) else {
+        if !before.is_some_and(|before| overlap > 0.0 && secs > before.start.as_secs()) {
             let why = "it crossfades where it lies over the end of the clip before it";
             return Err(EditError::refused_at(&layer[at].place, why));
-        };
+        }
         // A fade no longer than what is there of the clip.
         let overlap = overlap.min((layer[at].end - layer[at].start).as_secs());
-        let by = secs - layer[at].start.as_secs();
+        let bar = &layer[at];
+        let by = secs - bar.start.as_secs();
         let mut steps = self.move_steps(&layer, &|index| index == at, by)?;
-        debug_assert!(before.end >= before.start);
-        steps.push(self.time_step(&layer[at], CueTime::FadeIn, overlap));
+        steps.push(self.time_step(bar, CueTime::FadeIn, overlap));
+        // On an upper layer a fade is that of both ends: the far one stays as it was.
+        let hands_over = layer.get(at + 1).is_some_and(|next| next.start <= bar.end);
+        let is_upper = matches!(what, Selected::Cue { layer: 1.., .. });
+        if is_upper && !hands_over && self.written(what, "fade_out").is_none() {
+            let fade_out = bar.fade_out.as_secs();
+            steps.push(
+                self.step(bar, move |text, line, column| {
+                    set_number(text, line, column, "fade_out", fade_out)
+                }),
+            );
+        }
         self.change_all(steps)
     }
 

@@ -11,6 +11,40 @@ pub fn value(text: &str, fps: f64) -> Option<f64> {
     (parser.rest.trim().is_empty() && value.is_finite()).then_some(value)
 }
 
+/// An expression as a script has it, `1.0 / 3.0` of `1/3`: each number has a point, since a script divides numbers without one as integers.
+/// `None` where it is a number alone, or counts frames.
+pub fn script_text(text: &str) -> Option<String> {
+    let (mut written, mut is_operand, mut calculates) = (String::new(), false, false);
+    let mut rest = text.trim();
+    while let Some(sign) = rest.chars().next() {
+        let mut length = sign.len_utf8();
+        match sign {
+            '0'..='9' | '.' => {
+                length = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
+                let (whole, part) = rest[..length].split_once('.').unwrap_or((&rest[..length], ""));
+                let or_zero =
+                    |digits: &str| if digits.is_empty() { "0".to_string() } else { digits.to_string() };
+                written += &format!("{}.{}", or_zero(whole), or_zero(part));
+                is_operand = true;
+            }
+            '+' | '-' | '*' | '/' | '\u{2212}' => {
+                let sign = if sign == '\u{2212}' { '-' } else { sign };
+                written += &if is_operand { format!(" {sign} ") } else { sign.to_string() };
+                calculates |= is_operand;
+                is_operand = false;
+            }
+            '(' | ')' => {
+                written.push(sign);
+                is_operand = sign == ')';
+            }
+            ' ' => {}
+            _ => return None,
+        }
+        rest = &rest[length..];
+    }
+    calculates.then_some(written)
+}
+
 struct Parser<'t> {
     rest: &'t str,
     fps: f64,
@@ -72,5 +106,26 @@ impl Parser<'_> {
         let end = rest.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(rest.len());
         self.rest = &rest[end..];
         rest[..end].parse().ok()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_expression_is_written_as_a_script_calculates_it() {
+        for (typed, written) in [
+            ("1/3", "1.0 / 3.0"),
+            (" 2 * ( 1 - .25 )/3. ", "2.0 * (1.0 - 0.25) / 3.0"),
+            ("-1/3", "-1.0 / 3.0"),
+            ("1 \u{2212} -2/7", "1.0 - -2.0 / 7.0"),
+        ] {
+            assert_eq!(script_text(typed).as_deref(), Some(written));
+            assert_eq!(value(typed, 25.0), value(written, 25.0), "{typed}");
+        }
+        for number in ["", "0.5", "-2", "(3)", "f(12)/3", "1,5"] {
+            assert_eq!(script_text(number), None, "{number}");
+        }
     }
 }

@@ -20,6 +20,7 @@ mod rows;
 mod shared;
 mod signs;
 mod strips;
+mod trimming;
 
 pub use adding::ClipOf;
 pub use ambient::Ambient;
@@ -55,23 +56,30 @@ impl Viewer {
     /// # Errors
     /// Why not, for the user; nothing has changed.
     pub fn set_cue(&mut self, what: &Selected, part: CueTime, secs: f64) -> Result<(), EditError> {
-        let bars = || self.timeline.rows.iter().flat_map(|row| &row.bars);
-        let place = bars().find(|bar| bar.what == *what).ok_or(EditError::Gone)?.place.clone();
+        let bar = self.bar(what)?;
+        let place = bar.place.clone();
+        let known = self.known();
+        if part == CueTime::Start {
+            self.check_begins(&place, &bar.label, secs)?;
+        }
         if let (Selected::Cue { actor, layer, cue: 1.. }, CueTime::Start) = (what, part)
-            && self.known().is_some_and(|text| follows(&text, place.line, place.column))
+            && known.as_ref().is_some_and(|text| follows(text, place.line, place.column))
             && let Selected::Cue { cue, .. } = what
         {
             // Where two clips meet is written as the end of the first.
             let before = Selected::Cue { actor: actor.clone(), layer: *layer, cue: cue - 1 };
+            self.check_boundary(Some(&self.bar(&before)?), &bar, secs)?;
             return self.set_cue(&before, CueTime::End, secs);
         }
-        let siblings = bars().filter(|b| b.place == place).count();
-        let of = bars().find(|bar| bar.what == *what).map(|bar| (bar.start.as_secs(), bar.until.as_secs()));
-        if let (CueTime::End, Some((start, _))) = (part, of)
-            && secs <= start
-        {
-            let why = format!("it would end at {secs:.3} s, where it begins at {start:.3} s");
-            return Err(EditError::refused_at(&place, &why));
+        let siblings = self.bars().filter(|other| other.place == place).count();
+        match part {
+            CueTime::Start => self.check_boundary(None, &bar, secs)?,
+            CueTime::End if secs <= bar.start.as_secs() => {
+                let start = bar.start.as_secs();
+                let why = format!("it would end at {secs:.3} s, where it begins at {start:.3} s");
+                return Err(EditError::refused_at(&place, &why));
+            }
+            _ => {}
         }
         let time = self.edit_time(secs);
         self.change(&place, siblings, |text| match (what, part) {

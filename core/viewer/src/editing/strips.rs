@@ -1,4 +1,4 @@
-//! Clips as strips: trimmed, rolled, slipped, split, duplicated, copied and pasted, disabled, faster, weaker.
+//! Clips as strips: split, duplicated, copied and pasted, disabled, faster, weaker.
 
 use super::{EditError, Step};
 use crate::app::Viewer;
@@ -7,67 +7,17 @@ use crate::state::timeline::{Bar, Strip};
 use choreo_motion::Repeat;
 use choreo_session::edit::{
     CueTime, EditTime, Rest, ScriptObject, copied_cues, copied_start, copy_cue, duplicate_cue, follows,
-    has_end, paste_cue, set_disabled, set_number, set_trim, split_cue,
+    has_end, paste_cue, set_disabled, set_number, split_cue,
 };
 
 /// Seconds of a clip that count as none.
-const NOTHING: f64 = 1e-6;
+pub(super) const NOTHING: f64 = 1e-6;
 
 impl Viewer {
-    /// Lets a clip begin at another time with what it shows from there on: its start is trimmed. Where it follows another clip, that one's
-    /// end moves with it (a roll).
+    /// Splits clips at a time into two with the same content.
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed. Here and below.
-    pub fn trim_cue(&mut self, what: &Selected, secs: f64) -> Result<(), EditError> {
-        let (bar, strip) = self.strip(what)?;
-        if strip.repeat != Repeat::Once {
-            let why = "it repeats, so a trim would shorten every round; drag without Alt, or write .once()";
-            return Err(EditError::refused_at(&bar.place, why));
-        }
-        let played = (secs - bar.start.as_secs()) * strip.speed.abs();
-        let [mut from, mut to] = strip.trim;
-        match strip.speed < 0.0 {
-            false => from += played,
-            true => to -= played,
-        }
-        if from < -NOTHING || to > strip.clip + NOTHING || to - from < NOTHING {
-            let why = format!("its clip has nothing there: it runs from 0 s to {:.3} s", strip.clip);
-            return Err(EditError::refused_at(&bar.place, &why));
-        }
-        let trim = [from.max(0.0), to.min(strip.clip)];
-        let layer = self.layer_of(what);
-        let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
-        let known = self.known().ok_or(EditError::NothingShown)?;
-        let mut steps =
-            vec![match at.checked_sub(1).filter(|_| follows(&known, bar.place.line, bar.place.column)) {
-                Some(before) => self.time_step(&layer[before], CueTime::End, secs),
-                None => self.time_step(&bar, CueTime::Start, secs),
-            }];
-        if let Some(before) = at.checked_sub(1).map(|before| &layer[before])
-            && !follows(&known, bar.place.line, bar.place.column)
-            && before.until == bar.start
-            && has_end(&known, before.place.line, before.place.column)
-        {
-            // The two bars meet: the edge between them moves.
-            steps.push(self.time_step(before, CueTime::End, secs));
-        }
-        steps.push(self.step(&bar, move |text, line, column| set_trim(text, line, column, trim)));
-        self.change_all(steps)
-    }
-
-    /// Shows other content of its clip between the same ends, `by` seconds later in the clip.
-    pub fn slip_cue(&mut self, what: &Selected, by: f64) -> Result<(), EditError> {
-        let (bar, strip) = self.strip(what)?;
-        let trim = slipped(&bar, &strip, by);
-        let trim = trim.ok_or_else(|| {
-            EditError::refused_at(&bar.place, "its clip is played whole: there is nothing beyond its ends")
-        })?;
-        let steps = vec![self.step(&bar, move |text, line, column| set_trim(text, line, column, trim))];
-        self.change_all(steps)
-    }
-
-    /// Splits clips at a time into two with the same content.
     pub fn split_cues(&mut self, all: &[Selected], at: f64) -> Result<(), EditError> {
         let mut steps = Vec::new();
         for what in all {
@@ -103,6 +53,8 @@ impl Viewer {
         };
         let layer = self.layer_of(what);
         let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
+        let begins = if ends { bar.until.as_secs() } else { bar.start.as_secs() + length };
+        self.check_begins(&bar.place, &bar.label, begins)?;
         let until = ends.then(|| self.edit_time(bar.until.as_secs() + length));
         let by = self.edit_time(length);
         let mut steps =
@@ -112,7 +64,10 @@ impl Viewer {
         let first_follows =
             layer.get(at + 1).is_some_and(|next| follows(&known, next.place.line, next.place.column));
         steps.extend(moved.into_iter().filter(|step| !(first_follows && step.place == bar.place)));
-        self.change_all(steps)
+        let note = self.pushed_out(&layer[at + 1..], length);
+        self.change_all(steps)?;
+        self.note = note;
+        Ok(())
     }
 
     /// Clips as text for the clipboard, one after the other.
@@ -152,6 +107,7 @@ impl Viewer {
             self.check_place(&bar.place, self.bars().filter(|other| other.place == bar.place).count())?;
             let copied = self.copied(&bar)?;
             let from = self.edit_time((bar.start.as_secs() + by).max(0.0));
+            self.check_begins(&bar.place, clip, from.secs)?;
             let make = move |text: &str, line, column| paste_cue(text, line, column, &copied, from);
             steps.push(Step { place: place.clone(), siblings, make: Box::new(make) });
         }
@@ -188,6 +144,8 @@ impl Viewer {
                 &format!("{name} has no joints that a clip could move"),
             ));
         }
+        let last = starts.iter().copied().fold(secs, |last, start| last.max(secs + start - first));
+        self.check_begins(&place, "the last of them", last)?;
         let steps = cues.into_iter().zip(starts).map(|(copied, start)| {
             let from = self.edit_time(secs + start - first);
             let make = move |text: &str, line, column| paste_cue(text, line, column, &copied, from);
@@ -216,13 +174,13 @@ impl Viewer {
         self.change_all(steps)
     }
 
-    /// Plays a clip so fast that it ends at a time.
+    /// Plays a clip so fast that what it shows at its end, or where its last pose begins to be held, is shown at a time.
     pub fn stretch_cue(&mut self, what: &Selected, end: f64) -> Result<(), EditError> {
         let (bar, strip) = self.strip(what)?;
         let known = self.known().ok_or(EditError::NothingShown)?;
-        let ends = has_end(&known, bar.place.line, bar.place.column);
+        let ends = bar.holds_from.is_none() && has_end(&known, bar.place.line, bar.place.column);
         let start = bar.start.as_secs();
-        let length = if ends { (bar.until - bar.start).as_secs() } else { strip.length() };
+        let length = bar.played_until().as_secs() - start;
         if end - start < NOTHING || strip.is_keyed {
             let why = if strip.is_keyed { "keys state its time" } else { "it would have no length" };
             return Err(EditError::refused_at(&bar.place, why));
@@ -260,7 +218,7 @@ impl Viewer {
             .or_else(|| Some(stage.actors.first()?.name.clone()))
     }
 
-    fn strip(&self, what: &Selected) -> Result<(Bar, Strip), EditError> {
+    pub(super) fn strip(&self, what: &Selected) -> Result<(Bar, Strip), EditError> {
         let bar = self.bar(what)?;
         match bar.strip {
             Some(strip) => Ok((bar, strip)),
@@ -269,21 +227,6 @@ impl Viewer {
             }
         }
     }
-}
-
-/// The part of the clip that is then played; `None` where all of it is.
-fn slipped(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
-    let [from, to] = strip.trim;
-    if strip.repeat == Repeat::Once && strip.speed > 0.0 {
-        // Times behind the clip's end count: only the part that is seen must be there.
-        let seen = ((bar.until - bar.start).as_secs() * strip.speed).min(to - from);
-        let slipped = (from + by).clamp(0.0, (strip.clip - seen).max(0.0));
-        let open = to >= strip.clip - NOTHING;
-        let end = if open { strip.clip } else { (to + slipped - from).min(strip.clip) };
-        return ((slipped - from).abs() > NOTHING).then_some([slipped, end]);
-    }
-    let by = by.clamp(-from, strip.clip - to);
-    (by.abs() > NOTHING).then_some([from + by, to + by])
 }
 
 /// The content of a clip from a time on.

@@ -1,6 +1,8 @@
 //! Bars in a row of the sequencer: drawn, selected, dragged by their middle, their ends and their handles.
 
 use super::bar_menu::{self, Command};
+use super::headers;
+use super::held;
 use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks;
@@ -12,9 +14,10 @@ use crate::state::timeline::{Bar, Timeline};
 use choreo_motion::{Repeat, Time};
 use choreo_session::edit::CueTime;
 use egui::{
-    Align2, Color32, CornerRadius, CursorIcon, FontId, Painter, PointerButton, Pos2, Rect, Response, Sense,
-    Stroke, StrokeKind, Ui, pos2, vec2,
+    Align2, Color32, CornerRadius, CursorIcon, FontId, Modifiers, Painter, PointerButton, Pos2, Rect,
+    Response, Sense, Stroke, StrokeKind, Ui, pos2, vec2,
 };
+use std::borrow::Cow;
 
 /// Points within which a dragged time snaps to another.
 const REACH: f32 = 6.0;
@@ -35,6 +38,8 @@ pub enum Act {
     Time(Bar, CueTime, f64, bool),
     Stretch(Selected, f64),
     Weight(Selected, f64),
+    /// Dragged in a row that is locked.
+    Locked(Bar),
     Run(Command),
 }
 
@@ -98,18 +103,21 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
         if place.width() <= 0.0 {
             continue;
         }
-        let sense = if locked { Sense::click() } else { Sense::click_and_drag() };
-        let response = ui.interact(place, ui.id().with(("bar", lane.row, number)), sense);
+        let response = ui.interact(place, ui.id().with(("bar", lane.row, number)), Sense::click_and_drag());
         let name = format!("{} on {label}", bar.label);
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, name.clone()));
         let selected = viewer.is_selected(&bar.what);
         let wrong = Timeline::severity(&bar.place, &viewer.problems);
         draw(&ui.painter_at(lane.rect), viewer, bar, place, lane, (selected, wrong));
         if response.clicked() {
-            let add = ui.input(|i| i.modifiers.command || i.modifiers.shift);
-            act = Some(Act::Select(bar.what.clone(), add));
+            act = Some(Act::Select(bar.what.clone(), held::adds(ui)));
         }
-        act = carried(ui, viewer, bar, &response, lane).or(act);
+        act = match locked {
+            true => {
+                response.drag_started_by(PointerButton::Primary).then(|| Act::Locked(bar.clone())).or(act)
+            }
+            false => carried(ui, viewer, bar, &response, lane).or(act),
+        };
         act = bar_menu::show(&response, viewer, bar).or(act);
         response.hint(hover(viewer, bar));
         if locked {
@@ -123,6 +131,8 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
             act = weight_handle(ui, bar, number, lane, place).or(act);
         }
     }
+    let painter = ui.painter_at(lane.rect);
+    bars.iter().for_each(|bar| whole_clip(&painter, viewer, bar, lane));
     act
 }
 
@@ -136,35 +146,42 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
         Act::Slip(what, by) => viewer.edit(|v| v.slip_cue(&what, by)),
         Act::Time(bar, part, secs, keep) => viewer.edit(|v| match (bar.cut, part) {
             (Some(cut), _) => v.set_cut(cut, secs),
-            (None, CueTime::Start) if keep => v.trim_cue(&bar.what, secs),
+            (None, CueTime::Start) if keep && bar.strip.is_some() => v.trim_cue(&bar.what, secs),
+            (None, CueTime::End) if keep && bar.strip.is_some() => v.roll_end(&bar.what, secs),
             (None, part) => v.set_cue(&bar.what, part, secs),
         }),
         Act::Stretch(what, end) => viewer.edit(|v| v.stretch_cue(&what, end)),
         Act::Weight(what, weight) => viewer.edit(|v| v.set_weight(&what, weight)),
+        Act::Locked(bar) => {
+            let why = headers::is_locked(bar.what.actor().unwrap_or_default());
+            viewer.edit(|_| Err(EditError::refused(why)));
+        }
         Act::Run(command) => bar_menu::run(ui, viewer, command),
     }
 }
 
 impl Viewer {
     /// The actor that a bar is for when it is let go over a row.
-    fn actor_for(&self, bar: &Bar, row: usize) -> Result<&str, &'static str> {
+    fn actor_for(&self, bar: &Bar, row: usize) -> Result<&str, Cow<'static, str>> {
         let Selected::Cue { actor, .. } = &bar.what else {
-            return Err("actors play clips alone; it stays in its own rows");
+            return Err("actors play clips alone; it stays in its own rows".into());
         };
         match self.timeline.rows.get(row).and_then(|row| row.what.as_ref()) {
             Some(Selected::Actor(name)) if name == actor => {
-                Err("a layer of an actor is made by .on(…): state the joints in the inspector")
+                Err("a layer of an actor is made by .on(…): state the joints in the inspector".into())
             }
-            Some(Selected::Actor(name)) if self.shelf.locked.contains(name) => Err("this row is locked"),
+            Some(Selected::Actor(name)) if self.shelf.locked.contains(name) => {
+                Err(headers::is_locked(name).into())
+            }
             Some(Selected::Actor(name)) => Ok(name),
-            _ => Err("clips are played by actors: drop it on the row of one"),
+            _ => Err("clips are played by actors: drop it on the row of one".into()),
         }
     }
 
     /// Moves a bar onto the row of another actor, with the others that are selected.
     fn move_bar_to(&mut self, bar: &Bar, secs: f64, row: usize) -> Result<(), EditError> {
         let name =
-            self.actor_for(bar, row).map_err(|why| EditError::refused_at(&bar.place, why))?.to_string();
+            self.actor_for(bar, row).map_err(|why| EditError::refused_at(&bar.place, &why))?.to_string();
         let all = self.selected_bars();
         let all = if all.contains(&bar.what) { all } else { vec![bar.what.clone()] };
         self.move_cues_to(&all, &name, secs - bar.start.as_secs())
@@ -220,14 +237,14 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
     // Points from the start of the bar to where it was taken.
     let grabbed: f32 = ui.data(|d| d.get_temp(id))?;
     let pointer = response.interact_pointer_pos()?.x - grabbed;
-    let (alt, shift, command) = ui.input(|i| (i.modifiers.alt, i.modifiers.shift, i.modifiers.command));
+    let Modifiers { alt, shift, command, .. } = held::modifiers(ui);
     let length = (bar.end - bar.start).as_secs();
     let painter = ui.painter_at(lane.rect);
     let outline = Stroke::new(2.0, ui.visuals().strong_text_color());
     if let (true, Some(strip)) = (alt, bar.strip) {
         // The content goes with the pointer, so that an earlier part of it is seen where it is dragged later.
         let by = (bar.start.as_secs() - lane.secs(viewer, pointer)) * strip.speed.abs();
-        let start = bar.start.as_secs() - (strip.trim[0] + by) / strip.speed.abs();
+        let start = bar.start.as_secs() - (strip.before() + by) / strip.speed.abs();
         let ghost = lane.place(viewer, start, start + strip.clip / strip.speed.abs());
         painter.rect_stroke(ghost, CornerRadius::same(3), outline, StrokeKind::Inside);
         return (response.drag_stopped() && by != 0.0).then(|| Act::Slip(bar.what.clone(), by));
@@ -327,17 +344,21 @@ fn handle(
     let stroke = Stroke::new(2.0, ui.visuals().strong_text_color());
     ui.painter_at(rect).vline(lane.x(viewer, secs), rect.y_range(), stroke);
     let value = if part == CueTime::FadeIn { (secs - bar.start.as_secs()).max(0.0) } else { secs };
-    let keep = ui.input(|i| i.modifiers.alt);
-    if part == CueTime::Start && bar.strip.is_some() {
-        let text = if keep { "its content stays where it is" } else { "its content moves along; Alt: stays" };
+    let keep = held::modifiers(ui).alt;
+    if let (CueTime::Start, Some(strip)) = (part, bar.strip) {
+        let text = match (keep, strip.repeat) {
+            (false, _) => "its content moves along; Alt: stays",
+            (true, Repeat::Once) => "its content stays where it is",
+            (true, _) => "the boundary moves; it begins its rounds there",
+        };
         beside(ui, pos2(lane.x(viewer, secs), rect.top()), text);
     }
     response.drag_stopped().then(|| Act::Time(bar.clone(), part, value, keep))
 }
 
-/// The corner below the end of a selected clip: dragged, it plays faster or slower.
+/// The corner below the end of what a selected clip plays: dragged, it plays faster or slower.
 fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane) -> Option<Act> {
-    let (x, bottom) = (lane.x(viewer, bar.until.as_secs()), lane.rect.bottom() - STRIP - 1.0);
+    let (x, bottom) = (lane.x(viewer, bar.played_until().as_secs()), lane.rect.bottom() - STRIP - 1.0);
     let place = Rect::from_min_max(pos2(x - 14.0, bottom - 7.0), pos2(x - 4.0, bottom)).intersect(lane.rect);
     if place.width() <= 0.0 {
         return None;
@@ -353,7 +374,7 @@ fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane)
         return None;
     };
     let end = lane.snapped(viewer, pointer.x, Some(bar));
-    let length = (bar.until - bar.start).as_secs() / (end - bar.start.as_secs()).max(1e-3);
+    let length = (bar.played_until() - bar.start).as_secs() / (end - bar.start.as_secs()).max(1e-3);
     let ghost = lane.place(viewer, bar.start.as_secs(), end);
     let stroke = Stroke::new(2.0, ui.visuals().strong_text_color());
     ui.painter_at(lane.rect).rect_stroke(ghost, CornerRadius::same(3), stroke, StrokeKind::Inside);
@@ -474,18 +495,24 @@ fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane,
     }
 }
 
-/// Marks the places at which a clip begins again, and, for one that is cut short, how far it would go.
-fn rounds(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane) {
+/// The outline of a whole clip that is cut short, over the bars that follow it.
+fn whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
     let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
     let (start, end) = (bar.start.as_secs(), bar.end.as_secs());
-    if strip.repeat == Repeat::Once || start + strip.length() > end {
-        if start + strip.length() > end + 1e-3 {
-            let ghost = lane.place(viewer, start, start + strip.length());
-            let stroke = Stroke::new(1.0, Color32::from_white_alpha(70));
-            painter.rect_stroke(ghost, CornerRadius::same(3), stroke, StrokeKind::Inside);
-        }
+    if start + strip.length() > end + 1e-3 {
+        let ghost = lane.place(viewer, start, start + strip.length());
+        let stroke = Stroke::new(1.0, Color32::from_white_alpha(70));
+        painter.rect_stroke(ghost, CornerRadius::same(3), stroke, StrokeKind::Inside);
+    }
+}
+
+/// Marks the places at which a clip begins again.
+fn rounds(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane) {
+    let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
+    if strip.repeat == Repeat::Once {
         return;
     }
+    let (start, end) = (bar.start.as_secs(), bar.end.as_secs());
     for round in 1..MOST_ROUNDS {
         let at = start + round as f64 * strip.length();
         if at >= end {

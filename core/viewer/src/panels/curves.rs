@@ -1,6 +1,7 @@
 //! The curve editor: the keyed values of the selection over time, as the stage has them, with the keys as points to be dragged.
 
 use super::bars::beside;
+use super::held;
 use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
 use super::marks::SELECTED;
@@ -329,7 +330,7 @@ fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
                     weak,
                 );
                 if response.hint("a click hides or shows it, with Ctrl: it alone").clicked() {
-                    toggled = Some(((property.name.clone(), part), ui.input(|i| i.modifiers.command)));
+                    toggled = Some(((property.name.clone(), part), held::modifiers(ui).command));
                 }
             }
         }
@@ -419,7 +420,7 @@ fn background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected, all: &
             }
         }
     }
-    if ui.input(|i| i.modifiers.shift || i.modifiers.command) {
+    if held::adds(ui) {
         keys.extend(viewer.selected_keys().iter().cloned());
     }
     viewer.select_keys(keys);
@@ -489,8 +490,7 @@ fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, i
             let place = by.map_or(place, |drag| moved(viewer, plot, property, part, *at, drag));
             point(ui, plot, place, color(ui, property, index, part), selected || response.hovered());
             if response.clicked() {
-                let add = ui.input(|i| i.modifiers.command || i.modifiers.shift);
-                act = Some(Act::Click(key.clone(), add));
+                act = Some(Act::Click(key.clone(), held::adds(ui)));
             }
             act = key_menu::show(&response, viewer, std::slice::from_ref(&key)).map(Act::Key).or(act);
             let number = property.at(*at).get(part).copied().unwrap_or_default();
@@ -554,7 +554,7 @@ fn dragged(
     }
     let from: Pos2 = ui.data(|d| d.get_temp(id)).unwrap_or(to);
     let mut by = to - from;
-    if ui.input(|i| i.modifiers.shift) {
+    if held::modifiers(ui).shift {
         by = if by.x.abs() > by.y.abs() { vec2(by.x, 0.0) } else { vec2(0.0, by.y) };
     }
     let secs = match by.x.abs() < SLACK {

@@ -101,8 +101,11 @@ pub fn label(ui: &mut Ui, stated: &Stated, name: &'static str, about: &str) -> O
 }
 
 /// How a field of a type is written where it is not stated yet.
-fn anew_of(name: &str) -> Anew {
+fn anew_of(form: &Form, name: &str) -> Anew {
     match name {
+        // No method has its name.
+        "inertial" => Anew::Option,
+        _ if form.is_cue => Anew::Alike,
         "scale" | "near" | "far" | "from" | "until" => Anew::Method,
         _ => Anew::Option,
     }
@@ -121,12 +124,12 @@ pub fn described<T: Described>(
     let time = |part: CueTime, secs: f64| FieldChange::Time(part, secs);
     let set = match ((field.get)(of), field.of_type) {
         (FieldValue::Number(n), FieldType::Number(low, high, unit)) => {
-            let set = number(ui, &shown, n, low..=high, unit);
-            set.map(|to| FieldChange::Value(name, format_number(to), anew_of(name)))
+            let set = written(ui, &shown, n, low..=high, (unit, form.stated.get(name)));
+            set.map(|to| FieldChange::Value(name, to, anew_of(form, name)))
         }
         (FieldValue::Number(n), FieldType::Degrees(low, high)) => {
-            let set = number(ui, &shown, n.to_degrees(), low..=high, "°");
-            set.map(|to| FieldChange::Value(name, format_number(to), anew_of(name)))
+            let set = written(ui, &shown, n.to_degrees(), low..=high, ("°", form.stated.get(name)));
+            set.map(|to| FieldChange::Value(name, to, anew_of(form, name)))
         }
         (value, FieldType::Time | FieldType::Duration) => {
             let set = match value {
@@ -146,7 +149,7 @@ pub fn described<T: Described>(
                 ("until", _) => time(CueTime::End, to),
                 ("fade", true) => time(CueTime::FadeIn, to),
                 ("fade", _) => FieldChange::Value(name, format_number(to), Anew::Method),
-                _ => FieldChange::Value(name, format_number(to), anew_of(name)),
+                _ => FieldChange::Value(name, format_number(to), anew_of(form, name)),
             })
         }
         (value, FieldType::Flag) => flag(ui, name, &shown, value == FieldValue::Flag(true)),
@@ -195,6 +198,24 @@ fn flag(ui: &mut Ui, name: &'static str, shown: &str, on: bool) -> Option<FieldC
         true => FieldChange::Text(name, String::new(), Anew::Method),
         false => FieldChange::Reset(vec![name]),
     })
+}
+
+/// A number as it is written into the script, `1.0 / 3.0` where that was typed, with its unit and the value as the script states it.
+fn written(
+    ui: &mut Ui,
+    name: &str,
+    value: f64,
+    range: std::ops::RangeInclusive<f64>,
+    (unit, stated): (&str, Option<&String>),
+) -> Option<String> {
+    let name = format!("{name} field");
+    let row = |ui: &mut Ui| {
+        let number = Number { name: &name, value, speed: 0.01, range, default: None };
+        let set = number.show_written(ui, stated.map(String::as_str));
+        ui.weak(unit);
+        set
+    };
+    ui.horizontal(row).inner
 }
 
 fn number(
@@ -346,7 +367,7 @@ fn ease(ui: &mut Ui, stated: &Stated) -> Option<FieldChange> {
     let written = stated.get("ease").cloned().unwrap_or_else(|| "\"linear\"".to_string());
     let names = choreo_script::easing_names();
     let chosen = choice(ui, "ease", written.trim_matches('"'), names.iter().map(String::as_str));
-    wanted = chosen.map(|name| FieldChange::Text("ease", format!("\"{name}\""), Anew::Option)).or(wanted);
+    wanted = chosen.map(|name| FieldChange::Text("ease", format!("\"{name}\""), Anew::Alike)).or(wanted);
     ui.end_row();
     wanted
 }

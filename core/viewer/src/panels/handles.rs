@@ -1,5 +1,6 @@
 //! The gizmo of the selected actor in a viewport: drawn, and dragged.
 
+use super::held;
 use super::overlay::{X, Y, Z, line, point};
 use crate::app::{Dragging, Viewer};
 use crate::geometry::gizmo::{Change, Drag, Handle, LENGTH, Tool, arm, handle_at, ring};
@@ -42,7 +43,7 @@ pub fn show(
             viewer.dragging = Some(Dragging { actor: name.clone(), drag, change: Change::none(viewer.tool) });
         }
     }
-    let in_steps = ui.input(|i| i.modifiers.command);
+    let in_steps = held::modifiers(ui).command;
     let Some(dragging) = viewer.dragging.as_mut().filter(|d| d.actor == name) else { return false };
     if let Some(at) = at.filter(|_| response.dragged()) {
         dragging.change = dragging.drag.change(lens, at, in_steps);

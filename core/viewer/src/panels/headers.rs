@@ -29,6 +29,11 @@ pub fn menu(response: &Response, viewer: &Viewer, what: &Selected) -> Option<Com
     command
 }
 
+/// Why nothing in the rows of an actor is dragged.
+pub(super) fn is_locked(name: &str) -> String {
+    format!("the row of {name} is locked; press the lock beside its name to unlock it")
+}
+
 fn has_layers(timeline: &Timeline, index: usize) -> bool {
     let row = &timeline.rows[index];
     let below = timeline.rows.get(index + 1);

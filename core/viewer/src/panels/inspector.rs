@@ -241,7 +241,7 @@ fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: K
                 // Nothing is left of a thing that is scaled by 0.
                 let to = if to.abs() < 1e-3 { 1e-3_f64.copysign(to) } else { to };
                 let by = to / placed.scale[axis];
-                let all = ui.input(|i| i.modifiers.shift);
+                let all = super::held::modifiers(ui).shift;
                 let mut scale = if all { DVec3::splat(by) } else { DVec3::ONE };
                 scale[axis] = by;
                 wanted = Some(Wanted::Actor(Change::Scale(scale)));

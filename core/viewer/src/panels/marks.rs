@@ -1,6 +1,7 @@
 //! Marks in a row of the sequencer beside its bars: events, and feet on the floor. A click goes there.
 
 use super::bars::beside;
+use super::held;
 use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
 use super::sequencer::{COLORS, STRIP};
@@ -95,7 +96,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, index: usize, lane: Rect) -> 
         if !keys.is_empty() {
             acted = key_menu::show(&response, viewer, &keys).map(MarkAct::Key).or(acted);
         }
-        let add = ui.input(|i| i.modifiers.command || i.modifiers.shift);
+        let add = held::adds(ui);
         if response.hint(hover(viewer, event)).clicked() {
             acted = Some(MarkAct::Click(event.clone(), add));
         }

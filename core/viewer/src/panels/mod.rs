@@ -17,6 +17,7 @@ mod fields;
 mod files;
 mod handles;
 mod headers;
+mod held;
 mod hint;
 mod icons;
 mod inspected;

@@ -67,7 +67,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             let label = ui.add(egui::Label::new(text).extend().sense(Sense::click()));
             if label.clicked() {
                 // Only where it is meant: a double click selects, as elsewhere.
-                clicked = Some((line, ui.input(|i| i.modifiers.command)));
+                clicked = Some((line, super::held::modifiers(ui).command));
             }
             label.context_menu(|ui| {
                 if ui.button(format!("Open line {line} in the editor")).clicked() {

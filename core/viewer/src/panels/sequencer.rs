@@ -3,12 +3,13 @@
 use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks::MarkAct;
-use super::{bar_menu, bars, headers, icons, key_menu, markers, marks, row_order, values};
+use super::{bar_menu, bars, headers, held, icons, key_menu, markers, marks, row_order, values};
 use crate::app::Viewer;
 use crate::editing::{ClipOf, EditError};
 use crate::state::keyed::KeyRef;
 use crate::state::selection::Selected;
 use crate::state::span::Span;
+use crate::state::tempo::Tempo;
 use crate::state::timeline::{Timeline, kind};
 use choreo_motion::Time;
 use choreo_script::Severity;
@@ -19,6 +20,8 @@ const ROW: f32 = 22.0;
 /// Height of the strip of feet at a row's bottom.
 pub(crate) const STRIP: f32 = 3.0;
 pub(super) const RULER: f32 = 22.0;
+/// Points between beats from which on they are drawn.
+const BEATS: f32 = 6.0;
 
 /// Colors that can also be distinguished with a red-green deficiency (after Okabe and Ito, "Color Universal Design").
 pub const COLORS: [[u8; 3]; 8] = [
@@ -111,6 +114,7 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         }
         let hint = "dragged times are whole frames (N)";
         viewer.snap ^= icons::toggle(ui, icons::MAGNET, viewer.snap, "Snap", hint).clicked();
+        beats(ui, &mut viewer.tempo);
         ui.separator();
         let playhead = &mut viewer.playhead;
         let (now, last) = (playhead.time().as_secs(), playhead.length().as_secs());
@@ -144,6 +148,18 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     });
 }
 
+/// The tempo of the music, to whose beats dragged times snap.
+fn beats(ui: &mut Ui, tempo: &mut Tempo) {
+    let set = values::number(ui, "beats a minute", tempo.per_minute, 0.5, 0.0..=Tempo::FASTEST);
+    tempo.per_minute = set.unwrap_or(tempo.per_minute);
+    ui.weak("bpm").hint("beats a minute of the music; dragged times snap to beats. 0: none");
+    if tempo.per_minute > 0.0 {
+        let set = values::number(ui, "first beat", tempo.first, 0.01, 0.0..=1e4);
+        tempo.first = set.unwrap_or(tempo.first);
+        ui.weak("s").hint("when the first beat is");
+    }
+}
+
 /// The time of the frame that is nearest to a time, seconds.
 fn nearest_frame(fps: f64, secs: f64) -> f64 {
     // A little later: a frame begins at the tick that is nearest to its time.
@@ -163,7 +179,7 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span
         };
         let from = ui.input(|i| i.pointer.press_origin()).map_or(pointer.x, |p| p.x);
         let (from, to) = (time(from), time(pointer.x));
-        match ui.input(|i| i.modifiers.shift) {
+        match held::modifiers(ui).shift {
             true if response.dragged() => viewer.playhead.set_range(Some((from, to))),
             true => {}
             false => viewer.playhead.seek(to),
@@ -340,7 +356,7 @@ fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[usize]) {
     let keys = drawn.iter().filter_map(|(index, rect)| Some((viewer.timeline.rows.get(*index)?, *rect)));
     let mut keys: Vec<KeyRef> =
         keys.flat_map(|(row, rect)| marks::keys_within(viewer, row, lane(rect), area)).collect();
-    if ui.input(|i| i.modifiers.shift) {
+    if held::modifiers(ui).shift {
         all.extend(viewer.selected_bars());
         keys.extend(viewer.selected_keys().iter().cloned());
     }
@@ -392,7 +408,7 @@ fn dropped(ui: &Ui, viewer: &mut Viewer, index: usize, lane: Rect) -> Option<(Cl
     let response = ui.interact(lane, ui.id().with(("lane", index)), Sense::hover());
     let hovering = response.dnd_hover_payload::<ClipDrag>();
     let pointer = ui.ctx().pointer_interact_pos().filter(|p| lane.contains(*p))?;
-    let secs = viewer.snapped(viewer.span.secs_at(pointer.x - lane.left(), lane.width()));
+    let secs = bars::Lane { rect: lane, row: index }.snapped(viewer, pointer.x, None);
     let row = viewer.timeline.rows[index].what.clone();
     let on = row.as_ref().and_then(Selected::actor);
     if let (Some(clip), Some(on)) = (hovering, on) {
@@ -406,6 +422,11 @@ fn dropped(ui: &Ui, viewer: &mut Viewer, index: usize, lane: Rect) -> Option<(Cl
     }
     let clip = response.dnd_release_payload::<ClipDrag>()?;
     match on {
+        Some(on) if viewer.shelf.locked.contains(on) => {
+            let why = headers::is_locked(on);
+            viewer.edit(|_| Err(EditError::refused(why)));
+            None
+        }
         Some(on) => Some(((*clip).clone(), on.to_string(), secs)),
         None => {
             viewer.edit(|_| Err(EditError::refused("clips are played by actors: drop it on the row of one")));
@@ -455,6 +476,11 @@ pub(super) fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, (ruler, span): (Rec
     // The range after the end of the scene is darkened.
     let after = Rect::from_min_max(pos2(x(viewer.timeline.length), lanes.top()), lanes.max);
     painter.rect_filled(after.intersect(lanes), 0.0, Color32::from_black_alpha(110));
+    let faint = Stroke::new(1.0, ui.visuals().weak_text_color().gamma_multiply(0.35));
+    let least = span.secs_at(BEATS, ruler.width()) - span.from;
+    for beat in viewer.tempo.between(span.from, span.to.min(viewer.timeline.length.as_secs()), least) {
+        painter.vline(ruler.left() + span.x_of(beat, ruler.width()), lanes.y_range(), faint);
+    }
     let head = x(viewer.playhead.time());
     painter.vline(head, lanes.y_range(), Stroke::new(1.5, Color32::from_rgb(0xff, 0x6a, 0x3d)));
     let tip =

@@ -1,6 +1,7 @@
 //! Handles of the tangents of selected keys in the curve editor: drawn, dragged, chosen from a menu, or stated as numbers.
 
 use super::curves::{MOST, Plot, color, key_of};
+use super::held;
 use super::hint::Hint;
 use super::key_menu::KeyAct;
 use super::values;
@@ -129,7 +130,7 @@ impl Place<'_> {
         let change = self.sign() * weight * span * tangent - plot.value_of(by.y) * self.scale.1;
         let length = (self.sign() * secs / span).clamp(SHORTEST, 1.0);
         let slope = change / (self.sign() * length * span);
-        let modifiers = ui.input(|i| i.modifiers);
+        let modifiers = held::modifiers(ui);
         let weight = modifiers.command.then_some((length * 100.0).round() / 100.0);
         let (side, part) = (self.side, self.part);
         Some(HandleDrag { side, part, tangent: super::rounded(slope, 1e3), weight, breaks: modifiers.alt })

@@ -1,6 +1,8 @@
 //! Numbers that are dragged or typed, also as expressions, and taken once the hand lets go: each is one change of the script.
 
 use crate::editing::expression;
+use choreo_session::edit::format_number;
+use egui::emath::format_with_decimals_in_range;
 use egui::{DragValue, Response, Slider, Ui, WidgetInfo, WidgetType};
 use std::ops::RangeInclusive;
 
@@ -24,10 +26,27 @@ fn rate_id() -> egui::Id {
     egui::Id::new("frames a second")
 }
 
-/// Reads what is typed: `1/3`, `f(12)`.
-fn parser(ui: &Ui) -> impl Fn(&str) -> Option<f64> + 'static {
+/// Reads what is typed: `1/3`, `f(12)`; keeps it, with its value, for the field of this name.
+fn parser(ui: &Ui, id: egui::Id) -> impl Fn(&str) -> Option<f64> + 'static {
     let fps: f64 = ui.data(|d| d.get_temp(rate_id())).unwrap_or(30.0);
-    move |text| expression::value(text, fps)
+    let context = ui.ctx().clone();
+    move |text| {
+        let value = expression::value(text, fps)?;
+        context.data_mut(|d| d.insert_temp(typed_id(id), (text.to_string(), value)));
+        Some(value)
+    }
+}
+
+fn typed_id(id: egui::Id) -> egui::Id {
+    id.with("typed")
+}
+
+/// A number as it is written into a script: as the expression that was typed where it has more digits than are written, `1.0 / 3.0`.
+fn written(value: f64, typed: Option<(String, f64)>) -> String {
+    let number = format_number(value);
+    let is_exact = number.parse().is_ok_and(|read: f64| (read - value).abs() <= 1e-12 * value.abs());
+    let typed = typed.filter(|(_, meant)| *meant == value && !is_exact);
+    typed.and_then(|(text, _)| expression::script_text(&text)).unwrap_or(number)
 }
 
 /// The new value, once it is meant.
@@ -56,7 +75,7 @@ fn settled(
 pub fn reset(response: &Response, default: f64) -> Option<f64> {
     let mut chosen = None;
     response.context_menu(|ui| {
-        let default_text = choreo_session::edit::format_number(default);
+        let default_text = format_number(default);
         if ui.button(format!("Reset to {default_text}")).clicked() {
             chosen = Some(default);
             ui.close();
@@ -67,7 +86,8 @@ pub fn reset(response: &Response, default: f64) -> Option<f64> {
 
 /// A number that is stated nowhere: weak where another one counts instead (`derived`), else empty, until something is typed.
 pub fn unstated(ui: &mut Ui, name: &str, derived: Option<f64>, range: RangeInclusive<f64>) -> Option<f64> {
-    let (id, parser) = (ui.id().with(("number", name)), parser(ui));
+    let id = ui.id().with(("number", name));
+    let parser = parser(ui, id);
     let weak = ui.visuals().weak_text_color();
     let from = derived.unwrap_or(*range.start());
     settled(ui, id, from, None, |ui, now| {
@@ -99,10 +119,37 @@ pub fn number(ui: &mut Ui, name: &str, value: f64, speed: f64, range: RangeInclu
 
 impl Number<'_> {
     pub fn show(self, ui: &mut Ui) -> Option<f64> {
+        self.show_as(ui, None)
+    }
+
+    /// The new value as it is written into a script, an expression where one was typed. `stated`: the value as the script has it, which is shown
+    /// where it is an expression.
+    pub fn show_written(self, ui: &mut Ui, stated: Option<&str>) -> Option<String> {
+        let id = ui.id().with(("number", self.name));
+        let fps: f64 = ui.data(|d| d.get_temp(rate_id())).unwrap_or(30.0);
+        let is_it = |text: &&str| {
+            let meant = expression::script_text(text).and_then(|text| expression::value(&text, fps));
+            meant.is_some_and(|meant| (meant - self.value).abs() <= 1e-6 * meant.abs())
+        };
+        let shown = stated.filter(is_it);
+        let now = self.show_as(ui, shown)?;
+        let typed = ui.data_mut(|d| d.remove_temp(typed_id(id)));
+        Some(written(now, typed))
+    }
+
+    fn show_as(self, ui: &mut Ui, shown: Option<&str>) -> Option<f64> {
         let Number { name, value, speed, range, default } = self;
-        let (id, parser) = (ui.id().with(("number", name)), parser(ui));
+        let id = ui.id().with(("number", name));
+        let parser = parser(ui, id);
         settled(ui, id, value, default, |ui, now| {
-            let widget = DragValue::new(now).speed(speed).range(range).max_decimals(3).custom_parser(parser);
+            let mut widget =
+                DragValue::new(now).speed(speed).range(range).max_decimals(3).custom_parser(parser);
+            if let Some(shown) = shown {
+                widget = widget.custom_formatter(move |number, digits| match number == value {
+                    true => shown.to_string(),
+                    false => format_with_decimals_in_range(number, digits),
+                });
+            }
             named(ui.add(widget), WidgetType::DragValue, name)
         })
     }
@@ -110,7 +157,8 @@ impl Number<'_> {
     /// The same as a slider.
     pub fn slider(self, ui: &mut Ui) -> Option<f64> {
         let Number { name, value, speed, range, default } = self;
-        let (id, parser) = (ui.id().with(("slider", name)), parser(ui));
+        let id = ui.id().with(("slider", name));
+        let parser = parser(ui, id);
         let wide = *range.start() > 0.0 && range.end() / range.start() > 1e3;
         settled(ui, id, value, default, |ui, now| {
             ui.horizontal(|ui| {

@@ -292,7 +292,7 @@ fn placed(room: Rect, size: [u32; 2], pixels_per_point: f32, fills: bool) -> Rec
 fn mouse(ui: &Ui, viewer: &mut Viewer, index: usize, response: &egui::Response, height: f32) {
     let by = response.drag_delta();
     let by = DVec2::new(f64::from(by.x), f64::from(by.y)) / f64::from(height.max(1.0));
-    let shift = ui.input(|i| i.modifiers.shift);
+    let shift = super::held::modifiers(ui).shift;
     if by != DVec2::ZERO {
         let pans = response.dragged_by(PointerButton::Middle) || shift;
         let turns = response.dragged_by(PointerButton::Primary) && !shift;

@@ -18,6 +18,7 @@ pub mod shortcuts;
 pub mod side;
 pub mod span;
 pub mod tangents;
+pub mod tempo;
 pub mod timeline;
 pub mod trail;
 pub mod view;

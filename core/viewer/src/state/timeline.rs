@@ -30,6 +30,13 @@ pub struct Bar {
     pub strip: Option<Strip>,
 }
 
+impl Bar {
+    /// When its clip is over, or what follows begins: the end that a change of its speed moves.
+    pub fn played_until(&self) -> Time {
+        self.holds_from.map_or(self.until, |holds| holds.min(self.until))
+    }
+}
+
 /// How the clip of a bar is played.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Strip {
@@ -55,6 +62,11 @@ impl Strip {
             weight: f64::from(cue.weight),
             is_keyed: !cue.is_even(),
         }
+    }
+
+    /// Seconds of the clip before what is played first, in the direction in which it is played.
+    pub fn before(&self) -> f64 {
+        if self.speed < 0.0 { self.clip - self.trim[1] } else { self.trim[0] }
     }
 
     /// Seconds that the clip takes once.

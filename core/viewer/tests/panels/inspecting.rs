@@ -687,6 +687,42 @@ ada.play(moves.clip(\"Walk\")).from(0.5).until(f(60));
     }
 }
 
+/// A third is written as it was typed, shown so, and changed again; where the number is exact it is written as a number.
+#[test]
+fn a_typed_expression_stays_one_where_digits_would_not_do() {
+    const SCENE: &str = "stage(#{ fps: 30, length: 6.0 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\"), #{ fade: 0.4 }).then(moves.clip(\"Wave\")).weight(0.5);
+";
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+    for (number, with) in
+        [(0, ["#{ fade: 0.4 }", "#{ fade: 0.4, speed: X }"]), (1, [".weight", ".speed(X).weight"])]
+    {
+        desk.state_mut().reload_with(SCENE);
+        desk.state_mut().viewer.selection =
+            Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: number });
+        desk.run();
+        for (typed, written) in
+            [("1/3", "1.0 / 3.0"), ("2 / 3", "2.0 / 3.0"), ("3/4", "0.75"), ("1/7", "1.0 / 7.0")]
+        {
+            type_into(&mut desk, "speed field", typed);
+            let wanted = SCENE.replacen(with[0], &with[1].replace('X', written), 1);
+            assert_eq!(desk.state().text(), wanted);
+        }
+        assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
+        let cue = desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].layers[0].cues[number].clone();
+        assert_eq!(cue.speed, 1.0 / 7.0);
+        // A field that is left as it was changes nothing.
+        let before = desk.state().text();
+        desk.get_by_label("speed field").click();
+        desk.run();
+        desk.key_press(Key::Enter);
+        desk.run();
+        assert_eq!(desk.state().text(), before);
+    }
+}
+
 /// A number beyond the clip is the last that leaves something of it; a script that plays nothing would be faulty.
 #[test]
 fn a_trim_leaves_something_to_be_played() {
@@ -700,7 +736,7 @@ fn a_trim_leaves_something_to_be_played() {
     desk.run();
     desk.key_press(Key::Enter);
     desk.run();
-    assert!(desk.state().text().contains(".trim(0.99, 1.0)"), "{}", desk.state().text());
+    assert!(desk.state().text().contains("trim: [0.99, 1.0]"), "{}", desk.state().text());
     desk.state_mut().reload();
     assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
 }

@@ -3,6 +3,7 @@
 #[path = "../place/mod.rs"]
 mod place;
 
+mod bars;
 mod editing;
 mod events;
 mod keys;

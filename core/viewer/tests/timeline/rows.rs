@@ -65,6 +65,41 @@ fn a_bar_that_is_dragged_onto_another_row_is_played_there() {
     assert!(text.contains("ada.play(moves.clip(\"Walk\")).until(2.0);\nlet bob"), "{text}");
 }
 
+/// What a person would move: the line as it stands, with frames as frames and its comment.
+#[test]
+fn a_bar_on_another_row_keeps_its_comment_and_its_style_of_times() {
+    const FRAMES: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 8.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", moves);
+ada.play(moves.clip("Walk")).until(f(50)) // walks in
+    .then(moves.clip("Wave"), #{ fade: 0.4 }).until(f(100)) // waves
+    .then(moves.clip("Idle")); // waits
+ada.play(moves.clip("Bow")).from(f(25)).until(f(50)).on("RightShoulder.."); // bows a little
+let bob = cast("bob", moves).at(1.0, 0.0, 0.0);
+"#;
+    let mut desk = Place::new(FRAMES).harness(vec2(1500.0, 1000.0));
+    let second = desk.get_by_label("time").rect().width() / 8.0;
+    let bow = desk.get_by_label("Bow on ada +1").rect().center();
+    let to = pos2(bow.x + 2.0 * second, height(&desk, "bob"));
+    drag(&mut desk, bow, to);
+    assert_eq!(desk.state().viewer.message, None);
+    let line = FRAMES.lines().find(|line| line.contains("Bow")).unwrap();
+    let moved = line.replace("ada.", "bob.").replace("from(f(25)).until(f(50))", "from(f(75)).until(f(100))");
+    assert_eq!(desk.state().text(), format!("{}{moved}\n", FRAMES.replace(&format!("{line}\n"), "")));
+    // Out of a chain, whose others keep their comments.
+    desk.state_mut().reload_with(FRAMES);
+    desk.state_mut().viewer.move_cues_to(&[cue(0, 1)], "bob", 1.0).unwrap();
+    let text = desk.state().text();
+    let wave = "bob.play(moves.clip(\"Wave\"), #{ fade: 0.4 }).from(f(75)).until(f(125)); // waves\n";
+    assert!(text.ends_with(wave), "{text}");
+    assert!(text.contains("until(f(50)) // walks in\n    .then(moves.clip(\"Idle\")); // waits\n"), "{text}");
+    // A duplicate has the style of its bar, too.
+    desk.state_mut().reload_with(FRAMES);
+    desk.state_mut().viewer.duplicate_cue(&cue(1, 0)).unwrap();
+    let text = desk.state().text();
+    assert!(text.contains("// bows a little\n    .then(moves.clip(\"Bow\")).until(f(75));\n"), "{text}");
+}
+
 /// The pointer is held over a row; gives the texts beside it.
 fn shown_texts(desk: &mut Desk, from: Pos2, to: Pos2) -> Vec<String> {
     desk.hover_at(from);
@@ -104,7 +139,7 @@ fn a_row_that_refuses_a_bar_says_why_at_the_pointer() {
     desk.state_mut().viewer.shelf.locked.insert("bob".into());
     let to = pos2(bow.x, height(&desk, "bob"));
     drag(&mut desk, bow, to);
-    assert!(desk.state().viewer.message.as_ref().unwrap().contains("this row is locked"));
+    assert!(desk.state().viewer.message.as_ref().unwrap().contains("the row of bob is locked"));
     assert_eq!(desk.state().text(), SCRIPT);
 }
 

@@ -76,7 +76,9 @@ fn trims_rolls_and_slips_keep_what_they_promise() {
     place.viewer.trim_cue(&cue(0, 1), 2.6).unwrap();
     assert_eq!(
         place.text(),
-        SCRIPT.replace("until(2.0)\n", "until(2.6)\n").replace("\"once\" })", "\"once\" }).trim(0.6, 3.0)")
+        SCRIPT
+            .replace("until(2.0)\n", "until(2.6)\n")
+            .replace("\"once\" })", "\"once\", trim: [0.6, 3.0] })")
     );
     place.reload();
     assert!(farthest(&late, &pose(&place, 3.6)) < 2e-3);
@@ -88,7 +90,7 @@ fn trims_rolls_and_slips_keep_what_they_promise() {
     let short = SCRIPT.replace("until(4.0)", "until(3.0)");
     place.reload_with(&short);
     place.viewer.slip_cue(&cue(0, 1), 0.25).unwrap();
-    assert_eq!(place.text(), short.replace("\"once\" })", "\"once\" }).trim(0.25, 3.0)"));
+    assert_eq!(place.text(), short.replace("\"once\" })", "\"once\", trim: [0.25, 3.0] })"));
     place.reload();
     let why = place.viewer.trim_cue(&cue(0, 0), 0.5).unwrap_err().to_string();
     assert!(why.contains("it repeats, so a trim would shorten every round"), "{why}");
@@ -132,7 +134,7 @@ fn disabled_clips_have_no_weight_and_get_it_back() {
     let mut place = Place::new(SCRIPT);
     place.viewer.edit(|v| v.toggle_cues(&[cue(1, 0), cue(0, 1)]));
     assert_eq!(place.viewer.message, None);
-    assert_eq!(place.text().matches(".weight(0.0)").count(), 2, "{}", place.text());
+    assert_eq!(place.text().matches("weight: 0.0").count(), 2, "{}", place.text());
     place.reload();
     place.viewer.edit(|v| v.toggle_cues(&[cue(1, 0), cue(0, 1)]));
     assert_eq!(place.text(), SCRIPT);
@@ -143,7 +145,10 @@ fn disabled_clips_have_no_weight_and_get_it_back() {
 #[test]
 fn a_stretched_clip_plays_slower_and_several_bars_move_as_one_change() {
     let text = text_after(|place| place.viewer.edit(|v| v.stretch_cue(&cue(1, 0), 3.0)));
-    assert_eq!(text, SCRIPT.replace(".from(1.0).until(2.0).on", ".speed(0.5).from(1.0).until(3.0).on"));
+    assert_eq!(
+        text,
+        SCRIPT.replace(").from(1.0).until(2.0).on", ", #{ speed: 0.5 }).from(1.0).until(3.0).on")
+    );
     let text = text_after(|place| {
         let all = [cue(1, 0), Selected::Title(0), Selected::Effect(0)];
         place.viewer.edit(|v| v.move_bars(&all, 0.4));
@@ -197,7 +202,7 @@ fn gestures_and_keys_do_all_of_it() {
     desk.run();
     let start = desk.get_by_label("start of Wave in row 1").rect().center();
     drag(&mut desk, Modifiers::ALT, start, start + vec2(by * 0.6, 0.0));
-    assert!(desk.state().text().contains(".trim(0.6, 3.0)"), "{}", desk.state().text());
+    assert!(desk.state().text().contains("trim: [0.6, 3.0]"), "{}", desk.state().text());
     desk.state_mut().viewer.undo().unwrap();
     desk.state_mut().reload();
     // A menu, with its keys.
@@ -212,11 +217,7 @@ fn gestures_and_keys_do_all_of_it() {
     assert!(
         desk.state()
             .text()
-            .contains("until(3.0)\n        .then(moves.clip(\"Wave\"), #{ repeat: \"once\" })")
-            || desk
-                .state()
-                .text()
-                .contains("until(3.0)\n    .then(moves.clip(\"Wave\"), #{ repeat: \"once\" })"),
+            .contains("until(3.0)\n    .then(moves.clip(\"Wave\"), #{ repeat: \"once\", trim: [1.0, 3.0] })"),
         "{}",
         desk.state().text()
     );

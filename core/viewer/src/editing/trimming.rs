@@ -1,0 +1,204 @@
+//! The part of a clip that a bar plays: trimmed at its start, rolled with the bar before it, slipped between its ends.
+
+use super::EditError;
+use super::strips::NOTHING;
+use crate::app::Viewer;
+use crate::state::selection::Selected;
+use crate::state::timeline::{Bar, Strip};
+use choreo_motion::Repeat;
+use choreo_session::edit::{CueTime, follows, has_end, set_trim};
+
+impl Viewer {
+    /// Lets a clip begin at another time with what it shows from there on: its start is trimmed. Where it follows another clip, or meets its
+    /// end, that one's end moves with it (a roll).
+    ///
+    /// A clip that repeats is not trimmed, since that would shorten every round: a roll moves the boundary alone. The clip before it goes on
+    /// until there, with more or fewer rounds of its own loop if it repeats, and this one begins its first round there.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed. Here and below.
+    pub fn trim_cue(&mut self, what: &Selected, secs: f64) -> Result<(), EditError> {
+        let (bar, strip) = self.strip(what)?;
+        let known = self.known().ok_or(EditError::NothingShown)?;
+        let (line, column) = (bar.place.line, bar.place.column);
+        let layer = self.layer_of(what);
+        let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
+        let before = at.checked_sub(1).map(|before| &layer[before]);
+        let is_chained = before.is_some() && follows(&known, line, column);
+        let meets = before.is_some_and(|before| before.until == bar.start);
+        let trim = match strip.repeat {
+            Repeat::Once => Some(trimmed_from(&bar, &strip, secs)?),
+            _ if is_chained || meets => None,
+            _ => {
+                let why =
+                    "it repeats, so a trim would shorten every round; drag without Alt, or write .once()";
+                return Err(EditError::refused_at(&bar.place, why));
+            }
+        };
+        self.check_boundary(before.filter(|_| is_chained || meets), &bar, secs)?;
+        let mut steps = match before.filter(|_| is_chained) {
+            Some(before) => vec![self.time_step(before, CueTime::End, secs)],
+            None => vec![self.time_step(&bar, CueTime::Start, secs)],
+        };
+        if let Some(before) = before.filter(|_| meets && !is_chained)
+            && has_end(&known, before.place.line, before.place.column)
+        {
+            // The two bars meet: the edge between them moves.
+            steps.push(self.time_step(before, CueTime::End, secs));
+        }
+        if let Some(trim) = trim {
+            steps.push(self.step(&bar, move |text, line, column| set_trim(text, line, column, trim)));
+        }
+        self.change_all(steps)
+    }
+
+    /// Rolls the end of a clip with the start of the one that it meets; where it meets none, its end alone moves.
+    pub fn roll_end(&mut self, what: &Selected, secs: f64) -> Result<(), EditError> {
+        let layer = self.layer_of(what);
+        let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
+        match layer.get(at + 1).filter(|next| next.start == layer[at].until) {
+            Some(next) => self.trim_cue(&next.what, secs),
+            None => self.set_cue(what, CueTime::End, secs),
+        }
+    }
+
+    /// Both clips of a boundary that is moved keep a length.
+    pub(super) fn check_boundary(&self, before: Option<&Bar>, bar: &Bar, secs: f64) -> Result<(), EditError> {
+        let shown = |secs: f64| self.shown_time(choreo_motion::Time::from_secs(secs));
+        let ends = self.known().is_some_and(|text| has_end(&text, bar.place.line, bar.place.column));
+        if let Some(before) = before.filter(|before| secs <= before.start.as_secs() + NOTHING) {
+            let (label, start) = (&before.label, shown(before.start.as_secs()));
+            let why = format!("{label}, which it follows, begins at {start} and would have no length");
+            return Err(EditError::refused_at(&bar.place, &why));
+        }
+        if ends && secs >= bar.until.as_secs() - NOTHING {
+            let why =
+                format!("it would begin at {}, where it ends at {}", shown(secs), shown(bar.until.as_secs()));
+            return Err(EditError::refused_at(&bar.place, &why));
+        }
+        Ok(())
+    }
+
+    /// Shows other content of its clip between the same ends, `by` seconds later in the clip, in the direction in which it is played. A clip
+    /// without a trim gets one.
+    pub fn slip_cue(&mut self, what: &Selected, by: f64) -> Result<(), EditError> {
+        let (bar, strip) = self.strip(what)?;
+        let trim = slipped(&bar, &strip, by).ok_or_else(|| {
+            let why = match strip.repeat {
+                Repeat::Once => "its clip is played whole: there is nothing beyond its ends",
+                _ => "it shows whole rounds of its clip: make the bar shorter than one, or write .once()",
+            };
+            EditError::refused_at(&bar.place, why)
+        })?;
+        let steps = vec![self.step(&bar, move |text, line, column| set_trim(text, line, column, trim))];
+        self.change_all(steps)
+    }
+}
+
+/// The part of a clip that is played once with its content where it was, from a time on.
+fn trimmed_from(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditError> {
+    let played = (secs - bar.start.as_secs()) * strip.speed.abs();
+    let [mut from, mut to] = strip.trim;
+    match strip.speed < 0.0 {
+        false => from += played,
+        true => to -= played,
+    }
+    if from < -NOTHING || to > strip.clip + NOTHING || to - from < NOTHING {
+        let why = format!("its clip has nothing there: it runs from 0 s to {:.3} s", strip.clip);
+        return Err(EditError::refused_at(&bar.place, &why));
+    }
+    Ok(within(strip, [from, to]))
+}
+
+/// The part of the clip that is then played; `None` where all of it is seen already.
+fn slipped(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
+    let [from, to] = strip.trim;
+    let length = to - from;
+    // A clip that repeats must not begin again before what follows has faded in.
+    let (seen, fits) = match strip.repeat {
+        Repeat::Once => ((bar.until - bar.start).as_secs() * strip.speed.abs(), true),
+        _ => {
+            let seen = (bar.end - bar.start).as_secs() * strip.speed.abs();
+            (seen, seen <= length + NOTHING)
+        }
+    };
+    // Keys state which part is seen, and of a clip in rounds all of it is: the trim moves as a whole.
+    if strip.is_keyed || !fits {
+        let by = (by * strip.speed.signum()).clamp(-from, strip.clip - to);
+        return (by.abs() > NOTHING).then(|| within(strip, [from + by, to + by]));
+    }
+    // What lies behind the seen part counts: only the seen part must be there.
+    let (before, after) = (strip.before(), strip.clip - length - strip.before());
+    let slipped = (before + by).clamp(0.0, (strip.clip - seen.min(length)).max(0.0));
+    let rest = if after < NOTHING { 0.0 } else { (after + before - slipped).max(0.0) };
+    let part = if strip.speed < 0.0 { [rest, strip.clip - slipped] } else { [slipped, strip.clip - rest] };
+    ((slipped - before).abs() > NOTHING).then(|| within(strip, part))
+}
+
+/// A part that lies within the clip also when it is written to the thousandth.
+fn within(strip: &Strip, [from, to]: [f64; 2]) -> [f64; 2] {
+    let rounded = (to * 1e3).round() / 1e3;
+    let to = if rounded > strip.clip { (strip.clip * 1e3).floor() / 1e3 } else { rounded };
+    [from.max(0.0), to]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use choreo_motion::Time;
+    use choreo_script::Place;
+
+    fn bar(length: f64, strip: Strip) -> Bar {
+        let end = Time::from_secs(1.0 + length);
+        Bar {
+            label: "Walk".into(),
+            what: Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 },
+            start: Time::from_secs(1.0),
+            end,
+            until: end,
+            fade_in: Time::ZERO,
+            fade_out: Time::ZERO,
+            holds_from: None,
+            place: Place::default(),
+            cut: None,
+            kind: 0,
+            strip: Some(strip),
+        }
+    }
+
+    fn strip(trim: [f64; 2], speed: f64, repeat: Repeat) -> Strip {
+        Strip { trim, clip: 3.0, speed, repeat, weight: 1.0, is_keyed: false }
+    }
+
+    /// Whatever is played: the seen part stays within the clip, and the content goes where the pointer goes.
+    #[test]
+    fn a_slip_moves_the_seen_part_within_the_clip() {
+        let slip = |length, trim, speed, repeat, by| {
+            let strip = strip(trim, speed, repeat);
+            slipped(&bar(length, strip), &strip, by)
+        };
+        for repeat in [Repeat::Once, Repeat::Loop, Repeat::PingPong] {
+            // No trim, cut short by the bar's end: a part as long is left.
+            assert_eq!(slip(1.0, [0.0, 3.0], 1.0, repeat, 0.25), Some([0.25, 3.0]));
+            assert_eq!(slip(1.0, [0.0, 3.0], 1.0, repeat, 9.0), Some([2.0, 3.0]));
+            assert_eq!(slip(1.0, [0.0, 3.0], 2.0, repeat, 9.0), Some([1.0, 3.0]));
+            assert_eq!(slip(1.0, [0.0, 3.0], 1.0, repeat, -0.5), None);
+            assert_eq!(slip(1.0, [0.5, 2.0], 1.0, repeat, 0.25), Some([0.75, 2.25]));
+            assert_eq!(slip(1.0, [0.5, 2.0], 1.0, repeat, -1.0), Some([0.0, 1.5]));
+            // Backwards it begins at the end of the clip.
+            assert_eq!(slip(1.0, [0.0, 3.0], -1.0, repeat, 0.25), Some([0.0, 2.75]));
+            assert_eq!(slip(1.0, [0.0, 3.0], -1.0, repeat, 9.0), Some([0.0, 1.0]));
+        }
+        // Whole rounds are seen.
+        assert_eq!(slip(4.0, [0.0, 3.0], 1.0, Repeat::Loop, 0.25), None);
+        assert_eq!(slip(4.0, [0.5, 2.0], 1.0, Repeat::Loop, 0.25), Some([0.75, 2.25]));
+        assert_eq!(slip(3.0, [0.0, 3.0], 1.0, Repeat::Once, 0.25), None);
+    }
+
+    #[test]
+    fn a_trim_ends_within_the_clip_when_it_is_written() {
+        let odd = Strip { clip: 2.0 / 3.0, ..strip([0.0, 2.0 / 3.0], 1.0, Repeat::Once) };
+        assert_eq!(within(&odd, [0.25, 2.0 / 3.0]), [0.25, 0.666]);
+        assert_eq!(within(&odd, [0.0, 0.5]), [0.0, 0.5]);
+    }
+}

@@ -1,0 +1,49 @@
+//! Beats of the music that a scene is made for, to which dragged times snap.
+
+/// Beats a minute; 0 for a scene without music.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tempo {
+    pub per_minute: f64,
+    /// Seconds of the stage at which the first beat is.
+    pub first: f64,
+}
+
+impl Tempo {
+    /// Beats a minute at most.
+    pub const FASTEST: f64 = 1000.0;
+
+    /// Seconds from one beat to the next; `None` without beats.
+    pub fn beat(&self) -> Option<f64> {
+        (self.per_minute > 0.0).then(|| 60.0 / self.per_minute)
+    }
+
+    /// The beat that is nearest to a time, seconds.
+    pub fn nearest(&self, secs: f64) -> Option<f64> {
+        let beat = self.beat()?;
+        Some(self.first + ((secs - self.first) / beat).round().max(0.0) * beat)
+    }
+
+    /// Beats between two times, seconds; none where they are closer than `least`.
+    pub fn between(&self, from: f64, to: f64, least: f64) -> impl Iterator<Item = f64> {
+        let beat = self.beat().filter(|beat| *beat >= least);
+        let (first, step) = (self.first, beat.unwrap_or(1.0));
+        let (low, high) = (((from - first) / step).ceil().max(0.0), ((to - first) / step).floor());
+        let count = beat.map_or(0, |_| (high - low + 1.0).max(0.0) as usize);
+        (0..count).map(move |number| first + (low + number as f64) * step)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn beats_count_from_the_first() {
+        let tempo = Tempo { per_minute: 120.0, first: 0.2 };
+        assert_eq!([0.0, 0.4, 0.5, 9.9].map(|secs| tempo.nearest(secs)), [0.2, 0.2, 0.7, 9.7].map(Some));
+        assert_eq!(tempo.between(0.0, 1.5, 0.1).collect::<Vec<_>>(), [0.2, 0.7, 1.2]);
+        assert_eq!(tempo.between(0.0, 1.5, 0.6).count(), 0);
+        assert_eq!(Tempo::default().nearest(1.0), None);
+        assert_eq!(Tempo::default().between(0.0, 9.0, 0.0).count(), 0);
+    }
+}

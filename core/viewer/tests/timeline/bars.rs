@@ -1,0 +1,328 @@
+//! Gestures on bars: rolls and slips of clips that repeat, keys that are let go with the button, locked rows, bars at the end of the scene,
+//! and layers above the first.
+
+use crate::place::{Desk, Place, drag};
+use choreo_motion::Time;
+use choreo_viewer::state::selection::Selected;
+use egui::{Event, Modifiers, PointerButton, Pos2, pos2, vec2};
+use egui_kittest::kittest::Queryable;
+
+const SCRIPT: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 8.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", moves);
+ada.play(moves.clip("Walk")).until(2.0)
+    .then(moves.clip("Run"), #{ fade: 0.4 }).until(5.0);
+ada.play(moves.clip("Bow")).from(1.0).until(3.0).on("RightShoulder..").fade(0.2)
+    .then(moves.clip("Wave")).until(5.0);
+let bob = cast("bob", moves).at(1.0, 0.0, 0.0);
+bob.play(moves.clip("Wave")).until(1.0);
+marker("turn", 5.02);
+"#;
+
+fn cue(layer: usize, cue: usize) -> Selected {
+    Selected::Cue { actor: "ada".into(), layer, cue }
+}
+
+fn desk() -> Desk {
+    Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
+}
+
+/// Points that a second takes.
+fn second(desk: &Desk) -> f32 {
+    desk.get_by_label("time").rect().width() / 8.0
+}
+
+fn back(desk: &mut Desk) {
+    desk.state_mut().reload_with(SCRIPT);
+    desk.run();
+}
+
+/// Drags with keys held that are let go right after the button, within the same frame.
+fn drag_briefly(desk: &mut Desk, modifiers: Modifiers, from: Pos2, to: Pos2) {
+    let button =
+        |pos, pressed| Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers };
+    let frames = [
+        vec![Event::ModifiersChanged(modifiers), Event::PointerMoved(from)],
+        vec![button(from, true)],
+        vec![Event::PointerMoved(from + (to - from) * 0.5)],
+        vec![Event::PointerMoved(to)],
+        vec![button(to, false), Event::ModifiersChanged(Modifiers::NONE)],
+    ];
+    for events in frames {
+        desk.input_mut().events.extend(events);
+        desk.step();
+    }
+    desk.run();
+}
+
+#[test]
+fn keys_that_are_let_go_with_the_button_count() {
+    let mut desk = desk();
+    let by = second(&desk);
+    // Ctrl: the bar crossfades.
+    let run = desk.get_by_label("Run on ada").rect().center();
+    drag_briefly(&mut desk, Modifiers::COMMAND, run, run - vec2(by * 0.4, 0.0));
+    assert_eq!(desk.state().viewer.message, None);
+    let crossfaded = SCRIPT
+        .replace("until(2.0)", "until(1.6)")
+        .replace("fade: 0.4 }).until(5.0)", "fade: 0.8 }).until(4.6)");
+    assert_eq!(desk.state().text(), crossfaded);
+    back(&mut desk);
+    // Shift: what comes later goes along.
+    let walk = desk.get_by_label("Walk on ada").rect().center();
+    drag_briefly(&mut desk, Modifiers::SHIFT, walk, walk + vec2(by, 0.0));
+    let moved = SCRIPT
+        .replace("\"Walk\")).until(2.0)", "\"Walk\")).from(1.0).until(3.0)")
+        .replace("}).until(5.0)", "}).until(6.0)");
+    assert_eq!(desk.state().text(), moved);
+    back(&mut desk);
+    // Alt: the content slips.
+    let wave = desk.get_by_label("Wave on bob").rect().center();
+    drag_briefly(&mut desk, Modifiers::ALT, wave, wave - vec2(by * 0.5, 0.0));
+    let slipped =
+        SCRIPT.replace("clip(\"Wave\")).until(1.0)", "clip(\"Wave\"), #{ trim: [0.5, 3.0] }).until(1.0)");
+    assert_eq!(desk.state().text(), slipped);
+    // A click with Ctrl selects one more.
+    back(&mut desk);
+    desk.get_by_label("Walk on ada").click();
+    desk.run();
+    let run = desk.get_by_label("Run on ada").rect().center();
+    drag_briefly(&mut desk, Modifiers::COMMAND, run, run);
+    assert_eq!(desk.state().viewer.selected_bars(), [cue(0, 0), cue(0, 1)]);
+}
+
+/// The boundary of two clips that repeat moves alone: the first goes on with its loop, the second begins its rounds there.
+#[test]
+fn a_boundary_of_clips_that_repeat_is_rolled() {
+    let mut desk = desk();
+    let by = second(&desk);
+    let rolled = SCRIPT.replace("until(2.0)", "until(2.6)");
+    for part in ["start of Run", "end of Walk"] {
+        let edge = desk.get_by_label(&format!("{part} in row 1")).rect().center();
+        // Beside the other one's handle.
+        let edge = if part.starts_with("end") { pos2(edge.x - 3.5, edge.y) } else { edge };
+        drag_briefly(&mut desk, Modifiers::ALT, edge, edge + vec2(by * 0.6, 0.0));
+        assert_eq!(desk.state().viewer.message, None, "{part}");
+        assert_eq!(desk.state().text(), rolled, "{part}");
+        desk.state_mut().reload();
+        let bars = desk.state().viewer.timeline.rows[1].bars.clone();
+        assert_eq!((bars[0].until, bars[1].start), (Time::from_secs(2.6), Time::from_secs(2.6)));
+        assert_eq!(bars.iter().map(|bar| bar.strip.unwrap().trim[0]).collect::<Vec<_>>(), [0.0, 0.0]);
+        back(&mut desk);
+    }
+    // Each keeps a length.
+    for (secs, why) in [
+        (5.0, "it would begin at 5.000 s, where it ends at 5.000 s"),
+        (0.0, "Walk, which it follows, begins at 0.000 s and would have no length"),
+    ] {
+        let error = desk.state_mut().viewer.trim_cue(&cue(0, 1), secs).unwrap_err().to_string();
+        assert!(error.contains(why), "{error}");
+    }
+    // A bar that meets none has nothing to roll with.
+    let why = desk.state_mut().viewer.trim_cue(&cue(0, 0), 0.5).unwrap_err().to_string();
+    assert!(why.contains("it repeats, so a trim would shorten every round"), "{why}");
+}
+
+#[test]
+fn a_slip_needs_no_trim_but_a_rest_of_the_clip() {
+    let mut place = Place::new(SCRIPT);
+    let wave = Selected::Cue { actor: "bob".into(), layer: 0, cue: 0 };
+    place.viewer.slip_cue(&wave, 0.25).unwrap();
+    let slipped =
+        SCRIPT.replace("clip(\"Wave\")).until(1.0)", "clip(\"Wave\"), #{ trim: [0.25, 3.0] }).until(1.0)");
+    assert_eq!(place.text(), slipped);
+    place.reload();
+    place.viewer.slip_cue(&wave, -0.1).unwrap();
+    assert_eq!(place.text(), slipped.replace("0.25", "0.15"));
+    // One that is cut short by the next.
+    place.reload_with(SCRIPT);
+    place.viewer.slip_cue(&cue(1, 1), 0.5).unwrap();
+    assert!(
+        place.text().contains(".then(moves.clip(\"Wave\"), #{ trim: [0.5, 3.0] }).until(5.0)"),
+        "{}",
+        place.text()
+    );
+    place.reload_with(SCRIPT);
+    let why = place.viewer.slip_cue(&cue(0, 0), 0.25).unwrap_err().to_string();
+    assert!(why.contains("it shows whole rounds of its clip"), "{why}");
+}
+
+#[test]
+fn a_locked_row_says_so_when_a_bar_is_dragged() {
+    let mut desk = desk();
+    let by = second(&desk);
+    desk.get_by_label("lock the row of ada").click();
+    desk.run();
+    for bar in ["Walk on ada", "Bow on ada +1"] {
+        let bar = desk.get_by_label(bar).rect().center();
+        desk.hover_at(bar);
+        desk.run();
+        desk.drag_at(bar);
+        desk.run();
+        desk.hover_at(bar + vec2(by, 0.0));
+        desk.run();
+        let why = "the row of ada is locked; press the lock beside its name to unlock it";
+        assert_eq!(desk.state().viewer.message.as_deref(), Some(why));
+        // It is read beside the pointer.
+        let shapes = desk.output().shapes.iter();
+        let texts = shapes.filter_map(|shape| match &shape.shape {
+            egui::Shape::Text(text) => Some((text.galley.text().to_string(), text.pos)),
+            _ => None,
+        });
+        let near = |at: Pos2| (at - (bar + vec2(by, 0.0))).length() < 60.0;
+        assert!(texts.clone().any(|(text, at)| text == why && near(at)), "{:?}", texts.collect::<Vec<_>>());
+        desk.drop_at(bar + vec2(by, 0.0));
+        desk.run();
+        desk.state_mut().viewer.message = None;
+        assert_eq!(desk.state().text(), SCRIPT);
+    }
+    // It is still selected by a click.
+    desk.get_by_label("Walk on ada").click();
+    desk.run();
+    assert_eq!(desk.state().viewer.selection, Some(cue(0, 0)));
+}
+
+/// Nothing is put where it would never be seen.
+#[test]
+fn what_would_begin_after_the_scene_is_refused() {
+    let mut desk = desk();
+    let copied = desk.state().viewer.copy_cues(&[cue(0, 0), cue(0, 1)]).unwrap();
+    let viewer = |desk: &mut Desk, edit: &dyn Fn(&mut choreo_viewer::app::Viewer)| {
+        edit(&mut desk.state_mut().viewer);
+        let why = desk.state_mut().viewer.message.take().unwrap_or_default();
+        assert!(why.contains("and the scene ends at 8.000 s: make the stage longer"), "{why}");
+        assert_eq!(desk.state().text(), SCRIPT);
+        why
+    };
+    // The second of two is pasted 2 s after the first.
+    let why = viewer(&mut desk, &|v| v.edit(|v| v.paste_cues("bob", &copied, 6.0)));
+    assert!(why.contains("the last of them would begin at 8.000 s"), "{why}");
+    viewer(&mut desk, &|v| v.edit(|v| v.move_cues_to(&[cue(0, 1)], "bob", 6.0)));
+    viewer(&mut desk, &|v| v.edit(|v| v.move_cue(&cue(1, 0), 8.0, false)));
+    viewer(&mut desk, &|v| v.edit(|v| v.move_bars(&[cue(0, 1), cue(1, 0)], 6.0)));
+    // A bar is dragged to the end, onto its own row and onto another.
+    let (width, bow) = (8.0 * second(&desk), desk.get_by_label("Bow on ada +1").rect());
+    for row in ["ada +1", "bob"] {
+        let at = pos2(bow.left() + 20.0, bow.center().y);
+        let row = desk.get_by_label(&format!("row {row}")).rect().center().y;
+        drag(&mut desk, at, pos2(at.x + width, row));
+        viewer(&mut desk, &|_| {});
+    }
+    // A duplicate begins where its bar ends.
+    let at_end = SCRIPT.replace("fade: 0.4 }).until(5.0)", "fade: 0.4 }).until(8.0)");
+    desk.state_mut().reload_with(&at_end);
+    let why = desk.state_mut().viewer.duplicate_cue(&cue(0, 1)).unwrap_err().to_string();
+    assert!(why.contains("Run would begin at 8.000 s"), "{why}");
+    // What is pushed out by others is named.
+    desk.state_mut().viewer.edit(|v| v.move_cue(&cue(0, 0), 6.5, true));
+    let note = desk.state().viewer.note.clone().unwrap_or_default();
+    assert_eq!(note, "Run now begins after the end of the scene at 8.000 s: make the stage longer");
+}
+
+/// Layers above the first crossfade, and are stretched and weighted, as the base layer is.
+#[test]
+fn layers_crossfade_are_stretched_and_weighted_as_the_base_layer_is() {
+    let mut desk = desk();
+    let by = second(&desk);
+    // The far end of a layer keeps its fade-out.
+    let wave = desk.get_by_label("Wave on ada +1").rect().center();
+    drag_briefly(&mut desk, Modifiers::COMMAND, wave, wave - vec2(by * 0.6, 0.0));
+    assert_eq!(desk.state().viewer.message, None);
+    let crossfaded = SCRIPT.replace("from(1.0).until(3.0)", "from(1.0).until(2.4)").replace(
+        ".then(moves.clip(\"Wave\")).until(5.0)",
+        ".then(moves.clip(\"Wave\"), #{ fade: 0.6, fade_out: 0.0 }).until(4.4)",
+    );
+    assert_eq!(desk.state().text(), crossfaded);
+    desk.state_mut().reload();
+    let bars = desk.state().viewer.timeline.rows[2].bars.clone();
+    assert_eq!((bars[1].fade_in, bars[1].fade_out), (Time::from_secs(0.6), Time::ZERO));
+    assert_eq!(bars[0].end, Time::from_secs(3.0), "it is seen until the other one has faded in");
+    // A fade that a method states.
+    desk.state_mut().viewer.set_cue(&cue(1, 0), choreo_session::edit::CueTime::FadeIn, 0.5).unwrap();
+    assert!(desk.state().text().contains(".fade(0.5)\n"), "{}", desk.state().text());
+    for (layer, row, label) in [(0, 1, "Run"), (1, 2, "Wave")] {
+        back(&mut desk);
+        let bar = desk.state().viewer.timeline.rows[row].bars[1].clone();
+        assert_eq!(bar.what, cue(layer, 1));
+        desk.get_by_label(&format!("{label} on ada{}", if layer == 0 { "" } else { " +1" })).click();
+        desk.run();
+        let at = desk.get_by_label(&format!("speed of {label}")).rect().center();
+        let end = desk.get_by_label("time").rect().left() + 7.0 * by;
+        drag(&mut desk, at, pos2(end, at.y));
+        desk.state_mut().reload();
+        desk.run();
+        let now = desk.state().viewer.timeline.rows[row].bars[1].clone();
+        let speed = (bar.until - bar.start).as_secs() / (7.0 - bar.start.as_secs());
+        assert!((now.strip.unwrap().speed - speed).abs() < 1e-3, "{label}: {}", desk.state().text());
+        assert_eq!(now.until, Time::from_secs(7.0));
+        let at = desk.get_by_label(&format!("weight of {label}")).rect().center();
+        drag(&mut desk, at, at + vec2(0.0, 8.0));
+        desk.state_mut().reload();
+        let weight = desk.state().viewer.timeline.rows[row].bars[1].strip.unwrap().weight;
+        assert!(weight < 0.8 && weight > 0.1, "{label}: {weight}");
+    }
+}
+
+/// A clip without an end is stretched by what is seen of it: one that repeats to the end of the scene, one that is held.
+#[test]
+fn what_is_under_the_corner_goes_with_it() {
+    let script =
+        SCRIPT.replace(".then(moves.clip(\"Run\"), #{ fade: 0.4 }).until(5.0)", ".then(moves.clip(\"Run\"))");
+    for (repeat, until) in [("loop", 8.0), ("once", 2.0 + 2.0 / 3.0)] {
+        let script = script.replace("clip(\"Run\")", &format!("clip(\"Run\"), #{{ repeat: \"{repeat}\" }}"));
+        let mut place = Place::new(&script);
+        place.viewer.stretch_cue(&cue(0, 1), 6.0).unwrap();
+        place.reload();
+        let bar = &place.viewer.timeline.rows[1].bars[1];
+        assert!((bar.strip.unwrap().speed - (until - 2.0) / 4.0).abs() < 1e-3, "{}", place.text());
+    }
+}
+
+/// The outline of a clip that is cut short is drawn over the bar that cuts it.
+#[test]
+fn the_rest_of_a_clip_is_seen_over_the_next_bar() {
+    let script = SCRIPT.replace("clip(\"Walk\")).until(2.0)", "clip(\"Wave\")).until(2.0)");
+    let desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
+    let (by, time) = (second(&desk), desk.get_by_label("time").rect());
+    let run = desk.get_by_label("Run on ada").rect();
+    let rects = desk.output().shapes.iter().filter_map(|shape| match &shape.shape {
+        egui::Shape::Rect(rect) if (rect.rect.center().y - run.center().y).abs() < 3.0 => Some(rect.clone()),
+        _ => None,
+    });
+    let rects: Vec<_> = rects.collect();
+    let filled =
+        rects.iter().rposition(|rect| (rect.rect.left() - run.left()).abs() < 1.0 && rect.fill.a() > 0);
+    // Wave runs for 3 s.
+    let end = time.left() + 3.0 * by;
+    let outline =
+        rects.iter().rposition(|rect| (rect.rect.right() - end).abs() < 1.0 && rect.stroke.width > 0.0);
+    assert!(outline > filled && filled.is_some(), "{outline:?} {filled:?}");
+}
+
+/// Bars snap to the beats of a tempo that is typed, and so do clips that are dropped.
+#[test]
+fn bars_snap_to_beats() {
+    let mut desk = desk();
+    let by = second(&desk);
+    desk.get_by_label("beats a minute").click();
+    desk.run();
+    desk.key_press_modifiers(Modifiers::COMMAND, egui::Key::A);
+    desk.event(Event::Text("80".into()));
+    desk.run();
+    desk.key_press(egui::Key::Enter);
+    desk.run();
+    assert_eq!(desk.state().viewer.tempo.per_minute, 80.0);
+    for (layer, label, from) in [(1, "Bow on ada +1", 1.0), (0, "Run on ada", 2.0)] {
+        let bar = desk.get_by_label(label).rect();
+        // A beat is every 0.75 s; 0.03 s beside one.
+        let at = pos2(bar.left() + 30.0, bar.center().y);
+        let wanted = if layer == 1 { 1.5 } else { 3.75 };
+        drag(&mut desk, at, at + vec2(by * (wanted - from + 0.03) as f32, 0.0));
+        assert_eq!(desk.state().viewer.message, None);
+        desk.state_mut().reload();
+        let row = &desk.state().viewer.timeline.rows[layer + 1];
+        let start = row.bars[1 - layer].start;
+        assert_eq!(start, Time::from_secs(wanted), "{}", desk.state().text());
+        back(&mut desk);
+    }
+}
