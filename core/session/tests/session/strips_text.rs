@@ -166,10 +166,10 @@ fn a_copy_is_pasted_on_another_row_and_into_another_script() {
     let copied = copy_cue(&text, line, column, at(1.0), Some(at(2.0))).unwrap();
     assert_eq!(
         copied,
-        "play(load(\"m.glb\").clip(\"y\"), #{ fade: 0.2 }).from(1.0).until(2.0).on(\"Head\").weight([[1.0, 0], [f(50), 1]])"
+        "play(load(\"m.glb\").clip(\"y\"), #{ fade: 0.2 }).from(1.0).until(2.0).weight([[1.0, 0], [f(50), 1]]).on(\"Head\")"
     );
     let pasted = paste_cue(&text, 5, 9, &copied, at(3.0)).unwrap().apply(&text);
-    let line = "\nb.play(m.clip(\"y\"), #{ fade: 0.2 }).from(3.0).until(4.0).on(\"Head\").weight([[3.0, 0], [f(100), 1]]);\n";
+    let line = "\nb.play(m.clip(\"y\"), #{ fade: 0.2 }).from(3.0).until(4.0).weight([[3.0, 0], [f(100), 1]]).on(\"Head\");\n";
     assert!(pasted.ends_with(line), "{pasted}");
     let other = "let z = cast(\"z\", load(\"z.glb\"));";
     let pasted = paste_cue(other, 1, 9, &copied, at(0.0)).unwrap().apply(other);

@@ -52,16 +52,6 @@ impl Viewer {
         self.change_all(steps)
     }
 
-    /// Rolls the end of a clip with the start of the one that it meets; where it meets none, its end alone moves.
-    pub fn roll_end(&mut self, what: &Selected, secs: f64) -> Result<(), EditError> {
-        let layer = self.layer_of(what);
-        let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
-        match layer.get(at + 1).filter(|next| next.start == layer[at].until) {
-            Some(next) => self.trim_cue(&next.what, secs),
-            None => self.set_cue(what, CueTime::End, secs),
-        }
-    }
-
     /// Both clips of a boundary that is moved keep a length.
     pub(super) fn check_boundary(&self, before: Option<&Bar>, bar: &Bar, secs: f64) -> Result<(), EditError> {
         let shown = |secs: f64| self.shown_time(choreo_motion::Time::from_secs(secs));

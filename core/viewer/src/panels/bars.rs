@@ -147,7 +147,6 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
         Act::Time(bar, part, secs, keep) => viewer.edit(|v| match (bar.cut, part) {
             (Some(cut), _) => v.set_cut(cut, secs),
             (None, CueTime::Start) if keep && bar.strip.is_some() => v.trim_cue(&bar.what, secs),
-            (None, CueTime::End) if keep && bar.strip.is_some() => v.roll_end(&bar.what, secs),
             (None, part) => v.set_cue(&bar.what, part, secs),
         }),
         Act::Stretch(what, end) => viewer.edit(|v| v.stretch_cue(&what, end)),

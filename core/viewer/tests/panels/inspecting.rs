@@ -690,7 +690,7 @@ ada.play(moves.clip(\"Walk\")).from(0.5).until(f(60));
 /// A third is written as it was typed, shown so, and changed again; where the number is exact it is written as a number.
 #[test]
 fn a_typed_expression_stays_one_where_digits_would_not_do() {
-    const SCENE: &str = "stage(#{ fps: 30, length: 6.0 });
+    const SCENE: &str = "stage(#{ fps: 30, length: 30.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
 ada.play(moves.clip(\"Walk\"), #{ fade: 0.4 }).then(moves.clip(\"Wave\")).weight(0.5);
