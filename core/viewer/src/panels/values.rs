@@ -30,6 +30,16 @@ fn parser(ui: &Ui) -> impl Fn(&str) -> Option<f64> + 'static {
     move |text| expression::value(text, fps)
 }
 
+/// A field for a number, to the thousandth; expressions can be typed into it.
+fn field<'n>(ui: &Ui, now: &'n mut f64) -> DragValue<'n> {
+    let shown = |value: f64, decimals: RangeInclusive<usize>| {
+        // What rounds to nothing has no sign.
+        let value = if super::rounded(value, 1e3) == 0.0 { 0.0 } else { value };
+        egui::emath::format_with_decimals_in_range(value, decimals)
+    };
+    DragValue::new(now).max_decimals(3).custom_formatter(shown).custom_parser(parser(ui))
+}
+
 /// The new value, once it is meant.
 fn settled(
     ui: &mut Ui,
@@ -67,12 +77,12 @@ pub fn reset(response: &Response, default: f64) -> Option<f64> {
 
 /// A number that is stated nowhere: weak where another one counts instead (`derived`), else empty, until something is typed.
 pub fn unstated(ui: &mut Ui, name: &str, derived: Option<f64>, range: RangeInclusive<f64>) -> Option<f64> {
-    let (id, parser) = (ui.id().with(("number", name)), parser(ui));
+    let id = ui.id().with(("number", name));
     let weak = ui.visuals().weak_text_color();
     let from = derived.unwrap_or(*range.start());
     settled(ui, id, from, None, |ui, now| {
         let is_untouched = *now == from;
-        let widget = DragValue::new(now).speed(0.01).range(range).max_decimals(3).custom_parser(parser);
+        let widget = field(ui, now).speed(0.01).range(range);
         let widget = match derived {
             None if is_untouched => widget.custom_formatter(|_, _| String::new()),
             _ => widget,
@@ -100,9 +110,9 @@ pub fn number(ui: &mut Ui, name: &str, value: f64, speed: f64, range: RangeInclu
 impl Number<'_> {
     pub fn show(self, ui: &mut Ui) -> Option<f64> {
         let Number { name, value, speed, range, default } = self;
-        let (id, parser) = (ui.id().with(("number", name)), parser(ui));
+        let id = ui.id().with(("number", name));
         settled(ui, id, value, default, |ui, now| {
-            let widget = DragValue::new(now).speed(speed).range(range).max_decimals(3).custom_parser(parser);
+            let widget = field(ui, now).speed(speed).range(range);
             named(ui.add(widget), WidgetType::DragValue, name)
         })
     }
@@ -110,14 +120,13 @@ impl Number<'_> {
     /// The same as a slider.
     pub fn slider(self, ui: &mut Ui) -> Option<f64> {
         let Number { name, value, speed, range, default } = self;
-        let (id, parser) = (ui.id().with(("slider", name)), parser(ui));
+        let id = ui.id().with(("slider", name));
         let wide = *range.start() > 0.0 && range.end() / range.start() > 1e3;
         settled(ui, id, value, default, |ui, now| {
             ui.horizontal(|ui| {
                 let widget = Slider::new(now, range.clone()).logarithmic(wide).show_value(false);
                 let slider = named(ui.add(widget), WidgetType::Slider, name);
-                let widget =
-                    DragValue::new(now).speed(speed).range(range).max_decimals(3).custom_parser(parser);
+                let widget = field(ui, now).speed(speed).range(range);
                 let typed = named(ui.add(widget), WidgetType::DragValue, &format!("{name} number"));
                 let is_typed = typed.gained_focus() || typed.has_focus() || typed.lost_focus();
                 if is_typed { typed.union(slider) } else { slider.union(typed) }
