@@ -67,13 +67,21 @@ pub fn tokens_with_inner(text: &str) -> (Vec<Range<usize>>, Vec<InnerCode>) {
     (all.into_iter().map(|token| token.range).collect(), inner)
 }
 
+/// Whether a text is a name that a variable can have: one word, and no keyword of Rhai.
+pub fn is_name(text: &str) -> bool {
+    let (engine, texts) = (Engine::new_raw(), [text]);
+    let mut tokens = engine.lex(&texts).0.map(|(token, _)| token);
+    matches!(tokens.next(), Some(Token::Identifier(name)) if **name == *text)
+        && matches!(tokens.next(), None | Some(Token::EOF))
+}
+
 /// All tokens, in order.
 pub(crate) fn tokens(text: &str) -> Vec<ScriptToken> {
     lexed(text).all
 }
 
 /// The tokens of a text as Rhai's own lexer finds them.
-fn lexed(text: &str) -> Tokens {
+pub(crate) fn lexed(text: &str) -> Tokens {
     let engine = Engine::new_raw();
     let texts = [text];
     let (mut tokens, control) = engine.lex(&texts);
@@ -290,6 +298,12 @@ mod tests {
             ("/* open", true, false),
         ];
         assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn keywords_are_no_names() {
+        assert!(["a", "_b", "loops", "é", "sun"].into_iter().all(is_name));
+        assert!(!["loop", "new", "print", "1a", "a b", "a.b", "", "-a", "a-"].into_iter().any(is_name));
     }
 
     #[test]

@@ -4,9 +4,10 @@ use crate::{FrameRequest, Scene};
 use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_stage::{
-    CameraState, Cut, EffectState, EffectTarget, EffectUse, Evaluator, Snapshot, Stage, StageError,
+    CameraState, Channel, Constraint, ConstraintKind, Cut, EffectState, EffectTarget, EffectUse, Evaluator,
+    Property, Rig, Snapshot, Stage, StageError, Target,
 };
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DVec3, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -38,6 +39,70 @@ pub struct ViewOverrides {
     pub moved: Option<(usize, DAffine3)>,
     /// Layers whose clips do not play: actor and layer.
     pub muted: Vec<(usize, usize)>,
+    /// Something else that is being dragged, which stands where the hand has it.
+    pub placed: Option<Placed>,
+}
+
+/// Another place of something on stage than its own, at all times.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Placed {
+    /// Point that a joint reaches for: the actor, and which of its constraints.
+    Target {
+        actor: usize,
+        constraint: usize,
+        to: DVec3,
+    },
+    Light {
+        light: usize,
+        to: DVec3,
+    },
+    /// Direction of a sun, a unit vector.
+    Sun {
+        light: usize,
+        direction: Vec3,
+    },
+    /// A camera that stands.
+    Camera {
+        camera: usize,
+        to: DVec3,
+    },
+}
+
+impl Placed {
+    /// Keys of the place count no longer.
+    fn put(&self, stage: &mut Stage) {
+        let unkeyed =
+            |channels: &mut Vec<Channel>, property| channels.retain(|keys| keys.property != property);
+        match *self {
+            Placed::Target { actor, constraint, to } => {
+                let constraints = stage.actors.get_mut(actor).map(|actor| &mut actor.constraints);
+                let found = constraints.and_then(|all| all.get_mut(constraint));
+                if let Some(Constraint { kind: ConstraintKind::Reach(reach), .. }) = found {
+                    reach.target = Target::Point(to - reach.offset.unwrap_or(DVec3::ZERO));
+                }
+            }
+            Placed::Light { light, to } => {
+                if let Some(light) = stage.lights.get_mut(light) {
+                    light.position = to;
+                    unkeyed(&mut light.channels, Property::Translation);
+                }
+            }
+            Placed::Sun { light, direction } => {
+                if let Some(light) = stage.lights.get_mut(light) {
+                    light.direction = direction;
+                    unkeyed(&mut light.channels, Property::Rotation);
+                }
+            }
+            Placed::Camera { camera, to } => {
+                if let Some(camera) = stage.cameras.get_mut(camera)
+                    && let Rig::Fixed { position, .. } = &mut camera.rig
+                {
+                    *position = to;
+                    unkeyed(&mut camera.channels, Property::Translation);
+                }
+            }
+        }
+    }
 }
 
 /// Pixels of the line around what is selected, and its color, linear.
@@ -98,9 +163,10 @@ fn reach(snapshot: &Snapshot) -> f64 {
     nearest.unwrap_or(eye.length())
 }
 
-/// The stage without the layers that do not play, and which they are.
-struct Muted {
-    layers: Vec<(usize, usize)>,
+/// The stage without the layers that do not play and with what is dragged, and which they are.
+struct Changed {
+    muted: Vec<(usize, usize)>,
+    placed: Option<Placed>,
     stage: Arc<Stage>,
 }
 
@@ -108,8 +174,8 @@ struct Muted {
 #[derive(Default)]
 pub(crate) struct ViewEvaluators {
     scene: Option<Arc<Scene>>,
-    /// The stage with layers that do not play.
-    muted: Option<Muted>,
+    /// The stage as the view overrides change it.
+    changed: Option<Changed>,
     own: Option<Evaluator>,
     /// The stage with one camera on all the time.
     cameras: BTreeMap<usize, Evaluator>,
@@ -131,8 +197,8 @@ impl ViewEvaluators {
                 of_camera.at(time)
             }
             _ => {
-                let muted = self.muted.is_some();
-                let own = || if muted { Evaluator::new(stage.clone()) } else { scene.evaluator.clone() };
+                let changed = self.changed.is_some();
+                let own = || if changed { Evaluator::new(stage.clone()) } else { scene.evaluator.clone() };
                 self.own.get_or_insert_with(own).at(time)
             }
         }?;
@@ -175,26 +241,29 @@ impl ViewEvaluators {
     }
 
     fn set_scene(&mut self, request: &FrameRequest) {
-        let (scene, muted) = (&request.scene, &request.overrides.muted);
-        let same_muted = self.muted.as_ref().map_or(muted.is_empty(), |now| now.layers == *muted);
-        if self.scene.as_ref().is_some_and(|s| Arc::ptr_eq(s, scene)) && same_muted {
+        let (scene, ViewOverrides { muted, placed, .. }) = (&request.scene, &request.overrides);
+        let is_plain = muted.is_empty() && placed.is_none();
+        let is_same =
+            self.changed.as_ref().map_or(is_plain, |now| now.muted == *muted && now.placed == *placed);
+        if self.scene.as_ref().is_some_and(|s| Arc::ptr_eq(s, scene)) && is_same {
             return;
         }
-        let without = || {
+        let changed = || {
             let mut stage = (*scene.stage).clone();
             for (actor, layer) in muted {
                 let layer = stage.actors.get_mut(*actor).and_then(|a| a.layers.get_mut(*layer));
                 layer.into_iter().for_each(|layer| layer.cues.clear());
             }
-            Muted { layers: muted.clone(), stage: Arc::new(stage) }
+            placed.iter().for_each(|placed| placed.put(&mut stage));
+            Changed { muted: muted.clone(), placed: placed.clone(), stage: Arc::new(stage) }
         };
-        let muted = (!muted.is_empty()).then(without);
-        *self = ViewEvaluators { scene: Some(scene.clone()), muted, ..ViewEvaluators::default() };
+        let changed = (!is_plain).then(changed);
+        *self = ViewEvaluators { scene: Some(scene.clone()), changed, ..ViewEvaluators::default() };
     }
 
-    /// The scene's stage, without the layers that do not play.
+    /// The scene's stage, without the layers that do not play and with what is dragged.
     fn base(&self, scene: &Scene) -> Arc<Stage> {
-        self.muted.as_ref().map_or_else(|| scene.stage.clone(), |muted| muted.stage.clone())
+        self.changed.as_ref().map_or_else(|| scene.stage.clone(), |changed| changed.stage.clone())
     }
 
     /// The stage with the effects that the view adds, where there are any.

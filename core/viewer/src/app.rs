@@ -30,7 +30,7 @@ use choreo_motion::Time;
 use choreo_plugin::Frame;
 use choreo_render::renderer::{CreatedCounts, DeviceUsage};
 use choreo_session::{
-    FrameInfo, FrameReply, FrameRequest, Problem, Scene, SceneVersion, ViewOverrides, Work,
+    FrameInfo, FrameReply, FrameRequest, Placed, Problem, Scene, SceneVersion, ViewOverrides, Work,
 };
 use glam::DVec3;
 use std::collections::BTreeSet;
@@ -114,6 +114,8 @@ pub struct Viewer {
     pub tool: Tool,
     pub dragging: Option<Dragging>,
     pub dragged_sign: Option<DraggedSign>,
+    /// The place at which a sign was let go, until the next version has it.
+    pub(crate) placed: Option<Placed>,
     /// The joint that is selected beside the selection.
     pub joint: Option<JointRef>,
     pub trails: Trails,
@@ -195,6 +197,7 @@ impl Viewer {
             tool: Tool::Move,
             dragging: None,
             dragged_sign: None,
+            placed: None,
             joint: None,
             trails: Trails::default(),
             shelf: Shelf::default(),
@@ -264,7 +267,7 @@ impl Viewer {
         self.documents.read = version.read;
         self.build_took = version.took;
         self.faulty = version.scene.is_none();
-        self.dragging = None;
+        (self.dragging, self.placed) = (None, None);
         if version.shaders {
             self.reloads += 1;
         }
@@ -401,7 +404,10 @@ impl Viewer {
         let muted = self.shelf.muted.iter();
         let muted =
             muted.filter_map(|(name, layer)| Some((selection::actor(stage, name)?, *layer))).collect();
-        ViewOverrides { hidden, outlined, moved, muted, grid: false }
+        let dragged = self.dragged_sign.as_ref().filter(|dragged| dragged.from != dragged.to);
+        let placed =
+            dragged.and_then(|dragged| self.place_of_sign(stage, dragged)).or_else(|| self.placed.clone());
+        ViewOverrides { hidden, outlined, moved, muted, placed, grid: false }
     }
 
     /// How often shaders have changed so far.
@@ -411,7 +417,8 @@ impl Viewer {
 
     /// Whether images are seen for a moment only.
     pub(crate) fn is_moving(&self) -> bool {
-        self.playhead.is_playing() || self.scrubs || self.dragging.is_some()
+        let is_dragged = self.dragging.is_some() || self.dragged_sign.is_some() || self.placed.is_some();
+        self.playhead.is_playing() || self.scrubs || is_dragged
     }
 
     /// Whether a frame is being drawn.

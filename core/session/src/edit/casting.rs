@@ -3,9 +3,10 @@
 use super::object::{loaded_as, quoted};
 use super::scan::Source;
 use super::values::format_number;
+use choreo_script::is_name;
 use glam::DVec3;
 
-/// The lines that cast a file at a place of the world, and let it play one of its clips, under a name that the text has not yet:
+/// The lines that cast a file at a place of the world, and let it play one of its clips, under a name that the text has not yet; and that name:
 ///
 /// ```text
 /// let fox_model = load("assets/Fox.glb");
@@ -14,7 +15,7 @@ use glam::DVec3;
 /// ```
 ///
 /// A file that the script has loaded goes by the script's name of it. `file`: as `load` takes it.
-pub fn cast_lines(text: &str, file: &str, at: DVec3, clip: Option<&str>) -> String {
+pub fn cast_lines(text: &str, file: &str, at: DVec3, clip: Option<&str>) -> (String, String) {
     let stem = file.rsplit('/').next().unwrap_or(file);
     let stem = stem.rsplit_once('.').map_or(stem, |(stem, _)| stem);
     let name = free_name(text, stem);
@@ -37,7 +38,7 @@ pub fn cast_lines(text: &str, file: &str, at: DVec3, clip: Option<&str>) -> Stri
     if let Some(clip) = clip {
         lines += &format!("{name}.play({model}.clip({}));\n", quoted(clip));
     }
-    lines
+    (lines, name)
 }
 
 /// A name for a variable after the name of a file, which the text does not use.
@@ -47,12 +48,64 @@ pub(super) fn free_name(text: &str, stem: &str) -> String {
     first_free(|n| if n == 1 { name.clone() } else { format!("{name}_{n}") }, taken)
 }
 
-/// A name for a variable after any text.
+/// A name for a variable after any text: words in small letters without accents, with one `_` between them.
 pub(super) fn identifier(text: &str) -> String {
-    let name = text.chars().map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '_' });
-    let name: String = name.collect();
-    if name.starts_with(|c: char| c.is_ascii_lowercase()) { name } else { format!("a_{name}") }
+    let mut name = String::new();
+    for c in text.chars().flat_map(char::to_lowercase) {
+        match c {
+            c if c.is_ascii_alphanumeric() => name.push(c),
+            // Two dots over the letter before, as some systems write file names.
+            DIAERESIS if name.ends_with(['a', 'o', 'u']) => name.push('e'),
+            ACCENTS_FIRST..=ACCENTS_LAST => {}
+            c => match ACCENTED.iter().find(|(letters, _)| letters.contains(c)) {
+                Some((_, plain)) => name += plain,
+                None if name.ends_with('_') => {}
+                None => name.push('_'),
+            },
+        }
+    }
+    match name.trim_matches('_') {
+        "" => "actor".to_string(),
+        name if is_name(name) => name.to_string(),
+        // A digit in front, or a keyword.
+        name => format!("a_{name}"),
+    }
 }
+
+/// Marks over and under the letter before them.
+const ACCENTS_FIRST: char = '\u{300}';
+const ACCENTS_LAST: char = '\u{36f}';
+const DIAERESIS: char = '\u{308}';
+
+/// Letters of Latin scripts, and how they are written without accents.
+const ACCENTED: [(&str, &str); 26] = [
+    ("ä", "ae"),
+    ("ö", "oe"),
+    ("ü", "ue"),
+    ("ß", "ss"),
+    ("æ", "ae"),
+    ("œ", "oe"),
+    ("þ", "th"),
+    ("àáâãåāăą", "a"),
+    ("çćĉċč", "c"),
+    ("ðďđ", "d"),
+    ("èéêëēĕėęě", "e"),
+    ("ĝğġģ", "g"),
+    ("ĥħ", "h"),
+    ("ìíîïĩīĭįı", "i"),
+    ("ĵ", "j"),
+    ("ķ", "k"),
+    ("ĺļľŀł", "l"),
+    ("ñńņňŋ", "n"),
+    ("òóôõøōŏő", "o"),
+    ("ŕŗř", "r"),
+    ("śŝşšș", "s"),
+    ("ţťŧț", "t"),
+    ("ùúûũūŭůűų", "u"),
+    ("ŵ", "w"),
+    ("ýÿŷ", "y"),
+    ("źżž", "z"),
+];
 
 /// `view 1`, `view 2` …: the first of them that is not taken.
 pub fn numbered_name(stem: &str, taken: impl Fn(&str) -> bool) -> String {
@@ -77,15 +130,34 @@ mod tests {
     fn a_file_is_cast_under_a_free_name_where_it_was_put() {
         let at = DVec3::new(1.0, 0.0, -2.5);
         assert_eq!(
-            cast_lines("", "assets/My Fox.glb", at, Some("Survey")),
+            cast_lines("", "assets/My Fox.glb", at, Some("Survey")).0,
             "let my_fox_model = load(\"assets/My Fox.glb\");\nlet my_fox = cast(\"my_fox\", my_fox_model).at(1.0, 0.0, -2.5);\n\
              my_fox.play(my_fox_model.clip(\"Survey\"));\n"
         );
-        assert_eq!(cast_lines("", "7.obj", DVec3::ZERO, None), "let a_7 = cast(\"a_7\", load(\"7.obj\"));\n");
+        let lines = |text, file, at, clip| cast_lines(text, file, at, clip).0;
+        assert_eq!(lines("", "7.obj", DVec3::ZERO, None), "let a_7 = cast(\"a_7\", load(\"7.obj\"));\n");
         let text = "let beast = load(\"fox.glb\");\nlet fox = cast(\"fox\", beast);\n";
         assert_eq!(
-            cast_lines(text, "fox.glb", DVec3::X, Some("Run")),
+            lines(text, "fox.glb", DVec3::X, Some("Run")),
             "let fox_2 = cast(\"fox_2\", beast).at(1.0, 0.0, 0.0);\nfox_2.play(beast.clip(\"Run\"));\n"
         );
+    }
+    #[test]
+    fn variables_have_readable_names() {
+        for (text, name) in [
+            ("Frau Müller (x) é y!", "frau_mueller_x_e_y"),
+            ("Gro\u{308}ße", "groesse"),
+            ("e\u{301}te\u{301}", "ete"),
+            ("  ÅNGSTRÖM--Łódź ", "angstroem_lodz"),
+            ("__a__B__", "a_b"),
+            ("木", "actor"),
+            ("?!", "actor"),
+            ("3D Scan", "a_3d_scan"),
+            ("loop", "a_loop"),
+        ] {
+            assert_eq!(identifier(text), name, "{text}");
+        }
+        // None of them is a keyword.
+        assert_eq!(cast_lines("", "Ünder the_Sea.obj", DVec3::ZERO, None).1, "uender_the_sea");
     }
 }

@@ -62,13 +62,10 @@ fn unused_files(source: &Source, gone: &[Range<usize>]) -> Vec<Range<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::edit::marked::marked;
 
-    /// The place is where `|` stands.
     fn deleted(text: &str) -> Result<String, String> {
-        let at = text.find('|').unwrap();
-        let line = text[..at].matches('\n').count() + 1;
-        let column = text[..at].rsplit('\n').next().unwrap().chars().count() + 1;
-        let text = text.replacen('|', "", 1);
+        let (text, line, column) = marked(text);
         let edit = delete_object(&text, line, column).map_err(|refused| refused.why)?;
         let after = edit.apply(&text);
         assert_eq!(edit.inverse(&text).apply(&after), text);

@@ -1,8 +1,10 @@
 //! Copies of whole objects: the statement that makes one and those about it, under another name.
 
 use super::casting::first_free;
+use super::key_list::{arguments, leading, parts};
 use super::object::{ScriptObject, quoted};
 use super::scan::{Call, Source};
+use super::values::{literals, rewritten};
 use super::{Edit, EditRefused, NamedBy};
 use glam::DVec3;
 use std::ops::Range;
@@ -15,11 +17,14 @@ pub struct Duplicate {
     pub name: Option<String>,
     /// Lines that use the object in statements about other things, which were not copied, from 1.
     pub left: Vec<usize>,
+    /// Line of the copy that computes its place, so that it stands where the object does, from 1.
+    pub stays: Option<usize>,
 }
 
 /// Adds a copy of the object that the call at a place makes, behind the last statement about it: the statement with the call and the later
 /// ones that begin with its variable, in their order. The copy and its variable have the next free number, `bob 2` and `bob_2`; a copied
-/// camera has no cuts. `offset`: how far from the object the copy stands, metres, where its place is stated by numbers.
+/// camera has no cuts. `offset`: how far from the object the copy stands, metres, where its place or the keys of its position are stated by
+/// numbers.
 ///
 /// # Errors
 /// Why it cannot be copied, for the user: its name is computed, or a statement about it stands in a block or defines another variable.
@@ -71,9 +76,10 @@ pub fn duplicate_object(
     let after = Edit { range: at..at, text: copy }.apply(text);
     let longer = old.zip(variable.as_ref()).map_or(0, |(old, new)| new.len() - old.len());
     let made_at = at + 1 + object.made.name.start - ranges[0].start + longer;
-    let moved = offset.and_then(|by| moved(&after, made_at, by));
-    let after = moved.map_or(after.clone(), |edit| edit.apply(&after));
-    Ok(Duplicate { edit: Edit::between(text, &after), name, left })
+    let moved = offset.map(|by| moved(&after, made_at, by)).transpose();
+    let stays = moved.as_ref().err().and_then(|refused| refused.line);
+    let after = moved.ok().flatten().map_or(after.clone(), |edit| edit.apply(&after));
+    Ok(Duplicate { edit: Edit::between(text, &after), name, left, stays })
 }
 
 /// The calls `.cut(…)` of a camera, with their dots: two cameras with the same cut would hide the first.
@@ -86,12 +92,34 @@ fn cuts(object: &ScriptObject) -> Vec<Range<usize>> {
     object.calls.iter().filter(is_cut).map(with_dot).collect()
 }
 
-/// The change that moves what the call at a byte makes; `None` where its place is computed.
-fn moved(text: &str, byte: usize, by: DVec3) -> Option<Edit> {
-    let before = text.get(..byte)?;
-    let column = before.rsplit('\n').next().unwrap_or_default().chars().count() + 1;
-    let object = ScriptObject::at(text, before.matches('\n').count() + 1, column).ok()?;
-    object.move_by(by, by).ok()
+/// The change that moves what the call at a byte makes, or the keys of its position.
+///
+/// # Errors
+/// Its place is computed.
+fn moved(text: &str, byte: usize, by: DVec3) -> Result<Edit, EditRefused> {
+    let (line, column) = Source::new(text).place_of(byte);
+    let object = ScriptObject::at(text, line, column)?;
+    let Some(keys) = object.key_call(POSITION) else { return object.move_by(by, by) };
+    moved_keys(&object.text, &keys, by).ok_or_else(|| object.computed_keys(POSITION, &keys))
+}
+
+/// The property whose keys place an object.
+const POSITION: &str = "position";
+
+/// The change that moves all keys of a position; `None` where one is computed.
+fn moved_keys(text: &Source, call: &Call, by: DVec3) -> Option<Edit> {
+    let in_list = |bytes: &Range<usize>| {
+        let list = text.trimmed(bytes);
+        let inside = text[list.clone()].strip_prefix('[')?.strip_suffix(']')?;
+        Some(parts(text, list.start + 1, list.start + 1 + inside.len()))
+    };
+    let (mut old, mut new) = (Vec::new(), Vec::new());
+    for key in in_list(arguments(text, call).get(leading(POSITION))?)? {
+        let numbers = literals(text, &in_list(&key)?.nth(1)?).filter(|numbers| numbers.len() == 3)?;
+        new.extend(numbers.iter().zip(by.to_array()).map(|((_, number), by)| number + by));
+        old.extend(numbers);
+    }
+    rewritten(text, &old, &new)
 }
 
 /// The statement around a call and the later ones that begin with its variable, in their order, and lines of others that use it.
@@ -130,13 +158,10 @@ fn statements_about(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::edit::marked::marked;
 
-    /// The place is where `|` stands.
     fn copied(text: &str, by: Option<DVec3>) -> Result<(String, Option<String>), String> {
-        let at = text.find('|').unwrap();
-        let line = text[..at].matches('\n').count() + 1;
-        let column = text[..at].rsplit('\n').next().unwrap().chars().count() + 1;
-        let text = text.replacen('|', "", 1);
+        let (text, line, column) = marked(text);
         let made = duplicate_object(&text, (line, column), NamedBy::Argument, by);
         let Duplicate { edit, name, .. } = made.map_err(|refused| refused.why)?;
         let after = edit.apply(&text);
@@ -177,6 +202,26 @@ mod tests {
         let (after, _) =
             copied("let c = |camera(\"c\").at(0, 1, 2).cut(2.0).fov(30);\nc.cut(4.0);", None).unwrap();
         assert!(after.ends_with("let c_2 = camera(\"c 2\").at(0, 1, 2).fov(30);"), "{after}");
+    }
+
+    #[test]
+    fn keys_of_the_position_stand_aside_in_the_copy() {
+        let text = "let a = |cast(\"a\", m).at(9, 9, 9);\na.key(\"position\", [\n    [f(5), [0, 0, 0.5]], // here\n    [2.0, [ 1.0, 0, 0 ], \"in_quad\"],\n], \"smooth\");\n";
+        let (after, _) = copied(text, Some(DVec3::new(0.5, 0.0, 0.0))).unwrap();
+        let plain = text.replace('|', "");
+        let copy =
+            plain.trim_end().replace("a = ", "a_2 = ").replace("\"a\"", "\"a 2\"").replace("\na.", "\na_2.");
+        let copy = copy.replace("[0, 0, 0.5]", "[0.5, 0, 0.5]").replace("[ 1.0, 0, 0 ]", "[ 1.5, 0, 0 ]");
+        assert_eq!(after, format!("{plain}{copy}\n"));
+        // Where one is computed, the copy stays there, and its line is named.
+        let text = "let a = cast(\"a\", m);\na.key(\"position\", [[0.0, x], [1.0, [1, 2, 3]]]);\n";
+        let made = duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap();
+        let after = made.edit.apply(text);
+        assert_eq!(made.stays, Some(4));
+        assert_eq!(after.lines().nth(3), Some("a_2.key(\"position\", [[0.0, x], [1.0, [1, 2, 3]]]);"));
+        let text = "let a = cast(\"a\", m).at(x, 0, 0);\n";
+        assert_eq!(duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap().stays, Some(2));
+        assert_eq!(duplicate_object(text, (1, 9), NamedBy::Argument, None).unwrap().stays, None);
     }
 
     #[test]

@@ -83,8 +83,7 @@ impl ScriptObject<'_> {
             return changed.ok_or_else(|| self.computed_keys(property, &call));
         }
         let next = keys.iter().position(|key| key.secs > when.secs).unwrap_or(keys.len());
-        let in_frames = keys.iter().all(|key| key.in_frames);
-        let time = if in_frames { when.text(true) } else { when.anew(&self.text) };
+        let time = time_like(&keys, next, when);
         let near = near(&self.text, &keys, next, when.secs);
         if near.is_empty() && value == KeyValue::Between {
             return Err(self.computed_keys(property, &call));
@@ -209,17 +208,18 @@ impl ScriptObject<'_> {
         let (_, pasted) = keys_of(&source, call.name.start, &property, by.fps).ok_or_else(none)?;
         let entries = pasted.iter().map(|key| {
             let when = EditTime { secs: key.secs + by.secs, ..by };
-            (when, when.text(key.in_frames), &source[key.time.end..key.all.end])
+            (when, key.in_frames, &source[key.time.end..key.all.end])
         });
         if self.key_call(&property).is_none() {
-            let all: Vec<String> = entries.map(|(_, time, rest)| format!("[{time}{rest}")).collect();
+            let all: Vec<String> =
+                entries.map(|(when, in_frames, rest)| format!("[{}{rest}", when.text(in_frames))).collect();
             let name = KeyName::of(&property);
             let call = format!("{}[{}])", name.opening(), all.join(", "));
             return self.add_key_call(name, &call);
         }
         let (call, _) = self.keys(&property, by.fps)?;
         let mut after = self.text.to_string();
-        for (when, time, rest) in entries {
+        for (when, _, rest) in entries {
             let text = Source::new(&after);
             let (_, keys) = keys_of(&text, call.name.start, &property, by.fps)
                 .ok_or_else(|| self.computed_keys(&property, &call))?;
@@ -227,6 +227,7 @@ impl ScriptObject<'_> {
                 Some(at) => Edit { range: keys[at].time.end..keys[at].all.end, text: rest.to_string() },
                 None => {
                     let next = keys.iter().position(|key| key.secs > when.secs).unwrap_or(keys.len());
+                    let time = time_like(&keys, next, when);
                     inserted(&text, &keys, next, &format!("[{time}{rest}"))
                 }
             };
@@ -376,6 +377,11 @@ fn near(text: &Source, keys: &[Key], next: usize, secs: f64) -> Vec<f64> {
         (Some((_, values)), _) | (None, Some((_, values))) => values,
         (None, None) => Vec::new(),
     }
+}
+
+/// A time for a key that comes before the key `next`: in frames or seconds, as the key before it is.
+fn time_like(keys: &[Key], next: usize, when: EditTime) -> String {
+    when.text(keys.get(next.saturating_sub(1)).is_some_and(|key| key.in_frames))
 }
 
 fn written_like(near: &[f64], value: &KeyValue) -> String {

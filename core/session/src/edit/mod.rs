@@ -12,6 +12,8 @@ mod key_list;
 mod key_name;
 mod key_tangents;
 mod keys;
+#[cfg(test)]
+mod marked;
 mod object;
 mod reaching;
 mod refused;
@@ -45,7 +47,7 @@ pub use unroll::unroll;
 pub use values::format_number;
 
 /// These bytes of the text become this.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Edit {
     pub range: Range<usize>,
     pub text: String,
@@ -70,6 +72,20 @@ impl Edit {
     pub fn inverse(&self, before: &str) -> Edit {
         let range = self.range.start..self.range.start + self.text.len();
         Edit { range, text: before[self.range.clone()].to_string() }
+    }
+
+    /// The line of the text before the edit that a line of the text after it was, both from 1. A line that the edit has added counts as the
+    /// one where the edit begins.
+    pub(crate) fn line_before(&self, before: &str, line: usize) -> usize {
+        let after = self.apply(before);
+        let at: usize = after.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
+        let added = self.range.start + self.text.len();
+        let at = match at {
+            at if at < self.range.start => at,
+            at if at >= added => at - added + self.range.end,
+            at => (at - self.range.start).min(self.range.len()) + self.range.start,
+        };
+        before.bytes().take(at).filter(|byte| *byte == b'\n').count() + 1
     }
 
     /// The same change where the text has since been changed elsewhere: found by the line that it is in. `then`: the text that it

@@ -421,24 +421,17 @@ pub fn euler_degrees(q: DQuat) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::edit::marked::marked;
 
     fn at(secs: f64) -> EditTime {
         EditTime { secs, fps: 30.0 }
-    }
-
-    /// The place is the first `|`.
-    fn object(text: &str) -> (String, usize, usize) {
-        let at = text.find('|').unwrap();
-        let before = &text[..at];
-        let column = before.rsplit('\n').next().unwrap().chars().count() + 1;
-        (text.replacen('|', "", 1), before.matches('\n').count() + 1, column)
     }
 
     fn changed(
         text: &str,
         change: impl FnOnce(&ScriptObject) -> Result<Edit, EditRefused>,
     ) -> Result<String, EditRefused> {
-        let (text, line, column) = object(text);
+        let (text, line, column) = marked(text);
         let edit = change(&ScriptObject::at(&text, line, column)?)?;
         let after = edit.apply(&text);
         assert_eq!(edit.inverse(&text).apply(&after), text);

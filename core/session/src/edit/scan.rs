@@ -368,15 +368,6 @@ impl<'a> Source<'a> {
         (0..within).rev().filter(is_loop).find_map(around)
     }
 
-    /// The words in a range that may be names.
-    pub(crate) fn words_within(&self, range: &Range<usize>) -> Vec<Range<usize>> {
-        let tokens = self.tokens.get(self.index(range.start)..self.index(range.end)).unwrap_or_default();
-        let is_word = |token: &&Range<usize>| {
-            self.text[(*token).clone()].starts_with(|c: char| c.is_alphabetic() || c == '_')
-        };
-        tokens.iter().filter(is_word).cloned().collect()
-    }
-
     /// The whole text.
     pub(crate) fn whole(&self) -> &'a str {
         self.text

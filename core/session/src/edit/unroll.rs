@@ -1,14 +1,17 @@
 //! A loop written out: its body once for each value, so that each of the things that it makes has a line of its own.
 
 use super::scan::Source;
+use super::values::literal;
 use super::{Edit, EditRefused};
+use choreo_script::{constant_expressions, token_ranges, tokens_with_inner};
 use std::ops::Range;
 
 /// Rounds that are written out at most.
 const MOST_ROUNDS: usize = 64;
 
-/// Writes the innermost loop around a place out: `for NAME in [a, b]` or `in 0..3`, with the values in place of the name. Variables of the body
-/// get a number, so that they are different ones.
+/// Writes the innermost loop around a place out: `for NAME in [a, b]` or `in 0..3`, with the values in place of the name. Expressions that
+/// are constant then become literals, which can be edited: `"post " + i` becomes `"post 1"`. Variables of the body get a number, so that they
+/// are different ones.
 ///
 /// # Errors
 /// Why not, for the user: there is no such loop, or its values or its body do not allow it.
@@ -22,7 +25,7 @@ pub fn unroll(text: &str, line: usize, column: usize) -> Result<Edit, EditRefuse
     if values.len() > MOST_ROUNDS {
         return Err(refuse("the loop has too many rounds to be written out"));
     }
-    let words = source.words_within(&found.body);
+    let words = words_within(text, &found.body);
     let is_way_out = |word: &&Range<usize>| matches!(&text[(*word).clone()], "break" | "continue" | "return");
     if words.iter().any(|word| is_way_out(&word)) {
         return Err(refuse("the loop is left in its middle; write it out in the script"));
@@ -31,19 +34,27 @@ pub fn unroll(text: &str, line: usize, column: usize) -> Result<Edit, EditRefuse
     for pair in words.windows(2).filter(|pair| &text[pair[0].clone()] == "let") {
         made.push(&text[pair[1].clone()]);
     }
-    if made.contains(&found.name) {
+    let is_anew =
+        |pair: &[Range<usize>]| text[pair[0].clone()] == *"for" && text[pair[1].clone()] == *found.name;
+    if made.contains(&found.name) || words.windows(2).any(is_anew) {
         return Err(refuse("its body makes a variable of the loop's name; write it out in the script"));
     }
     let indent = indent_before(text, found.all.start);
     let rounds = values.iter().enumerate().map(|(number, value)| {
-        let renamed = |word: &str| match word {
-            word if word == found.name => Some(value.to_string()),
-            word if made.contains(&word) => Some(format!("{word}_{}", number + 1)),
-            _ => None,
-        };
-        let body = replaced(text, &found.body, &words, &renamed);
-        let body = interpolated(&body, &renamed);
-        dedented(&body, indent)
+        let mut round = Round::default();
+        let mut at = found.body.start;
+        for word in words.iter().filter(|word| is_variable(text, word)) {
+            let name = &text[(*word).clone()];
+            round.text += &text[at..word.start];
+            match name == found.name {
+                true => round.put_in(text, word, value),
+                false if made.contains(&name) => round.text += &format!("{name}_{}", number + 1),
+                false => round.text += name,
+            }
+            at = word.end;
+        }
+        round.text += &text[at..found.body.end];
+        dedented(&round.folded(), indent)
     });
     let rounds: Vec<String> = rounds.collect();
     Ok(Edit { range: found.all.clone(), text: rounds.join(&format!("\n{indent}")) })
@@ -73,53 +84,71 @@ fn values(source: &Source, range: &Range<usize>) -> Option<Vec<String>> {
     (!items.is_empty()).then_some(items)
 }
 
-/// A part of a text with some of its words replaced.
-fn replaced(
-    text: &str,
-    part: &Range<usize>,
-    words: &[Range<usize>],
-    renamed: &dyn Fn(&str) -> Option<String>,
-) -> String {
-    let (mut out, mut at) = (String::new(), part.start);
-    for word in words {
-        let before = text[..word.start].trim_end();
-        let is_property = before.ends_with('.') && !before.ends_with("..");
-        // The name of an option, `at: 1.0`, is none of a variable.
-        let is_option = text[word.end..].trim_start().starts_with(':')
-            && !text[word.end..].trim_start().starts_with("::");
-        if let Some(new) = renamed(&text[word.clone()]).filter(|_| !is_property && !is_option) {
-            out += &text[at..word.start];
-            out += &new;
-            at = word.end;
-        }
-    }
-    out + &text[at..part.end]
+/// The words in a range that may be names, those within `${…}` of texts too.
+fn words_within(text: &str, range: &Range<usize>) -> Vec<Range<usize>> {
+    let (mut tokens, inner) = tokens_with_inner(text);
+    tokens.extend(inner.into_iter().flat_map(|code| code.tokens));
+    let is_word = |token: &Range<usize>| {
+        range.contains(&token.start)
+            && text[token.clone()].starts_with(|c: char| c.is_alphabetic() || c == '_')
+    };
+    tokens.retain(is_word);
+    tokens.sort_by_key(|token| token.start);
+    tokens
 }
 
-/// Replaces words within `${…}` of texts between back-ticks.
-fn interpolated(text: &str, renamed: &dyn Fn(&str) -> Option<String>) -> String {
-    let (mut out, mut rest) = (String::new(), text);
-    while let Some(start) = rest.find("${") {
-        let end = rest[start..].find('}').map_or(rest.len(), |end| start + end);
-        out += &rest[..start + 2];
-        let inner = &rest[start + 2..end];
-        let is_word = |c: char| c.is_alphanumeric() || c == '_';
-        let mut at = 0;
-        while at < inner.len() {
-            let length = inner[at..].find(|c: char| !is_word(c)).unwrap_or(inner.len() - at);
-            if length == 0 {
-                let c = inner[at..].chars().next().unwrap_or(' ');
-                out.push(c);
-                at += c.len_utf8();
-                continue;
-            }
-            let word = &inner[at..at + length];
-            out += &renamed(word).unwrap_or_else(|| word.to_string());
-            at += length;
-        }
-        rest = &rest[end..];
+/// Whether a word is the name of a variable: of no property, and of no option, `at: 1.0`.
+fn is_variable(text: &str, word: &Range<usize>) -> bool {
+    let before = text[..word.start].trim_end();
+    let behind = text[word.end..].trim_start();
+    let is_property = before.ends_with('.') && !before.ends_with("..");
+    !is_property && (!behind.starts_with(':') || behind.starts_with("::"))
+}
+
+/// The body of a loop with a value in place of the variable.
+#[derive(Default)]
+struct Round {
+    text: String,
+    /// A byte of each value that was put in.
+    places: Vec<usize>,
+}
+
+impl Round {
+    /// Writes a value in place of a word of a text; between brackets where it would mean something else without.
+    fn put_in(&mut self, text: &str, word: &Range<usize>, value: &str) {
+        let (before, behind) = (text[..word.start].trim_end(), text[word.end..].trim_start());
+        let begins = before.ends_with(['(', '[', '{', ',', ';', ':'])
+            || before.ends_with('=') && !["==", "!=", "<=", ">="].iter().any(|sign| before.ends_with(sign));
+        let ends = behind.starts_with([')', ']', '}', ',', ';']);
+        let is_negative = literal(value, &(0..value.len())).is_some_and(|_| value.starts_with('-'));
+        let is_summand = is_negative && behind.starts_with(['+', '-', '*', '/', '%']);
+        let is_safe = begins && (ends || is_summand) || is_whole(value);
+        self.places.push(self.text.len() + usize::from(!is_safe));
+        self.text += &if is_safe { value.to_string() } else { format!("({value})") };
     }
-    out + rest
+
+    /// The text, in which expressions with the value are literals where they can be.
+    fn folded(self) -> String {
+        let mut text = self.text;
+        for (range, literal) in constant_expressions(&text, &self.places).into_iter().rev() {
+            text.replace_range(range, &literal);
+        }
+        text
+    }
+}
+
+/// Whether a value means the same wherever it stands in an expression: it has no operators outside brackets.
+fn is_whole(value: &str) -> bool {
+    let mut depth = 0usize;
+    token_ranges(value).into_iter().map(|token| &value[token]).all(|token| {
+        match token {
+            "(" | "[" | "{" | "#{" => depth += 1,
+            ")" | "]" | "}" => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        let is_plain = |c: char| c.is_alphanumeric() || matches!(c, '_' | '"' | '\'' | '`' | ')' | ']' | '}');
+        depth > 0 || token.starts_with(is_plain) || matches!(token, "." | "::")
+    })
 }
 
 /// The blanks at the beginning of a byte's line.

@@ -23,6 +23,27 @@ fn yaw(degrees: f64) -> DQuat {
     turned(0.0, degrees, 0.0)
 }
 
+/// A new key has the style of those beside it, whatever the script has elsewhere.
+#[test]
+fn a_new_key_is_written_in_seconds_or_frames_as_the_list_is() {
+    let script =
+        |keys: &str| format!("let a = cast(\"a\", m);\na.play(c).from(f(3));\na.key(\"scale\", [{keys}]);");
+    // A third of a second into the scene, which needs all digits.
+    let added = |keys: &str| {
+        let (text, when) = (script(keys), EditTime { secs: 1.0 / 3.0, fps: 24.0 });
+        let object = ScriptObject::at(&text, 1, 9).unwrap();
+        let set = object.set_key("scale", when, KeyValue::Text("2.0")).unwrap().apply(&text);
+        let by = EditTime { secs: 1.0 / 3.0, fps: 24.0 };
+        let pasted = object.paste_keys(".key(\"scale\", [[f(0), 2.0]])", by).unwrap().apply(&text);
+        assert_eq!(set, pasted);
+        set
+    };
+    assert_eq!(added("[0.0, 1.0], [1.0, 3.0]"), script("[0.0, 1.0], [0.333333333, 2.0], [1.0, 3.0]"));
+    assert_eq!(added("[0.5, 1.0]"), script("[0.333333333, 2.0], [0.5, 1.0]"));
+    assert_eq!(added("[f(0), 1.0]"), script("[f(0), 1.0], [f(8), 2.0]"));
+    assert_eq!(added("[f(0), 1.0], [1.0, 3.0]"), script("[f(0), 1.0], [f(8), 2.0], [1.0, 3.0]"));
+}
+
 #[test]
 fn the_key_at_the_time_is_changed_and_nothing_else() {
     let text = "let a = cast(\"a\", m).key(\"position\", [[0.0, [0, 0, 0]], [1.0, [ 1, 0 , 0 ]] /* b */], \"smooth\");";

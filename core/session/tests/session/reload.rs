@@ -7,6 +7,7 @@ use choreo_plugin::{
 use choreo_render::renderer::CreatedCounts;
 use choreo_render::vulkan::{GpuOptions, SteadyRenderer};
 use choreo_render::{CpuRenderer, Plan, PlanOptions, RenderError, Renderer};
+use choreo_session::edit::unroll;
 use choreo_session::{
     FrameRenderer, FrameReply, FrameRequest, Scene, SceneSource, SceneVersion, Session, WatchEvent,
 };
@@ -515,4 +516,40 @@ fn a_shader_that_breaks_leaves_the_last_good_one_at_work() {
     let mended = studio.paint(&scene, 1.0);
     assert!(mended.notes.is_empty() && mended.work.pipelines > before.work.pipelines);
     assert!(frame(&mended).rgba == frame(&before).rgba);
+}
+
+/// A loop that is written out makes the same stage, bit for bit.
+#[test]
+fn a_loop_that_is_written_out_makes_the_same_stage() {
+    const LOOP: &str = r#"stage(#{ size: [96, 64], fps: 30, length: 4.0 });
+let moves = load("choreo:mannequin");
+let n = 3;
+for i in [-2, 0, 1, 7] {
+    let post = cast("post " + (i + 3), moves).at(-2 + i, i * 0.1, (i - n) / 3.0).turn(-i * 30 + 7 / 2);
+    post.play(moves.clip("Walk"), #{ speed: 1.0 + (i + 3) * 0.1 }).from(0.1 * (i + 3));
+    post.key("scale", [[0.0, 1 + (i + 2) * 0.1], [1.0 + 0.3, 2 * 2 - 1.5]]);
+    camera(`view ${i + n} of ${n * 2}: ${i}`).at(0.0, 1.0 - i, 4.0 * (i + 3)).look_at([i * i, 1.0, 0.0]);
+}
+"#;
+    let mut place = Place::new(|_| ());
+    let mut stage = |text: &str| {
+        place.write("a.rhai", text);
+        let version = place.session.build(BTreeSet::new());
+        version.scene.unwrap_or_else(|| panic!("{text}\n{:?}", version.problems)).stage.clone()
+    };
+    let line = LOOP.lines().position(|line| line.contains("let post")).unwrap() + 1;
+    let written = unroll(LOOP, line, 16).unwrap().apply(LOOP);
+    let (before, after) = (stage(LOOP), stage(&written));
+    assert_eq!(before.actors.len(), 4);
+    assert_eq!(before.content_hash(), after.content_hash(), "{written}");
+    // A stage that differs in one bit has another hash.
+    let other = stage(&written.replace(".turn(63)", ".turn(63.00000000000001)"));
+    assert_ne!(before.content_hash(), other.content_hash(), "{written}");
+    let first = "let post_1 = cast(\"post 1\", moves).at(-4, -0.2, (-2 - n) / 3.0).turn(63);";
+    assert!(written.contains(first), "{written}");
+    assert!(
+        written
+            .contains("camera(`view ${-2 + n} of ${n * 2}: -2`).at(0.0, 3.0, 4.0).look_at([4, 1.0, 0.0]);"),
+        "{written}"
+    );
 }

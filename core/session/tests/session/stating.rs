@@ -125,12 +125,35 @@ fn each_round_is_written_with_its_value() {
     );
     assert_eq!(
         unrolled("  for i in 0..2 {\n    let d = |cast(`d ${i + 1}`, m).at(i * 2.0, 0, 0); // one\n    d.play(c, #{ i: i });\n  }\n").unwrap(),
-        "  let d_1 = cast(`d ${0 + 1}`, m).at(0 * 2.0, 0, 0); // one\n  d_1.play(c, #{ i: 0 });\n  let d_2 = cast(`d ${1 + 1}`, m).at(1 * 2.0, 0, 0); // one\n  d_2.play(c, #{ i: 1 });\n"
+        "  let d_1 = cast(\"d 1\", m).at(0.0, 0, 0); // one\n  d_1.play(c, #{ i: 0 });\n  let d_2 = cast(\"d 2\", m).at(2.0, 0, 0); // one\n  d_2.play(c, #{ i: 1 });\n"
     );
     assert_eq!(
         unrolled("for p in [[1, 2], [3, 4]] { for q in 1..=2 { |sun(#{ p: p[q] }); } }").unwrap(),
         "for p in [[1, 2], [3, 4]] { sun(#{ p: p[1] });\nsun(#{ p: p[2] }); }"
     );
+}
+
+/// Where a value stands beside operators, it means what it meant in the loop; what is constant then is one literal.
+#[test]
+fn expressions_with_the_value_are_literals() {
+    let body =
+        |values: &str, body: &str| unrolled(&format!("for i in [{values}] {{ |f({body}); }}")).unwrap();
+    for (value, written, expected) in [
+        ("1", "\"post \" + i", "\"post 1\""),
+        ("1", "`post ${i}`, `${i} of ${n}`", "\"post 1\", `1 of ${n}`"),
+        (
+            "-2",
+            "i + 1, x * i, x - i, i * x, -i, 4 % 3, x % i",
+            "-1, x * (-2), x - (-2), -2 * x, 2, 4 % 3, x % (-2)",
+        ),
+        ("3", "i / 2, i * 0.1, [i - 3, i], 1.0 / 3.0", "1, 0.30000000000000004, [0, 3], 1.0 / 3.0"),
+        ("a + b", "i * 2, i, [i]", "(a + b) * 2, a + b, [a + b]"),
+        ("0", "x + (i + 1) * y, g(i - 1), 1 / i", "x + 1 * y, g(-1), 1 / 0"),
+        ("\"l\"", "\"hand_\" + i, a.b + i", "\"hand_l\", a.b + \"l\""),
+        ("p[0]", "i * 2, i.x", "p[0] * 2, p[0].x"),
+    ] {
+        assert_eq!(body(value, written), format!("f({expected});"), "{value}: {written}");
+    }
 }
 
 #[test]
@@ -142,6 +165,7 @@ fn what_cannot_be_written_out_is_refused() {
         ("for a in 0..1000 { |sun(); }", "too many rounds"),
         ("for a in [1, 2] { if x { break; } |sun(); }", "left in its middle"),
         ("for a in [1, 2] { let a = 3; |sun(); }", "of the loop's name"),
+        ("for a in [1, 2] { |sun(); for a in [3] { f(a); } }", "of the loop's name"),
     ] {
         let refused = unrolled(text).unwrap_err();
         assert!(refused.contains(why), "{text}: {refused}");
@@ -219,7 +243,7 @@ fn names_are_stated_where_they_stand_and_variables_of_that_name_go_along() {
             argument,
             "Eve \"2\"",
             "let ada = cast(\"Eve \\\"2\\\"\", m);",
-            Some("ada eve__2_"),
+            Some("ada eve_2"),
         ),
         ("let a = |cast( \"ada\" , m);", argument, "eve", "let a = cast( \"eve\" , m);", None),
         ("|cast(\"ada\", m);", argument, "eve", "cast(\"eve\", m);", None),

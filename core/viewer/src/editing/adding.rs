@@ -46,12 +46,14 @@ pub enum ClipOf {
 const ASSETS: &str = "assets";
 
 impl Viewer {
-    /// Lets an actor play a clip from a time on: a clip of its own file, or of that of another actor (`of`), which is retargeted.
+    /// Lets an actor play a clip from a time on: a clip of its own file, or of that of another actor (`of`), which is retargeted. Where another
+    /// one begins at that time, which would then never be seen, it comes after the last.
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed.
     pub fn add_clip(&mut self, name: &str, of: &str, clip: &str, secs: f64) -> Result<(), EditError> {
-        self.add_clip_to_layer(name, &ClipOf::Actor(of.to_string()), clip, Some(secs), 0)
+        let secs = Some(secs).filter(|secs| !self.begins_at(name, *secs));
+        self.add_clip_to_layer(name, &ClipOf::Actor(of.to_string()), clip, secs, 0)
     }
 
     /// Lets an actor play a clip from a time on, else after the last that it plays. `layer`: the row to which it is added.
@@ -256,7 +258,7 @@ impl Viewer {
     }
 
     /// Puts models on stage where they were dropped, else at the nearest free places: each with a clip that suits, in a row along x. `read`:
-    /// the stage on which they were read. Files from outside the script's folder are copied into `assets/` if the user agrees.
+    /// the stage on which they were read. The last is then selected. Files from outside the script's folder are copied into `assets/` if the user agrees.
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed.
@@ -267,6 +269,7 @@ impl Viewer {
         let folder = folder_of(&path);
         let text = super::read(&path)?;
         let (mut lines, mut copies, mut refused) = (String::new(), Vec::new(), Vec::new());
+        let mut selects = None;
         let mut shown = scene.stage.actors.iter().peekable();
         let now = self.playhead.time();
         let mut taken = self.scene.as_ref().map(|own| room::taken(&own.stage, now)).unwrap_or_default();
@@ -292,7 +295,9 @@ impl Viewer {
             taken.push(own.moved(at));
             let at = at.map(|v| (v * 100.0).round() / 100.0);
             let clip = suitable_clip(&actor.asset);
-            lines += &cast_lines(&format!("{text}{lines}"), &slashed(&name), at, clip);
+            let (own, name) = cast_lines(&format!("{text}{lines}"), &slashed(&name), at, clip);
+            lines += &own;
+            selects = Some(Selected::Actor(name));
         }
         if lines.is_empty() {
             return Err(EditError::refused(refused.join("; ")));
@@ -300,21 +305,18 @@ impl Viewer {
         let break_before = if text.is_empty() || text.ends_with('\n') { "" } else { "\n" };
         let edit = Edit { range: text.len()..text.len(), text: format!("{break_before}{lines}") };
         match copies.is_empty() {
-            true => self.write_edit(&path, &text, edit)?,
+            true => {
+                self.write_edit(&path, &text, edit)?;
+                self.selection = selects;
+            }
             false => {
                 let difference = difference::lines(&text, &edit.apply(&text));
                 let count =
                     if copies.len() == 1 { "a file".into() } else { format!("{} files", copies.len()) };
                 let why = format!("{count} from outside the script's folder, copied into {ASSETS}/:");
-                self.offer = Some(Offer {
-                    why,
-                    agree: "Copy and add".into(),
-                    difference,
-                    copies,
-                    edit,
-                    other: None,
-                    text,
-                });
+                let agree = "Copy and add".into();
+                self.offer =
+                    Some(Offer { why, agree, difference, copies, edit, text, selects, ..Offer::default() });
             }
         }
         if refused.is_empty() { Ok(()) } else { Err(EditError::refused(refused.join("; "))) }
@@ -338,6 +340,7 @@ impl Viewer {
             .filter(|_| !self.faulty)
             .ok_or_else(|| EditError::refused("what was dropped cannot be read"))?;
         let (mut shown, mut refused) = (scene.stage.actors.iter().peekable(), Vec::new());
+        let mut selects = None;
         for guest in &self.guests {
             // The actors follow the order in which the files were dropped, without those that cannot be read.
             let is_it = |actor: &&Actor| guest.file_name().is_some_and(|name| *name == *actor.asset.name);
@@ -349,8 +352,9 @@ impl Viewer {
             let at = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
             match file.strip_prefix(&folder) {
                 Ok(inside) => {
-                    let lines = cast_lines(&text, &slashed(inside), at, None);
+                    let (lines, name) = cast_lines(&text, &slashed(inside), at, None);
                     text.push_str(&lines);
+                    selects = Some(Selected::Actor(name));
                 }
                 Err(_) => refused.push(format!(
                     "{}: it lies outside the script's folder, where load(…) may not read; put it there first",
@@ -362,6 +366,7 @@ impl Viewer {
             let edit = Edit { range: begins..begins, text: text.split_off(begins) };
             self.write_edit(&path, &before, edit)?;
             self.guests_leave = true;
+            self.selection = selects;
         }
         if refused.is_empty() { Ok(()) } else { Err(EditError::refused(refused.join("; "))) }
     }

@@ -3,8 +3,8 @@
 
 use super::EditError;
 use crate::app::Viewer;
-use crate::state::selection::Selected;
-use choreo_script::Place;
+use crate::state::selection::{Selected, actor};
+use choreo_script::{Place, mask_problem};
 use choreo_session::edit::{
     Anew, CueTime, Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_number, set_trim,
 };
@@ -83,11 +83,22 @@ impl Viewer {
             }
             change => {
                 let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+                if let Some(why) = self.problem_of_mask(what, change) {
+                    return Err(EditError::refused_at(&place, &why));
+                }
                 self.change(&place, siblings, |text| {
                     changed(&ScriptObject::at(text, place.line, place.column)?, text, change)
                 })
             }
         }
+    }
+
+    /// Why the mask that a change writes fits the joints of the actor not.
+    fn problem_of_mask(&self, what: &Selected, change: &FieldChange) -> Option<String> {
+        let FieldChange::Text("on", mask, _) = change else { return None };
+        let stage = &self.scene.as_ref()?.stage;
+        let asset = &stage.actors[actor(stage, what.actor()?)?].asset;
+        mask_problem(asset, mask)
     }
 
     /// Changes a setting of the stage; a script that states none gets the call of `stage`, before all but its first comments.
@@ -248,11 +259,14 @@ fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Ed
         FieldChange::Clip(name) => object.state_clip(name),
         FieldChange::Words(words) => object.state_words(words),
         FieldChange::Repeat(how) => {
-            let plain = object.unstate(&REPEATS).apply(text);
+            let unstated = object.unstate(&REPEATS);
+            let plain = unstated.apply(text);
             // Nothing before the call has changed.
             let place = object.place();
             let value = format!("\"{how}\"");
-            let after = ScriptObject::at(&plain, place.0, place.1)?.state("repeat", &value, Anew::Option)?;
+            let after = ScriptObject::at(&plain, place.0, place.1)?
+                .state("repeat", &value, Anew::Option)
+                .map_err(|refused| refused.before(text, &[unstated]))?;
             Ok(Edit::between(text, &after.apply(&plain)))
         }
         FieldChange::Within(option, name, value) => match value {

@@ -101,12 +101,22 @@ impl Viewer {
         self.key_steps(keys, |object, property, at| object.delete_keys(property, at), &|_| None)
     }
 
-    /// Deletes the selected clips and keys, as one change.
+    /// Deletes the selected clips and keys, as one change. What has lost only keys stays selected.
     pub(crate) fn delete_selected(&mut self) -> Result<(), EditError> {
         let mut steps = self.key_delete_steps(self.selected_keys())?;
-        steps.extend(self.cue_delete_steps(&self.selected_bars())?);
+        let mut bars = self.selected_bars();
+        if let [bar] = bars.as_slice()
+            && self.selected_keys().iter().any(|key| key.what == *bar)
+        {
+            // It is selected because its keys are.
+            bars.clear();
+        }
+        steps.extend(self.cue_delete_steps(&bars)?);
         self.change_all(steps)?;
-        self.selection = None;
+        self.select_keys(Vec::new());
+        if !bars.is_empty() {
+            self.selection = None;
+        }
         Ok(())
     }
 

@@ -163,8 +163,8 @@ impl Viewer {
                 let difference = difference::lines(&known, &edit.apply(&text));
                 let why = "the file has changed on disk since it was shown; with both changes it would be:"
                     .to_string();
-                let (agree, copies) = ("Write both".into(), Vec::new());
-                self.offer = Some(Offer { why, agree, difference, copies, edit, other: None, text });
+                let agree = "Write both".into();
+                self.offer = Some(Offer { why, agree, difference, edit, text, ..Offer::default() });
             }
             return Err(if self.faulty { EditError::Faulty } else { EditError::ChangedOnDisk });
         }
@@ -174,8 +174,8 @@ impl Viewer {
                 let why = format!("{}: {why}", file_name(&places.main));
                 if let Some(edit) = over {
                     let difference = difference::lines(&text, &edit.apply(&text));
-                    let (why, agree, copies) = (why.clone(), agree.into(), Vec::new());
-                    self.offer = Some(Offer { why, agree, difference, copies, edit, other: None, text });
+                    let (why, agree) = (why.clone(), agree.into());
+                    self.offer = Some(Offer { why, agree, difference, edit, text, ..Offer::default() });
                 }
                 Err(EditError::Refused { why, line })
             }
@@ -228,7 +228,7 @@ impl Viewer {
     fn write_edit(&mut self, path: &Path, text: &str, edit: Edit) -> Result<(), EditError> {
         let after = edit.apply(text);
         if after == text {
-            self.dragging = None;
+            (self.dragging, self.placed) = (None, None);
             return Ok(());
         }
         write(path, &after)?;
@@ -249,7 +249,9 @@ impl Viewer {
         for (from, to) in &offer.copies {
             adding::copy(from, to)?;
         }
-        self.write_edit(&path, &now, edit)
+        self.write_edit(&path, &now, edit)?;
+        self.selection = offer.selects.or(self.selection.take());
+        Ok(())
     }
 
     /// Takes the newest change back, also where the file has since been changed elsewhere.
@@ -290,9 +292,11 @@ impl Viewer {
 
 /// Several changes of a text as one.
 fn made_of(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
-    let (mut after, mut refused) = (text.to_string(), None);
+    let (mut after, mut edits, mut refused) = (text.to_string(), Vec::new(), None);
     for Step { place, make, .. } in steps {
-        let edit = match make(&after, place.line, place.column) {
+        // A refusal names the line of the text that the user sees.
+        let made = make(&after, place.line, place.column).map_err(|refused| refused.before(text, &edits));
+        let edit = match made {
             Ok(edit) => edit,
             // The others are made with what is offered.
             Err(EditRefused { over: Some(over), why, line, agree, is_computed }) => {
@@ -302,6 +306,7 @@ fn made_of(steps: &[Step], text: &str) -> Result<Edit, EditRefused> {
             Err(refused) => return Err(refused),
         };
         after = edit.apply(&after);
+        edits.push(edit);
     }
     let edit = Edit::between(text, &after);
     match refused {

@@ -28,6 +28,12 @@ impl Viewer {
         !self.base_cues(name).is_empty()
     }
 
+    /// Whether a clip on the whole body of an actor begins in the frame of a time.
+    pub(super) fn begins_at(&self, name: &str, secs: f64) -> bool {
+        let (fps, at) = (self.playhead.fps(), Time::from_secs(secs));
+        self.base_cues(name).iter().any(|cue| fps.frames_in(cue.start) == fps.frames_in(at))
+    }
+
     /// When a clip begins that comes after all others of an actor: at the end of the last, less the crossfade where that plays to its end. A last
     /// clip without end goes on until the playhead, else for one round. Where there is none, the playhead.
     pub(super) fn after_last_clip(&self, name: &str) -> f64 {

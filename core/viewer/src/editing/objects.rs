@@ -6,12 +6,11 @@ use crate::geometry::picking;
 use crate::state::selection::{Selected, actor};
 use choreo_script::Place;
 use choreo_session::edit::{delete_object, duplicate_object};
-use choreo_stage::Property;
 use glam::DVec3;
 
 impl Viewer {
-    /// Puts something on stage once more, with the statements about it. An actor stands beside the first, by its width, where its place is
-    /// stated by numbers.
+    /// Puts something on stage once more, with the statements about it. An actor stands beside the first, by its width, where its place or the
+    /// keys of its position are stated by numbers.
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed.
@@ -19,16 +18,20 @@ impl Viewer {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
         let (by, offset) = (self.named_by(what), self.beside(what));
-        let (mut name, mut line, mut left) = (None, 0, Vec::new());
+        let (mut name, mut line, mut left, mut stays) = (None, 0, Vec::new(), None);
         self.change(&place, siblings, |text| {
             let made = duplicate_object(text, (place.line, place.column), by, offset)?;
             line = text[..made.edit.range.start].matches('\n').count() + 1;
-            (name, left) = (made.name, made.left);
+            (name, left, stays) = (made.name, made.left, made.stays);
             Ok(made.edit)
         })?;
         let left: Vec<String> = left.iter().map(usize::to_string).collect();
-        self.note = (!left.is_empty())
+        let lacks = (!left.is_empty())
             .then(|| format!("the copy lacks what other statements do, in lines {}", left.join(", ")));
+        let stays =
+            stays.map(|line| format!("the copy stands where the first does: line {line} computes its place"));
+        let notes: Vec<String> = lacks.into_iter().chain(stays).collect();
+        self.note = (!notes.is_empty()).then(|| notes.join("; "));
         let before = |places: &[Place]| places.iter().filter(|place| place.line <= line).count();
         self.selection = match (what, name) {
             (Selected::Actor(_), Some(name)) => Some(Selected::Actor(name)),
@@ -41,14 +44,13 @@ impl Viewer {
         Ok(())
     }
 
-    /// How far from an actor its copy stands; `None` where keys, a path or another actor place it.
+    /// How far from an actor its copy stands; `None` where a path or another actor places it.
     fn beside(&self, what: &Selected) -> Option<DVec3> {
         let Selected::Actor(name) = what else { return None };
         let stage = &self.scene.as_ref()?.stage;
         let index = actor(stage, name)?;
         let own = &stage.actors[index];
-        let is_keyed = own.channels.iter().any(|channel| channel.property == Property::Translation);
-        if is_keyed || own.path_following.is_some() || !own.parents.is_empty() {
+        if own.path_following.is_some() || !own.parents.is_empty() {
             return None;
         }
         let snapshot = stage.at(self.playhead.time()).ok()?;

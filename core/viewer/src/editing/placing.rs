@@ -179,16 +179,19 @@ impl Viewer {
         let lens = from.camera().projection;
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
-            let looked = object.set_point("look_at", center)?.apply(text);
+            let look = object.set_point("look_at", center)?;
+            let looked = look.apply(text);
             // It begins where it did: all that was changed stands behind.
             let object = ScriptObject::at(&looked, place.line, place.column)?;
-            let stood = match keyed {
-                true => object.set_key("position", when, KeyValue::Point(at))?,
-                false => object.set("at", &at.to_array())?,
+            let stand = match keyed {
+                true => object.set_key("position", when, KeyValue::Point(at)),
+                false => object.set("at", &at.to_array()),
             };
-            let stood = stood.apply(&looked);
+            let stand = stand.map_err(|refused| refused.before(text, std::slice::from_ref(&look)))?;
+            let stood = stand.apply(&looked);
             let object = ScriptObject::at(&stood, place.line, place.column)?;
-            let seen = lens_edit(&object, &camera, time, when, lens)?;
+            let seen = lens_edit(&object, &camera, time, when, lens)
+                .map_err(|refused| refused.before(text, &[look, stand]))?;
             Ok(Edit::between(text, &seen.map_or_else(|| stood.clone(), |edit| edit.apply(&stood))))
         })
     }

@@ -30,10 +30,10 @@ impl Viewer {
             why,
             agree,
             difference: lines(&edit),
-            copies: Vec::new(),
             edit,
             other,
             text: text.clone(),
+            ..Offer::default()
         };
         let loop_label = || "Write the loop out".to_string();
         self.offer = match (all, unrolled) {

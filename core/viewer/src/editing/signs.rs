@@ -3,12 +3,44 @@
 use super::EditError;
 use super::placing::ScriptCamera;
 use crate::app::Viewer;
+use crate::state::dragged_sign::{DraggedSign, SignOf};
 use crate::state::selection::actor;
+use choreo_asset::LightKind;
+use choreo_session::Placed;
 use choreo_session::edit::{KeyValue, ScriptObject};
-use choreo_stage::{ConstraintKind, Property, Target};
+use choreo_stage::{ConstraintKind, Property, Stage, Target};
 use glam::DVec3;
 
 impl Viewer {
+    /// The place that a sign which is dragged gives to what it stands for.
+    pub(crate) fn place_of_sign(
+        &self,
+        stage: &Stage,
+        DraggedSign { what, to, .. }: &DraggedSign,
+    ) -> Option<Placed> {
+        let to = *to;
+        Some(match what {
+            SignOf::Light(light) => match stage.lights.get(*light)?.light.kind {
+                LightKind::Directional => {
+                    Placed::Sun { light: *light, direction: self.direction_from(to).as_vec3() }
+                }
+                LightKind::Point | LightKind::Spot { .. } => Placed::Light { light: *light, to },
+            },
+            SignOf::Camera(name) => {
+                Placed::Camera { camera: stage.cameras.iter().position(|camera| camera.name == *name)?, to }
+            }
+            SignOf::Reach(name, constraint) => {
+                Placed::Target { actor: actor(stage, name)?, constraint: *constraint, to }
+            }
+        })
+    }
+
+    /// The direction in which a sun shines whose sign stands at a place.
+    pub(crate) fn direction_from(&self, at: DVec3) -> DVec3 {
+        let middle = self.point_of_interest().unwrap_or(DVec3::ZERO);
+        (middle - at).normalize_or(DVec3::NEG_Y)
+    }
+
     /// Lets a camera stand elsewhere: `.at`, or its key at the playhead. It goes on looking at what it looked at.
     ///
     /// # Errors

@@ -6,6 +6,7 @@ use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
 use super::marks::SELECTED;
 use super::overlay::{X, Y, Z};
+use super::rounded;
 use super::sequencer::{LABELS, RULER, over_all, scrub};
 use super::tangents;
 use crate::app::Viewer;
@@ -266,7 +267,7 @@ fn grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
         painter.hline(plot.rect.x_range(), y, Stroke::new(1.0, line.gamma_multiply(strong)));
         let has_room = y - 12.0 > plot.rect.top();
         if has_room && (!viewer.curves.normalized || viewer.curves.speed) {
-            let text = format!("{:.digits$}{unit}", value + 0.0);
+            let text = format!("{}{unit}", fixed_digits(value, digits));
             let at = pos2(plot.rect.left() + 4.0, y - 1.0);
             painter.text(
                 at,
@@ -284,6 +285,11 @@ fn grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
         painter.vline(plot.x(Time::from_secs(secs)), plot.rect.y_range(), Stroke::new(1.0, line));
         secs += step;
     }
+}
+
+/// A number with as many digits behind the point; what rounds to nothing has no sign.
+fn fixed_digits(value: f64, digits: usize) -> String {
+    format!("{:.digits$}", rounded(value, libm::pow(10.0, digits as f64)))
 }
 
 /// The curves' names: a click hides one or shows it, with Ctrl alone.
@@ -319,7 +325,9 @@ fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
                     text,
                 );
                 let now = property.at(viewer.playhead.time());
-                let value = now.get(part).map_or(String::new(), |v| format!("{v:.2} {}", property.unit));
+                let value = now
+                    .get(part)
+                    .map_or(String::new(), |v| format!("{} {}", fixed_digits(*v, 2), property.unit));
                 let font = FontId::monospace(10.5);
                 let weak = ui.visuals().weak_text_color();
                 ui.painter().text(
@@ -493,8 +501,8 @@ fn points(ui: &Ui, viewer: &mut Viewer, plot: &Plot, property: &KeyedProperty, i
                 act = Some(Act::Click(key.clone(), held::adds(ui)));
             }
             act = key_menu::show(&response, viewer, std::slice::from_ref(&key)).map(Act::Key).or(act);
-            let number = property.at(*at).get(part).copied().unwrap_or_default();
-            response.hint(format!("{name} {number:.3} {}\n{}", property.unit, viewer.shown_time(*at)));
+            let number = fixed_digits(property.at(*at).get(part).copied().unwrap_or_default(), 3);
+            response.hint(format!("{name} {number} {}\n{}", property.unit, viewer.shown_time(*at)));
         }
     }
     act
@@ -574,8 +582,8 @@ fn dragged(
     let drag = KeyDrag { key: key.clone(), part, by: secs, value };
     let time = viewer.shown_time(key.at + Time::from_secs(secs));
     let unit = property.unit;
-    let number = (now + value).clamp(property.range[0], property.range[1]);
-    beside(ui, to, &format!("{time}   {} {number:.3} {unit}", property.part(part)));
+    let number = fixed_digits((now + value).clamp(property.range[0], property.range[1]), 3);
+    beside(ui, to, &format!("{time}   {} {number} {unit}", property.part(part)));
     if response.drag_stopped() {
         viewer.curves.drag = None;
         ui.data_mut(|d| d.remove::<Pos2>(id));
@@ -652,4 +660,24 @@ fn bezier(ease: &str) -> Option<[f64; 4]> {
     let inside = ease.strip_prefix('[')?.strip_suffix(']')?;
     let numbers: Vec<f64> = inside.split(',').map(|part| part.trim().parse().ok()).collect::<Option<_>>()?;
     numbers.try_into().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fixed_digits;
+
+    #[test]
+    fn a_number_that_rounds_to_nothing_has_no_sign() {
+        // A line at nothing that is reached by adding steps is a little beside it.
+        for (value, digits, text) in [
+            (-1e-17, 1, "0.0"),
+            (-0.0, 2, "0.00"),
+            (-0.04, 1, "0.0"),
+            (-0.06, 1, "-0.1"),
+            (-0.4, 0, "0"),
+            (12.375, 2, "12.38"),
+        ] {
+            assert_eq!(fixed_digits(value, digits), text);
+        }
+    }
 }

@@ -185,19 +185,23 @@ fn put(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedSign, at: DVec3) {
         let [x, y, z] = v.to_array().map(|v| super::rounded(v, 1e3));
         format!("[{x:?}, {y:?}, {z:?}]")
     };
+    // It stays where it was put until the reload shows it.
+    viewer.placed = viewer.place_of_sign(&scene.stage, dragged);
     match &dragged.what {
         SignOf::Light(number) => {
             let light = scene.stage.lights.get(*number);
             let sun = light.is_some_and(|l| matches!(l.light.kind, LightKind::Directional));
-            let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
             let (name, value) = match sun {
-                true => ("direction", list((middle - at).normalize_or(DVec3::NEG_Y))),
+                true => ("direction", list(viewer.direction_from(at))),
                 false => ("position", list(at)),
             };
             viewer.edit(|v| v.set_value(&dragged.what.selected(), name, &value));
         }
         SignOf::Camera(name) => viewer.edit(|v| v.move_camera(name, at)),
         SignOf::Reach(name, number) => viewer.edit(|v| v.move_target(name, *number, at)),
+    }
+    if viewer.message.is_some() {
+        viewer.placed = None;
     }
 }
 

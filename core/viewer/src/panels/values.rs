@@ -49,6 +49,17 @@ fn written(value: f64, typed: Option<(String, f64)>) -> String {
     typed.and_then(|(text, _)| expression::script_text(&text)).unwrap_or(number)
 }
 
+/// A number as a field shows it: what rounds to nothing has no sign.
+fn number_text(value: f64, decimals: RangeInclusive<usize>) -> String {
+    let value = if super::rounded(value, 1e3) == 0.0 { 0.0 } else { value };
+    format_with_decimals_in_range(value, decimals)
+}
+
+/// A field for a number, to the thousandth; expressions can be typed into it, which are kept for the field of this name.
+fn field<'n>(ui: &Ui, id: egui::Id, now: &'n mut f64) -> DragValue<'n> {
+    DragValue::new(now).max_decimals(3).custom_formatter(number_text).custom_parser(parser(ui, id))
+}
+
 /// The new value, once it is meant.
 fn settled(
     ui: &mut Ui,
@@ -87,12 +98,11 @@ pub fn reset(response: &Response, default: f64) -> Option<f64> {
 /// A number that is stated nowhere: weak where another one counts instead (`derived`), else empty, until something is typed.
 pub fn unstated(ui: &mut Ui, name: &str, derived: Option<f64>, range: RangeInclusive<f64>) -> Option<f64> {
     let id = ui.id().with(("number", name));
-    let parser = parser(ui, id);
     let weak = ui.visuals().weak_text_color();
     let from = derived.unwrap_or(*range.start());
     settled(ui, id, from, None, |ui, now| {
         let is_untouched = *now == from;
-        let widget = DragValue::new(now).speed(0.01).range(range).max_decimals(3).custom_parser(parser);
+        let widget = field(ui, id, now).speed(0.01).range(range);
         let widget = match derived {
             None if is_untouched => widget.custom_formatter(|_, _| String::new()),
             _ => widget,
@@ -140,14 +150,12 @@ impl Number<'_> {
     fn show_as(self, ui: &mut Ui, shown: Option<&str>) -> Option<f64> {
         let Number { name, value, speed, range, default } = self;
         let id = ui.id().with(("number", name));
-        let parser = parser(ui, id);
         settled(ui, id, value, default, |ui, now| {
-            let mut widget =
-                DragValue::new(now).speed(speed).range(range).max_decimals(3).custom_parser(parser);
+            let mut widget = field(ui, id, now).speed(speed).range(range);
             if let Some(shown) = shown {
                 widget = widget.custom_formatter(move |number, digits| match number == value {
                     true => shown.to_string(),
-                    false => format_with_decimals_in_range(number, digits),
+                    false => number_text(number, digits),
                 });
             }
             named(ui.add(widget), WidgetType::DragValue, name)
@@ -158,14 +166,12 @@ impl Number<'_> {
     pub fn slider(self, ui: &mut Ui) -> Option<f64> {
         let Number { name, value, speed, range, default } = self;
         let id = ui.id().with(("slider", name));
-        let parser = parser(ui, id);
         let wide = *range.start() > 0.0 && range.end() / range.start() > 1e3;
         settled(ui, id, value, default, |ui, now| {
             ui.horizontal(|ui| {
                 let widget = Slider::new(now, range.clone()).logarithmic(wide).show_value(false);
                 let slider = named(ui.add(widget), WidgetType::Slider, name);
-                let widget =
-                    DragValue::new(now).speed(speed).range(range).max_decimals(3).custom_parser(parser);
+                let widget = field(ui, id, now).speed(speed).range(range);
                 let typed = named(ui.add(widget), WidgetType::DragValue, &format!("{name} number"));
                 let is_typed = typed.gained_focus() || typed.has_focus() || typed.lost_focus();
                 if is_typed { typed.union(slider) } else { slider.union(typed) }

@@ -1,5 +1,6 @@
 //! Edits of the script that can be undone and redone, and what is pending of them.
 
+use crate::state::selection::Selected;
 use choreo_motion::Time;
 use choreo_session::edit::Edit;
 use glam::{DQuat, DVec3};
@@ -22,6 +23,7 @@ pub(crate) struct Done {
 }
 
 /// A change that is made if the user agrees.
+#[derive(Default)]
 pub struct Offer {
     pub why: String,
     /// Label of the button.
@@ -35,6 +37,8 @@ pub struct Offer {
     pub other: Option<Alternative>,
     /// The text that the edit was made for.
     pub(crate) text: String,
+    /// What is selected once it is made; else the selection stays.
+    pub(crate) selects: Option<Selected>,
 }
 
 /// The second of two changes that are offered.

@@ -134,6 +134,7 @@ fn a_model_from_elsewhere_is_copied_with_what_it_reads_if_the_user_agrees() {
     assert!(place.folder.path().join("assets/tri/t.mtl").is_file());
     place.reload();
     assert_eq!(place.viewer.scene.as_ref().unwrap().stage.actors.len(), 3);
+    assert_eq!(place.viewer.selection, Some(Selected::Actor("tri".into())));
 }
 
 #[derive(Debug)]
@@ -181,7 +182,7 @@ fn a_model_that_is_dropped_on_the_image_stands_on_the_ground_under_the_pointer()
     let stage = &place.viewer.scene.as_ref().unwrap().stage;
     assert!((stage.actors[2].transform.translation - expected).length() < 0.01);
     assert_eq!(place.viewer.playhead.time(), Time::ZERO);
-    assert_eq!(place.viewer.selection, None::<Selected>);
+    assert_eq!(place.viewer.selection, Some(Selected::Actor("tri".into())));
 }
 
 /// Views without perspective, and the sky of one with it: what is put there lies under the pointer. Truth: projected as the renderer does.
@@ -281,6 +282,40 @@ fn models_are_put_beside_each_other_where_there_is_room() {
         }
         assert!(a[0].abs() < 12.0, "{name} is far away: {a:?}");
     }
+}
+
+/// The button beside a clip of the inspector adds it at the playhead; where another clip begins there, which would never be seen, after the last.
+#[test]
+fn an_added_clip_leaves_the_clip_that_begins_at_the_playhead() {
+    const PLAIN: &str = "stage(#{ fps: 25, length: 10.0 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Idle\"));
+";
+    let mut place = Place::new(PLAIN);
+    place.viewer.selection = Some(Selected::Actor("ada".into()));
+    let mut desk = place.harness(vec2(1500.0, 1400.0));
+    let starts = |desk: &Desk| -> Vec<(String, f64)> {
+        let stage = &desk.state().viewer.scene.as_ref().unwrap().stage;
+        let cues = stage.actors[0].layers[0].cues.iter();
+        cues.map(|cue| (cue.clip.name.clone(), cue.start.as_secs())).collect()
+    };
+    let idle = desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].layers[0].cues[0].clip.duration;
+    for (clip, playhead) in [("Walk", 0.0), ("Run", 0.0), ("Wave", 8.0)] {
+        desk.state_mut().viewer.playhead.seek(Time::from_secs(playhead));
+        desk.run();
+        desk.get_by_label(&format!("play {clip}")).click();
+        desk.run();
+        assert_eq!(desk.state().viewer.message, None);
+        desk.state_mut().reload();
+        desk.run();
+    }
+    let starts = starts(&desk);
+    let names: Vec<&str> = starts.iter().map(|(name, _)| name.as_str()).collect();
+    assert_eq!(names, ["Idle", "Walk", "Run", "Wave"], "{starts:?}");
+    assert_eq!((starts[0].1, starts[3].1), (0.0, 8.0));
+    assert!((starts[1].1 - idle.as_secs()).abs() < 0.021, "{starts:?}");
+    assert!(starts[2].1 > starts[1].1 + 0.5 && starts[2].1 < 8.0, "{starts:?}");
 }
 
 /// A clip of the browser comes after those that play, one on a row where the hand is; each says what becomes of the others.

@@ -163,6 +163,53 @@ fn what_is_selected_is_duplicated_with_the_lines_about_it() {
     }
 }
 
+/// The copy of an actor whose position is keyed stands as far beside it as one that stands still; what is computed stays, and is named.
+#[test]
+fn the_copy_of_a_keyed_actor_stands_beside_it() {
+    let script = |keys: &str| {
+        format!(
+            "stage(#{{ fps: 25, length: 4.0 }});
+let start = [0, 0, 1];
+let ada = cast(\"ada\", load(\"choreo:mannequin\"));
+ada.key(\"position\", [{keys}, [2.0, [1.5, 0.0, 0.0]]]);
+"
+        )
+    };
+    let ada = Selected::Actor("ada".into());
+    let mut place = Place::new(&script("[f(10), [0, 0, 1]]"));
+    place.viewer.duplicate_object(&ada).unwrap();
+    assert_eq!(place.viewer.note, None);
+    place.reload();
+    assert_eq!(place.viewer.selection, Some(Selected::Actor("ada 2".into())));
+    let stage = place.viewer.scene.as_ref().unwrap().stage.clone();
+    let offset = |secs: f64| {
+        let snapshot = stage.at(Time::from_secs(secs)).unwrap();
+        let [a, b] = [0, 1].map(|index| snapshot.actors[index].world_from_model.translation);
+        b - a
+    };
+    let (first, last) = (offset(0.0), offset(3.0));
+    assert!(
+        (first - last).length() < 1e-9 && (0.3..=2.0).contains(&first.x) && first.z == 0.0,
+        "{first} {last}"
+    );
+    let text = place.text();
+    assert!(
+        text.contains("ada_2.key(\"position\", [[f(10), [")
+            && text.contains("[2.0, [1.5, 0.0, 0.0]]]);\nlet ada_2"),
+        "{text}"
+    );
+    let mut place = Place::new(&script("[f(10), start]"));
+    place.viewer.duplicate_object(&ada).unwrap();
+    let note = place.viewer.note.clone();
+    assert_eq!(note.as_deref(), Some("the copy stands where the first does: line 6 computes its place"));
+    place.reload();
+    assert!(
+        place.text().lines().nth(5).unwrap().starts_with("ada_2.key(\"position\", [[f(10), start]"),
+        "{}",
+        place.text()
+    );
+}
+
 /// Where the corners of an actor's posed bounds lie in the image of the camera that is on, as parts of half its height and width: computed
 /// here from the snapshot, in f64.
 fn corners_in_image(place: &Place, name: &str, at: Time) -> Vec<DVec2> {

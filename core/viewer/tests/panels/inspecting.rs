@@ -466,6 +466,25 @@ ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
         let written = format!(".on(\"{}\");", choose.or(typed).unwrap());
         assert!(desk.state().text().contains(&written), "{}", desk.state().text());
     }
+    // A joint that the character does not have is refused with the nearest.
+    desk.state_mut().reload();
+    desk.run();
+    let before = desk.state().text();
+    for (text, why) in [
+        (
+            "RihgtHand..",
+            "unknown joint \"RihgtHand\" in skeleton \"choreo:mannequin\"; did you mean \"RightHand\"?",
+        ),
+        (
+            "[\"Head\", \"*Wing*\"]",
+            "no joint of skeleton \"choreo:mannequin\" matches \"*Wing*\"; joints: Hips, ",
+        ),
+    ] {
+        type_into(&mut desk, "on field", text);
+        let message = desk.state().viewer.message.clone().unwrap_or_default();
+        assert!(message.contains(why), "{message}");
+        assert_eq!(desk.state().text(), before);
+    }
 }
 
 #[test]
@@ -543,6 +562,49 @@ for i in [1, 2, 3] {
     assert_eq!(placed(&before), placed(&after), "{}", desk.state().text());
     desk.state_mut().viewer.change_actor("ball 2", grown).unwrap();
     assert_eq!(desk.state().text().matches(".scale(2.0)").count(), 1, "{}", desk.state().text());
+}
+
+/// What a loop made of its variable are numbers and texts once it is written out, so that it can be moved, renamed and typed over.
+#[test]
+fn what_a_loop_made_is_edited_once_it_is_written_out() {
+    const LOOP: &str = "stage(#{ fps: 25, length: 4.0 });
+let moves = load(\"choreo:mannequin\");
+for i in [-1, 0, 1] {
+    let post = cast(\"post \" + (i + 2), moves).at(-2 + i, 0.0, i * 0.5);
+    post.play(moves.clip(\"Walk\"), #{ speed: 1.0 + i * 0.25 }).from(1 + i);
+}
+";
+    let mut desk = Place::new(LOOP).harness(vec2(1500.0, 1000.0));
+    desk.state_mut().viewer.change_actor("post 3", Change::Move(DVec3::X)).unwrap_err();
+    desk.run();
+    desk.get_by_label("Write the loop out").click();
+    desk.run();
+    let reload = |desk: &mut Desk| {
+        desk.state_mut().reload();
+        assert_eq!(desk.state().viewer.message, None);
+        desk.run();
+    };
+    reload(&mut desk);
+    desk.state_mut().viewer.change_actor("post 3", Change::Move(DVec3::new(0.25, 0.0, 0.0))).unwrap();
+    reload(&mut desk);
+    desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "post 1".into(), layer: 0, cue: 0 });
+    desk.run();
+    type_into(&mut desk, "speed field", "2");
+    type_into(&mut desk, "from field", "0.5");
+    desk.state_mut().viewer.rename(&Selected::Actor("post 2".into()), "Middle").unwrap();
+    reload(&mut desk);
+    let lines: Vec<String> = desk.state().text().lines().skip(2).map(str::to_string).collect();
+    assert_eq!(
+        lines,
+        [
+            "let post_1 = cast(\"post 1\", moves).at(-3, 0.0, -0.5);",
+            "post_1.play(moves.clip(\"Walk\"), #{ speed: 2.0 }).from(0.5);",
+            "let middle = cast(\"Middle\", moves).at(-2, 0.0, 0.0);",
+            "middle.play(moves.clip(\"Walk\"), #{ speed: 1.0 }).from(1);",
+            "let post_3 = cast(\"post 3\", moves).at(-0.75, 0.0, 0.5);",
+            "post_3.play(moves.clip(\"Walk\"), #{ speed: 1.25 }).from(2);",
+        ]
+    );
 }
 
 /// Constraints, attachments, springs, shadows and keyed weights have fields, too, each written into its own call.
@@ -636,7 +698,7 @@ let ball = cast(\"ball\", shape(\"sphere\"));
 let ada = cast(\"ada\", moves);
 ada.look_at(ball);
 ada.play(moves.clip(\"Walk\")).until(f(60)).then(moves.clip(\"Wave\"));
-text(\"Hello\");
+text(\"Hello\", #{ at: [-0.0001, 0.5] });
 ";
     let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
     let value = |desk: &Desk, label: &str| desk.get_by_label(label).value().unwrap_or_default();
@@ -646,6 +708,8 @@ text(\"Hello\");
     desk.state_mut().viewer.selection = Some(Selected::Title(0));
     desk.run();
     assert_eq!(value(&desk, "until field"), "6.00");
+    // What rounds to nothing has no sign.
+    assert_eq!(value(&desk, "at x").trim_start_matches('0'), ".00");
     desk.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
     desk.run();
     assert_eq!(value(&desk, "look_at until field"), "");

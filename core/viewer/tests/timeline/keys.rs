@@ -926,3 +926,50 @@ fn a_new_key_splits_a_span_and_changes_no_curve() {
     place.viewer.undo().unwrap();
     assert_eq!(place.text(), script);
 }
+
+/// Several properties change as one; what refuses is named by the line that the user sees, whatever the others have done to the text above it.
+#[test]
+fn a_refusal_among_several_changes_names_the_line_of_the_script() {
+    let script = SCRIPT
+        .replace("let ways =", "let n = 1;\nball.key(\"scale\", [[0.0, 1], [1.0 * n, 2]]);\nlet ways =");
+    let mut place = Place::new(&script);
+    let line = script.lines().position(|line| line.starts_with("ball.key(\"scale\"")).unwrap() + 1;
+    // All keys of the rotation go with their four lines.
+    let keys = [key(ball(), "rotation", 0.0), key(ball(), "rotation", 2.0), key(ball(), "scale", 0.0)];
+    let refused = place.viewer.delete_keys(&keys).unwrap_err().to_string();
+    assert_eq!(
+        refused,
+        format!("a.rhai: line {line}: its scale has keys that are computed; change them there")
+    );
+    place.viewer.edit(|v| v.delete_keys(&keys));
+    assert_eq!(place.viewer.message_line, Some(line));
+    assert_eq!(place.text(), script);
+}
+
+/// What has lost keys stays selected, so that its other curves stay in view: an actor, an effect, and a clip whose keys were selected.
+#[test]
+fn what_has_lost_keys_stays_selected() {
+    let lines = "let moves = load(\"choreo:mannequin\");\nlet ada = cast(\"ada\", moves);\nada.play(moves.clip(\"Walk\")).weight([[0.0, 1.0], [1.0, 0.5], [2.0, 1.0]]);\n";
+    let script = format!("{SCRIPT}{lines}");
+    let cue = Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 };
+    for (what, property, old, new) in [
+        (ball(), "position", ", [1.0, [1, 0, 0]]", ""),
+        (Selected::Effect(0), "strength", ", [2.0, 0.9]", ""),
+        (cue, ".weight", ", [1.0, 0.5]", ""),
+    ] {
+        let mut place = Place::new(&script);
+        place.viewer.selection = Some(what.clone());
+        let secs = if property == "strength" { 2.0 } else { 1.0 };
+        place.viewer.select_keys(vec![key(what.clone(), property, secs)]);
+        let mut desk = place.harness(vec2(1500.0, 1000.0));
+        press(&mut desk, Modifiers::NONE, Key::Delete);
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().text(), script.replacen(old, new, 1));
+        desk.state_mut().reload();
+        desk.run();
+        let viewer = &desk.state().viewer;
+        assert_eq!(viewer.selection, Some(what.clone()));
+        assert!(viewer.selected_keys().is_empty());
+        assert!(self::property(desk.state(), &what, property).has_keys());
+    }
+}

@@ -209,6 +209,47 @@ fn a_target_of_inverse_kinematics_is_dragged_and_the_hand_follows() {
     assert!((at - to).length() < 0.02, "{at} for {to}");
 }
 
+/// While a sign is dragged the image has what it stands for where the hand is, and after that until the script is read again.
+#[test]
+fn what_a_sign_stands_for_is_seen_where_it_is_dragged() {
+    let mut desk = desk();
+    let hand = |desk: &Desk| {
+        let viewer = &desk.state().viewer;
+        let names = viewer.scene.as_ref().unwrap().stage.actors[0].asset.skeleton.names();
+        let joint = names.iter().position(|name| name.ends_with("RightHand")).unwrap();
+        let state = &viewer.shown().unwrap().snapshot.actors[0];
+        state.world_from_model.transform_point3(state.model_from_joint[joint].translation.as_dvec3())
+    };
+    let lamp = |desk: &Desk| desk.state().viewer.shown().unwrap().snapshot.lights[0].position;
+    for (at, by, place) in [
+        (DVec3::new(-0.35, 1.25, 0.35), DVec3::new(0.0, 0.15, 0.0), &hand as &dyn Fn(&Desk) -> DVec3),
+        (DVec3::new(-1.2, 1.8, 0.5), DVec3::new(0.3, 0.0, 0.0), &lamp),
+    ] {
+        let (from, to) = (on_screen(&desk, at), on_screen(&desk, at + by));
+        assert!((place(&desk) - at).length() < 0.02, "{}", place(&desk));
+        desk.hover_at(from);
+        desk.run();
+        desk.drag_at(from);
+        desk.run();
+        desk.hover_at(to);
+        desk.run();
+        desk.run();
+        painted(&mut desk);
+        assert_eq!(desk.state().text(), SCRIPT, "it is not let go");
+        assert!((place(&desk) - (at + by)).length() < 0.02, "{} for {}", place(&desk), at + by);
+        desk.drop_at(to);
+        desk.run();
+        painted(&mut desk);
+        assert!((place(&desk) - (at + by)).length() < 0.02, "until the reload: {}", place(&desk));
+        desk.state_mut().reload();
+        painted(&mut desk);
+        assert!((place(&desk) - (at + by)).length() < 0.02, "by the script: {}", place(&desk));
+        desk.state_mut().reload_with(SCRIPT);
+        painted(&mut desk);
+        assert!((place(&desk) - at).length() < 0.02, "as it was: {}", place(&desk));
+    }
+}
+
 /// The grid is the viewport's: a saved image has none, and it is hidden by what stands before it.
 #[test]
 fn the_grid_is_in_the_viewport_and_in_no_saved_image() {

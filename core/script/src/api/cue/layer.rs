@@ -114,15 +114,31 @@ pub(crate) fn priority(c: &mut Call) -> Reply {
     })
 }
 
+/// Why a mask, the arguments of `on` as a script writes them, fits an asset's joints not; `None` where it does, and where it is computed.
+pub fn mask_problem(asset: &Asset, written: &str) -> Option<String> {
+    let mut engine = choreo_sandbox::engine();
+    engine.set_max_operations(MOST_STEPS);
+    let arguments: rhai::Array = engine.eval_expression(&format!("[{written}]")).ok()?;
+    let error = patterns_of(arguments.first()?, "on").and_then(|patterns| mask(asset, &patterns)).err()?;
+    let meant = error.message.contains("did you mean");
+    let hint = error.hint.filter(|_| !meant).map(|hint| format!("; {hint}")).unwrap_or_default();
+    Some(format!("{}{hint}", error.message))
+}
+
+/// Steps in which a mask that is typed is read.
+const MOST_STEPS: u64 = 10_000;
+
 /// Reads joint patterns with their weights.
 fn patterns(c: &Call) -> Result<Vec<(String, f32)>, ApiError> {
-    let value = c.value(0);
-    let label = c.label(0);
+    patterns_of(&c.value(0), &c.label(0))
+}
+
+fn patterns_of(value: &Dynamic, label: &str) -> Result<Vec<(String, f32)>, ApiError> {
     if value.is_string() {
-        return Ok(vec![(c.text(0)?, 1.0)]);
+        return Ok(vec![(crate::call::text(value, label)?, 1.0)]);
     }
     if let Some(array) = value.read_lock::<rhai::Array>() {
-        return array.iter().map(|v| Ok((crate::call::text(v, &label)?, 1.0))).collect();
+        return array.iter().map(|v| Ok((crate::call::text(v, label)?, 1.0))).collect();
     }
     if let Some(map) = value.read_lock::<Map>() {
         let weight = |(name, v): (&rhai::Identifier, &Dynamic)| {
@@ -133,7 +149,7 @@ fn patterns(c: &Call) -> Result<Vec<(String, f32)>, ApiError> {
     }
     let text = format!(
         "{label} must be text like \"Spine..\", an array of such, or an object map of them with weights, got {}",
-        describe(&value)
+        describe(value)
     );
     let hint = "post effects know .on(actor); a clip is played by the actor that play was called on";
     Err(ApiError::new(text).hint(hint))
@@ -246,7 +262,38 @@ pub fn matches(pattern: &[u8], text: &[u8]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::matches;
+    use super::{mask_problem, matches};
+    use choreo_asset::Asset;
+    use choreo_motion::{JointPose, Skeleton};
+    use std::sync::Arc;
+
+    #[test]
+    fn a_mask_that_is_typed_fits_the_joints_or_names_the_nearest() {
+        let rest = [JointPose::default(); 3];
+        let names = ["Hips", "Spine", "Head"].map(String::from).to_vec();
+        let skeleton = Skeleton::new(names, vec![None, Some(0), Some(1)], rest.to_vec()).unwrap();
+        let asset = Asset { name: "ada".into(), skeleton: Arc::new(skeleton), ..Asset::default() };
+        for written in [
+            "\"Spine..\"",
+            "[\"Head\", \"*ip*\"]",
+            "#{ Head: 0.5 }, #{ soft: 1 }",
+            "joints",
+            "\"Spi",
+            "f(1)",
+            "",
+        ] {
+            assert_eq!(mask_problem(&asset, written), None, "{written}");
+        }
+        for (written, why) in [
+            ("\"Spien..\"", "unknown joint \"Spien\" in skeleton \"ada\"; did you mean \"Spine\"?"),
+            ("[\"Head\", \"Hipps\"]", "unknown joint \"Hipps\" in skeleton \"ada\"; did you mean \"Hips\"?"),
+            ("#{ Tail: 1.0 }", "unknown joint \"Tail\" in skeleton \"ada\"; known: Hips, Spine, Head"),
+            ("\"*Wing*\"", "no joint of skeleton \"ada\" matches \"*Wing*\"; joints: Hips, Spine, Head"),
+        ] {
+            assert_eq!(mask_problem(&asset, written).as_deref(), Some(why));
+        }
+        assert!(mask_problem(&asset, "3").unwrap().starts_with("on must be text like \"Spine..\""));
+    }
 
     #[test]
     fn patterns_cover_the_whole_name() {

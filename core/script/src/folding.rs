@@ -1,0 +1,346 @@
+//! Constant folding in a script's text: expressions of literals alone become the literals that they evaluate to.
+
+use crate::tokens::{ScriptToken, TokenKind, Tokens, lexed};
+use rhai::{Dynamic, Engine};
+use std::ops::Range;
+
+/// Letters of a number at most; a longer one is easier to read as the expression that it comes from.
+const LONGEST_NUMBER: usize = 32;
+
+/// The constant expressions of a part of a script that contain one of some bytes, in order, with literals in their place: `"post 1"` for
+/// `"post " + 1`. An expression is what stands between brackets, commas and other separators. One with names or calls stays, but for those
+/// within its brackets and interpolations; one that fails stays, too. Rhai itself evaluates them.
+pub fn constant_expressions(text: &str, places: &[usize]) -> Vec<(Range<usize>, String)> {
+    let Tokens { all, inner } = lexed(text);
+    let interpolations = inner.into_iter().map(|code| code.range).collect();
+    let engine = choreo_sandbox::engine();
+    let mut folding =
+        Folding { text, tokens: all, interpolations, places, engine: &engine, found: Vec::new() };
+    folding.region(0..folding.tokens.len());
+    folding.found
+}
+
+struct Folding<'t> {
+    text: &'t str,
+    tokens: Vec<ScriptToken>,
+    /// Code inside interpolated strings, with its braces.
+    interpolations: Vec<Range<usize>>,
+    places: &'t [usize],
+    engine: &'t Engine,
+    found: Vec<(Range<usize>, String)>,
+}
+
+impl Folding<'_> {
+    /// Folds the expressions of a row of tokens, given by their numbers.
+    fn region(&mut self, row: Range<usize>) {
+        let (mut start, mut at) = (row.start, row.start);
+        while at < row.end {
+            let last = if is_open(self.token(at)) { self.closing(at, row.end) } else { at };
+            if separates(self.token(at)) {
+                self.expression(start..at);
+                start = last + 1;
+            }
+            if self.token(at) == "{" {
+                // The left side of an operator may be the block.
+                let is_side =
+                    last + 1 < row.end && self.is_operator(last + 1) && !separates(self.token(last + 1));
+                match is_side {
+                    true => start = at,
+                    false => self.region(at + 1..last),
+                }
+            }
+            at = last + 1;
+        }
+        self.expression(start..row.end);
+    }
+
+    fn expression(&mut self, row: Range<usize>) {
+        if row.is_empty() || !self.has_place(&self.bytes(&row)) {
+            return;
+        }
+        let bytes = self.bytes(&row);
+        if let Some(literal) = constant(self.engine, &self.text[bytes.clone()]) {
+            self.found.push((bytes, literal));
+            return;
+        }
+        let mut at = row.start;
+        while at < row.end {
+            if is_open(self.token(at)) {
+                let close = self.closing(at, row.end);
+                self.brackets(&row, at, close);
+                at = close;
+            } else if self.token(at).starts_with('`') {
+                self.string(at);
+            }
+            at += 1;
+        }
+    }
+
+    /// Folds the inside of brackets; those that only group a number or string go, where they are of no use.
+    fn brackets(&mut self, row: &Range<usize>, open: usize, close: usize) {
+        let is_group =
+            self.token(open) == "(" && close < row.end && (open == row.start || self.is_operator(open - 1));
+        let inside = self.bytes(&(open + 1..close));
+        let next = if close + 1 < row.end { self.token(close + 1) } else { "" };
+        let is_used = matches!(next, "." | "?." | "[" | "?[");
+        let literal = constant(self.engine, &self.text[inside.clone()]).or_else(|| {
+            is_literal(&self.text[inside.clone()]).then(|| self.text[inside.clone()].to_string())
+        });
+        match literal {
+            Some(literal) if is_group && !is_used && !literal.starts_with('-') && self.has_place(&inside) => {
+                self.found.push((self.bytes(&(open..close + 1)), literal));
+            }
+            _ => self.region(open + 1..close),
+        }
+    }
+
+    /// Folds a string with interpolations, or those of them that are constant: `${1}` becomes text.
+    fn string(&mut self, at: usize) {
+        let string = self.tokens[at].range.clone();
+        if let Some(literal) = constant(self.engine, &self.text[string.clone()]) {
+            self.found.extend(self.has_place(&string).then_some((string, literal)));
+            return;
+        }
+        let mut found = Vec::new();
+        for code in
+            self.interpolations.iter().filter(|code| string.contains(&code.start) && self.has_place(code))
+        {
+            let whole = code.start - "$".len()..code.end;
+            let literal = constant(self.engine, &format!("`{}`", &self.text[whole.clone()]));
+            let shown = literal.as_deref().and_then(|literal| literal.strip_prefix('"')?.strip_suffix('"'));
+            if let Some(shown) = shown.filter(|shown| !shown.contains(['`', '$', '\\'])) {
+                found.push((whole, shown.to_string()));
+                continue;
+            }
+            let inside = code.start + 1..code.end - 1;
+            let Some(text) = self.text.get(inside.clone()) else { continue };
+            let places: Vec<usize> =
+                self.places.iter().filter_map(|place| place.checked_sub(inside.start)).collect();
+            let within = constant_expressions(text, &places).into_iter();
+            found.extend(
+                within.map(|(at, literal)| (at.start + inside.start..at.end + inside.start, literal)),
+            );
+        }
+        self.found.extend(found);
+    }
+
+    fn token(&self, at: usize) -> &str {
+        self.tokens.get(at).map_or("", |token| &self.text[token.range.clone()])
+    }
+
+    fn is_operator(&self, at: usize) -> bool {
+        let is_symbol = matches!(self.tokens[at].kind, TokenKind::Symbol | TokenKind::Prefix);
+        is_symbol && !is_close(self.token(at))
+    }
+
+    /// The number of the token that closes a bracket, or `end`.
+    fn closing(&self, open: usize, end: usize) -> usize {
+        let mut depth = 0usize;
+        for at in open..end {
+            depth += usize::from(is_open(self.token(at)));
+            depth -= usize::from(is_close(self.token(at)) && depth > 0);
+            if depth == 0 {
+                return at;
+            }
+        }
+        end
+    }
+
+    /// The bytes from the first of these tokens to the last.
+    fn bytes(&self, row: &Range<usize>) -> Range<usize> {
+        match self.tokens.get(row.start..row.end) {
+            Some([first, .., last]) => first.range.start..last.range.end,
+            Some([only]) => only.range.clone(),
+            _ => 0..0,
+        }
+    }
+
+    fn has_place(&self, bytes: &Range<usize>) -> bool {
+        self.places.iter().any(|place| bytes.contains(place))
+    }
+}
+
+fn is_open(token: &str) -> bool {
+    matches!(token, "(" | "[" | "{" | "#{")
+}
+
+fn is_close(token: &str) -> bool {
+    matches!(token, ")" | "]" | "}")
+}
+
+/// Whether an expression ends before a token and another begins behind it.
+fn separates(token: &str) -> bool {
+    matches!(
+        token,
+        "{" | ","
+            | ";"
+            | ":"
+            | "=>"
+            | "="
+            | "+="
+            | "-="
+            | "*="
+            | "/="
+            | "%="
+            | "**="
+            | ".."
+            | "..="
+            | "|"
+            | ")"
+            | "]"
+            | "}"
+    )
+}
+
+/// The literal that an expression of literals evaluates to; `None` where it is a literal already, names something or fails.
+fn constant(engine: &Engine, expression: &str) -> Option<String> {
+    if is_literal(expression) || !is_constant(expression) {
+        return None;
+    }
+    let value: Dynamic = engine.eval(expression).ok()?;
+    let literal = literal(&value)?;
+    let read: Dynamic = engine.eval(&literal).ok()?;
+    same(&value, &read).then_some(literal)
+}
+
+/// Whether a text is one number, with its sign, or one string.
+fn is_literal(text: &str) -> bool {
+    match lexed(text).all.as_slice() {
+        [only] => {
+            matches!(only.kind, TokenKind::Number) || only.kind == TokenKind::Text && !text.contains("${")
+        }
+        [sign, number] => sign.kind == TokenKind::Prefix && number.kind == TokenKind::Number,
+        _ => false,
+    }
+}
+
+/// Whether an expression consists of numbers, strings, the arithmetic that scripts may use and brackets around it alone, without comments.
+fn is_constant(expression: &str) -> bool {
+    let Tokens { all, inner } = lexed(expression);
+    let gap = |from: usize, to: usize| expression[from..to].trim().is_empty();
+    let ends = all.iter().map(|token| token.range.end);
+    let mut gaps = std::iter::once(0).chain(ends).zip(all.iter().map(|token| token.range.start));
+    let is_part = |token: &ScriptToken| match token.kind {
+        TokenKind::Number | TokenKind::Text => true,
+        TokenKind::Prefix | TokenKind::Symbol => {
+            matches!(&expression[token.range.clone()], "+" | "-" | "*" | "/" | "%" | "(" | ")")
+        }
+        TokenKind::Word | TokenKind::Error => false,
+    };
+    let is_code = |code: &Range<usize>| {
+        let inside = expression.get(code.start + 1..code.end.saturating_sub(1));
+        inside.is_some_and(|inside| !inside.trim().is_empty() && is_constant(inside))
+    };
+    !all.is_empty()
+        && all.iter().all(is_part)
+        && gaps.all(|(from, to)| gap(from, to))
+        && inner.iter().all(|code| is_code(&code.range))
+}
+
+/// A number or string as it is written in a script.
+fn literal(value: &Dynamic) -> Option<String> {
+    if let Ok(number) = value.as_int() {
+        return Some(number.to_string());
+    }
+    if let Ok(number) = value.as_float() {
+        let digits = number.to_string();
+        let point = if digits.contains('.') { "" } else { ".0" };
+        let is_short = number.is_finite() && digits.len() <= LONGEST_NUMBER;
+        return is_short.then(|| format!("{digits}{point}"));
+    }
+    let text = value.read_lock::<rhai::ImmutableString>()?;
+    let mut written = String::from('"');
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => written.extend(['\\', c]),
+            '\n' => written += "\\n",
+            '\r' => written += "\\r",
+            '\t' => written += "\\t",
+            c => written.push(c),
+        }
+    }
+    Some(written + "\"")
+}
+
+/// Whether two values have the same type and bits.
+fn same(a: &Dynamic, b: &Dynamic) -> bool {
+    match (a.as_int(), b.as_int(), a.as_float(), b.as_float()) {
+        (Ok(a), Ok(b), ..) => a == b,
+        (Err(_), Err(_), Ok(a), Ok(b)) => a.to_bits() == b.to_bits(),
+        (Err(_), Err(_), Err(_), Err(_)) => {
+            let text =
+                |value: &Dynamic| value.read_lock::<rhai::ImmutableString>().map(|text| text.to_string());
+            text(a).is_some() && text(a) == text(b)
+        }
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Folds everything; each byte is a place.
+    fn folded(text: &str) -> String {
+        let places: Vec<usize> = (0..text.len()).collect();
+        let mut after = text.to_string();
+        for (range, literal) in constant_expressions(text, &places).into_iter().rev() {
+            after.replace_range(range, &literal);
+        }
+        after
+    }
+
+    #[test]
+    fn literals_take_the_place_of_expressions() {
+        for (text, expected) in [
+            ("\"post \" + 1", "\"post 1\""),
+            ("`post ${1 + 1}`", "\"post 2\""),
+            ("a.at(-2 + 1, 3 * 0.5, 0).turn(-(2 + 1))", "a.at(-1, 1.5, 0).turn(-3)"),
+            ("x * (1 + 2) - (1 - 3)", "x * 3 - (-2)"),
+            ("f(g(1 + 1), [2 * 3, x + 1], #{ a: 1 + 1, b: y })", "f(g(2), [6, x + 1], #{ a: 2, b: y })"),
+            ("let a = 7 / 2; a += 7.0 / 2; a", "let a = 3; a += 3.5; a"),
+            ("0.1 + 0.2", "0.30000000000000004"),
+            ("1 * 2.0", "2.0"),
+            ("0.0 * -1", "-0.0"),
+            ("(1 + 2).abs() + (1 + 2)", "(3).abs() + 3"),
+            ("`${1} of ${n + (1 + 1)}`", "`1 of ${n + 2}`"),
+            ("\"a \\\" \\\\ \" + 'b'", "\"a \\\" \\\\ b\""),
+            ("`a ${\"\\n\"}`", "\"a \\n\""),
+            ("for i in 1 + 1..2 + 3 { f(i) }", "for i in 1 + 1..5 { f(i) }"),
+            ("f(|t| 1 + 1)", "f(|t| 2)"),
+            ("if x { 1 + 1 } else { 0 } + 1 + 2", "if x { 2 } else { 0 } + 1 + 2"),
+        ] {
+            assert_eq!(folded(text), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn what_fails_or_is_no_number_or_string_stays() {
+        for text in [
+            "f(1 / 0)",
+            "f(9223372036854775807 + 1)",
+            "f(1 - \"a\")",
+            "f(1 < 2)",
+            "f(!true)",
+            "f(1 + /* one */ 2)",
+            "f(1.0 / 0.0)",
+            "f(1e300 * 10)",
+            "f(x + 1 + 2)",
+            // Scripts may not use it.
+            "f(2 ** 3)",
+            "f(\"a\")",
+            "f(-1, `a`, 1.50)",
+            "f((1 + ",
+            "`a ${",
+        ] {
+            assert_eq!(folded(text), text);
+        }
+    }
+
+    #[test]
+    fn only_expressions_around_a_place_are_folded() {
+        let text = "a.at(1.0 / 3.0, 1 * 2.0, x + (1 + 1))";
+        assert_eq!(constant_expressions(text, &[16]), [(16..23, "2.0".to_string())]);
+        assert_eq!(constant_expressions(text, &[]), []);
+    }
+}
