@@ -46,6 +46,15 @@ impl std::fmt::Display for Problem {
     }
 }
 
+impl From<Problem> for Diagnostic {
+    fn from(problem: Problem) -> Diagnostic {
+        match problem {
+            Problem::Text(text) => Diagnostic::error(text),
+            Problem::Script(diagnostic) => diagnostic,
+        }
+    }
+}
+
 impl Problem {
     pub fn json(&self) -> serde_json::Value {
         match self {

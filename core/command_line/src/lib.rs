@@ -15,6 +15,7 @@ mod terminal;
 
 pub use app::App;
 pub use args::Device;
+pub use commands::check::{SceneToSurvey, survey};
 pub use drawing::device::{cache_dir, slower_than_the_cpu};
 pub use process::panics::exit_code_of_abort;
 

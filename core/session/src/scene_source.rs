@@ -1,7 +1,7 @@
 //! The files and options that a scene is built from.
 
 use choreo_plugin::ImportScope;
-use choreo_script::{ImportChoice, Limits};
+use choreo_script::{AssetCache, ImportChoice, Limits, ScriptOptions};
 use std::path::{Path, PathBuf};
 
 #[derive(Clone, Debug)]
@@ -42,6 +42,20 @@ impl SceneSource {
             import: ImportChoice::default(),
             size: None,
             shaders: None,
+        }
+    }
+
+    /// The options with which its script runs.
+    pub fn script_options(&self, assets: &AssetCache) -> ScriptOptions {
+        ScriptOptions {
+            search_paths: self.search.clone(),
+            set: self.set.clone(),
+            limits: self.limits.clone(),
+            needs: self.needs,
+            assets: assets.clone(),
+            // The inspector shows them all.
+            played_clips_only: false,
+            ..ScriptOptions::default()
         }
     }
 

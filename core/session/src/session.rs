@@ -11,7 +11,7 @@ use choreo_script::{
     AssetCache, BUILT_IN, Diagnostic, Folders, Imports, Loader, Parameter, Place, Places, ScriptOptions,
     Severity, Touched, content_of, run_file_touching,
 };
-use choreo_stage::{Evaluator, Stage};
+use choreo_stage::{Evaluator, Stage, StageError};
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -26,12 +26,16 @@ pub struct Scene {
     pub resources: Arc<SceneResources>,
     /// The evaluator to be cloned: clones share what was computed.
     pub evaluator: Evaluator,
-    /// The registry with the plugin files of this version.
+    /// The registry with the plugin files that this version uses.
     pub registry: Registry,
+    /// The same with all plugin files, of which the sections of tests may use more.
+    pub all_plugins: Registry,
     /// Empty for a model.
     pub places: Places,
     pub parameters: Vec<Parameter>,
     pub printed: Vec<String>,
+    /// Assets that were read for this version and others.
+    pub assets: AssetCache,
     /// The script's text as [`Scene::script_text`] gives it.
     pub text: OnceLock<Option<ScriptText>>,
 }
@@ -217,17 +221,19 @@ impl Session {
         let mut evaluator = Evaluator::new(stage.clone());
         // An error at time 0 makes the version faulty; a later one is reported when its time is shown.
         let zero = choreo_motion::Time::ZERO;
-        evaluator.at(zero).map_err(|error| vec![Diagnostic::error(error.to_string())])?;
-        let registry = registry.settled_for([&*stage]);
+        evaluator.at(zero).map_err(|error| vec![of_stage(&error)])?;
+        let (all_plugins, registry) = (registry.clone(), registry.settled_for([&*stage]));
         let scene = Scene {
             number,
             stage,
             resources,
             evaluator,
             registry,
+            all_plugins,
             places,
             parameters,
             printed,
+            assets: self.assets.clone(),
             text: OnceLock::new(),
         };
         Ok((scene, warnings))
@@ -254,17 +260,8 @@ impl Session {
     }
 
     fn script(&self, registry: &Registry, touched: &mut Touched) -> Result<Built, Vec<Problem>> {
-        let options = ScriptOptions {
-            search_paths: self.source.search.clone(),
-            set: self.source.set.clone(),
-            limits: self.source.limits.clone(),
-            needs: self.source.needs,
-            assets: self.assets.clone(),
-            // The inspector shows them all.
-            played_clips_only: false,
-            imports: self.imports.clone(),
-            ..ScriptOptions::default()
-        };
+        let options =
+            ScriptOptions { imports: self.imports.clone(), ..self.source.script_options(&self.assets) };
         let (result, files) = run_file_touching(&self.source.input, registry, &options);
         *touched = files;
         let script = result?;
@@ -322,6 +319,16 @@ impl Session {
 
 fn in_file(path: &Path, message: String, hint: Option<String>) -> Problem {
     Problem { hint, ..Diagnostic::error(message).in_file(path.display().to_string()) }
+}
+
+/// An error of a stage, with its line where a callback of the script is at fault.
+fn of_stage(error: &StageError) -> Problem {
+    if let StageError::Hook { error: cause, time } = error
+        && let Some(own) = (&**cause as &(dyn std::error::Error + 'static)).downcast_ref::<Diagnostic>()
+    {
+        return Problem { message: format!("{} (at {} s)", own.message, time.as_secs()), ..own.clone() };
+    }
+    Diagnostic::error(error.to_string())
 }
 
 /// A path as it will be once it is there: the folder above it made canonical.

@@ -29,11 +29,12 @@ use crate::state::view::{Resolution, View, ViewCamera, Wish, fitted};
 use choreo_motion::Time;
 use choreo_plugin::Frame;
 use choreo_render::renderer::{CreatedCounts, DeviceUsage};
+use choreo_script::{Place, Severity};
 use choreo_session::{
     FrameInfo, FrameReply, FrameRequest, Placed, Problem, Scene, SceneVersion, ViewOverrides, Work,
 };
 use glam::DVec3;
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashMap};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -96,8 +97,10 @@ pub struct Viewer {
     /// The last good one.
     pub scene: Option<Arc<Scene>>,
     pub timeline: Timeline,
-    /// Problems of the newest version, good or not.
+    /// Problems of the newest version, good or not, in the order of `choreo check`: those of the run, then what was found about its scene.
     pub problems: Vec<Problem>,
+    /// The worst of them in each line of each file, by line.
+    severities: HashMap<usize, Vec<(String, Severity)>>,
     /// The newest version could not be used: what is shown is the one before.
     pub faulty: bool,
     /// Problems of the renderer: drivers that failed, shaders that do not compile, callbacks that fail at this time.
@@ -187,6 +190,7 @@ impl Viewer {
             scene: None,
             timeline: Timeline::default(),
             problems: Vec::new(),
+            severities: HashMap::new(),
             faulty: false,
             trouble: Vec::new(),
             without_vulkan: None,
@@ -263,6 +267,7 @@ impl Viewer {
     /// The next version: swapped in whole where it is good; playhead, selection, cameras and whether it plays stay.
     pub fn take_version(&mut self, version: SceneVersion) {
         self.problems = version.problems;
+        self.find_severities();
         self.work = version.work;
         self.documents.read = version.read;
         self.build_took = version.took;
@@ -296,6 +301,32 @@ impl Viewer {
         self.scene = Some(scene);
         self.find_keys_again();
         self.check_wanted();
+    }
+
+    /// Messages of `choreo check` about the version with this number, which come after it.
+    pub fn take_messages(&mut self, number: u64, messages: &[Problem]) {
+        let is_shown = self.scene.as_ref().is_some_and(|scene| scene.number == number);
+        if is_shown && !self.faulty {
+            add_messages(&mut self.problems, messages);
+            self.find_severities();
+        }
+    }
+
+    fn find_severities(&mut self) {
+        self.severities.clear();
+        for problem in self.problems.iter().filter(|problem| problem.line > 0) {
+            let line = self.severities.entry(problem.line).or_default();
+            match line.iter_mut().find(|(file, _)| *file == problem.file) {
+                Some((_, worst)) => *worst = problem.severity.min(*worst),
+                None => line.push((problem.file.clone(), problem.severity)),
+            }
+        }
+    }
+
+    /// The worst problem in a line of the script.
+    pub fn severity(&self, place: &Place) -> Option<Severity> {
+        let line = self.severities.get(&place.line)?;
+        line.iter().find(|(file, _)| *file == place.file).map(|(_, severity)| *severity)
     }
 
     /// A frame that was drawn; gives its pixels, to be shown in its view. What could not be drawn leaves the last image.
@@ -633,6 +664,12 @@ impl Viewer {
         let secs = if self.snap { (secs * fps).round() / fps } else { secs };
         secs.clamp(0.0, self.playhead.length().as_secs())
     }
+}
+
+/// Adds what is not among them yet.
+pub(crate) fn add_messages(problems: &mut Vec<Problem>, messages: &[Problem]) {
+    let new: Vec<Problem> = messages.iter().filter(|message| !problems.contains(message)).cloned().collect();
+    problems.extend(new);
 }
 
 /// Overrides of one view: those of all, and its grid. An image that is saved has neither grid nor outline.

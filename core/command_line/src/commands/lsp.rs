@@ -3,7 +3,7 @@
 use crate::App;
 use crate::args::{Cli, Command};
 use crate::commands::check;
-use crate::failure::{Failure, Problem};
+use crate::failure::Failure;
 use crate::project_file;
 use crate::scene;
 use choreo_language_server::{Ended, Host, HostError, Project, Task, serve};
@@ -50,12 +50,8 @@ impl Host for Program {
 
     fn survey(&self, stage: &Arc<Stage>, places: &Places, project: &Project) -> Vec<Diagnostic> {
         let registry = project.registry.settled();
-        let (problems, on_stage) = check::look(stage, &registry, places, &project.limits);
-        let problems = problems.into_iter().map(|problem| match problem {
-            Problem::Text(text) => Diagnostic::error(text),
-            Problem::Script(diagnostic) => diagnostic,
-        });
-        problems.chain(places.findings(&on_stage)).collect()
+        let (problems, on_stage) = check::look(stage, &registry, places, &project.limits, &|| true);
+        problems.into_iter().map(Diagnostic::from).chain(places.findings(&on_stage)).collect()
     }
 
     /// This program again, with the words that a user would type.

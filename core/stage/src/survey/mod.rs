@@ -59,6 +59,14 @@ impl Stage {
     /// Everything that never shows, in the order of the stage. Looks at frames spread over the whole length until each thing
     /// has been seen, at most at as many as `MAX_COST` allows; fails where a callback does.
     pub fn survey(self: &std::sync::Arc<Stage>) -> Result<Vec<Finding>, StageError> {
+        self.survey_while(&|| true)
+    }
+
+    /// The same for a caller that may need it no longer: it ends, with nothing found, once `goes_on` says no.
+    pub fn survey_while(
+        self: &std::sync::Arc<Stage>,
+        goes_on: &dyn Fn() -> bool,
+    ) -> Result<Vec<Finding>, StageError> {
         let mut evaluator = Evaluator::new(self.clone());
         let mut snapshot = Snapshot::default();
         let mut facts = Facts::new(self);
@@ -66,6 +74,9 @@ impl Stage {
         let frames = rate.frames_in(self.settings.length).max(1);
         let mut cost = 0;
         for frame in spread(frames) {
+            if !goes_on() {
+                return Ok(Vec::new());
+            }
             let time = rate.time_of(frame);
             evaluator.at_into(time, &mut snapshot)?;
             facts.look(self, evaluator.edits(), &snapshot, time);

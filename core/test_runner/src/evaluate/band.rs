@@ -69,9 +69,12 @@ pub(crate) fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &
     let sometime = if e.sometime { ", sometime" } else { "" };
     let mut judged = Judged::new(passed, format!("{not}{}{sometime}", band.words), got);
     let by = off(shown);
-    if !passed && by.is_finite() && !negated {
+    if !passed && by.is_finite() {
         let distance = by + band.tolerance;
         judged.by = match band.tolerance > 0.0 {
+            // How much further away it would have to be; nothing at the edge itself.
+            _ if negated && by <= f64::MIN_POSITIVE => String::new(),
+            _ if negated => with_unit(by, unit),
             true => format!("{}{}", with_unit(distance, unit), times_tolerance(distance, band.tolerance)),
             false => with_unit(by, unit),
         };

@@ -62,8 +62,8 @@ pub fn judge(looks: &[Looks], e: &Expectation, other: usize, factor: f64) -> Jud
             break;
         }
     }
-    let got = format!("{} times", words::number((least * 100.0).round() / 100.0));
-    Judged::new((least <= factor) != e.negated, expected, got)
+    let times = |factor: f64| format!("{} times", words::number((factor * 100.0).round() / 100.0));
+    Judged::new((least <= factor) != e.negated, expected, times(least)).by(times((least - factor).abs()))
 }
 
 struct Run {

@@ -300,3 +300,31 @@ fn a_claim_about_what_has_no_value_fails_with_the_reason() {
     let behind = judged("1", "ball.at(0, 1, 9); expect(ball).in_picture().y().above(0.0);");
     assert!(!behind.passed && behind.hint.contains("behind the camera"), "{behind:?}");
 }
+
+/// Each expectation of a number that fails states the difference with its unit.
+#[test]
+fn a_number_that_is_wrong_states_by_how_much() {
+    let text = r#"
+test("numbers", || {
+    stage(#{ fps: 10, length: 2 });
+    let ball = cast("ball", shape("sphere")).at(0, 2, 0);
+    expect(ball).at(0).y().below(1.0); // = 1 m
+    expect(ball).at(0).y().above(2.5); // = 0.5 m
+    expect(ball).at(0).y().not().below(2.25); // = 0.25 m
+    expect(ball).at(0).y().near(1.5, 0.1); // = 0.5 m, 5 times the tolerance
+    expect(ball).at(0).y().not().near(1.9, 0.4); // = 0.3 m
+    expect(ball).at(0).near([0, 1, 0], 0.5); // = 1 m, 2 times the tolerance
+    expect(ball).at(0).rotation().near([0, 30, 0], 10); // = 30°, 3 times the tolerance
+    expect(stage()).count("actors").equals(3); // = 2
+    expect(stage()).events().exactly([[1, "ball: * starts"]]); // =
+    expect(2.5).near(2.0, 0.25); // = 0.5, 2 times the tolerance
+});
+"#;
+    let checks = checks(text);
+    let off = |line: usize| text.lines().nth(line - 1).unwrap().split_once("// =").unwrap().1.trim();
+    assert_eq!(checks.len(), 10);
+    for check in &checks {
+        assert!(!check.passed, "{}", check.title);
+        assert_eq!(check.by, off(check.place.line), "{}", failures(std::slice::from_ref(check)).join(""));
+    }
+}

@@ -1,6 +1,7 @@
 //! Commands of the program that the viewer runs beside itself: renders, exports, tests. Each is a process of its own, so that a render
 //! neither holds up the window nor ends with it by accident, and does exactly what the command line does.
 
+pub mod check;
 pub mod external_editor;
 mod process;
 pub mod queue;

@@ -35,6 +35,8 @@ pub struct Check {
     pub passed: bool,
     pub expected: String,
     pub got: String,
+    /// The difference of the two, with its unit.
+    pub by: String,
     pub hint: String,
     pub images: Option<Images>,
 }
@@ -104,6 +106,7 @@ impl Check {
             passed: value["passed"].as_bool().unwrap_or(false),
             expected: text(&value["expected"]),
             got: text(&value["got"]),
+            by: text(&value["by"]),
             hint: text(&value["hint"]),
             images,
         }

@@ -255,9 +255,11 @@ fn performed(
         stage,
         resources,
         registry: read.registry.clone(),
+        all_plugins: read.all_plugins.clone(),
         places: Default::default(),
         parameters: Vec::new(),
         printed: Vec::new(),
+        assets: Default::default(),
         text: Default::default(),
     };
     let note = format!("{} of {} animated joints are followed", coverage.followed(), coverage.moved);

@@ -95,12 +95,16 @@ pub fn add(viewer: &mut Viewer, what: Option<&Addition>) {
 }
 
 pub fn menu(ui: &mut Ui, viewer: &mut Viewer) {
-    // Dropped files that are shown are not the script.
-    let can = viewer.path.is_some() && viewer.scene.is_some() && viewer.guests.is_empty();
-    ui.add_enabled_ui(can, |ui| ui.menu_button("Add", |ui| entries(ui, viewer)));
+    ui.add_enabled_ui(is_possible(viewer), |ui| ui.menu_button("Add", |ui| entries(ui, viewer)));
 }
 
-fn entries(ui: &mut Ui, viewer: &mut Viewer) {
+/// Whether there is a script to add to. Dropped files that are shown are not the script.
+pub fn is_possible(viewer: &Viewer) -> bool {
+    viewer.path.is_some() && viewer.scene.is_some() && viewer.guests.is_empty()
+}
+
+/// The entries of the menu.
+pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
     let mut wanted: Option<Option<Addition>> = None;
     let entry = |ui: &mut Ui, (name, about, what): &(&str, &str, Addition)| {
         ui.button(*name).hint(*about).clicked().then(|| Some(what.clone()))

@@ -75,23 +75,25 @@ fn orbit(viewer: &Viewer, index: usize) -> Option<Orbit> {
     }
 }
 
-pub fn menu(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
+/// The side that is looked from, as the name of the menu of sides.
+pub fn menu_name(viewer: &Viewer, index: usize) -> &'static str {
+    orbit(viewer, index).as_ref().and_then(Side::of).map_or("View", Side::name)
+}
+
+pub fn entries(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
     let orbit = orbit(viewer, index);
     let side = orbit.as_ref().and_then(Side::of);
     let flat = orbit.is_some_and(|o| matches!(o.projection, Projection::Orthographic { .. }));
-    let name = side.map_or("View", Side::name);
-    ui.menu_button(name, |ui| {
-        if ui.selectable_label(orbit.is_some() && !flat, "Perspective").clicked()
+    if ui.selectable_label(orbit.is_some() && !flat, "Perspective").clicked()
+        && let Some(orbit) = viewer.free_camera(index)
+    {
+        orbit.look_in_perspective();
+    }
+    for one in Side::ALL {
+        if ui.selectable_label(side == Some(one), one.name()).clicked()
             && let Some(orbit) = viewer.free_camera(index)
         {
-            orbit.look_in_perspective();
+            orbit.look_from(one);
         }
-        for one in Side::ALL {
-            if ui.selectable_label(side == Some(one), one.name()).clicked()
-                && let Some(orbit) = viewer.free_camera(index)
-            {
-                orbit.look_from(one);
-            }
-        }
-    });
+    }
 }

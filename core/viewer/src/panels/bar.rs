@@ -3,54 +3,92 @@
 use super::actions::{self, Context};
 use super::hint::Hint;
 use super::presets::Preset;
+use super::toolbar::{self, Toolbar};
 use super::{Panels, Tab};
 use crate::app::Viewer;
 use crate::state::settings::SCALES;
-use egui::{RichText, Ui};
+use choreo_script::Severity;
+use egui::{RichText, TextStyle, Ui};
 
 /// Problems in the tooltip at most; all of them are in Messages.
 const MOST_TOLD: usize = 5;
+/// Points that a note keeps at the end of the line.
+const NOTE: f32 = 120.0;
+
+/// The state that the entries act on.
+struct Window<'w> {
+    panels: &'w mut Panels,
+    viewer: &'w mut Viewer,
+    /// The clock, seconds.
+    now: f64,
+}
 
 pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     egui::Panel::top("bar").show(ui, |ui| {
         ui.horizontal(|ui| {
-            super::files::menu(ui, viewer);
-            edit_menu(panels, ui, viewer, now);
-            super::add_menu::menu(ui, viewer);
-            ui.menu_button("Panels", |ui| {
-                for tab in Tab::ALL {
-                    let mut open = panels.is_open(tab);
-                    if ui.checkbox(&mut open, tab.title()).changed() {
-                        panels.set_open(tab, open);
-                    }
-                }
-                ui.separator();
-                for preset in Preset::ALL {
-                    if ui.button(preset.name()).clicked() {
-                        panels.dock = preset.dock();
-                    }
-                }
-            });
-            ui.menu_button("Look", |ui| {
-                ui.radio_value(&mut panels.light, false, "Dark");
-                ui.radio_value(&mut panels.light, true, "Light");
-                ui.separator();
-                for scale in [1.0, 1.25, 1.5, 1.75, 2.0] {
-                    debug_assert!((SCALES.0..=SCALES.1).contains(&scale));
-                    ui.radio_value(&mut panels.scale, scale, format!("{:.0} %", scale * 100.0));
-                }
-            });
-            ui.toggle_value(&mut panels.help, "Keys");
+            let mut bar = Toolbar::new("top");
+            bar.menu("File", "", |ui, window: &mut Window| super::files::entries(ui, window.viewer));
+            bar.menu("Edit", "", edit_entries);
+            bar.menu("Add", "", |ui, window| super::add_menu::entries(ui, window.viewer));
+            bar.enabled(super::add_menu::is_possible(viewer));
+            bar.menu("Panels", "", |ui, window| panel_entries(ui, window.panels));
+            bar.menu("Look", "", |ui, window| look_entries(ui, window.panels));
+            bar.toggle(panels.help, "Keys", "", |window| window.panels.help ^= true);
             // The name stands behind the menus, so that they stay where they are however long it is.
-            short(ui, RichText::new(&viewer.name).strong(), &viewer.name);
-            guests(ui, viewer);
-            status(panels, ui, viewer);
+            let name = viewer.name.clone();
+            bar.widget("name", true, move |ui, _| short(ui, RichText::new(&name).strong(), &name));
+            guests(&mut bar, viewer);
+            status(&mut bar, ui, viewer);
+            // Texts at the end of the line, from right to left; where they have no room, they are in the menu.
+            let figures = figures(viewer);
+            let spacing = ui.spacing().item_spacing.x;
+            let widths =
+                figures.iter().map(|(text, _)| toolbar::text_width(ui, text, TextStyle::Body) + spacing);
+            let has_note = viewer.message.is_some() || viewer.note.is_some() || viewer.faulty;
+            let reserved = if has_note { NOTE } else { 0.0 };
+            let fits = bar.width(ui) + widths.sum::<f32>() + reserved <= ui.available_width();
+            for (text, hint) in figures.iter().filter(|_| !fits) {
+                bar.text(text, hint, TextStyle::Body);
+            }
+            bar.show(ui, &mut Window { panels, viewer, now }, reserved);
+            ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                for (text, hint) in figures.iter().filter(|_| fits) {
+                    ui.label(text).hint(hint);
+                }
+                note(ui, viewer);
+            });
         });
     });
 }
 
+/// The panels that are open, and layouts of all of them.
+fn panel_entries(ui: &mut Ui, panels: &mut Panels) {
+    for tab in Tab::ALL {
+        let mut open = panels.is_open(tab);
+        if ui.checkbox(&mut open, tab.title()).changed() {
+            panels.set_open(tab, open);
+        }
+    }
+    ui.separator();
+    for preset in Preset::ALL {
+        if ui.button(preset.name()).clicked() {
+            panels.dock = preset.dock();
+        }
+    }
+}
+
+fn look_entries(ui: &mut Ui, panels: &mut Panels) {
+    ui.radio_value(&mut panels.light, false, "Dark");
+    ui.radio_value(&mut panels.light, true, "Light");
+    ui.separator();
+    for scale in [1.0, 1.25, 1.5, 1.75, 2.0] {
+        debug_assert!((SCALES.0..=SCALES.1).contains(&scale));
+        ui.radio_value(&mut panels.scale, scale, format!("{:.0} %", scale * 100.0));
+    }
+}
+
 /// The menu of changes of the script, for the mouse alone.
-fn edit_menu(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
+fn edit_entries(ui: &mut Ui, window: &mut Window) {
     const ENTRIES: [(&str, &str); 12] = [
         ("undo", "Undo"),
         ("redo", "Redo"),
@@ -65,23 +103,22 @@ fn edit_menu(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         ("set_keys", "Set keys at the playhead"),
         ("select_all", "Select all clips"),
     ];
-    ui.menu_button("Edit", |ui| {
-        for (id, name) in ENTRIES {
-            let Some(action) = actions::action(id) else { continue };
-            let keys = match id {
-                // The system's own.
-                "cut" => "Ctrl X".to_string(),
-                "copy" => "Ctrl C".to_string(),
-                "paste" => "Ctrl V".to_string(),
-                id => actions::keys_of(viewer, id),
-            };
-            let button = ui.add(egui::Button::new(name).shortcut_text(keys));
-            if button.hint(action.title).clicked() {
-                (action.run)(&mut Context { panels, ui, viewer, now });
-                ui.close();
-            }
+    for (id, name) in ENTRIES {
+        let Some(action) = actions::action(id) else { continue };
+        let keys = match id {
+            // The system's own.
+            "cut" => "Ctrl X".to_string(),
+            "copy" => "Ctrl C".to_string(),
+            "paste" => "Ctrl V".to_string(),
+            id => actions::keys_of(window.viewer, id),
+        };
+        let button = ui.add(egui::Button::new(name).shortcut_text(keys));
+        if button.hint(action.title).clicked() {
+            let Window { panels, viewer, now } = window;
+            (action.run)(&mut Context { panels, ui, viewer, now: *now });
+            ui.close();
         }
-    });
+    }
 }
 
 /// A name that leaves room for the buttons beside it, however long it is; `whole` where the mouse is over it.
@@ -94,7 +131,7 @@ fn short(ui: &mut Ui, name: RichText, whole: &str) {
 }
 
 /// Files that were dropped are shown in place of the script.
-fn guests(ui: &mut Ui, viewer: &mut Viewer) {
+fn guests(bar: &mut Toolbar<'_, Window<'_>>, viewer: &Viewer) {
     let Some(first) = viewer.guests.first() else { return };
     let name = first.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let name = match viewer.guests.len() {
@@ -102,14 +139,14 @@ fn guests(ui: &mut Ui, viewer: &mut Viewer) {
         more => format!("{name} and {} more", more - 1),
     };
     let all: Vec<String> = viewer.guests.iter().map(|guest| guest.display().to_string()).collect();
-    ui.separator();
-    short(ui, RichText::new(name).color(ui.visuals().warn_fg_color).strong(), &all.join("\n"));
-    if viewer.path.is_some() && ui.button("Add to script").clicked() {
-        viewer.edit(|v| v.add_guests());
+    bar.separator();
+    bar.widget("guests", true, move |ui, _| {
+        short(ui, RichText::new(name).color(ui.visuals().warn_fg_color).strong(), &all.join("\n"));
+    });
+    if viewer.path.is_some() {
+        bar.button("Add to script", "", |window| window.viewer.edit(|v| v.add_guests()));
     }
-    if ui.button("Back to the script").clicked() {
-        viewer.guests_leave = true;
-    }
+    bar.button("Back to the script", "", |window| window.viewer.guests_leave = true);
 }
 
 /// The first problem, in a line; a click goes there.
@@ -126,59 +163,72 @@ fn first_problem(ui: &mut Ui, viewer: &mut Viewer) {
     }
 }
 
-fn status(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
-    let errors = viewer.problems.iter().filter(|p| p.severity == choreo_script::Severity::Error).count();
-    let warnings = viewer.problems.len() - errors;
+/// How the newest version is; a click opens the messages.
+fn status(bar: &mut Toolbar<'_, Window<'_>>, ui: &Ui, viewer: &Viewer) {
+    let of = |severity| viewer.problems.iter().filter(|p| p.severity == severity).count();
+    let (errors, warnings) = (of(Severity::Error), of(Severity::Warning));
+    let many = |count: usize, one: &str| match count {
+        0 => None,
+        1 => Some(format!("1 {one}")),
+        count => Some(format!("{count} {one}s")),
+    };
     let visuals = ui.visuals();
     let text = if viewer.faulty {
         let text = match viewer.scene.is_some() {
             true => "faulty: the last good version is shown",
             false => "faulty: nothing to show yet",
         };
-        Some(RichText::new(text).color(visuals.error_fg_color).strong())
+        RichText::new(text).color(visuals.error_fg_color).strong()
     } else if viewer.without_vulkan.is_some() && viewer.trouble.len() == 1 {
         // The renderer says the same.
-        Some(RichText::new("drawn on the CPU").color(visuals.warn_fg_color))
+        RichText::new("drawn on the CPU").color(visuals.warn_fg_color)
     } else if !viewer.trouble.is_empty() {
-        Some(RichText::new("trouble: see Messages").color(visuals.error_fg_color))
-    } else if warnings > 0 {
-        let text = if warnings == 1 { "1 warning".to_string() } else { format!("{warnings} warnings") };
-        Some(RichText::new(text).color(visuals.warn_fg_color))
+        RichText::new("trouble: see Messages").color(visuals.error_fg_color)
     } else {
-        None
+        let parts: Vec<String> = many(errors, "error").into_iter().chain(many(warnings, "warning")).collect();
+        if parts.is_empty() {
+            return;
+        }
+        let color = if errors > 0 { visuals.error_fg_color } else { visuals.warn_fg_color };
+        RichText::new(parts.join(", ")).color(color)
     };
-    if let Some(text) = text {
-        let all = viewer.problems.iter().map(ToString::to_string).chain(viewer.trouble.iter().cloned());
-        let all: Vec<String> = all.take(MOST_TOLD).collect();
-        let label = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
+    let all = viewer.problems.iter().map(ToString::to_string).chain(viewer.trouble.iter().cloned());
+    let all: Vec<String> = all.take(MOST_TOLD).collect();
+    bar.widget("status", false, move |ui, window| {
+        let label = ui.add(egui::Label::new(text).extend().sense(egui::Sense::click()));
         let label = label.hint(RichText::new(all.join("\n\n")).monospace());
         if label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {
-            panels.bring(Tab::Messages);
+            window.panels.bring(Tab::Messages);
         }
+    });
+}
+
+/// Texts about the image that is shown, with their hints.
+fn figures(viewer: &Viewer) -> Vec<(String, String)> {
+    let Some(shown) = viewer.shown() else { return Vec::new() };
+    let millis = |d: std::time::Duration| d.as_secs_f64() * 1e3;
+    let all = shown.evaluated_in + shown.planned_in + shown.drawn_in;
+    let hint = format!(
+        "pose {:.2} ms, plan {:.2} ms, draw {:.2} ms on {}",
+        millis(shown.evaluated_in),
+        millis(shown.planned_in),
+        millis(shown.drawn_in),
+        shown.device.name
+    );
+    let size = format!("{}×{}", shown.size[0], shown.size[1]);
+    vec![(format!("{:.1} ms a frame", millis(all)), hint), (size, "pixels of the image".to_string())]
+}
+
+/// Why the last change was not made, what is to be said about it, or the first problem, in the room that is left.
+fn note(ui: &mut Ui, viewer: &mut Viewer) {
+    if let Some(why) = &viewer.message {
+        let text = RichText::new(why).color(ui.visuals().warn_fg_color);
+        ui.add(egui::Label::new(text).truncate()).hint(why);
+    } else if let Some(note) = &viewer.note {
+        ui.add(egui::Label::new(note).truncate()).hint(note);
+    } else {
+        first_problem(ui, viewer);
     }
-    let right = |ui: &mut Ui| {
-        if let Some(shown) = viewer.shown() {
-            let millis = |d: std::time::Duration| d.as_secs_f64() * 1e3;
-            let all = shown.evaluated_in + shown.planned_in + shown.drawn_in;
-            ui.label(format!("{:.1} ms a frame", millis(all))).hint(format!(
-                "pose {:.2} ms, plan {:.2} ms, draw {:.2} ms on {}",
-                millis(shown.evaluated_in),
-                millis(shown.planned_in),
-                millis(shown.drawn_in),
-                shown.device.name
-            ));
-            ui.label(format!("{}×{}", shown.size[0], shown.size[1]));
-        }
-        if let Some(why) = &viewer.message {
-            let text = RichText::new(why).color(ui.visuals().warn_fg_color);
-            ui.add(egui::Label::new(text).truncate()).hint(why);
-        } else if let Some(note) = &viewer.note {
-            ui.add(egui::Label::new(note).truncate()).hint(note);
-        } else {
-            first_problem(ui, viewer);
-        }
-    };
-    ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), right);
 }
 
 /// A change that needs a word first, with the difference.

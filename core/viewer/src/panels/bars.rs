@@ -10,7 +10,7 @@ use super::sequencer::{STRIP, color_of, followed, row_places};
 use crate::app::Viewer;
 use crate::editing::{ClipOf, EditError};
 use crate::state::selection::Selected;
-use crate::state::timeline::{Bar, Timeline};
+use crate::state::timeline::Bar;
 use choreo_motion::{Repeat, Time};
 use choreo_session::edit::CueTime;
 use egui::{
@@ -107,7 +107,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
         let name = format!("{} on {label}", bar.label);
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, name.clone()));
         let selected = viewer.is_selected(&bar.what);
-        let wrong = Timeline::severity(&bar.place, &viewer.problems);
+        let wrong = viewer.severity(&bar.place);
         draw(&ui.painter_at(lane.rect), viewer, bar, place, lane, (selected, wrong));
         if response.clicked() {
             act = Some(Act::Select(bar.what.clone(), held::adds(ui)));
@@ -239,13 +239,12 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
     let Modifiers { alt, shift, command, .. } = held::modifiers(ui);
     let length = (bar.end - bar.start).as_secs();
     let painter = ui.painter_at(lane.rect);
-    let outline = Stroke::new(2.0, ui.visuals().strong_text_color());
     if let (true, Some(strip)) = (alt, bar.strip) {
         // The content goes with the pointer, so that an earlier part of it is seen where it is dragged later.
         let by = (bar.start.as_secs() - lane.secs(viewer, pointer)) * strip.speed.abs();
         let start = bar.start.as_secs() - (strip.before() + by) / strip.speed.abs();
         let ghost = lane.place(viewer, start, start + strip.clip / strip.speed.abs());
-        painter.rect_stroke(ghost, CornerRadius::same(3), outline, StrokeKind::Inside);
+        outline(&painter, ghost);
         return (response.drag_stopped() && by != 0.0).then(|| Act::Slip(bar.what.clone(), by));
     }
     let (wanted, reach) = (lane.secs(viewer, pointer), lane.reach(viewer));
@@ -259,14 +258,14 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
     if let Some(other) = other_row(ui, viewer, bar, lane, response.interact_pointer_pos()?) {
         let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Foreground, id));
         let ghost = other.place(viewer, start, start + length).intersect(other.rect);
-        painter.rect_stroke(ghost, CornerRadius::same(3), outline, StrokeKind::Inside);
+        outline(&painter, ghost);
         if let Some(text) = onto(ui, viewer, bar, other.row) {
             beside(ui, response.interact_pointer_pos()?, &text);
         }
         return response.drag_stopped().then(|| Act::MoveTo(bar.clone(), start, other.row));
     }
     let ghost = lane.place(viewer, start, start + length);
-    painter.rect_stroke(ghost, CornerRadius::same(3), outline, StrokeKind::Inside);
+    outline(&painter, ghost);
     let drag = match (shift, command) {
         (true, _) => Drag::Ripple,
         (_, true) => Drag::Overlap,
@@ -340,8 +339,10 @@ fn handle(
     let pointer =
         response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped())?;
     let secs = lane.snapped(viewer, pointer.x, Some(bar));
-    let stroke = Stroke::new(2.0, ui.visuals().strong_text_color());
-    ui.painter_at(rect).vline(lane.x(viewer, secs), rect.y_range(), stroke);
+    let [outer, inner] = outline_colors(ui.visuals());
+    for (width, color) in [(4.0, outer), (2.0, inner)] {
+        ui.painter_at(rect).vline(lane.x(viewer, secs), rect.y_range(), Stroke::new(width, color));
+    }
     let value = if part == CueTime::FadeIn { (secs - bar.start.as_secs()).max(0.0) } else { secs };
     let keep = held::modifiers(ui).alt;
     if let (CueTime::Start, Some(strip)) = (part, bar.strip) {
@@ -375,8 +376,7 @@ fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane)
     let end = lane.snapped(viewer, pointer.x, Some(bar));
     let length = (bar.played_until() - bar.start).as_secs() / (end - bar.start.as_secs()).max(1e-3);
     let ghost = lane.place(viewer, bar.start.as_secs(), end);
-    let stroke = Stroke::new(2.0, ui.visuals().strong_text_color());
-    ui.painter_at(lane.rect).rect_stroke(ghost, CornerRadius::same(3), stroke, StrokeKind::Inside);
+    outline(&ui.painter_at(lane.rect), ghost);
     beside(ui, pointer, &format!("speed {:.2}", speed * length));
     response.drag_stopped().then(|| Act::Stretch(bar.what.clone(), end))
 }
@@ -481,17 +481,40 @@ fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane,
         let begin = x((bar.end - bar.fade_out).max(bar.start));
         wedge(begin, x(bar.end), x(bar.end));
     }
-    rounds(painter, viewer, bar, place, lane);
+    let ink = if is_off { off_text(&painter.ctx().global_style().visuals) } else { Color32::WHITE };
+    rounds(painter, viewer, bar, place, lane, ink);
     let text = painter.with_clip_rect(place.shrink2(vec2(4.0, 0.0)).intersect(painter.clip_rect()));
     let left = pos2(place.left() + 5.0, place.center().y);
-    let ink = if is_off { off_text(&painter.ctx().global_style().visuals) } else { Color32::WHITE };
     text.text(left, Align2::LEFT_CENTER, &bar.label, FontId::proportional(11.5), ink);
     if is_off {
         painter.hline(place.x_range(), place.center().y, Stroke::new(1.0, ink));
     }
     if selected {
-        painter.rect_stroke(place, round, Stroke::new(2.0, Color32::WHITE), StrokeKind::Inside);
+        outline(painter, place);
     }
+}
+
+/// Colors of the two lines of an outline, the outer one first: one of them stands out from any bar, the outer one from the panel.
+pub(super) fn outline_colors(visuals: &egui::Visuals) -> [Color32; 2] {
+    [visuals.strong_text_color(), Color32::WHITE]
+}
+
+/// An outline that is seen on bars and beside them.
+fn outline(painter: &Painter, place: Rect) {
+    let [outer, inner] = outline_colors(&painter.ctx().global_style().visuals);
+    let line = |place: Rect, round: u8, color: Color32| {
+        painter.rect_stroke(place, CornerRadius::same(round), Stroke::new(1.5, color), StrokeKind::Inside);
+    };
+    // Of a narrow bar the outer line is all there is room for.
+    if place.width() > 6.0 {
+        line(place.shrink(1.5), 2, inner);
+    }
+    line(place, 3, outer);
+}
+
+/// Color of the part of a clip that goes on beyond its bar, beside which it stands.
+pub(super) fn ghost_color(visuals: &egui::Visuals) -> Color32 {
+    visuals.weak_text_color()
 }
 
 /// The outline of a whole clip that is cut short, over the bars that follow it.
@@ -500,13 +523,15 @@ fn whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
     let (start, end) = (bar.start.as_secs(), bar.end.as_secs());
     if start + strip.length() > end + 1e-3 {
         let ghost = lane.place(viewer, start, start + strip.length());
-        let stroke = Stroke::new(1.0, Color32::from_white_alpha(70));
+        let beyond = Rect::from_min_max(pos2(lane.x(viewer, end), ghost.top()), ghost.max);
+        let stroke = Stroke::new(1.0, ghost_color(&painter.ctx().global_style().visuals));
+        let painter = painter.with_clip_rect(beyond.intersect(painter.clip_rect()));
         painter.rect_stroke(ghost, CornerRadius::same(3), stroke, StrokeKind::Inside);
     }
 }
 
 /// Marks the places at which a clip begins again.
-fn rounds(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane) {
+fn rounds(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane, ink: Color32) {
     let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
     if strip.repeat == Repeat::Once {
         return;
@@ -518,7 +543,7 @@ fn rounds(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lan
             break;
         }
         let x = lane.x(viewer, at);
-        let low = Stroke::new(1.0, Color32::from_white_alpha(120));
+        let low = Stroke::new(1.0, ink);
         painter.vline(x, place.top()..=place.top() + 4.0, low);
         painter.vline(x, place.bottom() - 4.0..=place.bottom(), low);
     }

@@ -1,6 +1,6 @@
 //! Contrast of the two themes: WCAG 2.2 wants 4.5 to 1 for text (1.4.3) and 3 to 1 for what shows controls and their states (1.4.11).
 
-use super::bars::{FAULTY, OFF, WARNED, off_text};
+use super::bars::{FAULTY, OFF, WARNED, ghost_color, off_text, outline_colors};
 use super::sequencer::{COLORS, color_of};
 use super::set_colors;
 use egui::{Color32, Theme, Visuals};
@@ -94,6 +94,36 @@ fn both_themes_have_contrasts_of_wcag_aa() {
             let ratio = self::ratio(off_text(&visuals), ground);
             if ratio < 4.5 {
                 faults.push(format!("{theme:?}: a bar that is off: {ratio:.2}, on {ground:?}"));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+/// Outlines on the timeline: of the bar that is selected, of one that is dragged, and of the rest of a clip that is cut short.
+#[test]
+fn outlines_stand_out_from_bars_and_rows() {
+    let context = egui::Context::default();
+    let mut faults = Vec::new();
+    for (theme, light) in [(Theme::Dark, false), (Theme::Light, true)] {
+        set_colors(&context, light);
+        let visuals = context.style_of(theme).visuals.clone();
+        let rows = [visuals.panel_fill, visuals.panel_fill.blend(visuals.faint_bg_color)];
+        let bars: Vec<Color32> = (0..2 * COLORS.len()).map(color_of).chain([FAULTY, WARNED]).collect();
+        let off = bars.iter().map(|bar| rows[0].blend(bar.gamma_multiply(OFF)));
+        let [outer, inner] = outline_colors(&visuals);
+        for row in rows {
+            for (name, color) in [("an outline", outer), ("the rest of a clip", ghost_color(&visuals))] {
+                let ratio = self::ratio(color, row);
+                if ratio < 3.0 {
+                    faults.push(format!("{theme:?}: {name}: {ratio:.2}, {color:?} on {row:?}"));
+                }
+            }
+        }
+        for bar in bars.iter().copied().chain(off) {
+            let ratio = self::ratio(inner, bar).max(self::ratio(outer, bar));
+            if ratio < 3.0 {
+                faults.push(format!("{theme:?}: an outline: {ratio:.2} on the bar {bar:?}"));
             }
         }
     }

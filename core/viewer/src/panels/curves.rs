@@ -9,6 +9,7 @@ use super::overlay::{X, Y, Z};
 use super::rounded;
 use super::sequencer::{LABELS, RULER, over_all, scrub};
 use super::tangents;
+use super::toolbar::Toolbar;
 use crate::app::Viewer;
 use crate::editing::ValueDrag;
 use crate::state::curves::KeyDrag;
@@ -162,7 +163,8 @@ fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
 }
 
 fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProperty]) {
-    ui.horizontal_wrapped(|ui| {
+    ui.horizontal(|ui| {
+        let mut bar = Toolbar::new("curves");
         let name = match what {
             Selected::Actor(name) | Selected::Camera(name) => name.clone(),
             Selected::Light(index) => viewer.light_name(*index),
@@ -171,23 +173,27 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
             Selected::Cue { actor, .. } => actor.clone(),
             Selected::Sky => "sky".to_string(),
         };
-        ui.strong(name);
-        if ui.button("Fit").hint("show all keys, or those that are selected (Home)").clicked() {
-            viewer.curves.fit = true;
-        }
+        bar.widget("name", true, move |ui, _: &mut Viewer| drop(ui.strong(name)));
+        let hint = "show all keys, or those that are selected (Home)";
+        bar.button("Fit", hint, |viewer| viewer.curves.fit = true);
         let hint = "the change of each value a second, instead of the value";
-        let speed = ui.toggle_value(&mut viewer.curves.speed, "Speed").hint(hint).changed();
-        let hint = "each property fills the height by itself, whatever its unit";
-        let normalized = ui.toggle_value(&mut viewer.curves.normalized, "Normalize").hint(hint).changed();
-        if speed || normalized {
+        bar.toggle(viewer.curves.speed, "Speed", hint, |viewer| {
+            viewer.curves.speed ^= true;
             viewer.curves.fit_values(all, Time::ZERO, None);
-        }
-        ui.toggle_value(&mut viewer.snap, "Snap").hint("dragged times are whole frames (N)");
-        if ui.button("Set key").hint("keys at the playhead, of what has keys (K)").clicked() {
-            viewer.edit(Viewer::set_keys_of_selection);
-        }
+        });
+        let hint = "each property fills the height by itself, whatever its unit";
+        bar.toggle(viewer.curves.normalized, "Normalize", hint, |viewer| {
+            viewer.curves.normalized ^= true;
+            viewer.curves.fit_values(all, Time::ZERO, None);
+        });
+        let hint = "dragged times are whole frames (N)";
+        bar.toggle(viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
+        let hint = "keys at the playhead, of what has keys (K)";
+        bar.button("Set key", hint, |viewer| viewer.edit(Viewer::set_keys_of_selection));
         let frame = viewer.playhead.frame();
-        ui.monospace(format!("{:.3} s   frame {frame}", viewer.playhead.time().as_secs()));
+        let time = format!("{:.3} s   frame {frame}", viewer.playhead.time().as_secs());
+        bar.text(&time, "", egui::TextStyle::Monospace);
+        bar.show(ui, viewer, 0.0);
     });
 }
 

@@ -7,45 +7,44 @@ use crate::library::folder::{Entry, FileKind};
 use crate::library::templates::TEMPLATES;
 use egui::{Align2, Key, RichText, ScrollArea, TextEdit, Ui, Window};
 
-pub fn menu(ui: &mut Ui, viewer: &mut Viewer) {
-    ui.menu_button("File", |ui| {
-        let shown = viewer.path.clone();
-        ui.menu_button("New", |ui| {
-            for template in TEMPLATES {
-                if ui.button(template.name).hint(template.about).clicked() {
-                    viewer.documents.ask(Purpose::New(template), shown.as_deref());
+/// The entries of the menu.
+pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
+    let shown = viewer.path.clone();
+    ui.menu_button("New", |ui| {
+        for template in TEMPLATES {
+            if ui.button(template.name).hint(template.about).clicked() {
+                viewer.documents.ask(Purpose::New(template), shown.as_deref());
+            }
+        }
+    });
+    if ui.button("Open…").clicked() {
+        viewer.documents.ask(Purpose::Open, shown.as_deref());
+    }
+    let recent = viewer.documents.recent.clone();
+    ui.add_enabled_ui(!recent.is_empty(), |ui| {
+        ui.menu_button("Recent", |ui| {
+            for file in recent {
+                if ui.button(file.display().to_string()).clicked() {
+                    viewer.documents.open = Some(file);
                 }
             }
         });
-        if ui.button("Open…").clicked() {
-            viewer.documents.ask(Purpose::Open, shown.as_deref());
-        }
-        let recent = viewer.documents.recent.clone();
-        ui.add_enabled_ui(!recent.is_empty(), |ui| {
-            ui.menu_button("Recent", |ui| {
-                for file in recent {
-                    if ui.button(file.display().to_string()).clicked() {
-                        viewer.documents.open = Some(file);
-                    }
-                }
-            });
-        });
-        // There is nothing to save.
-        ui.add_enabled(false, egui::Button::new("Saved"))
-            .on_disabled_hover_text("each change is written at once");
-        if ui.add_enabled(shown.is_some(), egui::Button::new("Save as…")).clicked() {
-            viewer.documents.ask(Purpose::SaveAs, shown.as_deref());
-        }
-        ui.separator();
-        let start = &mut viewer.documents.start;
-        let word = if *start { "Back to the file" } else { "Start page" };
-        if ui.add_enabled(!*start || viewer.scene.is_some(), egui::Button::new(word)).clicked() {
-            *start = !*start;
-        }
-        if ui.button("Quit").hint("ends the program; each change is saved").clicked() {
-            viewer.quit = true;
-        }
     });
+    // There is nothing to save.
+    ui.add_enabled(false, egui::Button::new("Saved"))
+        .on_disabled_hover_text("each change is written at once");
+    if ui.add_enabled(shown.is_some(), egui::Button::new("Save as…")).clicked() {
+        viewer.documents.ask(Purpose::SaveAs, shown.as_deref());
+    }
+    ui.separator();
+    let start = &mut viewer.documents.start;
+    let word = if *start { "Back to the file" } else { "Start page" };
+    if ui.add_enabled(!*start || viewer.scene.is_some(), egui::Button::new(word)).clicked() {
+        *start = !*start;
+    }
+    if ui.button("Quit").hint("ends the program; each change is saved").clicked() {
+        viewer.quit = true;
+    }
 }
 
 /// The open list of files, and what is asked about a missing script.

@@ -23,24 +23,12 @@ pub fn fonts() -> FontDefinitions {
     fonts
 }
 
-/// A button of a toolbar.
-pub fn button(ui: &mut Ui, icon: &str, name: &str, hint: &str) -> Response {
-    named(ui.button(icon), name, hint)
-}
-
 /// A button within a line of text.
 pub fn small(ui: &mut Ui, icon: &str, name: &str, hint: &str) -> Response {
     named(ui.small_button(icon), name, hint)
 }
 
-/// A button that is on or off.
-pub fn toggle(ui: &mut Ui, icon: &str, on: bool, name: &str, hint: &str) -> Response {
-    let response = ui.add(Button::selectable(on, icon)).hint(hinted(name, hint));
-    response.widget_info(|| WidgetInfo::selected(WidgetType::Checkbox, ui.is_enabled(), on, name));
-    response
-}
-
-/// A small one, which is faint while it is off.
+/// A small button that is on or off, which is faint while it is off.
 pub fn small_toggle(ui: &mut Ui, icon: &str, on: bool, name: &str, hint: &str) -> Response {
     let text = RichText::new(icon).size(12.0);
     let text = if on { text.strong() } else { text.weak() };
@@ -56,7 +44,7 @@ fn named(response: Response, name: &str, hint: &str) -> Response {
 }
 
 /// The name and what it does, in a line.
-fn hinted(name: &str, hint: &str) -> String {
+pub(super) fn hinted(name: &str, hint: &str) -> String {
     if hint.is_empty() { name.to_string() } else { format!("{name}: {hint}") }
 }
 

@@ -11,7 +11,7 @@ use crate::editing::file_name;
 use crate::state::events::{Event, EventKind};
 use crate::state::keyed::KeyRef;
 use crate::state::selection::{Selected, actor};
-use crate::state::timeline::{Row, Timeline};
+use crate::state::timeline::Row;
 use choreo_motion::Time;
 use choreo_script::{Place, Severity};
 use egui::{Color32, Rect, Sense, Shape, Stroke, Ui, pos2, vec2};
@@ -47,7 +47,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, index: usize, lane: Rect) -> 
     // Above the names of bars, where there are any.
     let y = key_height(row, lane);
     let painter = ui.painter_at(lane);
-    let wrong = Timeline::severity(&row.place, &viewer.problems);
+    let wrong = viewer.severity(&row.place);
     let mut last = f32::NEG_INFINITY;
     let mut acted = None;
     let mut count = 0;

@@ -2,7 +2,11 @@
 
 use crate::app::Viewer;
 use choreo_script::Severity;
+use choreo_session::Problem;
 use egui::{RichText, Sense, Ui};
+
+/// Messages that are shown at most: the window draws all of them in each of its frames.
+const MOST: usize = 100;
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let visuals = ui.visuals().clone();
@@ -17,7 +21,9 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     }
     let mut go_to = None;
     let mut open = None;
-    for problem in &viewer.problems {
+    let shown = shown(&viewer.problems);
+    let left_out = viewer.problems.len() - shown.len();
+    for problem in shown {
         let color = match problem.severity {
             Severity::Error => visuals.error_fg_color,
             Severity::Warning => visuals.warn_fg_color,
@@ -38,6 +44,9 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         }
         ui.separator();
     }
+    if left_out > 0 {
+        ui.weak(format!("and {left_out} more, all of which choreo check prints"));
+    }
     viewer.go_to = go_to.or(viewer.go_to);
     if let Some(line) = open {
         super::script::open_in_editor(viewer, line);
@@ -45,5 +54,29 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let printed = viewer.scene.as_ref().map(|s| s.printed.as_slice()).unwrap_or_default();
     for line in printed {
         ui.label(RichText::new(line).monospace());
+    }
+}
+
+/// The worst ones, in their order.
+fn shown(problems: &[Problem]) -> Vec<&Problem> {
+    let mut worst: Vec<usize> = (0..problems.len()).collect();
+    worst.sort_by_key(|index| problems[*index].severity);
+    worst.truncate(MOST);
+    worst.sort_unstable();
+    worst.into_iter().map(|index| &problems[index]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_very_many_messages_the_worst_are_shown() {
+        let mut problems = vec![Problem::warning("gap"); 4 * MOST];
+        problems.push(Problem::error("late"));
+        let shown = shown(&problems);
+        assert_eq!(shown.len(), MOST);
+        assert_eq!(shown.last().map(|problem| problem.message.as_str()), Some("late"));
+        assert_eq!(super::shown(&problems[..3]).len(), 3);
     }
 }

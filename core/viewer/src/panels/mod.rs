@@ -46,6 +46,7 @@ mod start;
 mod strip;
 mod tangents;
 mod tests;
+mod toolbar;
 mod trails;
 mod tree;
 mod values;

@@ -1,5 +1,6 @@
 //! Why a change was not made, beside the pointer that made it, with the line that decides as a link.
 
+use super::hint;
 use crate::app::Viewer;
 use egui::{Area, Frame, Key, Order, Pos2, RichText, TextStyle, TextWrapMode, Ui, WidgetText, vec2};
 
@@ -19,7 +20,10 @@ pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
         let pointer = ui.input(|i| i.pointer.latest_pos());
         refusals.at = Some(pointer.unwrap_or_else(|| ui.ctx().content_rect().center()));
     }
-    let (Some(at), Some(why)) = (refusals.at, viewer.message.clone()) else {
+    let shown = refusals.at.zip(viewer.message.clone());
+    // A hint at the mouse would cover the text.
+    hint::hold(ui.ctx(), shown.is_some());
+    let Some((at, why)) = shown else {
         refusals.at = None;
         return;
     };

@@ -4,6 +4,7 @@ use super::hint::Hint;
 use crate::app::Viewer;
 use crate::editing::read;
 use crate::state::selection::Selected;
+use choreo_script::Severity;
 use egui::{Color32, FontId, RichText, ScrollArea, Sense, TextStyle, Ui};
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -37,7 +38,11 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             viewer.timeline.on_at(time).filter_map(|bar| here(&bar.place.file, bar.place.line)).collect()
         }
     };
-    let wrong: BTreeSet<usize> = viewer.problems.iter().filter_map(|p| here(&p.file, p.line)).collect();
+    let of = |severity| {
+        let of_it = viewer.problems.iter().filter(move |p| p.severity == severity);
+        of_it.filter_map(|p| here(&p.file, p.line)).collect::<BTreeSet<usize>>()
+    };
+    let (wrong, warned) = (of(Severity::Error), of(Severity::Warning));
     let selected = viewer.selection.as_ref().and_then(|s| line_of(viewer, s)).filter(|_| !viewer.faulty);
     let font = FontId::monospace(TextStyle::Monospace.resolve(ui.style()).size);
     let height = ui.text_style_height(&TextStyle::Monospace);
@@ -57,6 +62,8 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
                 visuals.selection.bg_fill
             } else if wrong.contains(&line) {
                 visuals.error_fg_color.gamma_multiply(0.35)
+            } else if warned.contains(&line) {
+                visuals.warn_fg_color.gamma_multiply(0.35)
             } else if on.contains(&line) {
                 visuals.selection.bg_fill.gamma_multiply(0.4)
             } else {

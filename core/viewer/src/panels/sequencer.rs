@@ -3,6 +3,7 @@
 use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks::MarkAct;
+use super::toolbar::Toolbar;
 use super::{bar_menu, bars, headers, held, icons, key_menu, markers, marks, row_order, values};
 use crate::app::Viewer;
 use crate::editing::{ClipOf, EditError};
@@ -10,7 +11,7 @@ use crate::state::keyed::KeyRef;
 use crate::state::selection::Selected;
 use crate::state::span::Span;
 use crate::state::tempo::Tempo;
-use crate::state::timeline::{Timeline, kind};
+use crate::state::timeline::kind;
 use choreo_motion::Time;
 use choreo_script::Severity;
 use egui::{Align2, Color32, FontId, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
@@ -81,70 +82,39 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
 }
 
 fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
-    // Else it makes the panel wider than there is room for.
-    ui.horizontal_wrapped(|ui| {
-        let playhead = &mut viewer.playhead;
-        if icons::button(ui, icons::SKIP_BACK, "First frame", "Home").clicked() {
-            playhead.step(i64::MIN / 2);
-        }
-        if icons::button(ui, icons::CARET_LEFT, "One frame back", "←").clicked() {
-            playhead.step(-1);
-        }
-        let (icon, name) = match playhead.is_playing() {
-            true => (icons::PAUSE, "Pause"),
-            false => (icons::PLAY, "Play"),
-        };
-        if icons::button(ui, icon, name, "Space").clicked() {
-            playhead.toggle(now);
-        }
-        if icons::button(ui, icons::CARET_RIGHT, "One frame on", "→").clicked() {
-            playhead.step(1);
-        }
-        if icons::button(ui, icons::SKIP_FORWARD, "Last frame", "End").clicked() {
-            playhead.step(i64::MAX / 2);
-        }
-        let looping = playhead.looping;
-        let hint = "again and again, or once (L)";
-        playhead.looping ^= icons::toggle(ui, icons::REPEAT, looping, "Loop", hint).clicked();
-        if let Some((from, to)) = playhead.range() {
-            let text = format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
-            if ui.button(text).hint("the part that is played; a click: all of it").clicked() {
-                playhead.set_range(None);
+    ui.horizontal(|ui| {
+        let mut bar = Toolbar::new("timeline");
+        moves(&mut bar, viewer, now);
+        bar.separator();
+        let playhead = &viewer.playhead;
+        let (time, last) = (playhead.time().as_secs(), playhead.length().as_secs());
+        bar.widget("time of the playhead", false, move |ui, viewer| {
+            if let Some(to) = values::number(ui, "time of the playhead", time, 0.01, 0.0..=last) {
+                let playhead = &mut viewer.playhead;
+                playhead.seek(Time::from_secs(nearest_frame(playhead.fps().as_fps(), to)));
             }
-        }
-        let hint = "dragged times are whole frames (N)";
-        viewer.snap ^= icons::toggle(ui, icons::MAGNET, viewer.snap, "Snap", hint).clicked();
-        beats(ui, &mut viewer.tempo);
-        ui.separator();
-        let playhead = &mut viewer.playhead;
-        let (now, last) = (playhead.time().as_secs(), playhead.length().as_secs());
-        if let Some(to) = values::number(ui, "time of the playhead", now, 0.01, 0.0..=last) {
-            playhead.seek(Time::from_secs(nearest_frame(playhead.fps().as_fps(), to)));
-        }
+        });
         let text = format!(
             "s   frame {} of {}   {} frames a second",
             playhead.frame(),
             playhead.frames(),
             playhead.fps().as_fps()
         );
-        ui.monospace(text);
-        ui.separator();
+        bar.text(&text, "", egui::TextStyle::Monospace);
+        bar.separator();
         let units = if viewer.in_seconds { "seconds" } else { "frames" };
-        if ui.button(units).hint("times as seconds or as frames (T)").clicked() {
+        bar.button(units, "times as seconds or as frames (T)", |viewer| {
             viewer.in_seconds = !viewer.in_seconds;
-        }
+        });
         let hint = "to what begins, ends or happens before (↑)";
-        if icons::button(ui, icons::ARROW_LINE_LEFT, "Previous event", hint).clicked() {
-            viewer.seek_to_next(true);
-        }
+        bar.icon(icons::ARROW_LINE_LEFT, "Previous event", hint, |viewer| viewer.seek_to_next(true));
         let hint = "to what begins, ends or happens next (↓)";
-        if icons::button(ui, icons::ARROW_LINE_RIGHT, "Next event", hint).clicked() {
-            viewer.seek_to_next(false);
-        }
+        bar.icon(icons::ARROW_LINE_RIGHT, "Next event", hint, |viewer| viewer.seek_to_next(false));
         let hint = "show the whole scene";
-        if icons::button(ui, icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint).clicked() {
+        bar.icon(icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint, |viewer| {
             viewer.span = Span::whole(viewer.playhead.length().as_secs());
-        }
+        });
+        bar.show(ui, viewer, 0.0);
     });
 }
 
@@ -158,6 +128,30 @@ fn beats(ui: &mut Ui, tempo: &mut Tempo) {
         tempo.first = set.unwrap_or(tempo.first);
         ui.weak("s").hint("when the first beat is");
     }
+}
+
+/// The buttons that move the playhead, and how it moves.
+fn moves(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
+    let playhead = &viewer.playhead;
+    bar.icon(icons::SKIP_BACK, "First frame", "Home", |viewer| viewer.playhead.step(i64::MIN / 2));
+    bar.icon(icons::CARET_LEFT, "One frame back", "←", |viewer| viewer.playhead.step(-1));
+    let (icon, name) = match playhead.is_playing() {
+        true => (icons::PAUSE, "Pause"),
+        false => (icons::PLAY, "Play"),
+    };
+    bar.icon(icon, name, "Space", move |viewer| viewer.playhead.toggle(now));
+    bar.icon(icons::CARET_RIGHT, "One frame on", "→", |viewer| viewer.playhead.step(1));
+    bar.icon(icons::SKIP_FORWARD, "Last frame", "End", |viewer| viewer.playhead.step(i64::MAX / 2));
+    let hint = "again and again, or once (L)";
+    bar.icon_toggle(icons::REPEAT, playhead.looping, "Loop", hint, |viewer| viewer.playhead.looping ^= true);
+    if let Some((from, to)) = playhead.range() {
+        let text = format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
+        let hint = "the part that is played; a click: all of it";
+        bar.button(&text, hint, |viewer| viewer.playhead.set_range(None));
+    }
+    let hint = "dragged times are whole frames (N)";
+    bar.icon_toggle(icons::MAGNET, viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
+    bar.widget("tempo", true, |ui, viewer| beats(ui, &mut viewer.tempo));
 }
 
 /// The time of the frame that is nearest to a time, seconds.
@@ -243,7 +237,7 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     if response.clicked() {
         clicked = row.what.clone();
     }
-    let color = match Timeline::severity(&row.place, &viewer.problems) {
+    let color = match viewer.severity(&row.place) {
         Some(Severity::Error) => visuals.error_fg_color,
         Some(Severity::Warning) => visuals.warn_fg_color,
         _ if selected_actor => visuals.strong_text_color(),
@@ -415,9 +409,7 @@ fn dropped(ui: &Ui, viewer: &mut Viewer, index: usize, lane: Rect) -> Option<(Cl
         let x = lane.left() + viewer.span.x_of(secs, lane.width());
         ui.painter_at(lane).vline(x, lane.y_range(), Stroke::new(2.0, ui.visuals().strong_text_color()));
         if let Some((joints, moved)) = followed(ui, viewer, &clip, on) {
-            let text = format!("on {on}: {joints} of {moved} joints follow");
-            let font = FontId::proportional(11.5);
-            ui.painter().text(pointer + vec2(12.0, -8.0), Align2::LEFT_BOTTOM, text, font, Color32::WHITE);
+            bars::beside(ui, pointer, &format!("on {on}: {joints} of {moved} joints follow"));
         }
     }
     let clip = response.dnd_release_payload::<ClipDrag>()?;
@@ -490,14 +482,17 @@ pub(super) fn over_all(ui: &Ui, viewer: &Viewer, area: Rect, (ruler, span): (Rec
 
 /// How many errors and warnings there are, until they are mended; a click goes to the first.
 fn wrong(ui: &Ui, viewer: &mut Viewer, place: Rect) {
-    let Some(first) = viewer.problems.first() else { return };
+    let of = |severity| viewer.problems.iter().filter(move |p| p.severity == severity);
+    let worst = [Severity::Error, Severity::Warning].into_iter().find(|worst| of(*worst).next().is_some());
+    let Some((worst, first)) = worst.and_then(|worst| Some((worst, of(worst).next()?))) else { return };
     let visuals = ui.visuals();
-    let color = if viewer.faulty { visuals.error_fg_color } else { visuals.warn_fg_color };
-    let text = match (viewer.faulty, viewer.problems.len()) {
-        (true, 1) => "1 error".to_string(),
-        (true, n) => format!("{n} errors"),
-        (false, 1) => "1 warning".to_string(),
-        (false, n) => format!("{n} warnings"),
+    let (color, word) = match worst {
+        Severity::Error => (visuals.error_fg_color, "error"),
+        _ => (visuals.warn_fg_color, "warning"),
+    };
+    let text = match of(worst).count() {
+        1 => format!("1 {word}"),
+        n => format!("{n} {word}s"),
     };
     let text = if first.line > 0 { format!("{text}: line {}", first.line) } else { text };
     let response = ui.interact(place, ui.id().with("wrong"), Sense::click());

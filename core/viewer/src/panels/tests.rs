@@ -134,7 +134,9 @@ fn judged(
     if label.on_hover_cursor(egui::CursorIcon::PointingHand).clicked() {
         go_to(viewer, section, check.line);
     }
-    for (name, text) in [("expected", &check.expected), ("got", &check.got), ("hint", &check.hint)] {
+    let texts =
+        [("expected", &check.expected), ("got", &check.got), ("off by", &check.by), ("hint", &check.hint)];
+    for (name, text) in texts {
         if !text.is_empty() && !check.passed {
             ui.add(egui::Label::new(RichText::new(format!("{name}: {text}")).monospace()).wrap());
         }

@@ -1,9 +1,10 @@
 //! The image, the camera that the mouse moves, and what is picked in it.
 
 use super::assets::ModelDrag;
-use super::hint::Hint;
+use super::toolbar::Toolbar;
 use super::{axes, handles, icons, overlay, signs, trails};
 use crate::app::Viewer;
+use crate::geometry::gizmo::Tool;
 use crate::geometry::picking;
 use crate::geometry::projection::Lens;
 use crate::state::dropped_models::DroppedModels;
@@ -111,61 +112,59 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
 }
 
 fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
-    use crate::geometry::gizmo::Tool;
-    ui.horizontal_wrapped(|ui| {
+    ui.horizontal(|ui| {
+        let mut bar = Toolbar::new(("viewport", index));
         let free = matches!(viewer.views[index].camera, ViewCamera::Free(_) | ViewCamera::Follow { .. });
         let script = viewer.views[index].camera == ViewCamera::Script;
-        if ui.selectable_label(script, "script's camera").clicked() {
+        bar.toggle(script, "script's camera", "", move |viewer: &mut Viewer| {
             viewer.views[index].camera = ViewCamera::Script;
-        }
-        cameras(ui, viewer, index);
-        if ui.selectable_label(free, "free camera").clicked() && !free {
-            let _ = viewer.free_camera(index);
-        }
-        into_script(ui, viewer, index);
-        follow(ui, viewer, index);
-        axes::menu(ui, viewer, index);
-        ui.separator();
-        let view = &mut viewer.views[index];
-        let full = view.resolution == Resolution::Full;
+        });
+        cameras(&mut bar, viewer, index);
+        bar.toggle(free, "free camera", "", move |viewer| {
+            if !free {
+                let _ = viewer.free_camera(index);
+            }
+        });
+        into_script(&mut bar, viewer, index);
+        follow(&mut bar, viewer, index);
+        let side = axes::menu_name(viewer, index);
+        bar.menu(side, "", move |ui, viewer| axes::entries(ui, viewer, index));
+        bar.separator();
+        let full = viewer.views[index].resolution == Resolution::Full;
         let hint = "as many pixels as render gives it";
-        if icons::toggle(ui, icons::FRAME_CORNERS, full, "full size", hint).clicked() {
-            view.resolution = if full { Resolution::Fitted } else { Resolution::Full };
-        }
-        ui.menu_button("Show", |ui| {
-            for (_, name, shown) in view.overlays.all() {
+        bar.icon_toggle(icons::FRAME_CORNERS, full, "full size", hint, move |viewer| {
+            viewer.views[index].resolution = if full { Resolution::Fitted } else { Resolution::Full };
+        });
+        bar.menu("Show", "", move |ui, viewer| {
+            for (_, name, shown) in viewer.views[index].overlays.all() {
                 ui.checkbox(shown, name);
             }
         });
-        ui.separator();
+        bar.separator();
         for (tool, icon, name, key) in [
             (Tool::Move, icons::ARROWS_OUT_CARDINAL, "Move", "G"),
             (Tool::Turn, icons::ARROWS_CLOCKWISE, "Turn", "R"),
             (Tool::Scale, icons::RESIZE, "Scale", "B"),
         ] {
-            if icons::toggle(ui, icon, viewer.tool == tool, name, key).clicked() {
-                viewer.tool = tool;
-            }
+            bar.icon_toggle(icon, viewer.tool == tool, name, key, move |viewer| viewer.tool = tool);
         }
-        ui.separator();
-        if icons::button(ui, icons::CAMERA, "Save image", "beside the script (P)").clicked() {
+        bar.separator();
+        bar.icon(icons::CAMERA, "Save image", "beside the script (P)", move |viewer| {
             viewer.active = index;
             screenshot(viewer);
-        }
+        });
+        bar.show(ui, viewer, 0.0);
     });
 }
 
-fn cameras(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
-    let Some(scene) = viewer.scene.clone() else { return };
-    if scene.stage.cameras.is_empty() {
-        return;
-    }
-    let view = &mut viewer.views[index];
-    let name = match &view.camera {
-        ViewCamera::Named(name) => name.clone(),
-        _ => "camera".to_string(),
+fn cameras(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
+    let Some(scene) = viewer.scene.clone().filter(|scene| !scene.stage.cameras.is_empty()) else { return };
+    let name = match &viewer.views[index].camera {
+        ViewCamera::Named(name) => name.as_str(),
+        _ => "camera",
     };
-    ui.menu_button(name, |ui| {
+    bar.menu(name, "", move |ui, viewer| {
+        let view = &mut viewer.views[index];
         for camera in &scene.stage.cameras {
             let on = view.camera == ViewCamera::Named(camera.name.clone());
             if ui.selectable_label(on, &camera.name).clicked() {
@@ -176,7 +175,7 @@ fn cameras(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
 }
 
 /// Writes the free camera into the script: into one of its cameras, or as a new one.
-fn into_script(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
+fn into_script(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     let (ViewCamera::Free(orbit), Some(scene)) = (&viewer.views[index].camera, viewer.scene.clone()) else {
         return;
     };
@@ -184,7 +183,8 @@ fn into_script(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
         return;
     }
     let orbit = *orbit;
-    let menu = ui.menu_button("into the script", |ui| {
+    let hint = "a camera of the script then stands here: .at and .look_at";
+    bar.menu("into the script", hint, move |ui, viewer| {
         for camera in &scene.stage.cameras {
             if ui.button(format!("as \"{}\"", camera.name)).clicked() {
                 viewer.edit(|v| v.set_camera(&camera.name, &orbit));
@@ -198,10 +198,21 @@ fn into_script(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
             viewer.edit(|v| v.add_camera(&orbit));
         }
     });
-    menu.response.hint("a camera of the script then stands here: .at and .look_at");
 }
 
-fn follow(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
+fn follow(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
+    if viewer.scene.is_none() {
+        return;
+    }
+    let following = matches!(viewer.views[index].camera, ViewCamera::Follow { .. });
+    let selected = viewer.selection.as_ref().and_then(Selected::actor).is_some();
+    let hint = "goes with the selected actor";
+    bar.icon_toggle(icons::CROSSHAIR, following, "follow", hint, move |viewer| toggle_follow(viewer, index));
+    bar.enabled(following || selected);
+}
+
+/// The camera of a view goes with the selected actor, or stays.
+fn toggle_follow(viewer: &mut Viewer, index: usize) {
     let Some(scene) = viewer.scene.clone() else { return };
     let find = |name: &str| actor(&scene.stage, name).map(|i| (name.to_string(), i));
     let following = match &viewer.views[index].camera {
@@ -209,13 +220,6 @@ fn follow(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
         _ => None,
     };
     let selected = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string);
-    let can = following.is_some() || selected.is_some();
-    let button = ui.add_enabled_ui(can, |ui| {
-        icons::toggle(ui, icons::CROSSHAIR, following.is_some(), "follow", "goes with the selected actor")
-    });
-    if !button.inner.clicked() {
-        return;
-    }
     let near = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
     let view = &mut viewer.views[index];
     match (following, selected) {

@@ -75,6 +75,55 @@ impl Settings {
     }
 }
 
+/// Seconds that settings rest before they are written, so that a panel that is dragged does not write at every point.
+const REST: f64 = 3.0;
+
+/// Settings as they are in their file, and when those of the window are to be written there.
+#[derive(Default)]
+pub struct Writing {
+    written: Settings,
+    /// The newest ones, and the time since when they are so.
+    changed: Option<(Settings, f64)>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Due {
+    Now,
+    /// Seconds.
+    In(f64),
+    Never,
+}
+
+impl Writing {
+    pub fn new(written: Settings) -> Writing {
+        Writing { written, changed: None }
+    }
+
+    /// When to write settings that are so at a time, seconds.
+    pub fn due(&mut self, settings: &Settings, now: f64) -> Due {
+        if *settings == self.written {
+            self.changed = None;
+            return Due::Never;
+        }
+        let since = self.changed.as_ref().filter(|(changed, _)| changed == settings).map(|(_, since)| *since);
+        let Some(since) = since else {
+            self.changed = Some((settings.clone(), now));
+            return Due::In(REST);
+        };
+        let left = since + REST - now;
+        if left <= 0.0 { Due::Now } else { Due::In(left) }
+    }
+
+    /// Writes settings that are not in the file.
+    pub fn write(&mut self, settings: Settings, file: &Path) {
+        if settings != self.written {
+            settings.write(file);
+            self.written = settings;
+        }
+        self.changed = None;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -100,6 +149,26 @@ mod tests {
             std::fs::write(&file, garbage).unwrap();
             assert_eq!(Settings::read(&file), Settings::default(), "{garbage}");
         }
+    }
+
+    #[test]
+    fn changed_settings_are_due_once_they_rest() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("view.json");
+        let mut writing = Writing::new(Settings::default());
+        assert_eq!(writing.due(&Settings::default(), 0.0), Due::Never);
+        let wide = |scale: f32| Settings { scale, ..Settings::default() };
+        assert_eq!(writing.due(&wide(1.2), 10.0), Due::In(REST));
+        assert_eq!(writing.due(&wide(1.2), 11.0), Due::In(REST - 1.0));
+        assert_eq!(writing.due(&wide(1.3), 12.0), Due::In(REST), "it goes on changing");
+        assert_eq!(writing.due(&wide(1.3), 12.0 + REST), Due::Now);
+        writing.write(wide(1.3), &file);
+        assert_eq!(Settings::read(&file), wide(1.3));
+        assert_eq!(writing.due(&wide(1.3), 30.0), Due::Never);
+        // Changed and changed back.
+        assert_eq!(writing.due(&wide(1.4), 31.0), Due::In(REST));
+        assert_eq!(writing.due(&wide(1.3), 32.0), Due::Never);
+        assert_eq!(writing.due(&wide(1.4), 40.0), Due::In(REST));
     }
 
     #[test]

@@ -4,8 +4,8 @@ use crate::state::events::{self, Event, Gathered};
 use crate::state::selection::Selected;
 use choreo_asset::LightKind;
 use choreo_motion::{FrameRate, Repeat, Time};
-use choreo_script::{Place, Severity};
-use choreo_session::{Problem, Scene};
+use choreo_script::Place;
+use choreo_session::Scene;
 use choreo_stage::{Camera, Cue, Layer, Stage};
 
 /// A bar of the timeline: something that the script made, and its place there.
@@ -137,14 +137,6 @@ impl Timeline {
             rows.extend(lanes("titles", bars, events::of_titles(scene)));
         }
         Timeline { rows, lights, markers: stage.markers.clone(), length }
-    }
-
-    /// How severe the worst problem about what was made here is, by the line of the script.
-    pub fn severity(place: &Place, problems: &[Problem]) -> Option<Severity> {
-        let here = problems.iter().filter(|p| place.line > 0 && p.file == place.file && p.line == place.line);
-        let severities: Vec<Severity> = here.map(|p| p.severity).collect();
-        let worst = [Severity::Error, Severity::Warning, Severity::Note];
-        worst.into_iter().find(|severity| severities.contains(severity))
     }
 
     /// The time of the next thing that begins, ends or happens after the frame at `now`, or of the last one before it.

@@ -69,6 +69,8 @@ impl ViewerWindow {
         self.guests += 1;
         (self.own_number, self.live, self.own) = (self.guests, Some(live), None);
         (self.guest, self.placing) = (None, None);
+        self.checker.cancel();
+        self.unchecked = None;
         self.frames.clear();
         self.viewer = self.viewer.succeeded_by(name_of(&source));
         self.viewer.path = source.is_script().then(|| source.input.clone());

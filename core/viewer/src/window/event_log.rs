@@ -31,6 +31,11 @@ impl EventLog {
         });
     }
 
+    /// The messages of `check` about a version are there.
+    pub fn checked(&self, version: u64, messages: usize) {
+        self.say(|| json!({ "event": "checked", "version": version, "messages": messages }));
+    }
+
     /// An image that has gone to the screen, with what its frame took and what the renderer holds.
     pub fn shown(&self, view: usize, shown: &FrameInfo, held: &DeviceUsage) {
         let frame = shown.evaluated_in + shown.planned_in + shown.drawn_in;

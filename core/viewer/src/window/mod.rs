@@ -2,6 +2,7 @@
 
 #[cfg(feature = "accesskit")]
 mod assistance;
+mod checker;
 mod choose;
 mod device;
 mod documents;
@@ -20,18 +21,21 @@ mod shot;
 mod software;
 mod start;
 mod swapchain;
+#[cfg(unix)]
+mod termination;
 
-use crate::app::Viewer;
+use crate::app::{Viewer, add_messages};
 use crate::args::{FileOptions, ViewerOptions};
 use crate::panels::Panels;
 use crate::state::dropped_models::DroppedModels;
-use crate::state::settings::Settings;
+use crate::state::settings::{Due, Settings, Writing};
 use crate::state::shortcuts::Shortcuts;
 use crate::state::view::Resolution;
+use checker::Checker;
 use choreo::App;
 use choreo_command_line::Device;
 use choreo_plugin::{Frame, Registry};
-use choreo_session::{FrameRenderer, FrameReply, SceneSource, SceneVersion, SessionThread};
+use choreo_session::{FrameRenderer, FrameReply, Problem, Scene, SceneSource, SceneVersion, SessionThread};
 use error::ViewerError;
 use event_log::EventLog;
 use gpu_error::GpuError;
@@ -39,6 +43,7 @@ use open::{Open, Shown};
 use painter::Painter;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
 use winit::dpi::{LogicalSize, PhysicalPosition};
@@ -53,6 +58,10 @@ enum News {
     /// A version of the script, or of the dropped file with this number.
     Version(u64, Box<SceneVersion>),
     Frame(Box<FrameReply>),
+    /// Messages of `check` about a version of the script with this number.
+    Checked(u64, u64, Vec<Problem>),
+    /// The window is to be closed.
+    Close,
     /// egui wants to be drawn again after this time.
     Repaint(Duration),
     /// An assistive technology wants to read the window or to act in it.
@@ -72,6 +81,12 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     lost_display::watch(&events);
     event_log.done("event loop");
     let proxy = events.create_proxy();
+    #[cfg(unix)]
+    {
+        let proxy = proxy.clone();
+        // Without it the signal ends the program as usual.
+        let _ = termination::watch(move || drop(proxy.send_event(News::Close)));
+    }
     let registry = program.registry.clone();
     let shaders = asked.files.like().shaders.clone();
     let frame_renderer = {
@@ -98,7 +113,7 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         program: program.name,
         viewer,
         panels: Panels::new(&settings),
-        settings,
+        settings: Writing::new(settings),
         settings_file,
         written_shortcuts,
         begin: Some((asked.at, asked.play)),
@@ -113,6 +128,8 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         placing: None,
         guests: FIRST,
         own: None,
+        checker: Checker::new(),
+        unchecked: None,
         proxy,
         open: None,
         frames: BTreeMap::new(),
@@ -159,7 +176,7 @@ struct ViewerWindow {
     program: &'static str,
     viewer: Viewer,
     panels: Panels,
-    settings: Settings,
+    settings: Writing,
     settings_file: Option<PathBuf>,
     /// The keys as they are in their file.
     written_shortcuts: Shortcuts,
@@ -182,6 +199,9 @@ struct ViewerWindow {
     guests: u64,
     /// The script's newest version, to come back to when the guest leaves.
     own: Option<SceneVersion>,
+    checker: Checker,
+    /// The newest scene of the script, to be examined once it is seen.
+    unchecked: Option<Arc<Scene>>,
     proxy: EventLoopProxy<News>,
     open: Option<Open>,
     /// Frames that are drawn and not yet on the screen, by view.
@@ -229,13 +249,26 @@ impl ViewerWindow {
             self.viewer.shortcuts.write(&file.with_file_name(Shortcuts::FILE));
             self.written_shortcuts = self.viewer.shortcuts.clone();
         }
-        let recent = self.viewer.documents.recent.clone();
-        let now = Settings { recent, ..self.panels.settings() };
-        if now != self.settings
-            && let Some(file) = &self.settings_file
-        {
-            now.write(file);
-            self.settings = now;
+        let now = self.present_settings();
+        if let Some(file) = &self.settings_file {
+            self.settings.write(now, file);
+        }
+    }
+
+    fn present_settings(&self) -> Settings {
+        Settings { recent: self.viewer.documents.recent.clone(), ..self.panels.settings() }
+    }
+
+    /// Writes the layout once it has rested, so that it is not lost with a program that is killed.
+    fn keep_settings(&mut self) {
+        if self.settings_file.is_none() {
+            return;
+        }
+        let (settings, now) = (self.present_settings(), self.now());
+        match self.settings.due(&settings, now) {
+            Due::Now => self.remember(),
+            Due::In(secs) => self.wake_in(Duration::from_secs_f64(secs)),
+            Due::Never => {}
         }
     }
 
@@ -335,6 +368,7 @@ impl ViewerWindow {
         self.guests();
         self.open_document();
         self.advance();
+        self.keep_settings();
         if self.viewer.quit {
             events.exit();
         }
@@ -387,6 +421,8 @@ impl ViewerWindow {
             if version.scene.is_some() || self.own.is_none() {
                 self.own = Some(version.clone());
             }
+            self.checker.cancel();
+            self.unchecked = version.scene.clone().filter(|_| self.source.is_script());
             if !self.viewer.guests.is_empty() {
                 return;
             }
@@ -405,7 +441,30 @@ impl ViewerWindow {
         }
     }
 
+    /// Examines the newest scene once an image has come, so that it is seen no later.
+    fn check(&mut self) {
+        let Some(scene) = self.unchecked.take() else { return };
+        let (proxy, whose, number) = (self.proxy.clone(), self.own_number, scene.number);
+        let report = move |messages| drop(proxy.send_event(News::Checked(whose, number, messages)));
+        self.checker.start(scene, self.source.clone(), report);
+    }
+
+    fn take_messages(&mut self, whose: u64, number: u64, messages: &[Problem]) {
+        if whose != self.own_number {
+            return;
+        }
+        self.event_log.checked(number, messages.len());
+        if let Some(own) = self.own.as_mut().filter(|own| own.number == number) {
+            add_messages(&mut own.problems, messages);
+        }
+        if self.viewer.guests.is_empty() {
+            self.viewer.take_messages(number, messages);
+        }
+        self.redraw();
+    }
+
     fn take_frame(&mut self, reply: FrameReply) {
+        self.check();
         let Some((view, frame)) = self.viewer.take_frame(reply) else { return };
         if view == self.viewer.active
             && self.viewer.views[view].is_plain()
@@ -467,6 +526,8 @@ impl ApplicationHandler<News> for ViewerWindow {
     fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
         if matches!(cause, StartCause::ResumeTimeReached { .. }) {
             self.wake_at = None;
+            // A window that is not seen is not drawn.
+            self.keep_settings();
             self.redraw();
         }
     }
@@ -501,7 +562,7 @@ impl ApplicationHandler<News> for ViewerWindow {
         }
     }
 
-    fn user_event(&mut self, _: &ActiveEventLoop, news: News) {
+    fn user_event(&mut self, events: &ActiveEventLoop, news: News) {
         match news {
             News::Version(whose, version) => {
                 self.take_version(whose, *version);
@@ -514,6 +575,8 @@ impl ApplicationHandler<News> for ViewerWindow {
                 self.advance();
                 self.redraw();
             }
+            News::Checked(whose, number, messages) => self.take_messages(whose, number, &messages),
+            News::Close => events.exit(),
             News::Repaint(delay) if delay.is_zero() => self.redraw(),
             News::Repaint(delay) => self.wake_in(delay),
             #[cfg(feature = "accesskit")]

@@ -6,13 +6,14 @@ const STEPS: i32 = 5;
 
 /// Lowers the priority of the calling thread and of those that share parallel work.
 pub(crate) fn after_the_window() {
+    lower();
     #[cfg(target_os = "linux")]
-    {
-        // On Linux niceness is that of a thread. Where it cannot be changed, all are equals.
-        let lower = || {
-            let _ = rustix::process::nice(STEPS);
-        };
-        lower();
-        rayon::broadcast(|_| lower());
-    }
+    rayon::broadcast(|_| lower());
+}
+
+/// Lowers the priority of the calling thread.
+pub(crate) fn lower() {
+    // On Linux niceness is that of a thread. Where it cannot be changed, all are equals.
+    #[cfg(target_os = "linux")]
+    let _ = rustix::process::nice(STEPS);
 }

@@ -185,6 +185,7 @@ test("twice two", || {
 
 test("a wrong sum", || {
     expect(["two", "four"]).contains("five");
+    expect(cast("high", ball).at(0, 2, 0)).at(0).y().below(1.0);
 });
 
 test("an image", || {
@@ -210,6 +211,7 @@ fn sections_are_run_compared_and_accepted() {
     harness.get_by_label("2 failed, 1 passed");
     assert!(harness.get_all_by_label_contains("five").next().is_some());
     assert!(harness.get_all_by_label_contains("got: ").next().is_some());
+    harness.get_by_label("off by: 1 m");
     // A new image is accepted, and its section alone is run again.
     assert!(golden(&folder).is_none());
     accept(&mut harness, 2);

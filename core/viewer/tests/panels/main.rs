@@ -11,4 +11,6 @@ mod inspecting;
 mod naming;
 mod panels;
 mod renaming;
+mod said;
+mod toolbars;
 mod working;

@@ -143,6 +143,25 @@ fn a_row_that_refuses_a_bar_says_why_at_the_pointer() {
     assert_eq!(desk.state().text(), SCRIPT);
 }
 
+/// The text at the pointer is read: no hint covers it.
+#[test]
+fn while_a_refusal_is_shown_the_bar_below_it_has_no_hint() {
+    let mut desk = desk();
+    let bow = desk.get_by_label("Bow on ada +1").rect().center();
+    let is_hinted = |desk: &Desk| desk.query_by_label_contains("Bow\n").is_some();
+    desk.hover_at(bow);
+    desk.run_steps(8);
+    assert!(is_hinted(&desk), "shown able to see a hint");
+    let viewer = &mut desk.state_mut().viewer;
+    (viewer.message, viewer.refusals) = (Some("it cannot be moved there".into()), viewer.refusals + 1);
+    desk.run_steps(8);
+    assert!(!is_hinted(&desk));
+    assert!(desk.get_all_by_label("it cannot be moved there").count() >= 1);
+    desk.key_press(egui::Key::Escape);
+    desk.run_steps(8);
+    assert!(is_hinted(&desk), "it comes back");
+}
+
 /// Copied by the menu Edit, pasted by it, by the row's menu and by the system's keys: on the selected row, at the playhead.
 #[test]
 fn clips_are_pasted_on_the_selected_row_with_all_options() {

@@ -10,6 +10,7 @@ mod clipboard;
 mod curves;
 mod desktop;
 mod documents;
+mod kept_layout;
 mod robust;
 mod studio;
 mod walkthrough;

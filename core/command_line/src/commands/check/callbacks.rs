@@ -15,8 +15,8 @@ const MOST_PROBLEMS: usize = 20;
 type Looked = Option<Option<(Problem, f64)>>;
 
 /// Each different failure once, with the first time and how often. Callbacks see nothing of the stage, so that they can be
-/// run without posing it.
-pub fn failures(stage: &Stage, limits: &Limits) -> Vec<Problem> {
+/// run without posing it. No further frame is tried once `goes_on` says no.
+pub fn failures(stage: &Stage, limits: &Limits, goes_on: &(dyn Fn() -> bool + Sync)) -> Vec<Problem> {
     if stage.hooks.is_empty() {
         return Vec::new();
     }
@@ -26,7 +26,7 @@ pub fn failures(stage: &Stage, limits: &Limits) -> Vec<Problem> {
     let wanted: Vec<i64> = (0..frames).step_by(step.max(1) as usize).collect();
     // The results are in the order of the frames, whatever thread ran them.
     let started = Instant::now();
-    let late = || started.elapsed().as_secs_f64() > limits.check_seconds;
+    let late = || started.elapsed().as_secs_f64() > limits.check_seconds || !goes_on();
     let results: Vec<Looked> =
         wanted.par_iter().map(|f| if late() { None } else { Some(failure(stage, *f)) }).collect();
     let done = results.iter().flatten().count();

@@ -3,6 +3,9 @@
 
 mod callbacks;
 mod sheet;
+mod survey;
+
+pub use survey::{SceneToSurvey, survey};
 
 use crate::args::CheckArgs;
 use crate::failure::{Failure, Problem, print, print_json, print_message};
@@ -29,9 +32,16 @@ pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result
     if !args.json {
         scene.printed.iter().flat_map(|text| text.lines()).for_each(print_message);
     }
-    let (mut problems, on_stage) = look(&scene.stage, &scene.registry, &scene.places, &scene.limits);
+    let (mut problems, on_stage) =
+        look(&scene.stage, &scene.registry, &scene.places, &scene.limits, &|| true);
     if has_sections(&text) {
-        problems.extend(of_sections(&args, root, &scene.limits, &registry));
+        let script = ScriptOptions {
+            search_paths: args.scene.search.clone(),
+            limits: scene.limits.clone(),
+            needs: Opening::TO_TELL.needs,
+            ..ScriptOptions::default()
+        };
+        problems.extend(of_sections(&args.scene.input, root, script, &registry, &|| true));
     }
     let findings = scene.places.findings(&on_stage);
     if let Some(path) = &args.plot {
@@ -81,38 +91,34 @@ fn root(input: &Path, no_project_file: bool) -> Option<PathBuf> {
 
 /// Errors in the sections of a file with tests.
 fn of_sections(
-    args: &CheckArgs,
+    input: &Path,
     root: Option<PathBuf>,
-    limits: &Limits,
+    script: ScriptOptions,
     registry: &Registry,
+    goes_on: &dyn Fn() -> bool,
 ) -> Vec<Problem> {
-    let script = ScriptOptions {
-        search_paths: args.scene.search.clone(),
-        limits: limits.clone(),
-        needs: Opening::TO_TELL.needs,
-        ..ScriptOptions::default()
-    };
     let options = TestOptions { script, root, ..TestOptions::default() };
-    let found = section_errors(&args.scene.input, registry, &options, &|| true);
+    let found = section_errors(input, registry, &options, goes_on);
     found.errors.into_iter().map(Problem::Script).collect()
 }
 
-/// Errors of the stage, and findings about it that are probably not intended.
+/// Errors of the stage, and findings about it that are probably not intended. What is found is not complete once `goes_on` says no.
 pub fn look(
     stage: &Arc<Stage>,
     registry: &Registry,
     places: &Places,
     limits: &Limits,
+    goes_on: &(dyn Fn() -> bool + Sync),
 ) -> (Vec<Problem>, Vec<Finding>) {
     let mut problems: Vec<Problem> = stage.check().iter().map(|e| Problem::Text(e.to_string())).collect();
     problems.extend(unknown_effects(stage, registry));
-    problems.extend(callbacks::failures(stage, limits));
+    problems.extend(callbacks::failures(stage, limits, goes_on));
     let mut on_stage = Vec::new();
     if !problems.is_empty() {
         // A survey of a stage with errors would mislead, and costs the time of its callbacks.
         return (problems, on_stage);
     }
-    match stage.survey() {
+    match stage.survey_while(goes_on) {
         Ok(found) => on_stage = found,
         Err(error) => problems.push(Problem::Text(error.to_string())),
     }

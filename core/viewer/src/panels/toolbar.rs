@@ -1,0 +1,353 @@
+//! A line of buttons. Entries that have no room in it are in a menu at its end, with the same names, hints and states.
+
+use super::hint::Hint;
+use super::icons;
+use egui::containers::menu::{MenuButton, MenuConfig, SubMenuButton};
+use egui::{
+    Button, FontSelection, PopupCloseBehavior, Response, RichText, TextStyle, TextWrapMode, Ui, WidgetInfo,
+    WidgetText, WidgetType,
+};
+
+/// Width of a vertical line between groups, points.
+const SEPARATOR: f32 = 6.0;
+/// Width of a widget that was not drawn yet.
+const UNKNOWN: f32 = 60.0;
+/// Fractions of a point by which egui rounds places.
+const ROUNDED: f32 = 1.0;
+const MORE: &str = "»";
+
+type Act<'a, C> = Box<dyn FnOnce(&mut C) + 'a>;
+type Show<'a, C> = Box<dyn FnOnce(&mut Ui, &mut C) + 'a>;
+
+enum Kind<'a, C> {
+    Button(Act<'a, C>),
+    /// A button that is on or off.
+    Toggle(bool, Act<'a, C>),
+    Menu(Show<'a, C>),
+    /// Something else, which draws itself.
+    Widget(Show<'a, C>),
+    Text(TextStyle),
+    Separator,
+}
+
+struct Entry<'a, C> {
+    /// What the line shows: an icon or a text.
+    face: String,
+    /// What the menu shows and screen readers say.
+    name: String,
+    hint: String,
+    enabled: bool,
+    /// It leaves the line before those that do not.
+    yields: bool,
+    kind: Kind<'a, C>,
+}
+
+impl<C> Entry<'_, C> {
+    fn is_separator(&self) -> bool {
+        matches!(self.kind, Kind::Separator)
+    }
+
+    fn is_icon(&self) -> bool {
+        self.face != self.name
+    }
+}
+
+/// Entries in their order; `C` is what their actions act on.
+pub(super) struct Toolbar<'a, C> {
+    id: egui::Id,
+    entries: Vec<Entry<'a, C>>,
+}
+
+impl<'a, C> Toolbar<'a, C> {
+    /// `id`: by which it differs from other toolbars.
+    pub fn new(id: impl std::hash::Hash + std::fmt::Debug) -> Toolbar<'a, C> {
+        Toolbar { id: egui::Id::new(("toolbar", id)), entries: Vec::new() }
+    }
+
+    fn add(&mut self, face: &str, name: &str, hint: &str, kind: Kind<'a, C>) {
+        let [face, name, hint] = [face, name, hint].map(str::to_string);
+        self.entries.push(Entry { face, name, hint, enabled: true, yields: false, kind });
+    }
+
+    /// The last entry is enabled or not.
+    pub fn enabled(&mut self, enabled: bool) {
+        if let Some(last) = self.entries.last_mut() {
+            last.enabled = enabled;
+        }
+    }
+
+    pub fn button(&mut self, text: &str, hint: &str, act: impl FnOnce(&mut C) + 'a) {
+        self.add(text, text, hint, Kind::Button(Box::new(act)));
+    }
+
+    pub fn icon(&mut self, icon: &str, name: &str, hint: &str, act: impl FnOnce(&mut C) + 'a) {
+        self.add(icon, name, hint, Kind::Button(Box::new(act)));
+    }
+
+    pub fn toggle(&mut self, on: bool, text: &str, hint: &str, act: impl FnOnce(&mut C) + 'a) {
+        self.add(text, text, hint, Kind::Toggle(on, Box::new(act)));
+    }
+
+    pub fn icon_toggle(
+        &mut self,
+        icon: &str,
+        on: bool,
+        name: &str,
+        hint: &str,
+        act: impl FnOnce(&mut C) + 'a,
+    ) {
+        self.add(icon, name, hint, Kind::Toggle(on, Box::new(act)));
+    }
+
+    pub fn menu(&mut self, text: &str, hint: &str, show: impl FnOnce(&mut Ui, &mut C) + 'a) {
+        self.add(text, text, hint, Kind::Menu(Box::new(show)));
+    }
+
+    /// `name`: by which it differs from the others.
+    pub fn widget(&mut self, name: &str, yields: bool, show: impl FnOnce(&mut Ui, &mut C) + 'a) {
+        self.add(name, name, "", Kind::Widget(Box::new(show)));
+        if let Some(last) = self.entries.last_mut() {
+            last.yields = yields;
+        }
+    }
+
+    /// A text, which leaves the line before buttons do.
+    pub fn text(&mut self, text: &str, hint: &str, style: TextStyle) {
+        self.add(text, text, hint, Kind::Text(style));
+        if let Some(last) = self.entries.last_mut() {
+            last.yields = true;
+        }
+    }
+
+    pub fn separator(&mut self) {
+        self.add("", "", "", Kind::Separator);
+    }
+
+    /// Points of the whole line.
+    pub fn width(&self, ui: &Ui) -> f32 {
+        let spacing = ui.spacing().item_spacing.x;
+        self.widths(ui).iter().map(|width| width + spacing).sum::<f32>() - spacing + ROUNDED
+    }
+
+    fn widths(&self, ui: &Ui) -> Vec<f32> {
+        let padding = 2.0 * ui.spacing().button_padding.x;
+        let width = |entry: &Entry<'a, C>| match &entry.kind {
+            Kind::Separator => SEPARATOR,
+            Kind::Widget(_) => ui.data(|d| d.get_temp(self.id.with(&entry.name))).unwrap_or(UNKNOWN),
+            Kind::Text(style) => text_width(ui, &entry.face, style.clone()),
+            _ => text_width(ui, &entry.face, TextStyle::Button) + padding,
+        };
+        self.entries.iter().map(width).collect()
+    }
+
+    /// Draws the line; `reserved`: points at its end that it leaves to others.
+    pub fn show(self, ui: &mut Ui, context: &mut C, reserved: f32) {
+        let spacing = ui.spacing().item_spacing.x;
+        let more = text_width(ui, MORE, TextStyle::Button) + 2.0 * ui.spacing().button_padding.x;
+        let widths = self.widths(ui);
+        let parts: Vec<Part> = std::iter::zip(&self.entries, &widths)
+            .map(|(entry, width)| Part {
+                width: *width,
+                yields: entry.yields,
+                is_separator: entry.is_separator(),
+            })
+            .collect();
+        let room = ui.available_width() - reserved - ROUNDED;
+        let on_line = placed(&parts, spacing, room, more);
+        let (id, mut rest) = (self.id, Vec::new());
+        for (number, (entry, is_on_line)) in self.entries.into_iter().zip(on_line).enumerate() {
+            match is_on_line {
+                true => line_entry(ui, id, number, entry, context),
+                false => rest.push(entry),
+            }
+        }
+        while rest.first().is_some_and(Entry::is_separator) {
+            rest.remove(0);
+        }
+        if rest.iter().all(Entry::is_separator) {
+            return;
+        }
+        // A field in the menu is clicked to type into it.
+        let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
+        let (response, _) = MenuButton::new(MORE).config(config).ui(ui, |ui| {
+            ui.style_mut().wrap_mode = Some(TextWrapMode::Extend);
+            let last = rest.iter().rposition(|entry| !entry.is_separator()).unwrap_or(0);
+            for (number, entry) in rest.into_iter().enumerate().take(last + 1) {
+                ui.push_id((id, number), |ui| menu_entry(ui, entry, context));
+            }
+        });
+        response.widget_info(|| WidgetInfo::labeled(WidgetType::Button, true, "more"));
+        response.hint("more: entries for which this line has no room");
+    }
+}
+
+/// Points of a text on one line.
+pub(super) fn text_width(ui: &Ui, text: &str, style: TextStyle) -> f32 {
+    let text = WidgetText::from(text);
+    let font = FontSelection::Style(style);
+    text.into_galley(ui, Some(TextWrapMode::Extend), f32::INFINITY, font).size().x.ceil()
+}
+
+fn line_entry<C>(ui: &mut Ui, id: egui::Id, number: usize, entry: Entry<'_, C>, context: &mut C) {
+    let is_icon = entry.is_icon();
+    let Entry { face, name, hint, enabled, kind, .. } = entry;
+    let add = |ui: &mut Ui| match kind {
+        Kind::Separator => drop(ui.separator()),
+        Kind::Text(style) => {
+            let label = ui.add(egui::Label::new(RichText::new(face).text_style(style)).extend());
+            described(label, false, &name, &hint, None);
+        }
+        Kind::Widget(show) => {
+            let begin = ui.cursor().left();
+            show(ui, context);
+            let width = (ui.min_rect().right() - begin).max(0.0);
+            let known = id.with(&name);
+            if ui.data(|d| d.get_temp(known)) != Some(width) {
+                ui.data_mut(|d| d.insert_temp(known, width));
+                ui.ctx().request_repaint();
+            }
+        }
+        Kind::Button(act) => {
+            if described(ui.button(face), is_icon, &name, &hint, None).clicked() {
+                act(context);
+            }
+        }
+        Kind::Toggle(on, act) => {
+            if described(ui.add(Button::selectable(on, face)), is_icon, &name, &hint, Some(on)).clicked() {
+                act(context);
+            }
+        }
+        Kind::Menu(show) => {
+            let response = ui.menu_button(face, |ui| show(ui, context)).response;
+            described(response, false, &name, &hint, None);
+        }
+    };
+    // Each has an identity of its own, whichever entries are beside it.
+    ui.push_id((id, number), |ui| if enabled { add(ui) } else { ui.add_enabled_ui(false, add).inner });
+}
+
+fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
+    let is_icon = entry.is_icon();
+    let Entry { face, name, hint, enabled, kind, .. } = entry;
+    let words = if is_icon { format!("{face}  {name}") } else { name.clone() };
+    match kind {
+        Kind::Separator => drop(ui.separator()),
+        Kind::Text(style) => {
+            let label = ui.label(RichText::new(face).text_style(style));
+            described(label, false, &name, &hint, None);
+        }
+        Kind::Widget(show) => drop(ui.horizontal(|ui| show(ui, context))),
+        Kind::Button(act) => {
+            let response = ui.add_enabled(enabled, Button::new(words));
+            if described(response, is_icon, &name, &hint, None).clicked() {
+                act(context);
+                ui.close();
+            }
+        }
+        Kind::Toggle(on, act) => {
+            let response = ui.add_enabled(enabled, Button::selectable(on, words));
+            if described(response, is_icon, &name, &hint, Some(on)).clicked() {
+                act(context);
+                ui.close();
+            }
+        }
+        Kind::Menu(show) => {
+            ui.add_enabled_ui(enabled, |ui| {
+                let menu = SubMenuButton::new(words).config(MenuConfig::new());
+                let (response, _) = menu.ui(ui, |ui| show(ui, context));
+                described(response, is_icon, &name, &hint, None);
+            });
+        }
+    }
+}
+
+/// The name and the hint of an entry, and whether it is on.
+fn described(response: Response, is_icon: bool, name: &str, hint: &str, on: Option<bool>) -> Response {
+    let enabled = response.enabled();
+    if is_icon {
+        response.widget_info(|| match on {
+            Some(on) => WidgetInfo::selected(WidgetType::Checkbox, enabled, on, name),
+            None => WidgetInfo::labeled(WidgetType::Button, enabled, name),
+        });
+    }
+    match hint {
+        _ if is_icon => response.hint(icons::hinted(name, hint)),
+        "" => response,
+        hint => response.hint(hint),
+    }
+}
+
+/// What decides about the place of an entry.
+struct Part {
+    width: f32,
+    yields: bool,
+    is_separator: bool,
+}
+
+/// Whether each entry is on the line. Where not all have room, those that yield leave first, then the others, the last ones first, until
+/// the rest has room beside the menu, which is `more` wide. Separators between nothing leave, too.
+fn placed(parts: &[Part], spacing: f32, room: f32, more: f32) -> Vec<bool> {
+    let mut on_line = vec![true; parts.len()];
+    let taken = |on_line: &[bool]| {
+        let widths =
+            std::iter::zip(parts, on_line).filter(|(_, on)| **on).map(|(part, _)| part.width + spacing);
+        widths.sum::<f32>() - spacing
+    };
+    if taken(&on_line) <= room {
+        return on_line;
+    }
+    let order = |yields: bool| {
+        (0..parts.len()).rev().filter(move |i| parts[*i].yields == yields && !parts[*i].is_separator)
+    };
+    for leaving in order(true).chain(order(false)) {
+        on_line[leaving] = false;
+        // A separator stays between two entries of the line.
+        let mut is_behind = false;
+        let mut last = None;
+        for (i, part) in parts.iter().enumerate() {
+            match part.is_separator {
+                true => {
+                    on_line[i] = false;
+                    last = last.or(is_behind.then_some(i));
+                }
+                false if on_line[i] => {
+                    if let Some(separator) = last.take() {
+                        on_line[separator] = true;
+                    }
+                    is_behind = true;
+                }
+                false => {}
+            }
+        }
+        if taken(&on_line) + spacing + more <= room {
+            break;
+        }
+    }
+    on_line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn part(width: f32) -> Part {
+        Part { width, yields: false, is_separator: false }
+    }
+
+    #[test]
+    fn what_has_no_room_leaves_from_the_end_and_texts_leave_first() {
+        let separator = || Part { is_separator: true, ..part(6.0) };
+        let text = || Part { yields: true, ..part(100.0) };
+        let parts = [part(20.0), separator(), text(), separator(), part(20.0), part(20.0)];
+        let shown = |room: f32| -> String {
+            placed(&parts, 4.0, room, 10.0).into_iter().map(|on| if on { '1' } else { '0' }).collect()
+        };
+        // 192 points of entries and five gaps.
+        assert_eq!(shown(192.0), "111111");
+        assert_eq!(shown(191.0), "110011", "one separator is enough");
+        assert_eq!(shown(96.0), "110011", "20 + 6 + 20 + 20, three gaps, and the menu with its own");
+        assert_eq!(shown(91.0), "110010");
+        assert_eq!(shown(50.0), "100000", "no separator at the end");
+        assert_eq!(shown(5.0), "000000");
+    }
+}

@@ -1,0 +1,64 @@
+//! Messages of the viewer beside those of the command line: `check` and the viewer say the same.
+
+use choreo_session::{SceneSource, Session};
+use choreo_viewer::app::Viewer;
+use choreo_viewer::commands::check;
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The messages of the viewer about a script, as `check` prints them.
+fn said(script: &Path) -> String {
+    let source = SceneSource::new(script);
+    let mut session = Session::new(source.clone(), &choreo::registry(), false).unwrap();
+    let mut viewer = Viewer::new("a.rhai");
+    let version = session.build(BTreeSet::new());
+    let scene = version.scene.clone();
+    viewer.take_version(version);
+    if let Some(scene) = scene {
+        let messages = check::messages(&scene, &source, &|| true).unwrap();
+        viewer.take_messages(scene.number, &messages);
+        // Messages of another version are late.
+        viewer.take_messages(scene.number + 1, &[choreo_session::Problem::warning("late")]);
+    }
+    // Further lines are set in, as on a terminal.
+    let shown = |problem: &choreo_session::Problem| {
+        let text = problem.to_string().replace('\n', "\n    ").replace("\n        ", "\n    ");
+        text.replace(&format!("{}/", script.parent().unwrap().display()), "")
+    };
+    viewer.problems.iter().map(|problem| shown(problem) + "\n").collect()
+}
+
+#[test]
+fn check_and_the_viewer_agree() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cli/tests/checked").canonicalize().unwrap();
+    let files = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path());
+    let scripts: Vec<PathBuf> = files.filter(|path| path.extension().is_some_and(|e| e == "rhai")).collect();
+    assert!(scripts.len() >= 25, "the corpus has gone: {}", scripts.len());
+    let mut faults = Vec::new();
+    for script in scripts {
+        let expected = fs::read_to_string(script.with_extension("txt")).unwrap();
+        // The last lines are the sum and the exit code.
+        let is_message = |line: &&str| !line.starts_with("exit code ") && !line.contains(".rhai: good, ");
+        // A callback fails where the whole scene is framed, before the other frames are looked at.
+        let expected = expected.replace("(at 3 s and in 29 more frames)", "(at 3 s)");
+        let expected: String = expected.lines().filter(is_message).map(|line| format!("{line}\n")).collect();
+        let got = said(&script);
+        if got != expected {
+            faults.push(format!("{}\nexpected:\n{expected}\ngot:\n{got}", script.display()));
+        }
+    }
+    assert!(faults.is_empty(), "{} scripts:\n{}", faults.len(), faults.join("\n"));
+}
+
+/// What is wanted no longer is given up, without a message.
+#[test]
+fn a_scene_that_is_replaced_is_examined_no_further() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cli/tests/checked");
+    let source = SceneSource::new(folder.join("gap.rhai"));
+    let scene =
+        Session::new(source.clone(), &choreo::registry(), false).unwrap().build(BTreeSet::new()).scene;
+    let scene = scene.unwrap();
+    assert!(check::messages(&scene, &source, &|| true).is_some_and(|messages| !messages.is_empty()));
+    assert!(check::messages(&scene, &source, &|| false).is_none());
+}

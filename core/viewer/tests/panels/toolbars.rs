@@ -1,0 +1,146 @@
+//! Toolbars in windows of several widths: one line each, and what has no room in it works from the menu at its end.
+
+use crate::place::Place;
+use crate::place::mouse::Mouse;
+use egui::{Rect, Vec2, vec2};
+use egui_kittest::kittest::{NodeT, Queryable};
+
+const SCRIPT: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let ada = cast("ada", load("choreo:mannequin"));
+ada.play(load("choreo:mannequin").clip("Walk"));
+let ball = cast("ball", shape("sphere")).key("position", [[0.0, [0.0, 1.0, 0.0]], [2.0, [1.0, 1.0, 0.0]]]);
+camera("wide").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
+camera("near").at(0.0, 1.0, 3.0).look_at([0.0, 1.0, 0.0]).cut(2.0);
+"#;
+
+/// Entries of each toolbar, the first of which has room at any width.
+const TOOLBARS: [(&str, &[&str]); 4] = [
+    ("top", &["File", "Edit", "Add", "Panels", "Look", "Keys"]),
+    (
+        "viewport",
+        &["script's camera", "camera", "free camera", "follow", "View", "full size", "Show", "Save image"],
+    ),
+    (
+        "timeline",
+        &[
+            "First frame",
+            "One frame back",
+            "Play",
+            "One frame on",
+            "Last frame",
+            "Loop",
+            "Snap",
+            "seconds",
+            "Whole",
+        ],
+    ),
+    ("curves", &["Fit", "Speed", "Normalize", "Set key"]),
+];
+
+/// The viewport and the timeline one above the other, each as wide as the window; or the curves.
+fn opened(width: f32, bottom: &str) -> Mouse {
+    let mut place = Place::new(SCRIPT);
+    let layout = serde_json::json!({
+        "below": 0.5, "first": { "tabs": ["Viewport"] }, "second": { "tabs": [bottom] },
+    });
+    let settings = choreo_viewer::state::settings::Settings { layout: Some(layout), ..Default::default() };
+    place.panels = choreo_viewer::panels::Panels::new(&settings);
+    place.viewer.selection = Some(choreo_viewer::state::selection::Selected::Actor("ball".into()));
+    let mut mouse = Mouse::new(place, vec2(width, 600.0));
+    // Places of widgets that are not texts are known from the frame before.
+    mouse.desk.run();
+    mouse
+}
+
+/// Places of the nodes of this name that lie within the window.
+fn places(mouse: &Mouse, name: &str, size: Vec2) -> Vec<Rect> {
+    let window = Rect::from_min_size(egui::Pos2::ZERO, size);
+    let named = mouse.desk.query_all_by_label(name).filter(|node| {
+        // Tabs and rows have the names of entries, too.
+        let role = node.accesskit_node().role();
+        !matches!(role, egui::accesskit::Role::Label | egui::accesskit::Role::Unknown)
+    });
+    named.map(|node| node.rect()).filter(|rect| window.contains_rect(*rect)).collect()
+}
+
+#[test]
+fn each_toolbar_has_one_line_at_any_width() {
+    for width in [300.0, 500.0, 800.0, 1600.0] {
+        for bottom in ["Sequencer", "Curves"] {
+            let mut mouse = opened(width, bottom);
+            let size = vec2(width, 600.0);
+            mouse.picture(&format!("toolbars_{width}_{bottom}"));
+            let mores = places(&mouse, "more", size);
+            let shown = TOOLBARS.iter().filter(|(name, _)| match *name {
+                "timeline" => bottom == "Sequencer",
+                "curves" => bottom == "Curves",
+                _ => true,
+            });
+            for (name, entries) in shown {
+                let found: Vec<(&str, Rect)> = entries
+                    .iter()
+                    .flat_map(|e| places(&mouse, e, size).into_iter().map(move |r| (*e, r)))
+                    .collect();
+                let line =
+                    found.first().unwrap_or_else(|| panic!("{name} at {width}: {:#?}", mouse.labels())).1;
+                for (entry, rect) in &found {
+                    let off = (rect.center().y - line.center().y).abs();
+                    assert!(off < 8.0, "{entry} of {name} at {width}: {rect:?} beside {line:?}");
+                }
+                let has_more = mores.iter().any(|more| (more.center().y - line.center().y).abs() < 8.0);
+                let is_whole = found.len() >= entries.len();
+                assert!(is_whole || has_more, "{name} at {width}: {found:?}, {mores:?}");
+                match width {
+                    300.0 => assert!(has_more, "{name}: {found:?}"),
+                    1600.0 => assert!(is_whole && !has_more, "{name}: {found:?}, {mores:?}"),
+                    _ => {}
+                }
+            }
+        }
+    }
+}
+
+/// Opens the menu at the end of the line of an entry.
+fn open_more(mouse: &mut Mouse, beside: &str) {
+    let line = mouse.find(beside).center().y;
+    let mores: Vec<Rect> = mouse.desk.get_all_by_label("more").map(|node| node.rect()).collect();
+    let more =
+        mores.into_iter().find(|more| (more.center().y - line).abs() < 8.0).expect("a menu in this line");
+    mouse.click_at(more.center());
+}
+
+#[test]
+fn what_has_no_room_works_from_the_menu() {
+    let mut mouse = opened(300.0, "Sequencer");
+    // A button, which closes the menu.
+    assert!(mouse.desk.state().viewer.in_seconds);
+    open_more(&mut mouse, "First frame");
+    mouse.picture("toolbars_more_timeline");
+    mouse.click("seconds");
+    assert!(!mouse.desk.state().viewer.in_seconds);
+    assert!(mouse.desk.query_by_label("Next event").is_none(), "the menu is closed");
+    // A field that is typed into.
+    open_more(&mut mouse, "First frame");
+    mouse.type_into("time of the playhead", "2");
+    assert_eq!(mouse.desk.state().viewer.playhead.frame(), 50);
+    mouse.desk.key_press(egui::Key::Escape);
+    mouse.desk.run();
+    // A button that is on or off says so.
+    open_more(&mut mouse, "script's camera");
+    let is_on = |mouse: &Mouse, name: &str| {
+        mouse.desk.get_by_label(name).accesskit_node().toggled() == Some(egui::accesskit::Toggled::True)
+    };
+    assert!(is_on(&mouse, "Move") && !is_on(&mouse, "Turn"));
+    mouse.click("Turn");
+    open_more(&mut mouse, "script's camera");
+    mouse.picture("toolbars_more_viewport");
+    assert!(is_on(&mouse, "Turn"));
+    // A menu in the menu.
+    let grid = mouse.desk.state().viewer.views[0].overlays.grid;
+    mouse.menu(&["Show", "Grid"]);
+    assert_ne!(mouse.desk.state().viewer.views[0].overlays.grid, grid);
+    // The menus of the window.
+    open_more(&mut mouse, "File");
+    mouse.menu(&["Look", "Light"]);
+    assert!(mouse.desk.state().panels.light);
+}

@@ -1,0 +1,34 @@
+//! The layout is in its file while the window is open, and after a signal that ends the program.
+
+use crate::screen::{Screen, assert_quiet, until};
+use serde_json::Value;
+use std::fs;
+use std::process::Command;
+
+#[test]
+fn the_layout_outlives_a_window_that_is_ended() {
+    let Some(screen) = Screen::new() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let script = folder.path().join("a.rhai");
+    fs::write(&script, "stage(#{ size: [64, 36], length: 1.0 });\ncast(\"box\", shape(\"box\"));\n").unwrap();
+    let mut viewer = screen.view(&[script.to_str().unwrap()], folder.path());
+    let window = screen.window();
+    screen.rest(viewer.0.id());
+    let scale = || -> f64 {
+        let text = fs::read_to_string(folder.path().join("state/choreo/view.json")).unwrap();
+        // It is complete at any time.
+        let settings: Value = serde_json::from_str(&text).unwrap();
+        settings["scale"].as_f64().unwrap_or(1.0)
+    };
+    screen.key(&window, "ctrl+equal");
+    until("the layout", || ((scale() - 1.1).abs() < 1e-6).then_some(()));
+    assert!(viewer.0.try_wait().unwrap().is_none(), "it is still there");
+    screen.key(&window, "ctrl+equal");
+    screen.rest(viewer.0.id());
+    let asked = Command::new("kill").args(["-TERM", &viewer.0.id().to_string()]).status().unwrap();
+    assert!(asked.success());
+    let status = until("the end", || viewer.0.try_wait().unwrap());
+    assert_eq!(status.code(), Some(0), "closed as by Quit");
+    assert!((scale() - 1.2).abs() < 1e-6, "{}", scale());
+    assert_quiet(folder.path());
+}
