@@ -9,7 +9,6 @@ use crate::stage::described::Described;
 use crate::stage::layers_2d::{Fit, Layer2d, Layer2dContent};
 use crate::stage::light::StageLight;
 use crate::stage::sky::Sky;
-use crate::stage::time_remapping::TimeRemapping;
 use crate::stage::{Background, Settings, Stage, StageError};
 use crate::transforms::order;
 use crate::transforms::order::PlacementOrder;
@@ -223,17 +222,10 @@ impl Checker<'_> {
                 cue.clip.joint_count()
             )
         });
-        if let Some(keys) = &cue.weight_keys {
-            self.channel(place, keys, keys.property == Property::Weight);
-        }
-        match cue.time_remapping.as_deref() {
-            Some(TimeRemapping::Speed(curve)) => {
-                self.channel(place, &curve.keys, curve.keys.property == Property::Speed);
+        for (_, property) in Cue::keyed_options() {
+            if let Some(keys) = cue.keys(property) {
+                self.channel(place, keys, keys.property == property);
             }
-            Some(TimeRemapping::ClipTime(keys)) => {
-                self.channel(place, keys, keys.property == Property::ClipTime)
-            }
-            None => {}
         }
         let apart = cue.freezes.windows(2).all(|pair| pair[0].1 <= pair[1].0);
         self.need(apart && cue.freezes.iter().all(|f| f.0 <= f.1), place, || {

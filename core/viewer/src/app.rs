@@ -9,7 +9,7 @@ use crate::geometry::gizmo::{Change, Drag, Tool};
 use crate::geometry::picking;
 use crate::library::documents::Documents;
 use crate::state::curves::Curves;
-use crate::state::dragged_sign::DraggedSign;
+use crate::state::dragged_icon::DraggedIcon;
 use crate::state::dropped_models::DroppedModels;
 use crate::state::events::Event;
 use crate::state::history::{History, Offer};
@@ -44,7 +44,7 @@ const LARGEST: u32 = 4096;
 
 /// How actors are shown in this window, whatever the script states.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Shelf {
+pub struct Toggles {
     pub hidden: BTreeSet<String>,
     /// If there are any, only these are shown.
     pub solo: BTreeSet<String>,
@@ -116,13 +116,13 @@ pub struct Viewer {
     pub active: usize,
     pub tool: Tool,
     pub dragging: Option<Dragging>,
-    pub dragged_sign: Option<DraggedSign>,
+    pub dragged_icon: Option<DraggedIcon>,
     /// The place at which a sign was let go, until the next version has it.
     pub(crate) placed: Option<Placed>,
     /// The joint that is selected beside the selection.
     pub joint: Option<JointRef>,
     pub trails: Trails,
-    pub shelf: Shelf,
+    pub toggles: Toggles,
     pub selection: Option<Selected>,
     /// The thing that is to get another name, for which a field opens.
     pub(crate) to_rename: Option<Selected>,
@@ -200,11 +200,11 @@ impl Viewer {
             active: 0,
             tool: Tool::Move,
             dragging: None,
-            dragged_sign: None,
+            dragged_icon: None,
             placed: None,
             joint: None,
             trails: Trails::default(),
-            shelf: Shelf::default(),
+            toggles: Toggles::default(),
             selection: None,
             to_rename: None,
             copied: String::new(),
@@ -419,8 +419,8 @@ impl Viewer {
     fn overrides(&self, scene: &Scene) -> ViewOverrides {
         let stage = &scene.stage;
         let unseen = |name: &String| {
-            self.shelf.hidden.contains(name)
-                || (!self.shelf.solo.is_empty() && !self.shelf.solo.contains(name))
+            self.toggles.hidden.contains(name)
+                || (!self.toggles.solo.is_empty() && !self.toggles.solo.contains(name))
         };
         let hidden =
             stage.actors.iter().enumerate().filter(|(_, a)| unseen(&a.name)).map(|(i, _)| i).collect();
@@ -432,12 +432,12 @@ impl Viewer {
             let actor = selection::actor(stage, &dragging.actor)?;
             Some((actor, dragging.change.applied(dragging.drag.world_from_model)))
         });
-        let muted = self.shelf.muted.iter();
+        let muted = self.toggles.muted.iter();
         let muted =
             muted.filter_map(|(name, layer)| Some((selection::actor(stage, name)?, *layer))).collect();
-        let dragged = self.dragged_sign.as_ref().filter(|dragged| dragged.from != dragged.to);
+        let dragged = self.dragged_icon.as_ref().filter(|dragged| dragged.from != dragged.to);
         let placed =
-            dragged.and_then(|dragged| self.place_of_sign(stage, dragged)).or_else(|| self.placed.clone());
+            dragged.and_then(|dragged| self.place_of_icon(stage, dragged)).or_else(|| self.placed.clone());
         ViewOverrides { hidden, outlined, moved, muted, placed, grid: false }
     }
 
@@ -448,7 +448,7 @@ impl Viewer {
 
     /// Whether images are seen for a moment only.
     pub(crate) fn is_moving(&self) -> bool {
-        let is_dragged = self.dragging.is_some() || self.dragged_sign.is_some() || self.placed.is_some();
+        let is_dragged = self.dragging.is_some() || self.dragged_icon.is_some() || self.placed.is_some();
         self.playhead.is_playing() || self.scrubs || is_dragged
     }
 
@@ -641,7 +641,7 @@ impl Viewer {
         let is_shown = |index: &usize| {
             let row = &self.timeline.rows[*index];
             let actor = row.what.as_ref().and_then(Selected::actor);
-            row.layer.unwrap_or(0) == 0 || actor.is_none_or(|name| !self.shelf.collapsed.contains(name))
+            row.layer.unwrap_or(0) == 0 || actor.is_none_or(|name| !self.toggles.collapsed.contains(name))
         };
         (0..self.timeline.rows.len()).filter(is_shown).collect()
     }

@@ -3,9 +3,29 @@
 use super::key_list::arguments;
 use super::object::quoted;
 use super::scan::{Call, Source};
+use choreo_stage::Cue;
 
 /// The methods of a cue that state keys, and of its layer.
-const METHODS: [&str; 4] = ["weight", "speed", "clip_time", "layer_weight"];
+fn keyed_methods() -> impl Iterator<Item = &'static str> {
+    Cue::keyed_options().map(|(name, _)| name).chain(["layer_weight"])
+}
+
+/// Whether a copied text holds keys that a method of a cue states.
+pub fn are_keys_of_cue(text: &str) -> bool {
+    keyed_methods().any(|method| starts_with_call(text, method))
+}
+
+/// Whether a copied text holds keys.
+pub fn are_keys(text: &str) -> bool {
+    are_keys_of_cue(text) || ["key", "joint"].iter().any(|method| starts_with_call(text, method))
+}
+
+/// Whether a text starts with `.method(`.
+fn starts_with_call(text: &str, method: &str) -> bool {
+    text.strip_prefix('.')
+        .and_then(|text| text.strip_prefix(method))
+        .is_some_and(|rest| rest.starts_with('('))
+}
 
 /// A property by its name: `position`, `morph:smile`, `joint:Head:rotation`, or `.weight`, which is a method of a cue.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,7 +122,7 @@ pub(super) fn copied_call(text: &Source) -> Option<(Call, String)> {
             let property = property_of(text, &call)?;
             Some((call, format!("joint:{joint}:{property}")))
         }
-        method if METHODS.contains(&method) => {
+        method if keyed_methods().any(|keyed| keyed == method) => {
             let name = format!(".{method}");
             Some((call, name))
         }

@@ -34,6 +34,7 @@ pub use copying::{copied_cues, copied_start, copy_cue, paste_cue};
 pub use cues::{CueChange, delete_cue, has_end, set_times};
 pub use deleting::delete_object;
 pub use duplicating::{Duplicate, duplicate_object};
+pub use key_name::{are_keys, are_keys_of_cue};
 pub use key_tangents::{KeyShape, KeySide};
 pub use keys::{KeyValue, WrittenKey, WrittenKeys, copied_keys, euler_degrees_near};
 pub use object::{ScriptObject, ScriptText, euler_degrees, rotation_of, set_call, set_marker};

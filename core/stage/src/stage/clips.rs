@@ -1,7 +1,7 @@
 //! Layers of clips on an actor.
 
-use crate::stage::channel::Channel;
-use crate::stage::described::{FieldType, described};
+use crate::stage::channel::{Channel, Property};
+use crate::stage::described::{Described, FieldType, described};
 use crate::stage::root_motion::CueRootMotion;
 use crate::stage::time_remapping::TimeRemapping;
 use choreo_motion::{Clip, Ease, PhaseMatchedFade, Repeat, Time};
@@ -93,7 +93,25 @@ described! {
         fade: fade_in, FieldType::Duration;
         fade_out: fade_out, FieldType::Duration;
         inertial: inertialization, FieldType::Duration;
-        speed: speed, FieldType::Number(-1000.0, 1000.0, "clip seconds per second"), keys "speed" Speed;
+        speed: speed, FieldType::Number(-1000.0, 1000.0, "×"), keys "speed" Speed;
         weight: weight, FieldType::Number(0.0, 1.0, ""), keys "weight" Weight;
+    }
+}
+
+impl Cue {
+    /// The options that keyframes animate, by their names in scripts, with the property of the keyframes.
+    pub fn keyed_options() -> impl Iterator<Item = (&'static str, Property)> {
+        let of_fields = Cue::FIELDS.iter().filter_map(|field| field.keyed);
+        of_fields.chain([("clip_time", Property::ClipTime)])
+    }
+
+    /// The keyframes of such an option over stage time.
+    pub fn keys(&self, property: Property) -> Option<&Channel> {
+        match (property, self.time_remapping.as_deref()) {
+            (Property::Weight, _) => self.weight_keys.as_deref(),
+            (Property::Speed, Some(TimeRemapping::Speed(curve))) => Some(&curve.keys),
+            (Property::ClipTime, Some(TimeRemapping::ClipTime(keys))) => Some(keys),
+            _ => None,
+        }
     }
 }

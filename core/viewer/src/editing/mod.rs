@@ -17,8 +17,8 @@ pub mod placing;
 mod renaming;
 mod room;
 mod rows;
+mod scene_icons;
 mod shared;
-mod signs;
 mod strips;
 mod trimming;
 

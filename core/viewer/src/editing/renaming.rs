@@ -69,13 +69,13 @@ impl Viewer {
                         set.insert(to.to_string());
                     }
                 };
-                let shelf = &mut self.shelf;
-                [&mut shelf.hidden, &mut shelf.solo, &mut shelf.locked, &mut shelf.collapsed]
+                let toggles = &mut self.toggles;
+                [&mut toggles.hidden, &mut toggles.solo, &mut toggles.locked, &mut toggles.collapsed]
                     .into_iter()
                     .for_each(rename);
-                let muted = std::mem::take(&mut shelf.muted).into_iter();
+                let muted = std::mem::take(&mut toggles.muted).into_iter();
                 let muted = muted.map(|(of, layer)| (if of == *name { to.to_string() } else { of }, layer));
-                shelf.muted = muted.collect();
+                toggles.muted = muted.collect();
                 Selected::Actor(to.to_string())
             }
             Selected::Camera(_) => Selected::Camera(to.to_string()),

@@ -114,12 +114,12 @@ impl Viewer {
             _ => {}
         }
         if let Group::Layers(name) = group {
-            let muted = std::mem::take(&mut self.shelf.muted).into_iter();
+            let muted = std::mem::take(&mut self.toggles.muted).into_iter();
             let of = |(actor, layer): (String, usize)| {
                 let layer = if actor == *name { renumbered(layer) } else { layer };
                 (actor, layer)
             };
-            self.shelf.muted = muted.map(of).collect::<BTreeSet<_>>();
+            self.toggles.muted = muted.map(of).collect::<BTreeSet<_>>();
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::app::Viewer;
 use crate::editing::EditError;
 use crate::state::selection::Selected;
 use crate::state::timeline::{Bar, Row};
-use choreo_session::edit::RowSide;
+use choreo_session::edit::{RowSide, are_keys};
 use egui::{Button, Event, Response, Ui};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,7 +124,7 @@ pub fn clipboard(ui: &Ui, viewer: &mut Viewer) {
 }
 
 fn paste(viewer: &mut Viewer, text: &str) {
-    if key_menu::are_keys(text) {
+    if are_keys(text) {
         return key_menu::paste(viewer, text);
     }
     let Some(name) = viewer.paste_target() else { return };

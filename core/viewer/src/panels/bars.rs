@@ -169,7 +169,7 @@ impl Viewer {
             Some(Selected::Actor(name)) if name == actor => {
                 Err("a layer of an actor is made by .on(…): state the joints in the inspector".into())
             }
-            Some(Selected::Actor(name)) if self.shelf.locked.contains(name) => {
+            Some(Selected::Actor(name)) if self.toggles.locked.contains(name) => {
                 Err(headers::is_locked(name).into())
             }
             Some(Selected::Actor(name)) => Ok(name),

@@ -10,7 +10,8 @@ use choreo_asset::Asset;
 use choreo_motion::Repeat;
 use choreo_session::edit::{Anew, CueTime, format_number};
 use choreo_stage::{
-    Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Shadow, Stage, StageLight,
+    Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Property, Shadow, Stage,
+    StageLight,
 };
 use egui::{Grid, Response, RichText, Ui};
 use glam::DVec3;
@@ -322,15 +323,14 @@ fn clip(
 
 /// The keys of a value of a clip, in words; `None` where it has none.
 fn keys_of(played: &Cue, name: &str) -> Option<String> {
-    match name {
-        "weight" => {
-            let times = &played.weight_keys.as_ref()?.times;
-            let (first, last) = times.first().zip(times.last())?;
-            Some(format!("{} keys, {:.2} to {:.2} s", times.len(), first.as_secs(), last.as_secs()))
-        }
-        "speed" => played.time_remapping.as_ref().map(|_| "by keys".to_string()),
-        _ => None,
-    }
+    // Keys of the clip's time take the place of its speed.
+    let keys = match name {
+        "speed" => played.keys(Property::Speed).or(played.keys(Property::ClipTime)),
+        name => Cue::field(name)?.keyed.and_then(|(_, property)| played.keys(property)),
+    };
+    let times = &keys?.times;
+    let (first, last) = times.first().zip(times.last())?;
+    Some(format!("{} keys, {:.2} to {:.2} s", times.len(), first.as_secs(), last.as_secs()))
 }
 
 /// A value that keys state, in place of its field: a number would take their place.

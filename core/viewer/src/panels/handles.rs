@@ -22,7 +22,7 @@ pub fn show(
 ) -> bool {
     let Some(Selected::Actor(name)) = viewer.selection.clone() else { return false };
     let (Some(scene), Some(shown)) = (&viewer.scene, &viewer.views[index].shown) else { return false };
-    if viewer.shelf.locked.contains(&name) {
+    if viewer.toggles.locked.contains(&name) {
         return false;
     }
     let state = actor(&scene.stage, &name).and_then(|i| shown.snapshot.actors.get(i)).filter(|s| s.visible);

@@ -55,11 +55,11 @@ pub(crate) fn name_place(timeline: &Timeline, index: usize, label: Rect) -> Rect
 pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<Toggle> {
     let row = &viewer.timeline.rows[index];
     let Some(Selected::Actor(name)) = &row.what else { return None };
-    let shelf = &viewer.shelf;
+    let toggles = &viewer.toggles;
     let mut toggled = None;
     if has_layers(&viewer.timeline, index) {
         let place = Rect::from_min_size(label.min, vec2(FOLD, label.height()));
-        let closed = shelf.collapsed.contains(name);
+        let closed = toggles.collapsed.contains(name);
         let icon = if closed { icons::CARET_RIGHT } else { icons::CARET_DOWN };
         let about = format!("layers of {name}");
         if button(ui, place, icon, !closed, &about, "show or hide the layers") {
@@ -73,7 +73,7 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
     let layer = row.layer.unwrap_or(0);
     let is_base = layer == 0;
     if row.layer.is_some() {
-        let muted = shelf.muted.contains(&(name.clone(), layer));
+        let muted = toggles.muted.contains(&(name.clone(), layer));
         let about = format!("mute {}", row.label);
         let number = if is_base { 2.0 } else { 0.0 };
         let icon = if muted { icons::SPEAKER_SLASH } else { icons::SPEAKER_HIGH };
@@ -83,13 +83,13 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
     }
     if is_base {
         let about = format!("only {name} in rows");
-        let solo = shelf.solo.contains(name);
+        let solo = toggles.solo.contains(name);
         if button(ui, place(1.0), icons::STAR, solo, &about, "solo: only what is solo is seen here") {
             toggled = Some(Toggle::Solo(name.clone()));
         }
         let about = format!("lock the row of {name}");
         let hint = "lock: its bars and its gizmo cannot be dragged";
-        let locked = shelf.locked.contains(name);
+        let locked = toggles.locked.contains(name);
         let icon = if locked { icons::LOCK_SIMPLE } else { icons::LOCK_SIMPLE_OPEN };
         if button(ui, place(0.0), icon, locked, &about, hint) {
             toggled = Some(Toggle::Lock(name.clone()));
@@ -99,17 +99,17 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
 }
 
 pub(crate) fn toggle(viewer: &mut Viewer, toggle: Toggle) {
-    let shelf = &mut viewer.shelf;
+    let toggles = &mut viewer.toggles;
     let (set, name) = match toggle {
         Toggle::Mute(name, layer) => {
-            if !shelf.muted.remove(&(name.clone(), layer)) {
-                shelf.muted.insert((name, layer));
+            if !toggles.muted.remove(&(name.clone(), layer)) {
+                toggles.muted.insert((name, layer));
             }
             return;
         }
-        Toggle::Collapse(name) => (&mut shelf.collapsed, name),
-        Toggle::Solo(name) => (&mut shelf.solo, name),
-        Toggle::Lock(name) => (&mut shelf.locked, name),
+        Toggle::Collapse(name) => (&mut toggles.collapsed, name),
+        Toggle::Solo(name) => (&mut toggles.solo, name),
+        Toggle::Lock(name) => (&mut toggles.locked, name),
     };
     if !set.remove(&name) {
         set.insert(name);

@@ -8,7 +8,7 @@ use crate::state::selection::Selected;
 use crate::state::tangents::TangentChoice;
 use choreo_motion::Time;
 use choreo_script::{KEY_INTERPOLATIONS, easing_names};
-use choreo_session::edit::KeyShape;
+use choreo_session::edit::{KeyShape, are_keys_of_cue};
 use egui::containers::menu::menu_style;
 use egui::{
     Align, Button, Event, Id, Layout, Popup, PopupAnchor, PopupCloseBehavior, PopupKind, Pos2, Response,
@@ -253,17 +253,10 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, command: KeyCommand, keys: &[KeyRef
     }
 }
 
-/// Whether a text of the clipboard holds keys.
-pub(crate) fn are_keys(text: &str) -> bool {
-    [".key(", ".joint(", ".weight(", ".speed(", ".clip_time(", ".layer_weight("]
-        .iter()
-        .any(|k| text.starts_with(k))
-}
-
 /// Adds copied keys to the selection, at the playhead.
 pub(crate) fn paste(viewer: &mut Viewer, text: &str) {
     let at = viewer.playhead.time().as_secs();
-    let of_cue = [".weight(", ".speed(", ".clip_time(", ".layer_weight("].iter().any(|k| text.starts_with(k));
+    let of_cue = are_keys_of_cue(text);
     let what = match viewer.selection.clone() {
         Some(Selected::Cue { actor, .. }) if !of_cue => Some(Selected::Actor(actor)),
         other => other,

@@ -63,9 +63,9 @@ pub fn range(viewer: &mut Viewer, out: bool) {
 
 pub fn hide(viewer: &mut Viewer) {
     if let Some(name) = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string)
-        && !viewer.shelf.hidden.remove(&name)
+        && !viewer.toggles.hidden.remove(&name)
     {
-        viewer.shelf.hidden.insert(name);
+        viewer.toggles.hidden.insert(name);
     }
 }
 

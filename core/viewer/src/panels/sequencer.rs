@@ -250,7 +250,8 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     let response = response.hint(&row.label);
     let reordered = row_order::drag(ui, viewer, index, &response);
     let lane_of = bars::Lane { rect: lane, row: index };
-    let locked = row.what.as_ref().and_then(Selected::actor).is_some_and(|a| viewer.shelf.locked.contains(a));
+    let locked =
+        row.what.as_ref().and_then(Selected::actor).is_some_and(|a| viewer.toggles.locked.contains(a));
     let act = bars::show(ui, viewer, &row.bars, &row.label, &lane_of, locked);
     let marked = marks::events(ui, viewer, row, index, lane);
     if let Some(MarkAct::Click(event, _)) = &marked {
@@ -414,7 +415,7 @@ fn dropped(ui: &Ui, viewer: &mut Viewer, index: usize, lane: Rect) -> Option<(Cl
     }
     let clip = response.dnd_release_payload::<ClipDrag>()?;
     match on {
-        Some(on) if viewer.shelf.locked.contains(on) => {
+        Some(on) if viewer.toggles.locked.contains(on) => {
             let why = headers::is_locked(on);
             viewer.edit(|_| Err(EditError::refused(why)));
             None

@@ -75,7 +75,8 @@ fn pick(
     let Some(mouse) = still.filter(|p| place.contains(*p)) else { return false };
     let mouse = DVec2::new(f64::from(mouse.x), f64::from(mouse.y));
     let mut best: Option<(f64, usize, usize)> = None;
-    for (number, actor) in names.iter().enumerate().filter(|(_, a)| !viewer.shelf.locked.contains(&a.name)) {
+    for (number, actor) in names.iter().enumerate().filter(|(_, a)| !viewer.toggles.locked.contains(&a.name))
+    {
         for joint in 0..actor.asset.skeleton.len() {
             let distance = at_joint(number, joint).map_or(f64::INFINITY, |at| (at - mouse).length());
             if distance <= REACH && best.is_none_or(|(least, ..)| distance < least) {

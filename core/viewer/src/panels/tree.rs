@@ -55,14 +55,14 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             text = text.weak();
         }
         ui.horizontal(|ui| {
-            let shelf = &mut viewer.shelf;
+            let toggles = &mut viewer.toggles;
             let eye = [icons::EYE, icons::EYE_SLASH];
-            toggle(ui, &mut shelf.hidden, &actor.name, eye, ["hide", "not seen here (H)"]);
+            toggle(ui, &mut toggles.hidden, &actor.name, eye, ["hide", "not seen here (H)"]);
             let star = [icons::STAR; 2];
-            toggle(ui, &mut shelf.solo, &actor.name, star, ["solo", "only what is solo is seen here"]);
+            toggle(ui, &mut toggles.solo, &actor.name, star, ["solo", "only what is solo is seen here"]);
             let lock = [icons::LOCK_SIMPLE_OPEN, icons::LOCK_SIMPLE];
             let about = ["lock", "neither picked nor moved with the mouse"];
-            toggle(ui, &mut shelf.locked, &actor.name, lock, about);
+            toggle(ui, &mut toggles.locked, &actor.name, lock, about);
             select(ui, viewer, text, Selected::Actor(actor.name.clone()));
         });
         for joint in joints {

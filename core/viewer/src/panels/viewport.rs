@@ -2,7 +2,7 @@
 
 use super::assets::ModelDrag;
 use super::toolbar::Toolbar;
-use super::{axes, handles, icons, overlay, signs, trails};
+use super::{axes, handles, icons, overlay, scene_icons, trails};
 use crate::app::Viewer;
 use crate::geometry::gizmo::Tool;
 use crate::geometry::picking;
@@ -93,14 +93,14 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
     if let Some((lens, world_from_view)) = lens {
         overlay::show(ui, viewer, index, place, &lens);
         let at_axis = axes::show(ui, viewer, index, place, &world_from_view);
-        let at_sign = signs::show(ui, viewer, index, &response, place, &lens);
+        let at_icon = scene_icons::show(ui, viewer, index, &response, place, &lens);
         let at_joint = trails::show(ui, viewer, index, &response, place, &lens);
-        let drags_sign = viewer.dragged_sign.is_some();
-        let at_handle = !drags_sign && handles::show(ui, viewer, index, &response, place, &lens);
-        if at_handle || viewer.dragged_sign.is_some() {
+        let drags_icon = viewer.dragged_icon.is_some();
+        let at_handle = !drags_icon && handles::show(ui, viewer, index, &response, place, &lens);
+        if at_handle || viewer.dragged_icon.is_some() {
             return;
         }
-        let at_other = at_axis || at_sign || at_joint;
+        let at_other = at_axis || at_icon || at_joint;
         if response.clicked()
             && !at_other
             && let Some(at) = response.interact_pointer_pos().filter(|at| place.contains(*at))
@@ -243,8 +243,8 @@ fn toggle_follow(viewer: &mut Viewer, index: usize) {
 /// Selects the actor whose surface is there; nothing, where there is none.
 fn click(viewer: &mut Viewer, index: usize, lens: &Lens, at: DVec2) {
     let (Some(scene), Some(shown)) = (viewer.scene.clone(), &viewer.views[index].shown) else { return };
-    let shelf = &viewer.shelf;
-    let pickable = |i: usize| scene.stage.actors.get(i).is_some_and(|a| !shelf.locked.contains(&a.name));
+    let toggles = &viewer.toggles;
+    let pickable = |i: usize| scene.stage.actors.get(i).is_some_and(|a| !toggles.locked.contains(&a.name));
     let picked = picking::actor(&scene.stage, &shown.snapshot, lens.ray(at), pickable);
     let picked = picked.map(|i| Selected::Actor(scene.stage.actors[i].name.clone()));
     viewer.select_all(picked.into_iter().collect());

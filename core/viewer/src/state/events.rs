@@ -127,7 +127,7 @@ impl Gathered {
 
     /// The keys of a cue, and named times of its clip, each time that it gets there until `end`.
     pub fn cue(&mut self, (cue, what): (&Cue, &Selected), scene: &Scene, end: Time, markers: &[ClipMarkers]) {
-        if cue.weight_keys.is_some() || cue.time_remapping.is_some() {
+        if Cue::keyed_options().any(|(_, property)| cue.keys(property).is_some()) {
             let mut keyed = keyed::properties(scene, what);
             keyed.retain(|keyed| keyed.name != ".layer_weight");
             self.keys(&keyed, &format!("{} ", cue.clip.name));

@@ -416,7 +416,7 @@ fn described<T: Described>(
     all
 }
 
-fn of_field<T>(
+pub(super) fn of_field<T>(
     what: &Selected,
     field: &Field<T>,
     of: &T,

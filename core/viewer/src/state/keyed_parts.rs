@@ -1,11 +1,11 @@
 //! Keys of parts: of an actor's joints, and of the weight, the speed and the time of a cue.
 
-use crate::state::keyed::{KeyedProperty, ValueKind, named};
+use crate::state::keyed::{KeyedProperty, ValueKind, named, of_field};
 use crate::state::selection::Selected;
 use choreo_motion::edit::offset_in_parent;
 use choreo_motion::{Curve, Interpolation, Path, Skeleton, Time};
 use choreo_session::edit::ScriptObject;
-use choreo_stage::{Actor, Channel, Cue, Property, TimeRemapping};
+use choreo_stage::{Actor, Channel, Cue, Described, Property};
 use glam::{DMat3, DQuat, DVec3};
 
 /// Joints of an actor that have keys, as the script states them: relative to the rest pose.
@@ -75,23 +75,21 @@ pub(super) fn cue(what: &Selected, actor: &Actor, [layer, cue]: [usize; 2]) -> V
         return Vec::new();
     };
     let Some(cue) = layer.cues.get(cue) else { return Vec::new() };
-    let property = |name: &str, unit, range, keys: Option<&Channel>, rest: f64| {
-        let channels = keys.cloned().into_iter().collect();
-        KeyedProperty { unit, range, ..named(what, name, channels, vec![rest]) }
+    let of_option = |(name, property)| {
+        let keys: Vec<Channel> = cue.keys(property).cloned().into_iter().collect();
+        let method = format!(".{name}");
+        match Cue::field(name) {
+            Some(field) => of_field(what, field, cue, &method, keys),
+            // Which time of the clip is shown is known where it has keys.
+            None if keys.is_empty() => None,
+            None => {
+                Some(KeyedProperty { unit: "s", range: [-1e6, 1e6], ..named(what, &method, keys, vec![0.0]) })
+            }
+        }
     };
-    let (mut speed, mut time) = (None, None);
-    match cue.time_remapping.as_deref() {
-        Some(TimeRemapping::Speed(curve)) => speed = Some(&curve.keys),
-        Some(TimeRemapping::ClipTime(keys)) => time = Some(keys),
-        None => {}
-    }
-    let of_layer = layer.weight_keys.as_deref();
-    let mut all = vec![
-        property(".weight", "", [0.0, 1.0], cue.weight_keys.as_deref(), f64::from(cue.weight)),
-        property(".speed", "", [-1000.0, 1000.0], speed, cue.speed),
-        property(".layer_weight", "", [0.0, 1.0], of_layer, 1.0),
-    ];
-    // Which time of the clip is shown is known where it has keys.
-    all.extend(time.map(|time| property(".clip_time", "s", [-1e6, 1e6], Some(time), 0.0)));
+    let of_layer = layer.weight_keys.as_deref().cloned().into_iter().collect();
+    let of_layer = named(what, ".layer_weight", of_layer, vec![1.0]);
+    let mut all: Vec<KeyedProperty> = Cue::keyed_options().filter_map(of_option).collect();
+    all.push(KeyedProperty { range: [0.0, 1.0], ..of_layer });
     all
 }

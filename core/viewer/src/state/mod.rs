@@ -1,7 +1,7 @@
 //! The state of the viewer: plain data without a toolkit, tested without a window.
 
 pub mod curves;
-pub mod dragged_sign;
+pub mod dragged_icon;
 pub mod dropped_models;
 pub mod events;
 pub mod history;

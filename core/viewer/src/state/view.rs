@@ -38,7 +38,7 @@ pub struct Overlays {
     /// The ground's grid, which the renderer draws: it is hidden by what is nearer.
     pub grid: bool,
     /// Signs for lights and cameras.
-    pub signs: bool,
+    pub icons: bool,
     /// The directions of the axes, in a corner.
     pub axes: bool,
     /// The path of the selected joint, else of the selected actor.
@@ -55,7 +55,7 @@ impl Default for Overlays {
     fn default() -> Overlays {
         Overlays {
             grid: true,
-            signs: true,
+            icons: true,
             axes: true,
             trail: false,
             onion: false,
@@ -72,7 +72,7 @@ impl Overlays {
         [
             ("grid", "Grid", &mut self.grid),
             ("axes", "Axes", &mut self.axes),
-            ("signs", "Lights and cameras", &mut self.signs),
+            ("icons", "Lights and cameras", &mut self.icons),
             ("skeletons", "Skeletons", &mut self.skeletons),
             ("trail", "Motion trail", &mut self.trail),
             ("onion", "Onion skin", &mut self.onion),

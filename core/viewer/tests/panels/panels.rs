@@ -178,7 +178,7 @@ fn a_drag_on_the_picture_takes_the_camera_over_where_it_stands() {
     let mut studio = Studio::new();
     let mut harness = studio.open();
     // The sign of the nearer camera would be under the mouse.
-    harness.state_mut().viewer.views[0].overlays.signs = false;
+    harness.state_mut().viewer.views[0].overlays.icons = false;
     let script_camera = harness.state().viewer.shown().unwrap().snapshot.camera.world_from_view;
     harness.key_press(Key::C);
     harness.run();

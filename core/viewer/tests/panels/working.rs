@@ -84,7 +84,7 @@ fn the_tree_hides_shows_alone_and_locks() {
     press(&mut desk, Modifiers::NONE, Key::H);
     assert!(has(&desk, "mixamorig:Head"), "{:?}", (said(&desk, "Head"), search(&desk).value()));
     assert!(desk.query_by_label("hide ball").is_none());
-    assert!(desk.state().viewer.shelf.hidden.is_empty());
+    assert!(desk.state().viewer.toggles.hidden.is_empty());
     // A field that has the keyboard requests no image of its own: nothing blinks.
     let delay = desk.output().viewport_output[&egui::ViewportId::ROOT].repaint_delay;
     assert!(delay > std::time::Duration::from_secs(60), "{delay:?}");
@@ -408,7 +408,7 @@ fn all_of_it_by_the_keyboard_alone() {
     press(&mut desk, none, Key::PageDown);
     assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
     press(&mut desk, none, Key::H);
-    assert!(desk.state().viewer.shelf.hidden.contains("ada"));
+    assert!(desk.state().viewer.toggles.hidden.contains("ada"));
     press(&mut desk, none, Key::H);
     press(&mut desk, none, Key::Space);
     assert!(desk.state().viewer.playhead.is_playing());

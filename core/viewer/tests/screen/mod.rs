@@ -65,7 +65,7 @@ pub fn viewer(device: &str, args: &[&str], folder: &Path) -> Command {
     let settings = folder.join("state/choreo/view.json");
     if !settings.exists() {
         fs::create_dir_all(folder.join("state/choreo")).unwrap();
-        fs::write(settings, r#"{"overlays": {"grid": false, "axes": false, "signs": false}}"#).unwrap();
+        fs::write(settings, r#"{"overlays": {"grid": false, "axes": false, "icons": false}}"#).unwrap();
     }
     command
 }

@@ -136,7 +136,7 @@ fn a_row_that_refuses_a_bar_says_why_at_the_pointer() {
         assert!(message.contains(why), "{message}");
         assert_eq!(desk.state().text(), SCRIPT);
     }
-    desk.state_mut().viewer.shelf.locked.insert("bob".into());
+    desk.state_mut().viewer.toggles.locked.insert("bob".into());
     let to = pos2(bow.x, height(&desk, "bob"));
     drag(&mut desk, bow, to);
     assert!(desk.state().viewer.message.as_ref().unwrap().contains("the row of bob is locked"));
@@ -300,7 +300,7 @@ fn a_layer_is_dragged_below_another_and_stays_muted() {
     let line = "ada.play(moves.clip(\"Jump\")).from(2.0).until(3.0).on(\"LeftShoulder..\").fade(0.2);\n";
     let script = SCRIPT.replace("let bob", &format!("{line}let bob"));
     let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
-    desk.state_mut().viewer.shelf.muted.insert(("ada".into(), 2));
+    desk.state_mut().viewer.toggles.muted.insert(("ada".into(), 2));
     let name = |label: &str| desk.get_by_label(&format!("row {label}")).rect().center();
     let (from, to) = (name("ada +2"), name("ada +1") - vec2(0.0, 6.0));
     drag(&mut desk, from, to);
@@ -308,8 +308,8 @@ fn a_layer_is_dragged_below_another_and_stays_muted() {
     let bow = script.lines().find(|line| line.contains("Bow")).unwrap();
     let wanted = script.replace(line, "").replace(bow, &format!("{line}{bow}"));
     assert_eq!(desk.state().text(), wanted);
-    assert!(desk.state().viewer.shelf.muted.contains(&("ada".into(), 1)));
-    assert!(!desk.state().viewer.shelf.muted.contains(&("ada".into(), 2)));
+    assert!(desk.state().viewer.toggles.muted.contains(&("ada".into(), 1)));
+    assert!(!desk.state().viewer.toggles.muted.contains(&("ada".into(), 2)));
 }
 
 #[test]

@@ -307,7 +307,7 @@ fn rows_have_heads_layers_lights_and_titles() {
 fn what_is_muted_does_not_play() {
     let mut place = Place::new(SCRIPT);
     place.viewer.playhead.seek(Time::from_secs(1.6));
-    place.viewer.shelf.muted.insert(("ada".into(), 1));
+    place.viewer.toggles.muted.insert(("ada".into(), 1));
     place.paint();
     let shown = place.viewer.shown().unwrap().snapshot.actors[0].model_from_joint.clone();
     let without: String = SCRIPT.lines().filter(|l| !l.contains("Bow")).map(|l| format!("{l}\n")).collect();

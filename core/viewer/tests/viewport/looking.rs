@@ -1,4 +1,4 @@
-//! Viewports: views along the axes, signs of lights and cameras, joints and their trails, the grid.
+//! Viewports: views along the axes, icons of lights and cameras, joints and their trails, the grid.
 
 use crate::place::{Desk, Place, drag};
 use choreo_asset::Projection;
@@ -89,7 +89,7 @@ fn an_end_of_an_axis_looks_along_it_without_perspective() {
 }
 
 #[test]
-fn a_light_and_a_camera_are_picked_and_dragged_by_their_signs() {
+fn a_light_and_a_camera_are_picked_and_dragged_by_their_icons() {
     let mut desk = desk();
     let lamp = DVec3::new(-1.2, 1.8, 0.5);
     let at = on_screen(&desk, lamp);
@@ -119,7 +119,7 @@ fn a_light_and_a_camera_are_picked_and_dragged_by_their_signs() {
 }
 
 #[test]
-fn a_sign_is_dragged_in_either_of_two_free_viewports() {
+fn an_icon_is_dragged_in_either_of_two_free_viewports() {
     for view in [0, 1] {
         let mut place = Place::new(SCRIPT);
         let layout = serde_json::json!({

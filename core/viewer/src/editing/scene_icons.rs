@@ -3,7 +3,7 @@
 use super::EditError;
 use super::placing::ScriptCamera;
 use crate::app::Viewer;
-use crate::state::dragged_sign::{DraggedSign, SignOf};
+use crate::state::dragged_icon::{DraggedIcon, IconOf};
 use crate::state::selection::actor;
 use choreo_asset::LightKind;
 use choreo_session::Placed;
@@ -12,30 +12,30 @@ use choreo_stage::{ConstraintKind, Property, Stage, Target};
 use glam::DVec3;
 
 impl Viewer {
-    /// The place that a sign which is dragged gives to what it stands for.
-    pub(crate) fn place_of_sign(
+    /// The place that a icon which is dragged gives to what it stands for.
+    pub(crate) fn place_of_icon(
         &self,
         stage: &Stage,
-        DraggedSign { what, to, .. }: &DraggedSign,
+        DraggedIcon { what, to, .. }: &DraggedIcon,
     ) -> Option<Placed> {
         let to = *to;
         Some(match what {
-            SignOf::Light(light) => match stage.lights.get(*light)?.light.kind {
+            IconOf::Light(light) => match stage.lights.get(*light)?.light.kind {
                 LightKind::Directional => {
                     Placed::Sun { light: *light, direction: self.direction_from(to).as_vec3() }
                 }
                 LightKind::Point | LightKind::Spot { .. } => Placed::Light { light: *light, to },
             },
-            SignOf::Camera(name) => {
+            IconOf::Camera(name) => {
                 Placed::Camera { camera: stage.cameras.iter().position(|camera| camera.name == *name)?, to }
             }
-            SignOf::Reach(name, constraint) => {
+            IconOf::Reach(name, constraint) => {
                 Placed::Target { actor: actor(stage, name)?, constraint: *constraint, to }
             }
         })
     }
 
-    /// The direction in which a sun shines whose sign stands at a place.
+    /// The direction in which a sun shines whose icon stands at a place.
     pub(crate) fn direction_from(&self, at: DVec3) -> DVec3 {
         let middle = self.point_of_interest().unwrap_or(DVec3::ZERO);
         (middle - at).normalize_or(DVec3::NEG_Y)

@@ -1,9 +1,9 @@
-//! Signs for the lights and the cameras that stand, over the image: clicked they are selected, dragged they are moved in the script.
+//! Icons for the lights and the cameras that stand, over the image: clicked they are selected, dragged they are moved in the script.
 
 use super::overlay::{line, point};
 use crate::app::Viewer;
 use crate::geometry::projection::Lens;
-use crate::state::dragged_sign::{DraggedSign, SignOf};
+use crate::state::dragged_icon::{DraggedIcon, IconOf};
 use crate::state::view::ViewCamera;
 use choreo_asset::{LightKind, Projection};
 use choreo_session::{FrameInfo, Scene};
@@ -11,15 +11,15 @@ use choreo_stage::{ConstraintKind, Property, Rig, Target};
 use egui::{Color32, PointerButton, Rect, Response, Stroke, Ui};
 use glam::{DVec2, DVec3};
 
-/// Points around a sign's middle in which the mouse takes it.
+/// Points around a icon's middle in which the mouse takes it.
 const REACH: f64 = 11.0;
-/// Metres from what a sun shines on to its sign.
+/// Metres from what a sun shines on to its icon.
 const SUN: f64 = 3.0;
 
 /// A light or camera in the viewport.
 #[derive(Clone, Debug)]
-struct Sign {
-    what: SignOf,
+struct SceneIcon {
+    what: IconOf,
     at: DVec3,
     kind: Kind,
 }
@@ -37,7 +37,7 @@ enum Kind {
     Reach(DVec3),
 }
 
-fn signs(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<Sign> {
+fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
     let stage = &scene.stage;
     let Some(shown) = &viewer.views[index].shown else { return Vec::new() };
     let middle = viewer.point_of_interest().unwrap_or(DVec3::ZERO);
@@ -50,7 +50,7 @@ fn signs(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<Sign> {
             LightKind::Spot { outer, .. } => (light.position, Kind::Spot(direction, f64::from(outer))),
             LightKind::Point => (light.position, Kind::Point),
         };
-        Some(Sign { what: SignOf::Light(number), at, kind })
+        Some(SceneIcon { what: IconOf::Light(number), at, kind })
     });
     let time = shown.time;
     let cameras = stage.cameras.iter().filter_map(|camera| {
@@ -66,14 +66,14 @@ fn signs(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<Sign> {
             Projection::Perspective { yfov, .. } => f64::from(yfov),
             Projection::Orthographic { .. } => 0.0,
         };
-        Some(Sign { what: SignOf::Camera(camera.name.clone()), at, kind: Kind::Camera(target, angle) })
+        Some(SceneIcon { what: IconOf::Camera(camera.name.clone()), at, kind: Kind::Camera(target, angle) })
     });
     lights.chain(cameras).chain(targets(scene, shown)).collect()
 }
 
 /// Points that joints reach for at the time of the image.
-fn targets(scene: &Scene, shown: &FrameInfo) -> Vec<Sign> {
-    let mut signs = Vec::new();
+fn targets(scene: &Scene, shown: &FrameInfo) -> Vec<SceneIcon> {
+    let mut icons = Vec::new();
     for (actor, state) in scene.stage.actors.iter().zip(&shown.snapshot.actors).filter(|(_, s)| s.visible) {
         for (number, constraint) in actor.constraints.iter().enumerate() {
             let now = constraint.start <= shown.time && constraint.end.is_none_or(|end| shown.time < end);
@@ -81,14 +81,14 @@ fn targets(scene: &Scene, shown: &FrameInfo) -> Vec<Sign> {
             let (Target::Point(point), true) = (&reach.target, now) else { continue };
             let joint = reach.joints.last().and_then(|joint| state.model_from_joint.get(*joint as usize));
             let Some(joint) = joint.map(|m| m.translation.as_dvec3()) else { continue };
-            signs.push(Sign {
-                what: SignOf::Reach(actor.name.clone(), number),
+            icons.push(SceneIcon {
+                what: IconOf::Reach(actor.name.clone(), number),
                 at: *point + reach.offset.unwrap_or(DVec3::ZERO),
                 kind: Kind::Reach(state.world_from_model.transform_point3(joint)),
             });
         }
     }
-    signs
+    icons
 }
 
 /// Gives whether the mouse is at one, and belongs to nothing else.
@@ -102,18 +102,18 @@ pub fn show(
 ) -> bool {
     // An image through a camera of the script is looked at as it will be.
     let view = &viewer.views[index];
-    if !view.overlays.signs || matches!(view.camera, ViewCamera::Script | ViewCamera::Named(_)) {
+    if !view.overlays.icons || matches!(view.camera, ViewCamera::Script | ViewCamera::Named(_)) {
         return false;
     }
     let Some(scene) = viewer.scene.clone() else { return false };
-    let mut signs = signs(viewer, index, &scene);
-    if let Some(dragged) = &viewer.dragged_sign {
-        signs.iter_mut().filter(|sign| sign.what == dragged.what).for_each(|sign| sign.at = dragged.to);
+    let mut icons = icons(viewer, index, &scene);
+    if let Some(dragged) = &viewer.dragged_icon {
+        icons.iter_mut().filter(|icon| icon.what == dragged.what).for_each(|icon| icon.at = dragged.to);
     }
     let vector = |p: egui::Pos2| DVec2::new(f64::from(p.x), f64::from(p.y));
     let near = |at: DVec2| {
-        let distance = |sign: &Sign| lens.point(sign.at).map(|p| (p - at).length());
-        let within = signs.iter().filter(|sign| distance(sign).is_some_and(|d| d <= REACH));
+        let distance = |icon: &SceneIcon| lens.point(icon.at).map(|p| (p - at).length());
+        let within = icons.iter().filter(|icon| distance(icon).is_some_and(|d| d <= REACH));
         within
             .min_by(|a, b| distance(a).partial_cmp(&distance(b)).unwrap_or(std::cmp::Ordering::Equal))
             .cloned()
@@ -123,10 +123,10 @@ pub fn show(
         .filter(|_| !response.dragged())
         .filter(|p| place.contains(*p))
         .and_then(|p| near(vector(p)));
-    for sign in &signs {
-        let chosen = viewer.selection == Some(sign.what.selected());
-        let is_hot = hot.as_ref().is_some_and(|hot| hot.what == sign.what);
-        draw(ui, sign, chosen, is_hot, place, lens);
+    for icon in &icons {
+        let chosen = viewer.selection == Some(icon.what.selected());
+        let is_hot = hot.as_ref().is_some_and(|hot| hot.what == icon.what);
+        draw(ui, icon, chosen, is_hot, place, lens);
     }
     if let Some(hot) = &hot {
         response.clone().on_hover_text_at_pointer(name(&hot.what));
@@ -144,17 +144,17 @@ fn drag(
     index: usize,
     scene: &Scene,
     (response, lens): (&Response, &Lens),
-    near: &dyn Fn(DVec2) -> Option<Sign>,
+    near: &dyn Fn(DVec2) -> Option<SceneIcon>,
 ) -> bool {
     let vector = |p: egui::Pos2| DVec2::new(f64::from(p.x), f64::from(p.y));
     if response.drag_started_by(PointerButton::Primary)
-        && let Some(sign) = ui.input(|i| i.pointer.press_origin()).and_then(|p| near(vector(p)))
+        && let Some(icon) = ui.input(|i| i.pointer.press_origin()).and_then(|p| near(vector(p)))
     {
-        viewer.selection = Some(sign.what.selected());
-        viewer.dragged_sign = Some(DraggedSign { view: index, what: sign.what, from: sign.at, to: sign.at });
+        viewer.selection = Some(icon.what.selected());
+        viewer.dragged_icon = Some(DraggedIcon { view: index, what: icon.what, from: icon.at, to: icon.at });
     }
     // One that is dragged in another viewport is moved there.
-    let Some(dragged) = viewer.dragged_sign.as_mut().filter(|dragged| dragged.view == index) else {
+    let Some(dragged) = viewer.dragged_icon.as_mut().filter(|dragged| dragged.view == index) else {
         return false;
     };
     if let Some(at) = response.interact_pointer_pos().filter(|_| response.dragged()) {
@@ -167,28 +167,28 @@ fn drag(
     }
     let at = dragged.to.to_array().map(|v| super::rounded(v, 1e3));
     if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
-        viewer.dragged_sign = None;
+        viewer.dragged_icon = None;
     } else if response.drag_stopped() {
-        let dragged = viewer.dragged_sign.take();
+        let dragged = viewer.dragged_icon.take();
         if let Some(dragged) = dragged.filter(|d| d.from != d.to) {
             put(viewer, scene, &dragged, DVec3::from_array(at));
         }
     } else if !response.dragged() {
-        viewer.dragged_sign = None;
+        viewer.dragged_icon = None;
     }
     true
 }
 
-/// Writes a sign's new place into the script.
-fn put(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedSign, at: DVec3) {
+/// Writes a icon's new place into the script.
+fn put(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedIcon, at: DVec3) {
     let list = |v: DVec3| {
         let [x, y, z] = v.to_array().map(|v| super::rounded(v, 1e3));
         format!("[{x:?}, {y:?}, {z:?}]")
     };
     // It stays where it was put until the reload shows it.
-    viewer.placed = viewer.place_of_sign(&scene.stage, dragged);
+    viewer.placed = viewer.place_of_icon(&scene.stage, dragged);
     match &dragged.what {
-        SignOf::Light(number) => {
+        IconOf::Light(number) => {
             let light = scene.stage.lights.get(*number);
             let sun = light.is_some_and(|l| matches!(l.light.kind, LightKind::Directional));
             let (name, value) = match sun {
@@ -197,25 +197,25 @@ fn put(viewer: &mut Viewer, scene: &Scene, dragged: &DraggedSign, at: DVec3) {
             };
             viewer.edit(|v| v.set_value(&dragged.what.selected(), name, &value));
         }
-        SignOf::Camera(name) => viewer.edit(|v| v.move_camera(name, at)),
-        SignOf::Reach(name, number) => viewer.edit(|v| v.move_target(name, *number, at)),
+        IconOf::Camera(name) => viewer.edit(|v| v.move_camera(name, at)),
+        IconOf::Reach(name, number) => viewer.edit(|v| v.move_target(name, *number, at)),
     }
     if viewer.message.is_some() {
         viewer.placed = None;
     }
 }
 
-fn name(what: &SignOf) -> String {
+fn name(what: &IconOf) -> String {
     match what {
-        SignOf::Light(index) => format!("light {}: drag to move it", index + 1),
-        SignOf::Camera(name) => format!("camera {name}: drag to move it"),
-        SignOf::Reach(name, _) => format!("target that {name} reaches for: drag to move it"),
+        IconOf::Light(index) => format!("light {}: drag to move it", index + 1),
+        IconOf::Camera(name) => format!("camera {name}: drag to move it"),
+        IconOf::Reach(name, _) => format!("target that {name} reaches for: drag to move it"),
     }
 }
 
-fn draw(ui: &Ui, sign: &Sign, chosen: bool, hot: bool, place: Rect, lens: &Lens) {
+fn draw(ui: &Ui, icon: &SceneIcon, chosen: bool, hot: bool, place: Rect, lens: &Lens) {
     let painter = ui.painter_at(place);
-    let Some(at) = lens.point(sign.at).map(point) else { return };
+    let Some(at) = lens.point(icon.at).map(point) else { return };
     let color = match (chosen, hot) {
         (true, _) => Color32::from_rgb(0xff, 0xa0, 0x50),
         (_, true) => Color32::from_rgb(0xff, 0xe0, 0x70),
@@ -230,11 +230,11 @@ fn draw(ui: &Ui, sign: &Sign, chosen: bool, hot: bool, place: Rect, lens: &Lens)
         painter.line_segment([at + along * from, at + along * to], stroke);
     };
     let turn = std::f32::consts::TAU;
-    match &sign.kind {
+    match &icon.kind {
         Kind::Sun(on) => {
             painter.circle_filled(at, 3.5, color);
             (0..8).for_each(|i| ray(turn * i as f32 / 8.0, 5.5, 8.0));
-            line(&painter, lens, sign.at, *on, thin);
+            line(&painter, lens, icon.at, *on, thin);
         }
         Kind::Point => {
             painter.circle_stroke(at, 4.0, stroke);
@@ -244,21 +244,21 @@ fn draw(ui: &Ui, sign: &Sign, chosen: bool, hot: bool, place: Rect, lens: &Lens)
         Kind::Spot(direction, angle) => {
             painter.circle_filled(at, 3.0, color);
             let length = if chosen { 1.0 } else { 0.4 };
-            cone(&painter, lens, &Beam { at: sign.at, along: *direction, angle: *angle, length }, stroke);
+            cone(&painter, lens, &Beam { at: icon.at, along: *direction, angle: *angle, length }, stroke);
         }
         Kind::Reach(joint) => {
             painter.circle_stroke(at, 6.0, stroke);
             (0..4).for_each(|i| ray(turn * i as f32 / 4.0, 2.0, 9.0));
-            line(&painter, lens, sign.at, *joint, thin);
+            line(&painter, lens, icon.at, *joint, thin);
         }
         Kind::Camera(target, angle) => {
             let body = Rect::from_center_size(at, egui::vec2(9.0, 7.0));
             painter.rect_stroke(body, 1.0, stroke, egui::StrokeKind::Inside);
             let beak = [at + egui::vec2(4.5, 0.0), at + egui::vec2(8.0, -3.5), at + egui::vec2(8.0, 3.5)];
             painter.add(egui::Shape::convex_polygon(beak.to_vec(), color, Stroke::NONE));
-            let toward = (*target - sign.at).normalize_or(DVec3::NEG_Z);
+            let toward = (*target - icon.at).normalize_or(DVec3::NEG_Z);
             let length = if chosen { 1.0 } else { 0.5 };
-            frame(&painter, lens, &Beam { at: sign.at, along: toward, angle: *angle, length }, thin);
+            frame(&painter, lens, &Beam { at: icon.at, along: toward, angle: *angle, length }, thin);
         }
     }
 }
