@@ -233,7 +233,15 @@ fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
     match kind {
         Kind::Separator => drop(ui.separator()),
         Kind::Text(style) => {
-            let label = ui.label(RichText::new(face).text_style(style));
+            let room = ui.ctx().content_rect().width() - 40.0;
+            let label = egui::Label::new(RichText::new(&face).text_style(style.clone()));
+            let label = match text_width(ui, &face, style) > room {
+                true => {
+                    ui.set_max_width(room);
+                    ui.add(label.wrap())
+                }
+                false => ui.add(label.extend()),
+            };
             described(label, false, &name, &hint, None);
         }
         Kind::Widget(show) => drop(ui.horizontal(|ui| show(ui, context))),

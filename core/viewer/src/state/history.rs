@@ -37,7 +37,7 @@ pub struct Offer {
     pub other: Option<Alternative>,
     /// The text that the edit was made for.
     pub(crate) text: String,
-    /// What is selected once it is made; else the selection stays.
+    /// Object that is selected once the change is made; `None`: the selection stays.
     pub(crate) selects: Option<Selected>,
 }
 

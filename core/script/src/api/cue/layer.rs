@@ -264,14 +264,14 @@ pub fn matches(pattern: &[u8], text: &[u8]) -> bool {
 mod tests {
     use super::{mask_problem, matches};
     use choreo_asset::Asset;
-    use choreo_motion::{JointPose, Skeleton};
+    use choreo_motion::{Skeleton, Transform};
     use std::sync::Arc;
 
     #[test]
     fn a_mask_that_is_typed_fits_the_joints_or_names_the_nearest() {
-        let rest = [JointPose::default(); 3];
+        let rest = vec![Transform::IDENTITY; 3];
         let names = ["Hips", "Spine", "Head"].map(String::from).to_vec();
-        let skeleton = Skeleton::new(names, vec![None, Some(0), Some(1)], rest.to_vec()).unwrap();
+        let skeleton = Skeleton::new(names, vec![None, Some(0), Some(1)], rest).unwrap();
         let asset = Asset { name: "ada".into(), skeleton: Arc::new(skeleton), ..Asset::default() };
         for written in [
             "\"Spine..\"",
