@@ -56,11 +56,10 @@ fn clip_by_file(strip: &Strip) -> String {
 /// A copied cue with times that are literals, in the style of the cue.
 fn with_times(
     strip: &Strip,
-    copy: String,
+    mut copy: String,
     start: EditTime,
     until: Option<EditTime>,
 ) -> Result<String, EditRefused> {
-    let mut copy = copy;
     let mut begins = None;
     for (name, time) in [("from", Some(start)), ("until", until)] {
         let Some(time) = time else { continue };

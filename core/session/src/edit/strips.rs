@@ -102,10 +102,12 @@ impl<'a> Strip<'a> {
     fn add(&self, method: Option<usize>, (name, values): (&str, &[f64])) -> Edit {
         let numbers = values.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(", ");
         let value = if values.len() == 1 { numbers.clone() } else { format!("[{numbers}]") };
-        let option = || set_option(&self.text, &self.call, self.line, name, &value).ok();
+        let option = match method {
+            Some(_) => None,
+            None => set_option(&self.text, &self.call, self.line, name, &value).ok(),
+        };
         let at = method.unwrap_or(self.call.end);
-        let new = || Edit { range: at..at, text: format!(".{name}({numbers})") };
-        method.map_or_else(option, |_| None).unwrap_or_else(new)
+        option.unwrap_or_else(|| Edit { range: at..at, text: format!(".{name}({numbers})") })
     }
 
     /// The comment of its line, with the blanks before it.
@@ -183,7 +185,12 @@ impl<'a> Strip<'a> {
     /// `.then(…)` with the clip and those of its options and calls that are kept.
     fn then(&self, keeps: impl Fn(&str) -> bool) -> String {
         let inside = &self.call.inside;
-        let clip = self.text[inside.start..self.text.value_end(inside.start, inside.end)].trim();
+        // Options that the script keeps in a variable go along.
+        let end = match self.text.map_in(inside) {
+            Some(_) => self.text.value_end(inside.start, inside.end),
+            None => inside.end,
+        };
+        let clip = self.text[inside.start..end].trim();
         let options: Vec<&str> = options_of(&self.text, &self.call)
             .into_iter()
             .filter(|option| keeps(option.split(':').next().unwrap_or_default().trim()))

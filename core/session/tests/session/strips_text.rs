@@ -130,6 +130,7 @@ fn a_duplicate_follows_the_clip() {
         "a.play(c).trim(0.5, 1).from(1.0).until(2.0)\n    .then(c).trim(0.5, 1).until(3.0).then(d);"
     );
     assert_eq!(twice("a.|play(c);", 1.0, None), "a.play(c)\n    .then(c);");
+    assert_eq!(twice("a.|play(c, options);", 1.0, None), "a.play(c, options)\n    .then(c, options);");
     // One style of times, that of the copied clip, and the comment stays with its line.
     assert_eq!(
         twice("a.|play(c).from(f(25)).until(f(50)); // in", 1.0, Some(at(3.0))),

@@ -160,7 +160,7 @@ mod tests {
         Strip { trim, clip: 3.0, speed, repeat, weight: 1.0, is_keyed: false }
     }
 
-    /// Whatever is played: the seen part stays within the clip, and the content goes where the pointer goes.
+    /// The seen part stays within the clip, and the content goes where the pointer goes.
     #[test]
     fn a_slip_moves_the_seen_part_within_the_clip() {
         let slip = |length, trim, speed, repeat, by| {

@@ -31,7 +31,7 @@ pub struct Bar {
 }
 
 impl Bar {
-    /// When its clip is over, or what follows begins: the end that a change of its speed moves.
+    /// The time at which its clip is over or the next begins: the end that a change of its speed moves.
     pub fn played_until(&self) -> Time {
         self.holds_from.map_or(self.until, |holds| holds.min(self.until))
     }

@@ -65,7 +65,7 @@ fn a_bar_that_is_dragged_onto_another_row_is_played_there() {
     assert!(text.contains("ada.play(moves.clip(\"Walk\")).until(2.0);\nlet bob"), "{text}");
 }
 
-/// What a person would move: the line as it stands, with frames as frames and its comment.
+/// The line moves as it stands, with frames as frames and with its comment.
 #[test]
 fn a_bar_on_another_row_keeps_its_comment_and_its_style_of_times() {
     const FRAMES: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 8.0 });
