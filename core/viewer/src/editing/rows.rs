@@ -71,7 +71,7 @@ impl Viewer {
         }
     }
 
-    /// What a row of a group is moved beside, where the pointer is on this row.
+    /// The object beside which a row of a group is moved, where the pointer is on this row.
     fn target(&self, group: &Group, row: usize) -> Option<Selected> {
         match (group, self.ordered(row)?) {
             (Group::Actors, (Group::Layers(name), _)) => Some(Selected::Actor(name)),
@@ -87,7 +87,7 @@ impl Viewer {
         Some((0..self.timeline.rows.len()).filter(is_of_it).collect())
     }
 
-    /// What goes by its number, selected or muted, has another one after a move.
+    /// Gives the selection and the muted layers the numbers that they have after a move.
     fn renumber(&mut self, group: &Group, what: &Selected, target: &Selected, side: RowSide) {
         let number = |what: &Selected| match what {
             Selected::Light(index) => Some(*index),

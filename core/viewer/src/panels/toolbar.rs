@@ -31,9 +31,9 @@ enum Kind<'a, C> {
 }
 
 struct Entry<'a, C> {
-    /// What the line shows: an icon or a text.
+    /// An icon or a text, as the line shows it.
     face: String,
-    /// What the menu shows and screen readers say.
+    /// Its name in the menu and for screen readers.
     name: String,
     hint: String,
     enabled: bool,
@@ -285,7 +285,7 @@ fn described(response: Response, is_icon: bool, name: &str, hint: &str, on: Opti
     }
 }
 
-/// What decides about the place of an entry.
+/// The properties of an entry that decide about its place.
 struct Part {
     width: f32,
     yields: bool,

@@ -477,7 +477,7 @@ ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
         ),
         (
             "[\"Head\", \"*Wing*\"]",
-            "no joint of skeleton \"choreo:mannequin\" matches \"*Wing*\"; joints: Hips, ",
+            "no joint of skeleton \"choreo:mannequin\" matches \"*Wing*\"; joints: mixamorig:Hips, ",
         ),
     ] {
         type_into(&mut desk, "on field", text);
