@@ -95,7 +95,7 @@ fn cuts(object: &ScriptObject) -> Vec<Range<usize>> {
 /// The change that moves what the call at a byte makes, or the keys of its position.
 ///
 /// # Errors
-/// Its place is computed.
+/// The place is computed.
 fn moved(text: &str, byte: usize, by: DVec3) -> Result<Edit, EditRefused> {
     let (line, column) = Source::new(text).place_of(byte);
     let object = ScriptObject::at(text, line, column)?;

@@ -189,7 +189,7 @@ fn paragraph(text: &str, lines: Range<usize>) -> (Range<usize>, bool) {
 mod tests {
     use super::*;
 
-    /// What is moved stands behind `|`, what it is moved beside behind `^`.
+    /// Moves the call behind `|` beside the call behind `^`.
     fn moved(text: &str, side: RowSide) -> Result<String, String> {
         let place = |mark: char| {
             let before: String =

@@ -15,7 +15,7 @@ pub enum Anew {
     Method,
     /// `#{ fade: 0.5 }`
     Option,
-    /// As the other values of a cue are: an option where it has options or nothing, else a method.
+    /// An option where the cue has options or nothing, else a method, as its other values are.
     Alike,
 }
 

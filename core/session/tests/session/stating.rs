@@ -133,7 +133,7 @@ fn each_round_is_written_with_its_value() {
     );
 }
 
-/// Where a value stands beside operators, it means what it meant in the loop; what is constant then is one literal.
+/// A value beside operators means what it meant in the loop, and constant expressions are one literal.
 #[test]
 fn expressions_with_the_value_are_literals() {
     let body =

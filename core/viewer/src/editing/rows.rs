@@ -57,7 +57,7 @@ impl Viewer {
         self.move_row(row, *to, side)
     }
 
-    /// The rows with which a row can change places, and what its place in the script decides the order of.
+    /// The rows with which a row can change places, and the object whose place in the script decides their order.
     fn ordered(&self, row: usize) -> Option<(Group, Selected)> {
         let row = self.timeline.rows.get(row)?;
         let what = row.what.clone()?;

@@ -564,7 +564,7 @@ for i in [1, 2, 3] {
     assert_eq!(desk.state().text().matches(".scale(2.0)").count(), 1, "{}", desk.state().text());
 }
 
-/// What a loop made of its variable are numbers and texts once it is written out, so that it can be moved, renamed and typed over.
+/// Values that a loop computed are numbers and texts once it is written out, so that they can be moved, renamed and typed over.
 #[test]
 fn what_a_loop_made_is_edited_once_it_is_written_out() {
     const LOOP: &str = "stage(#{ fps: 25, length: 4.0 });

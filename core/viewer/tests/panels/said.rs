@@ -51,7 +51,7 @@ fn check_and_the_viewer_agree() {
     assert!(faults.is_empty(), "{} scripts:\n{}", faults.len(), faults.join("\n"));
 }
 
-/// What is wanted no longer is given up, without a message.
+/// An examination that is no longer wanted is given up, without a message.
 #[test]
 fn a_scene_that_is_replaced_is_examined_no_further() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cli/tests/checked");

@@ -159,7 +159,7 @@ fn what_is_wrong_is_marked_until_it_is_mended() {
     assert_eq!(marked(&desk), (vec![], vec![]));
 }
 
-/// At twice the scale on a small screen, buttons go into the menu before the ruler leaves the window.
+/// Buttons go into the menu before the ruler leaves the window, at twice the scale on a small screen.
 #[test]
 fn in_a_narrow_window_the_whole_ruler_is_seen() {
     let desk = Place::new(SCRIPT).harness(vec2(640.0, 600.0));

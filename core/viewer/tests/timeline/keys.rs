@@ -946,7 +946,7 @@ fn a_refusal_among_several_changes_names_the_line_of_the_script() {
     assert_eq!(place.text(), script);
 }
 
-/// What has lost keys stays selected, so that its other curves stay in view: an actor, an effect, and a clip whose keys were selected.
+/// An object that has lost keys stays selected, so that its other curves stay in view: an actor, an effect, and a clip whose keys were selected.
 #[test]
 fn what_has_lost_keys_stays_selected() {
     let lines = "let moves = load(\"choreo:mannequin\");\nlet ada = cast(\"ada\", moves);\nada.play(moves.clip(\"Walk\")).weight([[0.0, 1.0], [1.0, 0.5], [2.0, 1.0]]);\n";
