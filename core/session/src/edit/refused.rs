@@ -53,6 +53,7 @@ impl From<String> for EditRefused {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::slice::from_ref;
 
     #[test]
     fn a_refusal_names_the_line_of_the_text_before_the_edits() {
@@ -66,10 +67,10 @@ mod tests {
         assert_eq!(refused(3, &[]), 3);
         // A line goes, two come, and one is longer.
         let gone = edit(2..4, "");
-        assert_eq!(refused(2, &[gone.clone()]), 3);
-        assert_eq!(refused(1, &[gone.clone()]), 1);
+        assert_eq!(refused(2, from_ref(&gone)), 3);
+        assert_eq!(refused(1, from_ref(&gone)), 1);
         let come = edit(1..1, "\nx\ny");
-        assert_eq!([1, 2, 3, 4, 6].map(|line| refused(line, &[come.clone()])), [1, 1, 1, 2, 4]);
+        assert_eq!([1, 2, 3, 4, 6].map(|line| refused(line, from_ref(&come))), [1, 1, 1, 2, 4]);
         assert_eq!(refused(3, &[edit(0..1, "a longer one")]), 3);
         // One after the other: of a, x, y, c, d the fourth was the third.
         assert_eq!(refused(4, &[gone, come]), 3);
