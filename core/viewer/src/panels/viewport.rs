@@ -129,6 +129,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
         follow(&mut bar, viewer, index);
         let side = axes::menu_name(viewer, index);
         bar.menu(side, "", move |ui, viewer| axes::entries(ui, viewer, index));
+        bar.other_faces(axes::menu_names());
         bar.separator();
         let full = viewer.views[index].resolution == Resolution::Full;
         let hint = "as many pixels as render gives it";
@@ -159,10 +160,12 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
 
 fn cameras(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     let Some(scene) = viewer.scene.clone().filter(|scene| !scene.stage.cameras.is_empty()) else { return };
+    const NONE: &str = "camera";
     let name = match &viewer.views[index].camera {
         ViewCamera::Named(name) => name.as_str(),
-        _ => "camera",
+        _ => NONE,
     };
+    let names = scene.clone();
     bar.menu(name, "", move |ui, viewer| {
         let view = &mut viewer.views[index];
         for camera in &scene.stage.cameras {
@@ -172,19 +175,19 @@ fn cameras(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
             }
         }
     });
+    bar.other_faces(names.stage.cameras.iter().map(|camera| camera.name.as_str()).chain([NONE]));
 }
 
 /// Writes the free camera into the script: into one of its cameras, or as a new one.
 fn into_script(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
-    let (ViewCamera::Free(orbit), Some(scene)) = (&viewer.views[index].camera, viewer.scene.clone()) else {
-        return;
+    let Some(scene) = viewer.scene.clone().filter(|_| viewer.path.is_some()) else { return };
+    let orbit = match viewer.views[index].camera {
+        ViewCamera::Free(orbit) => Some(orbit),
+        _ => None,
     };
-    if viewer.path.is_none() {
-        return;
-    }
-    let orbit = *orbit;
-    let hint = "a camera of the script then stands here: .at and .look_at";
+    let hint = "writes the free camera into the script: .at and .look_at of a camera that then stands here";
     bar.menu("into the script", hint, move |ui, viewer| {
+        let Some(orbit) = orbit else { return };
         for camera in &scene.stage.cameras {
             if ui.button(format!("as \"{}\"", camera.name)).clicked() {
                 viewer.edit(|v| v.set_camera(&camera.name, &orbit));
@@ -198,6 +201,8 @@ fn into_script(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
             viewer.edit(|v| v.add_camera(&orbit));
         }
     });
+    // It is there always, so that the entries after it stay where they are.
+    bar.enabled(orbit.is_some());
 }
 
 fn follow(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {

@@ -2,6 +2,7 @@
 
 use crate::place::Place;
 use crate::place::mouse::Mouse;
+use choreo_viewer::state::view::ViewCamera;
 use egui::{Rect, Vec2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 
@@ -143,4 +144,24 @@ fn what_has_no_room_works_from_the_menu() {
     open_more(&mut mouse, "File");
     mouse.menu(&["Look", "Light"]);
     assert!(mouse.desk.state().panels.light);
+}
+
+/// A click at an old place never meets another entry.
+#[test]
+fn entries_of_the_viewport_stay_where_they_are_whatever_is_chosen() {
+    const ENTRIES: [&str; 6] =
+        ["free camera", "into the script", "follow", "full size", "Show", "Save image"];
+    let mut mouse = opened(1600.0, "Sequencer");
+    let all = |mouse: &Mouse| ENTRIES.map(|entry| places(mouse, entry, vec2(1600.0, 600.0)));
+    let before = all(&mouse);
+    assert!(before.iter().all(|found| !found.is_empty()), "{before:?}");
+    let view = |mouse: &Mouse| mouse.find("View").left();
+    let left = view(&mouse);
+    mouse.click("free camera");
+    assert_eq!((all(&mouse), view(&mouse)), (before.clone(), left), "free");
+    mouse.click("Top view");
+    assert_eq!(all(&mouse), before, "from above");
+    mouse.desk.state_mut().viewer.views[0].camera = ViewCamera::Named("near".into());
+    mouse.look();
+    assert_eq!((all(&mouse), view(&mouse)), (before, left), "a camera of the script");
 }
