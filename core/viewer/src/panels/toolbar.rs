@@ -39,6 +39,8 @@ struct Entry<'a, C> {
     enabled: bool,
     /// Faces that it has at other times: it keeps room for the widest.
     other_faces: Vec<String>,
+    /// A click in its menu does not close it.
+    stays_open: bool,
     /// It leaves the line before those that do not.
     yields: bool,
     kind: Kind<'a, C>,
@@ -51,6 +53,14 @@ impl<C> Entry<'_, C> {
 
     fn is_icon(&self) -> bool {
         self.face != self.name
+    }
+
+    /// How its menu closes.
+    fn menu(&self) -> MenuConfig {
+        MenuConfig::new().close_behavior(match self.stays_open {
+            true => PopupCloseBehavior::CloseOnClickOutside,
+            false => PopupCloseBehavior::CloseOnClick,
+        })
     }
 }
 
@@ -68,14 +78,30 @@ impl<'a, C> Toolbar<'a, C> {
 
     fn add(&mut self, face: &str, name: &str, hint: &str, kind: Kind<'a, C>) {
         let [face, name, hint] = [face, name, hint].map(str::to_string);
-        let other_faces = Vec::new();
-        self.entries.push(Entry { face, name, hint, enabled: true, other_faces, yields: false, kind });
+        let (other_faces, stays_open) = (Vec::new(), false);
+        self.entries.push(Entry {
+            face,
+            name,
+            hint,
+            enabled: true,
+            other_faces,
+            stays_open,
+            yields: false,
+            kind,
+        });
     }
 
     /// The last entry, a menu, has room for these faces, too, so that the entries after it stay where they are.
     pub fn other_faces<'f>(&mut self, faces: impl Iterator<Item = &'f str>) {
         if let Some(last) = self.entries.last_mut() {
             last.other_faces = faces.map(str::to_string).collect();
+        }
+    }
+
+    /// The menu of the last entry is closed by a click beside it alone.
+    pub fn stays_open(&mut self) {
+        if let Some(last) = self.entries.last_mut() {
+            last.stays_open = true;
         }
     }
 
@@ -204,7 +230,7 @@ pub(super) fn text_width(ui: &Ui, text: &str, style: TextStyle) -> f32 {
 
 /// `id`: of the toolbar, with the number of the entry.
 fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width: f32, context: &mut C) {
-    let is_icon = entry.is_icon();
+    let (is_icon, menu) = (entry.is_icon(), entry.menu());
     let Entry { face, name, hint, enabled, kind, .. } = entry;
     let add = |ui: &mut Ui| match kind {
         Kind::Separator => drop(ui.separator()),
@@ -234,7 +260,7 @@ fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width:
         }
         Kind::Menu(show) => {
             let button = Button::new(face).min_size(vec2(width, 0.0));
-            let (response, _) = MenuButton::from_button(button).ui(ui, |ui| show(ui, context));
+            let (response, _) = MenuButton::from_button(button).config(menu).ui(ui, |ui| show(ui, context));
             described(response, false, &name, &hint, None);
         }
     };
@@ -243,7 +269,7 @@ fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width:
 }
 
 fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
-    let is_icon = entry.is_icon();
+    let (is_icon, menu) = (entry.is_icon(), entry.menu());
     let Entry { face, name, hint, enabled, kind, .. } = entry;
     let words = if is_icon { format!("{face}  {name}") } else { name.clone() };
     match kind {
@@ -277,7 +303,7 @@ fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
         }
         Kind::Menu(show) => {
             ui.add_enabled_ui(enabled, |ui| {
-                let menu = SubMenuButton::new(words).config(MenuConfig::new());
+                let menu = SubMenuButton::new(words).config(menu);
                 let (response, _) = menu.ui(ui, |ui| show(ui, context));
                 described(response, is_icon, &name, &hint, None);
             });

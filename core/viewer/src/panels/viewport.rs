@@ -141,6 +141,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
                 ui.checkbox(shown, name);
             }
         });
+        bar.stays_open();
         bar.separator();
         for (tool, icon, name, key) in [
             (Tool::Move, icons::ARROWS_OUT_CARDINAL, "Move", "G"),

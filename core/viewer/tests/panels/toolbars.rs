@@ -165,3 +165,19 @@ fn entries_of_the_viewport_stay_where_they_are_whatever_is_chosen() {
     mouse.look();
     assert_eq!((all(&mouse), view(&mouse)), (before, left), "a camera of the script");
 }
+
+#[test]
+fn the_overlays_are_chosen_in_one_menu() {
+    for width in [1600.0, 300.0] {
+        let mut mouse = opened(width, "Sequencer");
+        if width < 500.0 {
+            open_more(&mut mouse, "script's camera");
+        }
+        let overlays = |mouse: &Mouse| mouse.desk.state().viewer.views[0].overlays;
+        let before = overlays(&mouse);
+        mouse.menu(&["Show", "Bounds", "Safe areas"]);
+        assert_eq!([overlays(&mouse).bounds, overlays(&mouse).safe], [!before.bounds, !before.safe]);
+        mouse.click_at(egui::pos2(width - 20.0, 580.0));
+        assert!(mouse.desk.query_by_label("Safe areas").is_none(), "a click beside it closes it");
+    }
+}
