@@ -15,6 +15,8 @@ use glam::{DVec2, DVec3};
 
 /// Metres a second on foot.
 const PACE: f64 = 3.0;
+/// Height of the sign of a reduced image at its top, points.
+pub(super) const REDUCED: f32 = 22.0;
 
 pub(crate) fn toggle_camera(viewer: &mut Viewer) {
     let active = viewer.active.min(viewer.views.len() - 1);
@@ -277,7 +279,7 @@ fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
         return;
     }
     let text = parts.join(" · ");
-    let label = Rect::from_min_size(place.left_top(), egui::vec2(place.width(), 20.0));
+    let label = Rect::from_min_size(place.left_top(), egui::vec2(place.width(), REDUCED));
     let response = ui.interact(label, ui.id().with(("reduced", index)), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, text.clone()));
     let painter = ui.painter_at(place);

@@ -2,8 +2,12 @@
 
 use crate::place::{Desk, Place};
 use choreo_motion::Time;
-use egui::{Event, MouseWheelUnit, Pos2, TouchPhase, pos2, vec2};
+use choreo_viewer::app::Dragging;
+use choreo_viewer::geometry::gizmo::{Change, Drag, Handle, Tool};
+use choreo_viewer::state::selection::Selected;
+use egui::{Event, MouseWheelUnit, Pos2, Rect, Shape, TouchPhase, pos2, vec2};
 use egui_kittest::kittest::Queryable;
+use glam::{DAffine3, DVec2, DVec3};
 
 const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0, samples: 1 });
 let box_1 = cast("box", shape("box", #{ size: 1.0 })).key("position", [[0.0, [0, 0, 0]], [4.0, [1, 0, 0]]]);
@@ -61,6 +65,35 @@ fn what_a_moving_image_lacks_is_named_until_it_rests() {
     desk.run();
     assert!(!said(&desk));
     assert!(desk.state().viewer.shown().unwrap().waiting.is_empty());
+}
+
+/// Where the texts are drawn that contain these words.
+fn drawn(desk: &Desk, words: &str) -> Vec<Rect> {
+    let shapes = desk.output().shapes.iter();
+    let texts = shapes.filter_map(|shape| match &shape.shape {
+        Shape::Text(text) if text.galley.text().contains(words) => Some(text.visual_bounding_rect()),
+        _ => None,
+    });
+    texts.collect()
+}
+
+/// What is dragged has its numbers beside what the image lacks meanwhile.
+#[test]
+fn numbers_of_a_drag_are_read_beside_what_the_image_lacks() {
+    let mut place = Place::new(SCRIPT);
+    place.viewer.views[0].room = [64, 36];
+    place.viewer.playhead.play(0.0);
+    place.paint();
+    place.viewer.reduction = Default::default();
+    place.viewer.reduction.took(90.0, 40.0);
+    place.viewer.selection = Some(Selected::Actor("box".into()));
+    let (tool, handle) = (Tool::Move, Handle::Axis(0));
+    let drag = Drag { tool, handle, world_from_model: DAffine3::IDENTITY, from: DVec2::ZERO };
+    place.viewer.dragging = Some(Dragging { actor: "box".into(), drag, change: Change::Move(DVec3::X) });
+    let desk = place.harness(vec2(900.0, 700.0));
+    let (lacks, numbers) = (drawn(&desk, "½ resolution"), drawn(&desk, "+1.000 +0.000 +0.000 m"));
+    assert_eq!((lacks.len(), numbers.len()), (1, 1));
+    assert!(!lacks[0].expand(3.0).intersects(numbers[0]), "{lacks:?} {numbers:?}");
 }
 
 fn turn(desk: &mut Desk, at: Pos2) {
