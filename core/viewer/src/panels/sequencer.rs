@@ -14,7 +14,7 @@ use crate::state::tempo::Tempo;
 use crate::state::timeline::kind;
 use choreo_motion::Time;
 use choreo_script::Severity;
-use egui::{Align2, Color32, FontId, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
+use egui::{Color32, FontId, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
 pub(super) const LABELS: f32 = 150.0;
 const ROW: f32 = 22.0;
@@ -500,15 +500,11 @@ fn wrong(ui: &Ui, viewer: &mut Viewer, place: Rect) {
     response.widget_info(|| {
         egui::WidgetInfo::labeled(egui::WidgetType::Button, true, format!("problems: {text}"))
     });
-    ui.painter_at(place).text(
-        place.left_center() + vec2(6.0, 0.0),
-        Align2::LEFT_CENTER,
-        &text,
-        FontId::proportional(11.5),
-        color,
-    );
+    let painter = ui.painter_at(place);
+    let galley = super::elided(&painter, &text, 11.5, color, place.width() - 12.0);
+    painter.galley(place.left_center() + vec2(6.0, -galley.size().y / 2.0), galley, color);
     let line = first.line;
-    if response.hint(first.message.clone()).clicked() && line > 0 {
+    if response.hint(format!("{text}\n{}", first.message)).clicked() && line > 0 {
         viewer.go_to = Some(line);
     }
 }

@@ -1,6 +1,7 @@
 //! The image, the camera that the mouse moves, and what is picked in it.
 
 use super::assets::ModelDrag;
+use super::hint::Hint;
 use super::toolbar::Toolbar;
 use super::{axes, handles, icons, overlay, scene_icons, trails};
 use crate::app::Viewer;
@@ -283,7 +284,10 @@ fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
     let response = ui.interact(label, ui.id().with(("reduced", index)), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, text.clone()));
     let painter = ui.painter_at(place);
-    let galley = painter.layout_no_wrap(text.clone(), egui::FontId::proportional(11.5), Color32::WHITE);
+    let galley = super::elided(&painter, &text, 11.5, Color32::WHITE, place.width() - 12.0);
+    if galley.elided {
+        response.hint(text);
+    }
     let back = Rect::from_min_size(place.left_top() + egui::vec2(6.0, 6.0), galley.size()).expand(3.0);
     painter.rect_filled(back, 3.0, Color32::from_black_alpha(170));
     painter.galley(back.min + egui::vec2(3.0, 3.0), galley, Color32::WHITE);

@@ -4,7 +4,9 @@ use crate::place::{Desk, Place};
 use choreo_motion::Time;
 use choreo_viewer::app::Dragging;
 use choreo_viewer::geometry::gizmo::{Change, Drag, Handle, Tool};
+use choreo_viewer::panels::Panels;
 use choreo_viewer::state::selection::Selected;
+use choreo_viewer::state::settings::Settings;
 use egui::{Event, MouseWheelUnit, Pos2, Rect, Shape, TouchPhase, pos2, vec2};
 use egui_kittest::kittest::Queryable;
 use glam::{DAffine3, DVec2, DVec3};
@@ -75,6 +77,30 @@ fn drawn(desk: &Desk, words: &str) -> Vec<Rect> {
         _ => None,
     });
     texts.collect()
+}
+
+/// In a narrow viewport the sign ends with … within the image, and a pointer over it reads the whole.
+#[test]
+fn a_sign_without_room_is_cut_short_and_read_as_a_hint() {
+    let mut place = Place::new(SCRIPT);
+    place.viewer.views[0].room = [64, 36];
+    place.viewer.playhead.play(0.0);
+    place.paint();
+    place.viewer.reduction = Default::default();
+    place.viewer.reduction.took(90.0, 40.0);
+    place.viewer.reduction.dropped = 3;
+    let layout = serde_json::json!({
+        "right": 0.15, "first": { "tabs": ["Viewport"] }, "second": { "tabs": ["Script"] },
+    });
+    place.panels = Panels::new(&Settings { layout: Some(layout), ..Settings::default() });
+    let mut desk = place.harness(vec2(1200.0, 500.0));
+    let image = desk.state().viewer.views[0].place;
+    let signs = drawn(&desk, "½ resolution");
+    assert_eq!(signs.len(), 1);
+    assert!(signs[0].right() <= image[2], "{signs:?} in {image:?}");
+    desk.hover_at(pos2(image[0] + 20.0, image[1] + 10.0));
+    desk.run_steps(8);
+    assert_eq!(drawn(&desk, "3 frames dropped").len(), 2, "the sign and the hint");
 }
 
 /// What is dragged has its numbers beside what the image lacks meanwhile.
