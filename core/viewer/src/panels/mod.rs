@@ -221,6 +221,7 @@ impl Panels {
             ui.ctx().set_zoom_factor(self.scale);
             self.applied = Some((self.light, self.scale));
         }
+        hint::watch(ui.ctx());
         values::set_rate(ui, viewer.playhead.fps().as_fps());
         drop::take(&mut self.waiting, ui, viewer);
         keys::handle(self, ui, viewer, now);
