@@ -89,7 +89,7 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         let playhead = &viewer.playhead;
         let (time, last) = (playhead.time().as_secs(), playhead.length().as_secs());
         bar.widget("time of the playhead", false, move |ui, viewer| {
-            if let Some(to) = values::number(ui, "time of the playhead", time, 0.01, 0.0..=last) {
+            if let Some(to) = values::time(ui, "time of the playhead", time, 0.01, 0.0..=last) {
                 let playhead = &mut viewer.playhead;
                 playhead.seek(Time::from_secs(nearest_frame(playhead.fps().as_fps(), to)));
             }
@@ -124,7 +124,7 @@ fn beats(ui: &mut Ui, tempo: &mut Tempo) {
     tempo.per_minute = set.unwrap_or(tempo.per_minute);
     ui.weak("bpm").hint("beats a minute of the music; dragged times snap to beats. 0: none");
     if tempo.per_minute > 0.0 {
-        let set = values::number(ui, "first beat", tempo.first, 0.01, 0.0..=1e4);
+        let set = values::time(ui, "first beat", tempo.first, 0.01, 0.0..=1e4);
         tempo.first = set.unwrap_or(tempo.first);
         ui.weak("s").hint("when the first beat is");
     }
