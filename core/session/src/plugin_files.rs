@@ -418,6 +418,18 @@ impl Listing {
         self.entries.iter().map(|entry| entry.source.path.as_path())
     }
 
+    /// Files of the plugins that were used so far, canonical: their own, those that they read, and descriptions of packages.
+    pub fn used_files(&self) -> impl Iterator<Item = PathBuf> {
+        let used = self.entries.iter().filter_map(|entry| {
+            let file = entry.read.get()?.as_ref().ok()?;
+            let description = entry.source.stated.as_ref().map(|_| file.path.with_file_name(DESCRIPTION));
+            let beside = file.beside.iter().filter(|beside| beside.bytes.is_ok());
+            let beside = beside.map(|beside| beside.path.clone());
+            Some(std::iter::once(file.path.clone()).chain(beside).chain(description))
+        });
+        used.flatten()
+    }
+
     /// How many plugin files were compiled so far.
     pub fn compiled(&self) -> u64 {
         self.compiled.load(Ordering::Relaxed)

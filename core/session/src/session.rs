@@ -162,7 +162,8 @@ impl Session {
             Err(vec![Diagnostic::error(what)])
         });
         let shaders = self.source.shaders.as_ref().and_then(|folder| folder.canonicalize().ok());
-        let read = touched.read.keys().cloned().collect();
+        let of_plugins = self.files.iter().flat_map(Listing::used_files);
+        let read = touched.read.keys().cloned().chain(of_plugins).collect();
         interest.files.extend(touched.read.into_iter().map(|(path, hash)| (path, Some(hash))));
         for path in touched.looked_for {
             let there = content_of(&path);

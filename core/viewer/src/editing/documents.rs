@@ -1,10 +1,10 @@
 //! Scripts that are made and saved under other names.
 
-use super::{EditError, adding, read};
+use super::{EditError, adding};
 use crate::app::Viewer;
 use crate::library::file_dialog::Purpose;
 use choreo_files::write_whole;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 impl Viewer {
     /// Does what a file was chosen for; the window then shows it.
@@ -15,6 +15,7 @@ impl Viewer {
         match purpose {
             Purpose::Open => {}
             Purpose::New(template) => create(file, template.text)?,
+            Purpose::Lesson(index) => self.copy_lesson(index, file)?,
             Purpose::SaveAs => self.save_as(file)?,
         }
         self.documents.open = Some(file.to_path_buf());
@@ -22,23 +23,34 @@ impl Viewer {
         Ok(())
     }
 
-    /// Writes the script under another name, in another folder with the files of its own folder that it reads.
+    /// Writes the script under another name.
     fn save_as(&self, to: &Path) -> Result<(), EditError> {
         let path = self.path.as_ref().ok_or(EditError::NoScript)?;
-        let text = read(path)?;
-        let canonical = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
-        let folder = |path: &Path| path.parent().map(canonical).unwrap_or_default();
-        let (own, from, into) = (canonical(path), folder(path.as_path()), folder(to));
-        if from != into {
-            for file in self.documents.read.iter().filter(|file| **file != own) {
-                if let Ok(inside) = file.strip_prefix(&from) {
-                    adding::copy(file, &into.join(inside))?;
-                }
+        copy_script(path, &self.documents.read, to)
+    }
+
+    /// Writes a copy of a lesson, so that the lesson itself stays as it is.
+    fn copy_lesson(&self, index: usize, to: &Path) -> Result<(), EditError> {
+        let lesson = self.documents.lessons.get(index).ok_or(EditError::Gone)?;
+        copy_script(&lesson.file, &self.documents.thumbnails.files_of(&lesson.file), to)
+    }
+}
+
+/// Writes a script under another name, in another folder with the files of its own folder that it reads. `read`: all that it reads, canonical.
+fn copy_script(path: &Path, read: &[PathBuf], to: &Path) -> Result<(), EditError> {
+    let text = super::read(path)?;
+    let canonical = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_path_buf());
+    let folder = |path: &Path| path.parent().map(canonical).unwrap_or_default();
+    let (own, from, into) = (canonical(path), folder(path), folder(to));
+    if from != into {
+        for file in read.iter().filter(|file| **file != own) {
+            if let Ok(inside) = file.strip_prefix(&from) {
+                adding::copy(file, &into.join(inside))?;
             }
         }
-        let failed = |source| EditError::Write { path: to.to_path_buf(), source };
-        write_whole(to, text.as_bytes()).map_err(failed)
     }
+    let failed = |source| EditError::Write { path: to.to_path_buf(), source };
+    write_whole(to, text.as_bytes()).map_err(failed)
 }
 
 /// Writes a new script; one that is there already stays.

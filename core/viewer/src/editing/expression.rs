@@ -11,6 +11,11 @@ pub fn value(text: &str, fps: f64) -> Option<f64> {
     (parser.rest.trim().is_empty() && value.is_finite()).then_some(value)
 }
 
+/// Whether a typed text counts frames, `f(12)`, which gives a time.
+pub fn counts_frames(text: &str) -> bool {
+    text.contains("f(")
+}
+
 /// An expression as a script has it, `1.0 / 3.0` of `1/3`: each number has a point, since a script divides numbers without one as integers.
 /// `None` where it is a number alone, or counts frames.
 pub fn script_text(text: &str) -> Option<String> {

@@ -49,15 +49,18 @@ impl Documents {
         let folder = beside.and_then(Path::parent).unwrap_or(Path::new("")).to_path_buf();
         let name = match (purpose, shown.and_then(Path::file_name)) {
             (Purpose::SaveAs, Some(name)) => name.to_string_lossy().into_owned(),
-            (Purpose::New(_), _) => free_name(&folder),
+            (Purpose::New(_), _) => free_name(&folder, "scene"),
+            (Purpose::Lesson(index), _) => {
+                self.lessons.get(index).map(|lesson| free_name(&folder, &lesson.name)).unwrap_or_default()
+            }
             _ => String::new(),
         };
         self.dialog = Some(FileDialog::new(purpose, &folder, &name, &self.models));
     }
 }
 
-/// A name of a script that a folder does not have.
-fn free_name(folder: &Path) -> String {
-    let names = (1..).map(|n| if n == 1 { "scene.rhai".to_string() } else { format!("scene_{n}.rhai") });
+/// A name of a script that a folder does not have: `stem.rhai`, else `stem_2.rhai` and so on.
+fn free_name(folder: &Path, stem: &str) -> String {
+    let names = (1..).map(|n| if n == 1 { format!("{stem}.rhai") } else { format!("{stem}_{n}.rhai") });
     names.into_iter().find(|name| !folder.join(name).exists()).unwrap_or_default()
 }

@@ -10,6 +10,8 @@ pub enum Purpose {
     Open,
     /// A script that is made of a template.
     New(Template),
+    /// A copy of a lesson; its number among [`super::documents::Documents::lessons`].
+    Lesson(usize),
     /// The script that is shown, under another name.
     SaveAs,
 }

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Lesson {
     pub file: PathBuf,
-    /// Name without the ending: `7 keys and frames`.
+    /// `07_keys_and_frames`, of which a copy is named.
+    pub name: String,
+    /// `7 keys and frames`.
     pub title: String,
 }
 
@@ -26,15 +28,15 @@ pub fn within(folder: &Path) -> Vec<Lesson> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let lesson = |entry: std::fs::DirEntry| {
         let name = entry.file_name().to_string_lossy().into_owned();
+        let path = entry.path();
+        let (file, name) = match path.is_dir() {
+            true => (path.join("lesson.rhai"), name.as_str()),
+            false => (path.clone(), name.strip_suffix(".rhai")?),
+        };
         let (number, rest) = name.split_once('_')?;
         let number: u32 = number.parse().ok()?;
-        let path = entry.path();
-        let (file, rest) = match path.is_dir() {
-            true => (path.join("lesson.rhai"), rest),
-            false => (path.clone(), rest.strip_suffix(".rhai")?),
-        };
-        file.is_file()
-            .then(|| (number, Lesson { file, title: format!("{number} {}", rest.replace('_', " ")) }))
+        let title = format!("{number} {}", rest.replace('_', " "));
+        file.is_file().then(|| (number, Lesson { file, name: name.to_string(), title }))
     };
     let mut lessons: Vec<(u32, Lesson)> = entries.filter_map(lesson).collect();
     lessons.sort_by_key(|(number, _)| *number);

@@ -9,7 +9,7 @@ use choreo_render::{CpuRenderer, Renderer, SceneResources};
 use choreo_session::{FrameRenderer, FrameReply, FrameRequest, Scene, SceneSource, Session};
 use choreo_stage::{Cue, Evaluator, Repeat, Stage};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
@@ -155,6 +155,14 @@ impl Thumbnails {
         }
     }
 
+    /// Files that a script reads, canonical; none where nothing is known of plugins.
+    pub fn files_of(&self, script: &Path) -> Vec<PathBuf> {
+        let Some((registry, like)) = &self.workshop else { return Vec::new() };
+        let source = SceneSource { input: script.to_path_buf(), ..like.clone() };
+        let session = Session::new(source, registry, false);
+        session.map_or_else(|_| Vec::new(), |mut session| session.build(BTreeSet::new()).read)
+    }
+
     /// Forgets what was found out about files, which may have changed; previews of older versions of the scene, too.
     pub fn forget(&mut self) {
         self.known.retain(|_, made| matches!(made, Made::Waiting));
@@ -190,7 +198,7 @@ fn worker(
 }
 
 /// An image from the cache, or made and kept there. Previews are not kept.
-fn kept(registry: &Registry, cache: Option<&std::path::Path>, job: Job) -> Result<Thumbnail, ThumbnailError> {
+fn kept(registry: &Registry, cache: Option<&Path>, job: Job) -> Result<Thumbnail, ThumbnailError> {
     let subject = job.subject.clone();
     let file = cache
         .filter(|_| subject.on.is_none())

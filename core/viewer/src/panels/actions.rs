@@ -3,6 +3,7 @@
 use super::key_menu::{KeyAct, KeyCommand};
 use super::{Panels, Tab, bar_menu, key_menu, keys, rename, viewport};
 use crate::app::Viewer;
+use crate::editing::EditError;
 use crate::geometry::gizmo::Tool;
 use crate::library::file_dialog::Purpose;
 use crate::library::templates::TEMPLATES;
@@ -184,9 +185,11 @@ fn bars(c: &mut Context, command: bar_menu::Command) {
 }
 
 fn delete(c: &mut Context) {
-    match c.viewer.selected_keys().is_empty() {
-        true => bars(c, bar_menu::Command::Delete),
-        false => c.viewer.edit(Viewer::delete_selected),
+    match (c.viewer.selected_keys().is_empty(), c.viewer.curves.hovered) {
+        (false, _) => c.viewer.edit(Viewer::delete_selected),
+        // Who looks at keys does not mean the thing that has them.
+        (true, true) => c.viewer.edit(|_| Err(EditError::refused("no key is selected"))),
+        (true, false) => bars(c, bar_menu::Command::Delete),
     }
 }
 

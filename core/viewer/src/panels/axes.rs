@@ -13,6 +13,8 @@ use glam::{DAffine3, DVec2};
 /// Points from the middle to the ends, and of an end.
 const ARM: f32 = 30.0;
 const END: f32 = 8.0;
+/// Name of the menu of sides where none is looked from.
+const NO_SIDE: &str = "View";
 
 /// Gives whether the mouse is at it.
 pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_view: &DAffine3) -> bool {
@@ -77,7 +79,12 @@ fn orbit(viewer: &Viewer, index: usize) -> Option<Orbit> {
 
 /// The side that is looked from, as the name of the menu of sides.
 pub fn menu_name(viewer: &Viewer, index: usize) -> &'static str {
-    orbit(viewer, index).as_ref().and_then(Side::of).map_or("View", Side::name)
+    orbit(viewer, index).as_ref().and_then(Side::of).map_or(NO_SIDE, Side::name)
+}
+
+/// All names of the menu of sides.
+pub fn menu_names() -> impl Iterator<Item = &'static str> {
+    [NO_SIDE].into_iter().chain(Side::ALL.map(Side::name))
 }
 
 pub fn entries(ui: &mut Ui, viewer: &mut Viewer, index: usize) {

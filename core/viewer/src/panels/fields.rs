@@ -138,7 +138,8 @@ pub fn described<T: Described>(
                 _ => {
                     let derived = form.end.filter(|_| name == "until");
                     let row = |ui: &mut Ui| {
-                        let set = values::unstated(ui, &format!("{shown} field"), derived, 0.0..=LONGEST);
+                        let set =
+                            values::unstated(ui, &format!("{shown} field"), derived, 0.0..=LONGEST, true);
                         ui.weak("s");
                         set
                     };
@@ -211,7 +212,8 @@ fn written(
 ) -> Option<String> {
     let name = format!("{name} field");
     let row = |ui: &mut Ui| {
-        let number = Number { name: &name, value, speed: 0.01, range, default: None };
+        let is_time = unit == "s";
+        let number = Number { name: &name, value, speed: 0.01, range, default: None, is_time };
         let set = number.show_written(ui, stated.map(String::as_str));
         ui.weak(unit);
         set
@@ -230,7 +232,8 @@ fn number(
     // The label beside it has the name alone.
     let name = format!("{name} field");
     ui.horizontal(|ui| {
-        set = Number { name: &name, value, speed: 0.01, range, default: None }.show(ui);
+        let is_time = unit == "s";
+        set = Number { name: &name, value, speed: 0.01, range, default: None, is_time }.show(ui);
         ui.weak(unit);
     });
     set
@@ -350,7 +353,7 @@ fn trim(ui: &mut Ui, stated: &Stated, played: &Cue) -> Option<FieldChange> {
             // Something is left to be played.
             let range =
                 if end == 0 { 0.0..=(now[1] - LEAST).max(0.0) } else { (now[0] + LEAST).min(whole)..=whole };
-            if let Some(to) = values::number(ui, name, now[end], 0.01, range) {
+            if let Some(to) = values::time(ui, name, now[end], 0.01, range) {
                 let mut all = now;
                 all[end] = to;
                 wanted = Some(FieldChange::Trim(all));

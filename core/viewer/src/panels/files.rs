@@ -77,6 +77,7 @@ fn list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
     let (title, button) = match dialog.purpose {
         Purpose::Open => ("Open".to_string(), "Open"),
         Purpose::New(template) => (format!("New: {}", template.name), "Create"),
+        Purpose::Lesson(_) => ("Open a copy of the lesson".to_string(), "Create"),
         Purpose::SaveAs => ("Save as".to_string(), "Save"),
     };
     let window = Window::new(title).id(egui::Id::new("files")).resizable(false).collapsible(false);

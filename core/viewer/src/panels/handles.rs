@@ -49,7 +49,8 @@ pub fn show(
         dragging.change = dragging.drag.change(lens, at, in_steps);
     }
     let text = report(&dragging.change);
-    let corner = place.left_top() + vec2(8.0, 8.0);
+    // Below the sign of a reduced image.
+    let corner = place.left_top() + vec2(8.0, 8.0 + super::viewport::REDUCED);
     ui.painter_at(place).text(
         corner,
         egui::Align2::LEFT_TOP,

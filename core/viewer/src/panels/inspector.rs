@@ -205,7 +205,7 @@ fn keys_menu(ui: &mut Ui, viewer: &Viewer, keyable: Keyable) -> Option<Wanted> {
 
 /// A number with a default.
 fn field(name: &str, value: f64, speed: f64, range: RangeInclusive<f64>, default: f64) -> values::Number<'_> {
-    values::Number { name, value, speed, range, default: Some(default) }
+    values::Number { name, value, speed, range, default: Some(default), is_time: false }
 }
 
 /// The transform as the script places it, relative to its parent, at the playhead if it is keyed.
@@ -386,7 +386,7 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
             None
         }
         Some(now) => values::number(ui, "light kelvin", now, 10.0, range),
-        None => values::unstated(ui, "light kelvin", None, range),
+        None => values::unstated(ui, "light kelvin", None, range, false),
     };
     wanted = set.map(|to| Wanted::Value("kelvin", format_number(to))).or(wanted);
     ui.end_row();

@@ -148,7 +148,7 @@ fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct
     ui.horizontal(|ui| {
         ui.label(property.title());
         let secs = key.at.as_secs();
-        let time = values::number(ui, &format!("time of {}", property.name), secs, 0.01, 0.0..=1e6);
+        let time = values::time(ui, &format!("time of {}", property.name), secs, 0.01, 0.0..=1e6);
         act = time.map(|secs| KeyAct::Time(key.clone(), secs));
         ui.weak("s");
         let now = property.at(key.at);

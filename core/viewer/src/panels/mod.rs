@@ -57,6 +57,7 @@ pub(crate) use actions::problem as shortcut_problem;
 pub use sequencer::color_of_clip;
 
 use crate::app::Viewer;
+use crate::editing::EditError;
 use crate::state::settings::Settings;
 use crate::state::view::{MOST_VIEWS, Overlays, View};
 use egui::text::{LayoutJob, TextWrapping};
@@ -221,6 +222,7 @@ impl Panels {
             ui.ctx().set_zoom_factor(self.scale);
             self.applied = Some((self.light, self.scale));
         }
+        hint::watch(ui.ctx());
         values::set_rate(ui, viewer.playhead.fps().as_fps());
         drop::take(&mut self.waiting, ui, viewer);
         keys::handle(self, ui, viewer, now);
@@ -257,6 +259,9 @@ impl Panels {
         self.splits.keep(&self.dock, &before, acts);
         key_menu::popup(ui, viewer);
         rename::show(&mut self.name_field, ui, viewer);
+        if values::takes_refused(ui) {
+            viewer.edit(|_| Err(EditError::refused(values::NO_TIME)));
+        }
         refusal::show(&mut self.refusals, ui, viewer);
         hovering(ui, viewer);
     }

@@ -2,7 +2,10 @@
 
 use super::hint;
 use crate::app::Viewer;
-use egui::{Area, Frame, Key, Order, Pos2, RichText, TextStyle, TextWrapMode, Ui, WidgetText, vec2};
+use egui::{
+    Area, CursorIcon, Frame, Key, Order, Pos2, RichText, Sense, Stroke, TextStyle, Ui, WidgetInfo,
+    WidgetText, WidgetType, vec2,
+};
 
 /// Points.
 const WIDEST: f32 = 420.0;
@@ -34,22 +37,26 @@ pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
         let popup = Frame::popup(ui.style()).show(ui, |ui| {
             ui.set_max_width(WIDEST);
             ui.label(RichText::new(&why).color(ui.visuals().warn_fg_color));
-            let line = viewer.message_line.map(|line| format!("go to line {line}"));
-            line.map(|text| {
-                let words = WidgetText::from(text.as_str());
-                let size = words.into_galley(ui, None, WIDEST, TextStyle::Body).size();
-                (ui.allocate_space(size).1.min, text)
-            })
+            let text = format!("go to line {}", viewer.message_line?);
+            let galley = WidgetText::from(text.as_str()).into_galley(ui, None, WIDEST, TextStyle::Body);
+            let place = ui.allocate_space(galley.size()).1;
+            Some((place, text, galley, ui.painter().clone()))
         });
         popup.inner
     });
     let mut pressed_link = false;
-    if let Some((at, text)) = room.inner {
-        let link = Area::new(egui::Id::new("refusal line")).order(Order::Foreground).fixed_pos(at);
+    if let Some((place, text, galley, painter)) = room.inner {
+        // It takes clicks alone and draws nothing: egui remembers the order of areas, by which the text could cover it.
+        let link = Area::new(egui::Id::new("refusal line")).order(Order::Foreground).fixed_pos(place.min);
         let link = link.constrain(false).show(ui.ctx(), |ui| {
-            ui.style_mut().wrap_mode = Some(TextWrapMode::Extend);
-            ui.link(text)
+            let link = ui.allocate_response(place.size(), Sense::click());
+            link.widget_info(|| WidgetInfo::labeled(WidgetType::Link, true, text.as_str()));
+            link.on_hover_cursor(CursorIcon::PointingHand)
         });
+        let color = ui.visuals().hyperlink_color;
+        painter.galley(place.min, galley, color);
+        let thickness = if link.inner.has_focus() { 2.0 } else { 1.0 };
+        painter.hline(place.x_range(), place.bottom(), Stroke::new(thickness, color));
         pressed_link = link.response.contains_pointer();
         if link.inner.clicked() {
             viewer.go_to = viewer.message_line;

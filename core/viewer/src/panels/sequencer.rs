@@ -14,7 +14,7 @@ use crate::state::tempo::Tempo;
 use crate::state::timeline::kind;
 use choreo_motion::Time;
 use choreo_script::Severity;
-use egui::{Align2, Color32, FontId, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
+use egui::{Color32, FontId, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
 pub(super) const LABELS: f32 = 150.0;
 const ROW: f32 = 22.0;
@@ -89,7 +89,7 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         let playhead = &viewer.playhead;
         let (time, last) = (playhead.time().as_secs(), playhead.length().as_secs());
         bar.widget("time of the playhead", false, move |ui, viewer| {
-            if let Some(to) = values::number(ui, "time of the playhead", time, 0.01, 0.0..=last) {
+            if let Some(to) = values::time(ui, "time of the playhead", time, 0.01, 0.0..=last) {
                 let playhead = &mut viewer.playhead;
                 playhead.seek(Time::from_secs(nearest_frame(playhead.fps().as_fps(), to)));
             }
@@ -124,7 +124,7 @@ fn beats(ui: &mut Ui, tempo: &mut Tempo) {
     tempo.per_minute = set.unwrap_or(tempo.per_minute);
     ui.weak("bpm").hint("beats a minute of the music; dragged times snap to beats. 0: none");
     if tempo.per_minute > 0.0 {
-        let set = values::number(ui, "first beat", tempo.first, 0.01, 0.0..=1e4);
+        let set = values::time(ui, "first beat", tempo.first, 0.01, 0.0..=1e4);
         tempo.first = set.unwrap_or(tempo.first);
         ui.weak("s").hint("when the first beat is");
     }
@@ -500,15 +500,11 @@ fn wrong(ui: &Ui, viewer: &mut Viewer, place: Rect) {
     response.widget_info(|| {
         egui::WidgetInfo::labeled(egui::WidgetType::Button, true, format!("problems: {text}"))
     });
-    ui.painter_at(place).text(
-        place.left_center() + vec2(6.0, 0.0),
-        Align2::LEFT_CENTER,
-        &text,
-        FontId::proportional(11.5),
-        color,
-    );
+    let painter = ui.painter_at(place);
+    let galley = super::elided(&painter, &text, 11.5, color, place.width() - 12.0);
+    painter.galley(place.left_center() + vec2(6.0, -galley.size().y / 2.0), galley, color);
     let line = first.line;
-    if response.hint(first.message.clone()).clicked() && line > 0 {
+    if response.hint(format!("{text}\n{}", first.message)).clicked() && line > 0 {
         viewer.go_to = Some(line);
     }
 }

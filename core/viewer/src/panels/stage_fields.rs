@@ -79,7 +79,7 @@ fn rows(ui: &mut Ui, stated: &Stated, settings: &Settings) -> Option<FieldChange
             ui.end_row();
         };
     row(ui, "length", "seconds", &mut |ui| {
-        let set = values::number(ui, "stage length", settings.length.as_secs(), 0.05, 0.001..=1e5);
+        let set = values::time(ui, "stage length", settings.length.as_secs(), 0.05, 0.001..=1e5);
         set.map(format_number)
     });
     row(ui, "fps", "frames a second", &mut |ui| {

@@ -44,7 +44,9 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
                 .collect();
             if !recent.is_empty() {
                 section(ui, "Recent");
-                tiles(ui, viewer, &mut panels.pictures, &recent);
+                if let Some(clicked) = tiles(ui, viewer, &mut panels.pictures, &recent) {
+                    viewer.documents.open = Some(recent[clicked].0.clone());
+                }
             }
             let lessons: Vec<(PathBuf, String)> = viewer
                 .documents
@@ -54,7 +56,10 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer) {
                 .collect();
             if !lessons.is_empty() {
                 section(ui, "Lessons");
-                tiles(ui, viewer, &mut panels.pictures, &lessons);
+                // Each is tried out in a copy: an edit must not change the lesson for good.
+                if let Some(clicked) = tiles(ui, viewer, &mut panels.pictures, &lessons) {
+                    viewer.documents.ask(Purpose::Lesson(clicked), None);
+                }
             }
         });
     });
@@ -70,11 +75,17 @@ fn file_name(file: &Path) -> String {
     file.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// Files as images with names; a click opens one.
-fn tiles(ui: &mut Ui, viewer: &mut Viewer, pictures: &mut Pictures, files: &[(PathBuf, String)]) {
+/// Files as images with names; gives the number of the one that was clicked.
+fn tiles(
+    ui: &mut Ui,
+    viewer: &mut Viewer,
+    pictures: &mut Pictures,
+    files: &[(PathBuf, String)],
+) -> Option<usize> {
+    let mut clicked = None;
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing = vec2(12.0, 12.0);
-        for (file, title) in files {
+        for (number, (file, title)) in files.iter().enumerate() {
             let size = vec2(TILE, pictures::height(TILE) + 22.0);
             let (place, response) = ui.allocate_exact_size(size, Sense::click());
             response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, title.clone()));
@@ -99,8 +110,9 @@ fn tiles(ui: &mut Ui, viewer: &mut Viewer, pictures: &mut Pictures, files: &[(Pa
                 hint = format!("{hint}\n{why}");
             }
             if response.hint(hint).clicked() {
-                viewer.documents.open = Some(file.clone());
+                clicked = Some(number);
             }
         }
     });
+    clicked
 }

@@ -5,7 +5,7 @@ use super::icons;
 use egui::containers::menu::{MenuButton, MenuConfig, SubMenuButton};
 use egui::{
     Button, FontSelection, PopupCloseBehavior, Response, RichText, TextStyle, TextWrapMode, Ui, WidgetInfo,
-    WidgetText, WidgetType,
+    WidgetText, WidgetType, vec2,
 };
 
 /// Width of a vertical line between groups, points.
@@ -37,6 +37,10 @@ struct Entry<'a, C> {
     name: String,
     hint: String,
     enabled: bool,
+    /// Faces that it has at other times: it keeps room for the widest.
+    other_faces: Vec<String>,
+    /// A click in its menu does not close it.
+    stays_open: bool,
     /// It leaves the line before those that do not.
     yields: bool,
     kind: Kind<'a, C>,
@@ -49,6 +53,14 @@ impl<C> Entry<'_, C> {
 
     fn is_icon(&self) -> bool {
         self.face != self.name
+    }
+
+    /// How its menu closes.
+    fn menu(&self) -> MenuConfig {
+        MenuConfig::new().close_behavior(match self.stays_open {
+            true => PopupCloseBehavior::CloseOnClickOutside,
+            false => PopupCloseBehavior::CloseOnClick,
+        })
     }
 }
 
@@ -66,7 +78,31 @@ impl<'a, C> Toolbar<'a, C> {
 
     fn add(&mut self, face: &str, name: &str, hint: &str, kind: Kind<'a, C>) {
         let [face, name, hint] = [face, name, hint].map(str::to_string);
-        self.entries.push(Entry { face, name, hint, enabled: true, yields: false, kind });
+        let (other_faces, stays_open) = (Vec::new(), false);
+        self.entries.push(Entry {
+            face,
+            name,
+            hint,
+            enabled: true,
+            other_faces,
+            stays_open,
+            yields: false,
+            kind,
+        });
+    }
+
+    /// The last entry, a menu, has room for these faces, too, so that the entries after it stay where they are.
+    pub fn other_faces<'f>(&mut self, faces: impl Iterator<Item = &'f str>) {
+        if let Some(last) = self.entries.last_mut() {
+            last.other_faces = faces.map(str::to_string).collect();
+        }
+    }
+
+    /// The menu of the last entry is closed by a click beside it alone.
+    pub fn stays_open(&mut self) {
+        if let Some(last) = self.entries.last_mut() {
+            last.stays_open = true;
+        }
     }
 
     /// The last entry is enabled or not.
@@ -135,7 +171,11 @@ impl<'a, C> Toolbar<'a, C> {
             Kind::Separator => SEPARATOR,
             Kind::Widget(_) => ui.data(|d| d.get_temp(self.id.with(&entry.name))).unwrap_or(UNKNOWN),
             Kind::Text(style) => text_width(ui, &entry.face, style.clone()),
-            _ => text_width(ui, &entry.face, TextStyle::Button) + padding,
+            _ => {
+                let faces = std::iter::once(&entry.face).chain(&entry.other_faces);
+                let widths = faces.map(|face| text_width(ui, face, TextStyle::Button));
+                widths.fold(0.0, f32::max) + padding
+            }
         };
         self.entries.iter().map(width).collect()
     }
@@ -157,7 +197,7 @@ impl<'a, C> Toolbar<'a, C> {
         let (id, mut rest) = (self.id, Vec::new());
         for (number, (entry, is_on_line)) in self.entries.into_iter().zip(on_line).enumerate() {
             match is_on_line {
-                true => line_entry(ui, id, number, entry, context),
+                true => line_entry(ui, (id, number), entry, widths[number], context),
                 false => rest.push(entry),
             }
         }
@@ -188,8 +228,9 @@ pub(super) fn text_width(ui: &Ui, text: &str, style: TextStyle) -> f32 {
     text.into_galley(ui, Some(TextWrapMode::Extend), f32::INFINITY, font).size().x.ceil()
 }
 
-fn line_entry<C>(ui: &mut Ui, id: egui::Id, number: usize, entry: Entry<'_, C>, context: &mut C) {
-    let is_icon = entry.is_icon();
+/// `id`: of the toolbar, with the number of the entry.
+fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width: f32, context: &mut C) {
+    let (is_icon, menu) = (entry.is_icon(), entry.menu());
     let Entry { face, name, hint, enabled, kind, .. } = entry;
     let add = |ui: &mut Ui| match kind {
         Kind::Separator => drop(ui.separator()),
@@ -201,7 +242,7 @@ fn line_entry<C>(ui: &mut Ui, id: egui::Id, number: usize, entry: Entry<'_, C>, 
             let begin = ui.cursor().left();
             show(ui, context);
             let width = (ui.min_rect().right() - begin).max(0.0);
-            let known = id.with(&name);
+            let known = id.0.with(&name);
             if ui.data(|d| d.get_temp(known)) != Some(width) {
                 ui.data_mut(|d| d.insert_temp(known, width));
                 ui.ctx().request_repaint();
@@ -218,16 +259,17 @@ fn line_entry<C>(ui: &mut Ui, id: egui::Id, number: usize, entry: Entry<'_, C>, 
             }
         }
         Kind::Menu(show) => {
-            let response = ui.menu_button(face, |ui| show(ui, context)).response;
+            let button = Button::new(face).min_size(vec2(width, 0.0));
+            let (response, _) = MenuButton::from_button(button).config(menu).ui(ui, |ui| show(ui, context));
             described(response, false, &name, &hint, None);
         }
     };
     // Each has an identity of its own, whichever entries are beside it.
-    ui.push_id((id, number), |ui| if enabled { add(ui) } else { ui.add_enabled_ui(false, add).inner });
+    ui.push_id(id, |ui| if enabled { add(ui) } else { ui.add_enabled_ui(false, add).inner });
 }
 
 fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
-    let is_icon = entry.is_icon();
+    let (is_icon, menu) = (entry.is_icon(), entry.menu());
     let Entry { face, name, hint, enabled, kind, .. } = entry;
     let words = if is_icon { format!("{face}  {name}") } else { name.clone() };
     match kind {
@@ -261,7 +303,7 @@ fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
         }
         Kind::Menu(show) => {
             ui.add_enabled_ui(enabled, |ui| {
-                let menu = SubMenuButton::new(words).config(MenuConfig::new());
+                let menu = SubMenuButton::new(words).config(menu);
                 let (response, _) = menu.ui(ui, |ui| show(ui, context));
                 described(response, is_icon, &name, &hint, None);
             });
@@ -278,10 +320,11 @@ fn described(response: Response, is_icon: bool, name: &str, hint: &str, on: Opti
             None => WidgetInfo::labeled(WidgetType::Button, enabled, name),
         });
     }
-    match hint {
-        _ if is_icon => response.hint(icons::hinted(name, hint)),
-        "" => response,
-        hint => response.hint(hint),
+    let hint = if is_icon { icons::hinted(name, hint) } else { hint.to_string() };
+    match hint.is_empty() {
+        true => response,
+        false if enabled => response.hint(hint),
+        false => response.on_disabled_hover_text(hint),
     }
 }
 

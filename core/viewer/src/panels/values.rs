@@ -3,7 +3,7 @@
 use crate::editing::expression;
 use choreo_session::edit::format_number;
 use egui::emath::format_with_decimals_in_range;
-use egui::{DragValue, Response, Slider, Ui, WidgetInfo, WidgetType};
+use egui::{DragValue, Key, Response, Slider, Ui, WidgetInfo, WidgetType};
 use std::ops::RangeInclusive;
 
 /// A number in a field.
@@ -15,7 +15,12 @@ pub struct Number<'n> {
     pub range: RangeInclusive<f64>,
     /// The value to which the menu of the right mouse button sets it.
     pub default: Option<f64>,
+    /// A time, which can be typed as frames: `f(12)`.
+    pub is_time: bool,
 }
+
+/// The reason why a number is refused that was typed as frames.
+pub(super) const NO_TIME: &str = "f(…) gives a time, and this is none: write a number";
 
 /// Frames a second, for what is typed as frames.
 pub(crate) fn set_rate(ui: &Ui, fps: f64) {
@@ -26,11 +31,16 @@ fn rate_id() -> egui::Id {
     egui::Id::new("frames a second")
 }
 
-/// Reads what is typed: `1/3`, `f(12)`; keeps it, with its value, for the field of this name.
-fn parser(ui: &Ui, id: egui::Id) -> impl Fn(&str) -> Option<f64> + 'static {
+/// Reads what is typed: `1/3`, and of a time `f(12)`; keeps it, with its value, for the field of this name.
+fn parser(ui: &Ui, id: egui::Id, is_time: bool) -> impl Fn(&str) -> Option<f64> + 'static {
     let fps: f64 = ui.data(|d| d.get_temp(rate_id())).unwrap_or(30.0);
     let context = ui.ctx().clone();
     move |text| {
+        let is_refused = !is_time && expression::counts_frames(text);
+        context.data_mut(|d| d.insert_temp(refused_id(id), is_refused));
+        if is_refused {
+            return None;
+        }
         let value = expression::value(text, fps)?;
         context.data_mut(|d| d.insert_temp(typed_id(id), (text.to_string(), value)));
         Some(value)
@@ -39,6 +49,16 @@ fn parser(ui: &Ui, id: egui::Id) -> impl Fn(&str) -> Option<f64> + 'static {
 
 fn typed_id(id: egui::Id) -> egui::Id {
     id.with("typed")
+}
+
+/// Whether the text of a field counts frames and must not.
+fn refused_id(id: egui::Id) -> egui::Id {
+    id.with("frames")
+}
+
+/// Whether a field was left in this frame with [`NO_TIME`] in it.
+pub(super) fn takes_refused(ui: &Ui) -> bool {
+    ui.data_mut(|d| d.remove_temp(refused_id(rate_id()))).unwrap_or(false)
 }
 
 /// A number as it is written into a script: as the expression that was typed where it has more digits than are written, `1.0 / 3.0`.
@@ -56,8 +76,8 @@ fn number_text(value: f64, decimals: RangeInclusive<usize>) -> String {
 }
 
 /// A field for a number, to the thousandth; expressions can be typed into it, which are kept for the field of this name.
-fn field<'n>(ui: &Ui, id: egui::Id, now: &'n mut f64) -> DragValue<'n> {
-    DragValue::new(now).max_decimals(3).custom_formatter(number_text).custom_parser(parser(ui, id))
+fn field<'n>(ui: &Ui, id: egui::Id, now: &'n mut f64, is_time: bool) -> DragValue<'n> {
+    DragValue::new(now).max_decimals(3).custom_formatter(number_text).custom_parser(parser(ui, id, is_time))
 }
 
 /// The new value, once it is meant.
@@ -71,6 +91,12 @@ fn settled(
     let mut now: f64 = ui.data(|d| d.get_temp(id)).unwrap_or(value);
     let response = add(ui, &mut now);
     super::inspected::hold(ui, &response);
+    if response.lost_focus() {
+        let is_refused = ui.data_mut(|d| d.remove_temp(refused_id(id))).unwrap_or(false);
+        if is_refused && !ui.input(|i| i.key_pressed(Key::Escape)) {
+            ui.data_mut(|d| d.insert_temp(refused_id(rate_id()), true));
+        }
+    }
     let holds = response.dragged() || response.has_focus();
     let done = response.drag_stopped() || response.lost_focus() || (response.changed() && !holds);
     if holds && !done {
@@ -96,13 +122,19 @@ pub fn reset(response: &Response, default: f64) -> Option<f64> {
 }
 
 /// A number that is stated nowhere: weak where another one counts instead (`derived`), else empty, until something is typed.
-pub fn unstated(ui: &mut Ui, name: &str, derived: Option<f64>, range: RangeInclusive<f64>) -> Option<f64> {
+pub fn unstated(
+    ui: &mut Ui,
+    name: &str,
+    derived: Option<f64>,
+    range: RangeInclusive<f64>,
+    is_time: bool,
+) -> Option<f64> {
     let id = ui.id().with(("number", name));
     let weak = ui.visuals().weak_text_color();
     let from = derived.unwrap_or(*range.start());
     settled(ui, id, from, None, |ui, now| {
         let is_untouched = *now == from;
-        let widget = field(ui, id, now).speed(0.01).range(range);
+        let widget = field(ui, id, now, is_time).speed(0.01).range(range);
         let widget = match derived {
             None if is_untouched => widget.custom_formatter(|_, _| String::new()),
             _ => widget,
@@ -124,7 +156,12 @@ pub(super) fn named(response: Response, kind: WidgetType, name: &str) -> Respons
 }
 
 pub fn number(ui: &mut Ui, name: &str, value: f64, speed: f64, range: RangeInclusive<f64>) -> Option<f64> {
-    Number { name, value, speed, range, default: None }.show(ui)
+    Number { name, value, speed, range, default: None, is_time: false }.show(ui)
+}
+
+/// A time in seconds; frames can be typed, too.
+pub fn time(ui: &mut Ui, name: &str, value: f64, speed: f64, range: RangeInclusive<f64>) -> Option<f64> {
+    Number { name, value, speed, range, default: None, is_time: true }.show(ui)
 }
 
 impl Number<'_> {
@@ -148,10 +185,10 @@ impl Number<'_> {
     }
 
     fn show_as(self, ui: &mut Ui, shown: Option<&str>) -> Option<f64> {
-        let Number { name, value, speed, range, default } = self;
+        let Number { name, value, speed, range, default, is_time } = self;
         let id = ui.id().with(("number", name));
         settled(ui, id, value, default, |ui, now| {
-            let mut widget = field(ui, id, now).speed(speed).range(range);
+            let mut widget = field(ui, id, now, is_time).speed(speed).range(range);
             if let Some(shown) = shown {
                 widget = widget.custom_formatter(move |number, digits| match number == value {
                     true => shown.to_string(),
@@ -164,14 +201,14 @@ impl Number<'_> {
 
     /// The same as a slider.
     pub fn slider(self, ui: &mut Ui) -> Option<f64> {
-        let Number { name, value, speed, range, default } = self;
+        let Number { name, value, speed, range, default, is_time } = self;
         let id = ui.id().with(("slider", name));
         let wide = *range.start() > 0.0 && range.end() / range.start() > 1e3;
         settled(ui, id, value, default, |ui, now| {
             ui.horizontal(|ui| {
                 let widget = Slider::new(now, range.clone()).logarithmic(wide).show_value(false);
                 let slider = named(ui.add(widget), WidgetType::Slider, name);
-                let widget = field(ui, id, now).speed(speed).range(range);
+                let widget = field(ui, id, now, is_time).speed(speed).range(range);
                 let typed = named(ui.add(widget), WidgetType::DragValue, &format!("{name} number"));
                 let is_typed = typed.gained_focus() || typed.has_focus() || typed.lost_focus();
                 if is_typed { typed.union(slider) } else { slider.union(typed) }

@@ -1,6 +1,7 @@
 //! The image, the camera that the mouse moves, and what is picked in it.
 
 use super::assets::ModelDrag;
+use super::hint::Hint;
 use super::toolbar::Toolbar;
 use super::{axes, handles, icons, overlay, scene_icons, trails};
 use crate::app::Viewer;
@@ -15,6 +16,8 @@ use glam::{DVec2, DVec3};
 
 /// Metres a second on foot.
 const PACE: f64 = 3.0;
+/// Height of the sign of a reduced image at its top, points.
+pub(super) const REDUCED: f32 = 22.0;
 
 pub(crate) fn toggle_camera(viewer: &mut Viewer) {
     let active = viewer.active.min(viewer.views.len() - 1);
@@ -129,6 +132,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
         follow(&mut bar, viewer, index);
         let side = axes::menu_name(viewer, index);
         bar.menu(side, "", move |ui, viewer| axes::entries(ui, viewer, index));
+        bar.other_faces(axes::menu_names());
         bar.separator();
         let full = viewer.views[index].resolution == Resolution::Full;
         let hint = "as many pixels as render gives it";
@@ -140,6 +144,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
                 ui.checkbox(shown, name);
             }
         });
+        bar.stays_open();
         bar.separator();
         for (tool, icon, name, key) in [
             (Tool::Move, icons::ARROWS_OUT_CARDINAL, "Move", "G"),
@@ -159,10 +164,12 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, index: usize) {
 
 fn cameras(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
     let Some(scene) = viewer.scene.clone().filter(|scene| !scene.stage.cameras.is_empty()) else { return };
+    const NONE: &str = "camera";
     let name = match &viewer.views[index].camera {
         ViewCamera::Named(name) => name.as_str(),
-        _ => "camera",
+        _ => NONE,
     };
+    let names = scene.clone();
     bar.menu(name, "", move |ui, viewer| {
         let view = &mut viewer.views[index];
         for camera in &scene.stage.cameras {
@@ -172,19 +179,19 @@ fn cameras(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
             }
         }
     });
+    bar.other_faces(names.stage.cameras.iter().map(|camera| camera.name.as_str()).chain([NONE]));
 }
 
 /// Writes the free camera into the script: into one of its cameras, or as a new one.
 fn into_script(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
-    let (ViewCamera::Free(orbit), Some(scene)) = (&viewer.views[index].camera, viewer.scene.clone()) else {
-        return;
+    let Some(scene) = viewer.scene.clone().filter(|_| viewer.path.is_some()) else { return };
+    let orbit = match viewer.views[index].camera {
+        ViewCamera::Free(orbit) => Some(orbit),
+        _ => None,
     };
-    if viewer.path.is_none() {
-        return;
-    }
-    let orbit = *orbit;
-    let hint = "a camera of the script then stands here: .at and .look_at";
+    let hint = "writes the free camera into the script: .at and .look_at of a camera that then stands here";
     bar.menu("into the script", hint, move |ui, viewer| {
+        let Some(orbit) = orbit else { return };
         for camera in &scene.stage.cameras {
             if ui.button(format!("as \"{}\"", camera.name)).clicked() {
                 viewer.edit(|v| v.set_camera(&camera.name, &orbit));
@@ -198,6 +205,8 @@ fn into_script(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
             viewer.edit(|v| v.add_camera(&orbit));
         }
     });
+    // It is there always, so that the entries after it stay where they are.
+    bar.enabled(orbit.is_some());
 }
 
 fn follow(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
@@ -271,11 +280,14 @@ fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
         return;
     }
     let text = parts.join(" · ");
-    let label = Rect::from_min_size(place.left_top(), egui::vec2(place.width(), 20.0));
+    let label = Rect::from_min_size(place.left_top(), egui::vec2(place.width(), REDUCED));
     let response = ui.interact(label, ui.id().with(("reduced", index)), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, text.clone()));
     let painter = ui.painter_at(place);
-    let galley = painter.layout_no_wrap(text.clone(), egui::FontId::proportional(11.5), Color32::WHITE);
+    let galley = super::elided(&painter, &text, 11.5, Color32::WHITE, place.width() - 12.0);
+    if galley.elided {
+        response.hint(text);
+    }
     let back = Rect::from_min_size(place.left_top() + egui::vec2(6.0, 6.0), galley.size()).expand(3.0);
     painter.rect_filled(back, 3.0, Color32::from_black_alpha(170));
     painter.galley(back.min + egui::vec2(3.0, 3.0), galley, Color32::WHITE);

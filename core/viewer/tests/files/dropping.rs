@@ -8,7 +8,7 @@ use choreo_viewer::editing::ClipOf;
 use choreo_viewer::state::dropped_models::DroppedModels;
 use choreo_viewer::state::selection::Selected;
 use choreo_viewer::state::side::Side;
-use egui::{Order, Pos2, pos2, vec2};
+use egui::{Order, Pos2, Shape, pos2, vec2};
 use egui_kittest::kittest::Queryable;
 use glam::DVec3;
 use std::collections::BTreeSet;
@@ -65,6 +65,41 @@ fn a_refusal_is_read_beside_the_pointer_with_its_line_as_a_link() {
     assert!(desk.query_by_label("go to line 7").is_none());
     let shown = |desk: &Desk| desk.query_all_by_label_contains("   7 ada.key").next().is_some();
     assert!(shown(&desk), "the script's panel is in front");
+}
+
+/// Whether a shape is drawn over a point.
+fn covers(shape: &Shape, at: Pos2) -> bool {
+    match shape {
+        Shape::Rect(rect) => rect.fill.a() > 0 && rect.rect.contains(at),
+        Shape::Vec(shapes) => shapes.iter().any(|shape| covers(shape, at)),
+        _ => false,
+    }
+}
+
+/// A refusal without a line comes between two that have one: the box of the last one does not cover its link.
+#[test]
+fn the_line_of_a_later_refusal_is_seen() {
+    let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
+    for (at, line) in
+        [(pos2(300.0, 300.0), Some(7)), (pos2(500.0, 400.0), None), (pos2(700.0, 300.0), Some(7))]
+    {
+        desk.hover_at(at);
+        let viewer = &mut desk.state_mut().viewer;
+        (viewer.message, viewer.message_line) = (Some("it cannot be done".into()), line);
+        viewer.refusals += 1;
+        desk.run_steps(8);
+        if line.is_some() {
+            let link = desk.get_by_label("go to line 7").rect().center();
+            let shapes = &desk.output().shapes;
+            let is_link =
+                |shape: &Shape| matches!(shape, Shape::Text(text) if text.galley.text() == "go to line 7");
+            let drawn = shapes.iter().rposition(|shape| is_link(&shape.shape)).unwrap();
+            assert!(!shapes[drawn..].iter().any(|shape| covers(&shape.shape, link)), "at {at:?}");
+        }
+        desk.key_press(egui::Key::Escape);
+        desk.run();
+        assert!(desk.query_by_label("go to line 7").is_none());
+    }
 }
 
 #[test]

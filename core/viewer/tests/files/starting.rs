@@ -119,9 +119,16 @@ fn the_start_page_opens_recent_files_and_lessons_shown_as_images() {
         assert!(frame.rgba.chunks_exact(4).all(|pixel| near(&pixel[..3])), "all of it is the background");
     }
     harness.run();
+    // A lesson is opened as a copy, for whose place is asked.
     harness.get_by_label("1 first").click();
     harness.run();
-    assert_eq!(harness.state().viewer.documents.open, Some(lesson));
+    assert_eq!(harness.state().viewer.documents.open, None);
+    harness.get_by_label("Open a copy of the lesson");
+    harness.get_by_label("Create").click();
+    harness.run();
+    let copy = harness.state_mut().viewer.documents.open.take().unwrap();
+    assert_eq!(copy.canonicalize().unwrap(), folder.path().join("1_first.rhai").canonicalize().unwrap());
+    assert_eq!(fs::read_to_string(&copy).unwrap(), fs::read_to_string(&lesson).unwrap());
     harness.get_by_label("film.rhai").click();
     harness.run();
     assert_eq!(harness.state().viewer.documents.open, Some(recent));
@@ -260,6 +267,35 @@ fn saved_elsewhere_a_script_takes_its_files_along() {
     let error = viewer.take_file(Purpose::SaveAs, &to).unwrap_err().to_string();
     assert!(error.contains("another file of this name is there"), "{error}");
     assert_eq!(fs::read_to_string(folder.path().join("there/assets/wave.bvh")).unwrap(), "mine");
+}
+
+#[test]
+fn the_copy_of_a_lesson_has_the_files_that_it_reads() {
+    let scripts = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").canonicalize().unwrap();
+    let mut viewer = Viewer::new("start");
+    viewer.documents = documents(&scripts, None);
+    viewer.documents.lessons = lessons::within(&scripts);
+    // One with a module, one with a model, and one with plugins in a folder of its own.
+    for (name, file) in [
+        ("07_keys_and_frames", "modules/formations.rhai"),
+        ("19_faces", "models/face.gltf"),
+        ("08_plugins", "valley.heights"),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let index = viewer.documents.lessons.iter().position(|lesson| lesson.name == name).unwrap();
+        viewer.documents.ask(Purpose::Lesson(index), Some(&folder.path().join("x.rhai")));
+        let proposed = viewer.documents.dialog.take().unwrap().name;
+        assert_eq!(proposed, format!("{name}.rhai"));
+        let to = folder.path().join(proposed);
+        viewer.take_file(Purpose::Lesson(index), &to).unwrap();
+        assert_eq!(viewer.documents.open.as_ref(), Some(&to));
+        let lesson = &viewer.documents.lessons[index].file;
+        assert_eq!(fs::read_to_string(&to).unwrap(), fs::read_to_string(lesson).unwrap());
+        assert!(folder.path().join(file).is_file(), "{name}");
+        let mut session = Session::new(SceneSource::new(&to), &choreo::registry(), false).unwrap();
+        let version = session.build(BTreeSet::new());
+        assert!(version.scene.is_some(), "{name}: {:?}", version.problems);
+    }
 }
 
 #[test]

@@ -301,7 +301,7 @@ fn fields_take_expressions_and_go_back_to_their_defaults() {
     let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     harness.get_by_label("row ada").click();
     harness.run();
-    for (typed, written) in [("1/4 - 2", "-1.75"), ("f(12) + 0.5", "0.98"), ("-f(30)/2", "-0.6")] {
+    for (typed, written) in [("1/4 - 2", "-1.75"), ("2*(0.25 + 1)", "2.5")] {
         harness.get_by_label("x").click();
         harness.run();
         harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
@@ -336,6 +336,37 @@ fn fields_take_expressions_and_go_back_to_their_defaults() {
     harness.get_by_label("Reset to 0.0").click();
     harness.run();
     assert_eq!(harness.state().text(), SCRIPT.replace(".at(-0.5, 0.0", ".at(0.0, 0.0"));
+}
+
+/// Frames are a time: typed for an angle they would be an angle of a few hundredths of a degree.
+#[test]
+fn frames_are_taken_by_times_alone() {
+    let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
+    desk.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
+    desk.run();
+    let write = |desk: &mut Desk, label: &str, text: &str| {
+        desk.get_by_label(label).click();
+        desk.run();
+        desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        desk.run();
+        desk.event(egui::Event::Text(text.into()));
+        desk.run();
+        desk.key_press(Key::Enter);
+        desk.run();
+    };
+    for field in ["degrees", "x"] {
+        write(&mut desk, field, "f(12)");
+        let viewer = &mut desk.state_mut().viewer;
+        let why = viewer.message.take();
+        assert_eq!(why.as_deref(), Some("f(…) gives a time, and this is none: write a number"), "{field}");
+        assert_eq!(desk.state().text(), SCRIPT);
+    }
+    write(&mut desk, "degrees", "90/2");
+    assert_eq!(desk.state().viewer.message, None);
+    assert_ne!(desk.state().text(), SCRIPT);
+    desk.state_mut().reload();
+    write(&mut desk, "time of the playhead", "f(3) + f(9)");
+    assert_eq!(desk.state().viewer.playhead.frame(), 12);
 }
 
 #[test]

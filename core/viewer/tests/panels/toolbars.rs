@@ -2,6 +2,7 @@
 
 use crate::place::Place;
 use crate::place::mouse::Mouse;
+use choreo_viewer::state::view::ViewCamera;
 use egui::{Rect, Vec2, vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 
@@ -143,4 +144,40 @@ fn what_has_no_room_works_from_the_menu() {
     open_more(&mut mouse, "File");
     mouse.menu(&["Look", "Light"]);
     assert!(mouse.desk.state().panels.light);
+}
+
+/// A click at an old place never meets another entry.
+#[test]
+fn entries_of_the_viewport_stay_where_they_are_whatever_is_chosen() {
+    const ENTRIES: [&str; 6] =
+        ["free camera", "into the script", "follow", "full size", "Show", "Save image"];
+    let mut mouse = opened(1600.0, "Sequencer");
+    let all = |mouse: &Mouse| ENTRIES.map(|entry| places(mouse, entry, vec2(1600.0, 600.0)));
+    let before = all(&mouse);
+    assert!(before.iter().all(|found| !found.is_empty()), "{before:?}");
+    let view = |mouse: &Mouse| mouse.find("View").left();
+    let left = view(&mouse);
+    mouse.click("free camera");
+    assert_eq!((all(&mouse), view(&mouse)), (before.clone(), left), "free");
+    mouse.click("Top view");
+    assert_eq!(all(&mouse), before, "from above");
+    mouse.desk.state_mut().viewer.views[0].camera = ViewCamera::Named("near".into());
+    mouse.look();
+    assert_eq!((all(&mouse), view(&mouse)), (before, left), "a camera of the script");
+}
+
+#[test]
+fn the_overlays_are_chosen_in_one_menu() {
+    for width in [1600.0, 300.0] {
+        let mut mouse = opened(width, "Sequencer");
+        if width < 500.0 {
+            open_more(&mut mouse, "script's camera");
+        }
+        let overlays = |mouse: &Mouse| mouse.desk.state().viewer.views[0].overlays;
+        let before = overlays(&mouse);
+        mouse.menu(&["Show", "Bounds", "Safe areas"]);
+        assert_eq!([overlays(&mouse).bounds, overlays(&mouse).safe], [!before.bounds, !before.safe]);
+        mouse.click_at(egui::pos2(width - 20.0, 580.0));
+        assert!(mouse.desk.query_by_label("Safe areas").is_none(), "a click beside it closes it");
+    }
 }

@@ -454,6 +454,21 @@ fn a_box_of_points_is_deleted_and_home_fits_them() {
     undone(&mut desk);
 }
 
+/// An actor is not taken off by who means a key of it.
+#[test]
+fn delete_over_the_curves_takes_keys_alone() {
+    let mut desk = curves();
+    let plot = desk.get_by_label("curves").rect();
+    desk.hover_at(plot.center());
+    desk.run();
+    assert!(desk.state().viewer.selected_keys().is_empty());
+    press(&mut desk, Modifiers::NONE, Key::Delete);
+    assert_eq!(desk.state().text(), SCRIPT);
+    let viewer = &desk.state().viewer;
+    assert_eq!((viewer.message.as_deref(), viewer.refusals), (Some("no key is selected"), 1));
+    assert_eq!(viewer.selection, Some(ball()));
+}
+
 /// Numbers are typed one after the other: the menu of a key is closed by nothing but a command, Escape or a click beside it.
 #[test]
 fn the_menu_of_a_key_stays_while_numbers_are_typed() {

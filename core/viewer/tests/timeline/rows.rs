@@ -295,6 +295,27 @@ fn a_row_is_dragged_by_its_name_to_another_place() {
     assert_eq!(desk.state().text(), script);
 }
 
+/// The name of the row in which a drag ends stands at the pointer only once that moves on.
+#[test]
+fn no_hint_is_at_the_pointer_where_a_row_was_let_go() {
+    let mut desk = desk();
+    let name = |desk: &Desk, label: &str| {
+        let row = desk.get_by_label(&format!("row {label}")).rect();
+        pos2(row.left() + 30.0, row.center().y)
+    };
+    let (from, to) = (name(&desk, "ball"), name(&desk, "ada") - vec2(0.0, 6.0));
+    drag(&mut desk, from, to);
+    let names = |desk: &mut Desk| {
+        desk.run_steps(8);
+        let is_name =
+            |shape: &egui::Shape| matches!(shape, egui::Shape::Text(text) if text.galley.text() == "ada");
+        desk.output().shapes.iter().filter(|shape| is_name(&shape.shape)).count()
+    };
+    let at_rest = names(&mut desk);
+    desk.hover_at(to + vec2(12.0, 0.0));
+    assert_eq!(names(&mut desk), at_rest + 1);
+}
+
 #[test]
 fn a_layer_is_dragged_below_another_and_stays_muted() {
     let line = "ada.play(moves.clip(\"Jump\")).from(2.0).until(3.0).on(\"LeftShoulder..\").fade(0.2);\n";

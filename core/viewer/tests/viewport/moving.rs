@@ -2,8 +2,14 @@
 
 use crate::place::{Desk, Place};
 use choreo_motion::Time;
-use egui::{Event, MouseWheelUnit, Pos2, TouchPhase, pos2, vec2};
+use choreo_viewer::app::Dragging;
+use choreo_viewer::geometry::gizmo::{Change, Drag, Handle, Tool};
+use choreo_viewer::panels::Panels;
+use choreo_viewer::state::selection::Selected;
+use choreo_viewer::state::settings::Settings;
+use egui::{Event, MouseWheelUnit, Pos2, Rect, Shape, TouchPhase, pos2, vec2};
 use egui_kittest::kittest::Queryable;
+use glam::{DAffine3, DVec2, DVec3};
 
 const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0, samples: 1 });
 let box_1 = cast("box", shape("box", #{ size: 1.0 })).key("position", [[0.0, [0, 0, 0]], [4.0, [1, 0, 0]]]);
@@ -61,6 +67,59 @@ fn what_a_moving_image_lacks_is_named_until_it_rests() {
     desk.run();
     assert!(!said(&desk));
     assert!(desk.state().viewer.shown().unwrap().waiting.is_empty());
+}
+
+/// Where the texts are drawn that contain these words.
+fn drawn(desk: &Desk, words: &str) -> Vec<Rect> {
+    let shapes = desk.output().shapes.iter();
+    let texts = shapes.filter_map(|shape| match &shape.shape {
+        Shape::Text(text) if text.galley.text().contains(words) => Some(text.visual_bounding_rect()),
+        _ => None,
+    });
+    texts.collect()
+}
+
+/// In a narrow viewport the sign ends with … within the image, and a pointer over it reads the whole.
+#[test]
+fn a_sign_without_room_is_cut_short_and_read_as_a_hint() {
+    let mut place = Place::new(SCRIPT);
+    place.viewer.views[0].room = [64, 36];
+    place.viewer.playhead.play(0.0);
+    place.paint();
+    place.viewer.reduction = Default::default();
+    place.viewer.reduction.took(90.0, 40.0);
+    place.viewer.reduction.dropped = 3;
+    let layout = serde_json::json!({
+        "right": 0.15, "first": { "tabs": ["Viewport"] }, "second": { "tabs": ["Script"] },
+    });
+    place.panels = Panels::new(&Settings { layout: Some(layout), ..Settings::default() });
+    let mut desk = place.harness(vec2(1200.0, 500.0));
+    let image = desk.state().viewer.views[0].place;
+    let signs = drawn(&desk, "½ resolution");
+    assert_eq!(signs.len(), 1);
+    assert!(signs[0].right() <= image[2], "{signs:?} in {image:?}");
+    desk.hover_at(pos2(image[0] + 20.0, image[1] + 10.0));
+    desk.run_steps(8);
+    assert_eq!(drawn(&desk, "3 frames dropped").len(), 2, "the sign and the hint");
+}
+
+/// What is dragged has its numbers beside what the image lacks meanwhile.
+#[test]
+fn numbers_of_a_drag_are_read_beside_what_the_image_lacks() {
+    let mut place = Place::new(SCRIPT);
+    place.viewer.views[0].room = [64, 36];
+    place.viewer.playhead.play(0.0);
+    place.paint();
+    place.viewer.reduction = Default::default();
+    place.viewer.reduction.took(90.0, 40.0);
+    place.viewer.selection = Some(Selected::Actor("box".into()));
+    let (tool, handle) = (Tool::Move, Handle::Axis(0));
+    let drag = Drag { tool, handle, world_from_model: DAffine3::IDENTITY, from: DVec2::ZERO };
+    place.viewer.dragging = Some(Dragging { actor: "box".into(), drag, change: Change::Move(DVec3::X) });
+    let desk = place.harness(vec2(900.0, 700.0));
+    let (lacks, numbers) = (drawn(&desk, "½ resolution"), drawn(&desk, "+1.000 +0.000 +0.000 m"));
+    assert_eq!((lacks.len(), numbers.len()), (1, 1));
+    assert!(!lacks[0].expand(3.0).intersects(numbers[0]), "{lacks:?} {numbers:?}");
 }
 
 fn turn(desk: &mut Desk, at: Pos2) {
