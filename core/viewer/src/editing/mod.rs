@@ -19,6 +19,7 @@ mod room;
 mod rows;
 mod scene_icons;
 mod shared;
+mod standing_clip;
 mod strips;
 mod trimming;
 
