@@ -130,41 +130,36 @@ impl Viewer {
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
         let time = self.playhead.time();
-        let when = self.edit_time(time.as_secs());
         let old = placement(found, time);
-        let keyed = |property| found.channels.iter().any(|c| c.property == property);
-        let (to, _) = changed(old, change);
+        let (to, property) = changed(old, change);
         let (at, rotation) = (to.translation, to.rotation);
-        self.change(&place, siblings, |text| {
-            let object = ScriptObject::at(text, place.line, place.column)?;
-            match change {
-                Change::Move(by) => match keyed(Property::Translation) {
-                    true => object.set_key("position", when, KeyValue::Point(at)),
-                    false => object.move_by(by, at),
-                },
-                Change::Turn(by) => {
-                    if let Some(line) = object.line_of_call("face") {
-                        return Err(faces(line));
-                    }
-                    if found.face.is_some() {
-                        return Err(faces(place.line));
-                    }
-                    match keyed(Property::Rotation) {
-                        true => object.set_key("rotation", when, KeyValue::Turn(rotation)),
-                        false => Ok(object.turn_by(by)),
+        let faces = found.face.is_some() && property == Property::Rotation;
+        if !faces && found.channels.iter().any(|channel| channel.property == property) {
+            let (property, value) = match change {
+                Change::Move(_) => ("position", ValueText::Point(at)),
+                Change::Turn(_) => ("rotation", ValueText::Turn(rotation)),
+                Change::Scale(_) => ("scale", ValueText::Scale(to.scale)),
+            };
+            let keyed = self.keyed(&Selected::Actor(name.to_string()), property)?;
+            self.change_all(vec![self.text_step(&keyed, time, value)?])?;
+        } else {
+            self.change(&place, siblings, |text| {
+                let object = ScriptObject::at(text, place.line, place.column)?;
+                match change {
+                    Change::Move(by) => object.move_by(by, at),
+                    Change::Turn(by) => match object.line_of_call("face") {
+                        Some(line) => Err(face_turns(line)),
+                        None if faces => Err(face_turns(place.line)),
+                        None => Ok(object.turn_by(by)),
+                    },
+                    Change::Scale(_) => {
+                        let even = (to.scale - to.scale.x).abs().max_element() < 1e-9;
+                        let all = to.scale.to_array();
+                        object.set("scale", &all[..if even { 1 } else { 3 }])
                     }
                 }
-                Change::Scale(_) => {
-                    let to = to.scale;
-                    if keyed(Property::Scale) {
-                        return object.set_key("scale", when, KeyValue::Scale(to));
-                    }
-                    let even = (to - to.x).abs().max_element() < 1e-9;
-                    let all = to.to_array();
-                    object.set("scale", &all[..if even { 1 } else { 3 }])
-                }
-            }
-        })?;
+            })?;
+        }
         self.history.wanted =
             Some(ExpectedPlacement { actor: name.to_string(), time, at, rotation, line: place.line });
         Ok(())
@@ -382,6 +377,6 @@ fn lens_edit(
     (!is_same).then(|| object.state_one_of(&["fov", "focal_length", "ortho"], &call)).transpose()
 }
 
-fn faces(line: usize) -> EditRefused {
+fn face_turns(line: usize) -> EditRefused {
     EditRefused::at(line, ".face(…) turns it; change that, or take it away")
 }
