@@ -1,7 +1,7 @@
 //! Keys that are set, moved, changed, copied or deleted, in the sequencer, the curve editor and the inspector. Keys of several things
 //! change together, as one edit. Where keys are computed, a line is offered that states all of them anew.
 
-use super::{EditError, Step};
+use super::{EditError, Step, expression};
 use crate::app::Viewer;
 use crate::state::curves::KnownProperties;
 use crate::state::events::{Event, KeyOf};
@@ -344,7 +344,7 @@ impl Viewer {
         // One number of a color or a vector.
         let (of, part) = keyed().find_map(|p| Some((p, self.number_of(what, &p.name, name)?)))?;
         let mut numbers = of.at(at);
-        *numbers.get_mut(part)? = value.parse().ok()?;
+        *numbers.get_mut(part)? = expression::value(value, self.playhead.fps().as_fps())?;
         let step = self.value_step(of, at, &numbers);
         Some(step.and_then(|step| self.change_all(vec![step])))
     }

@@ -13,7 +13,7 @@ use choreo_motion::Time;
 use choreo_script::Place;
 use choreo_session::Placed;
 use choreo_session::edit::{
-    Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_number, numbered_name,
+    Anew, Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_number, numbered_name,
 };
 use choreo_stage::{Actor, Camera, Placement, Property, Rig, Stage, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
@@ -242,11 +242,11 @@ impl Viewer {
         Ok(())
     }
 
-    /// The vertical angle that a camera sees, degrees: `.fov`, or its key at the playhead.
+    /// The vertical angle that a camera sees, degrees: `.fov`, or its key at the playhead. `written`: the same as it is written.
     ///
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
-    pub fn set_field_of_view(&mut self, name: &str, degrees: f64) -> Result<(), EditError> {
+    pub fn set_field_of_view(&mut self, name: &str, degrees: f64, written: &str) -> Result<(), EditError> {
         let ScriptCamera { camera, place, siblings } = self.script_camera(name)?;
         let keyed = |property| camera.channels.iter().any(|c| c.property == property);
         let (in_angles, in_millimetres) = (keyed(Property::FieldOfView), keyed(Property::FocalLength));
@@ -258,8 +258,9 @@ impl Viewer {
                 return object.set_key("focal_length", when, KeyValue::Text(&length));
             }
             match in_angles {
-                true => object.set_key("fov", when, KeyValue::Text(&format_number(degrees))),
-                false => object.set("fov", &[degrees]),
+                true => object.set_key("fov", when, KeyValue::Text(written)),
+                false if written == format_number(degrees) => object.set("fov", &[degrees]),
+                false => object.state("fov", written, Anew::Method),
             }
         })
     }
