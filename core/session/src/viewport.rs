@@ -5,9 +5,9 @@ use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_stage::{
     CameraState, Channel, Constraint, ConstraintKind, Cut, EffectState, EffectTarget, EffectUse, Evaluator,
-    Property, Rig, Snapshot, Stage, StageError, Target,
+    Placement, Property, Rig, Snapshot, Stage, StageError, Target,
 };
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -35,17 +35,21 @@ pub struct ViewOverrides {
     pub outlined: Option<usize>,
     /// The ground has a grid, hidden by what is nearer.
     pub grid: bool,
-    /// Transform that replaces an actor's while it is being dragged: world-from-model.
-    pub moved: Option<(usize, DAffine3)>,
     /// Layers whose clips do not play: actor and layer.
     pub muted: Vec<(usize, usize)>,
-    /// Something else that is being dragged, which stands where the hand has it.
+    /// The thing that is being dragged, which stands where the hand has it.
     pub placed: Option<Placed>,
 }
 
 /// Another place of something on stage than its own, at all times.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Placed {
+    /// Transform of an actor in its parent, of which one property is dragged.
+    Actor {
+        actor: usize,
+        property: Property,
+        to: Placement,
+    },
     /// Point that a joint reaches for: the actor, and which of its constraints.
     Target {
         actor: usize,
@@ -74,6 +78,12 @@ impl Placed {
         let unkeyed =
             |channels: &mut Vec<Channel>, property| channels.retain(|keys| keys.property != property);
         match *self {
+            Placed::Actor { actor, property, to } => {
+                if let Some(actor) = stage.actors.get_mut(actor) {
+                    actor.transform = to;
+                    unkeyed(&mut actor.channels, property);
+                }
+            }
             Placed::Target { actor, constraint, to } => {
                 let constraints = stage.actors.get_mut(actor).map(|actor| &mut actor.constraints);
                 let found = constraints.and_then(|all| all.get_mut(constraint));
@@ -181,6 +191,8 @@ pub(crate) struct ViewEvaluators {
     cameras: BTreeMap<usize, Evaluator>,
     /// The stage with the effects that the view adds.
     added: Option<(Vec<Addition>, Arc<Stage>)>,
+    /// The evaluators without the actor that is dragged.
+    before_drag: Option<Box<ViewEvaluators>>,
 }
 
 impl ViewEvaluators {
@@ -219,10 +231,10 @@ impl ViewEvaluators {
                 actor.visible = false;
             }
         }
-        if let Some((moved, world_from_model)) = overrides.moved
-            && let Some(actor) = snapshot.actors.get_mut(moved)
-        {
-            actor.world_from_model = world_from_model;
+        if let Some(request) = before_drag(request) {
+            let Snapshot { camera, dissolve, .. } =
+                self.before_drag.get_or_insert_default().at(&request, time)?;
+            (snapshot.camera, snapshot.dissolve) = (camera, dissolve);
         }
         let reach = reach(&snapshot);
         for (index, addition) in additions(request).into_iter().enumerate() {
@@ -258,7 +270,9 @@ impl ViewEvaluators {
             Changed { muted: muted.clone(), placed: placed.clone(), stage: Arc::new(stage) }
         };
         let changed = (!is_plain).then(changed);
-        *self = ViewEvaluators { scene: Some(scene.clone()), changed, ..ViewEvaluators::default() };
+        let before_drag = self.before_drag.take();
+        *self =
+            ViewEvaluators { scene: Some(scene.clone()), changed, before_drag, ..ViewEvaluators::default() };
     }
 
     /// The scene's stage, without the layers that do not play and with what is dragged.
@@ -283,6 +297,14 @@ impl ViewEvaluators {
         }
         self.added.as_ref().map(|(_, stage)| stage.clone())
     }
+}
+
+/// The request for the frame as it is without the drag of an actor. Its camera counts: the drag is measured through it, so that one that
+/// follows or frames the actor must not go along.
+fn before_drag(request: &FrameRequest) -> Option<FrameRequest> {
+    let Some(Placed::Actor { .. }) = request.overrides.placed else { return None };
+    let muted = request.overrides.muted.clone();
+    Some(FrameRequest { overrides: ViewOverrides { muted, ..ViewOverrides::default() }, ..request.clone() })
 }
 
 /// The effects that a view adds: those that the program has.

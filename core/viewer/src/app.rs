@@ -428,17 +428,13 @@ impl Viewer {
             Some(Selected::Actor(name)) => selection::actor(stage, name),
             _ => None,
         };
-        let moved = self.dragging.as_ref().and_then(|dragging| {
-            let actor = selection::actor(stage, &dragging.actor)?;
-            Some((actor, dragging.change.applied(dragging.drag.world_from_model)))
-        });
         let muted = self.toggles.muted.iter();
         let muted =
             muted.filter_map(|(name, layer)| Some((selection::actor(stage, name)?, *layer))).collect();
         let dragged = self.dragged_icon.as_ref().filter(|dragged| dragged.from != dragged.to);
-        let placed =
-            dragged.and_then(|dragged| self.place_of_icon(stage, dragged)).or_else(|| self.placed.clone());
-        ViewOverrides { hidden, outlined, moved, muted, placed, grid: false }
+        let placed = dragged.and_then(|dragged| self.place_of_icon(stage, dragged));
+        let placed = placed.or_else(|| self.placed.clone()).or_else(|| self.place_of_drag(stage));
+        ViewOverrides { hidden, outlined, muted, placed, grid: false }
     }
 
     /// How often shaders have changed so far.

@@ -243,17 +243,36 @@ impl ScriptObject<'_> {
         property: &str,
         keys: &[(EditTime, KeyValue)],
     ) -> EditRefused {
-        let Some(call) = self.key_call(property).filter(|_| refused.is_computed && !keys.is_empty()) else {
-            return refused;
-        };
+        match refused.is_computed && !keys.is_empty() {
+            true => EditRefused { over: self.keys_anew(property, keys), agree: ADD, ..refused },
+            false => refused,
+        }
+    }
+
+    /// A line that states all keys of a property anew; `None` where the object has no variable or no keys.
+    pub fn keys_anew(&self, property: &str, keys: &[(EditTime, KeyValue)]) -> Option<Edit> {
+        let call = self.key_call(property).filter(|_| !keys.is_empty())?;
         let how = arguments(&self.text, &call).get(leading(property) + 1).map(|how| self.text.trimmed(how));
         let how = how.map_or(String::new(), |how| format!(", {}", &self.text[how]));
         let all = keys
             .iter()
             .map(|(time, value)| format!("[{}, {}]", time.anew(&self.text), written_like(&[], value)));
         let all = all.collect::<Vec<_>>().join(", ");
-        let over = self.new_line(&format!("{}[{all}]{how})", KeyName::of(property).opening()));
-        EditRefused { over, agree: ADD, ..refused }
+        let line = format!("{}[{all}]{how})", KeyName::of(property).opening());
+        let handed = self.handed.last().map_or(0, |handed| handed.until);
+        self.new_line_after(&line, self.last_at.max(handed))
+    }
+
+    /// The line and column of the `.key(…)` of a property, from 1, and how many times its function is called where it stands in one that the
+    /// object is handed to.
+    pub fn key_place(&self, property: &str) -> Option<((usize, usize), usize)> {
+        let call = self.key_call(property)?;
+        Some((self.text.place_of(call.name.start), self.uses_of(&call)))
+    }
+
+    /// How many times the function is called in which a call stands that the object is handed to; else once.
+    fn uses_of(&self, call: &Call) -> usize {
+        self.handed.iter().find(|handed| handed.call == *call).map_or(1, |handed| handed.uses)
     }
 
     /// Whether a `.key(…)` of a property is written with it.
@@ -274,7 +293,17 @@ impl ScriptObject<'_> {
                     && property_of(&self.text, call).as_deref() == Some(property)
             }
         };
-        self.calls.iter().rev().find(is_it).cloned()
+        let own = self.calls.iter().rev().find(is_it).cloned();
+        own.or_else(|| self.handed_key(property))
+    }
+
+    /// The last `.key(…)` of a property in a function that the object is handed to.
+    fn handed_key(&self, property: &str) -> Option<Call> {
+        let is_it = |call: &&Call| {
+            self.text[call.name.clone()] == *"key"
+                && property_of(&self.text, call).as_deref() == Some(property)
+        };
+        self.handed.iter().rev().map(|handed| &handed.call).find(is_it).cloned()
     }
 
     /// The last `.key(…)` of a property of a joint.
@@ -306,6 +335,11 @@ impl ScriptObject<'_> {
             let why = format!("its {shown} has keys that are not written with it; change them there");
             return Err(EditRefused::at(self.line, &why));
         };
+        let uses = self.uses_of(&call);
+        if uses > 1 && !self.changes_all {
+            let why = format!("this line makes {uses} of them; change it there");
+            return Err(EditRefused::at(self.line_of(call.name.start), &why));
+        }
         let keys = keys_of(&self.text, call.name.start, property, fps);
         keys.ok_or_else(|| self.computed_keys(property, &call))
     }

@@ -7,6 +7,7 @@ mod copying;
 mod cues;
 mod deleting;
 mod duplicating;
+mod handed;
 mod key_easing;
 mod key_list;
 mod key_name;

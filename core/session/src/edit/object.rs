@@ -3,6 +3,7 @@
 
 use super::casting::{first_free, identifier};
 use super::cues::statement_start;
+use super::handed::{HandedCall, handed_calls};
 use super::key_name::{JointKey, joint_keys};
 use super::refused::ADD;
 use super::scan::{Call, Source, Tokens, tokens_of};
@@ -23,6 +24,10 @@ pub struct ScriptObject<'a> {
     pub(super) calls: Vec<Call>,
     /// The keys of its joints in the order of the text.
     pub(super) joints: Vec<JointKey>,
+    /// The calls in functions that it is handed to, in the order in which those are called.
+    pub(super) handed: Vec<HandedCall>,
+    /// Whether changes of those may change other objects, too.
+    pub(super) changes_all: bool,
     /// Position of its last mention.
     pub(super) last_at: usize,
 }
@@ -62,7 +67,7 @@ impl<'a> ScriptObject<'a> {
         let chain = text.chain_after(made.end);
         let mut joints = joint_keys(&text, made.end, &chain);
         let mut calls = own(&text, chain);
-        let mut last_at = made.end;
+        let (mut last_at, mut handed) = (made.end, Vec::new());
         if let Some(name) = &variable {
             let later = text.chains_of(name, made.name.start).into_iter().filter(|(at, _)| *at > made.end);
             for (at, chain) in later {
@@ -70,8 +75,15 @@ impl<'a> ScriptObject<'a> {
                 joints.extend(joint_keys(&text, at, &chain));
                 calls.extend(own(&text, chain));
             }
+            handed = handed_calls(&text, name, made.name.start);
         }
-        Ok(ScriptObject { text, line, made, variable, calls, joints, last_at })
+        Ok(ScriptObject { text, line, made, variable, calls, joints, handed, changes_all: false, last_at })
+    }
+
+    /// The same object, of which changes may change others with it: those that are handed to the same function.
+    #[must_use]
+    pub fn changing_all(self) -> ScriptObject<'a> {
+        ScriptObject { changes_all: true, ..self }
     }
 
     /// The variable of an actor of this name, and the edit that makes one where there is none: of `cast("ada", hero).play(walk);` it makes
@@ -128,7 +140,7 @@ impl<'a> ScriptObject<'a> {
         self.new_line_after(call, self.last_at)
     }
 
-    fn new_line_after(&self, call: &str, last_at: usize) -> Option<Edit> {
+    pub(super) fn new_line_after(&self, call: &str, last_at: usize) -> Option<Edit> {
         let name = self.variable.as_ref()?;
         let mut end = self.text.statement_end(last_at);
         // After a comment on the same line.

@@ -248,6 +248,39 @@ impl<'a> Source<'a> {
         (0..self.tokens.len()).filter(is_it).map(|index| self.start(index))
     }
 
+    /// The call of a function of which the word at a byte is an argument by itself, and the number of that argument from 0.
+    pub(super) fn argument_at(&self, at: usize) -> Option<(Call, usize)> {
+        let index = self.index(at);
+        let (mut before, mut depth, mut number) = (index.checked_sub(1)?, 0usize, 0);
+        if !matches!(self.token(before), "(" | ",") || !matches!(self.token(index + 1), ")" | ",") {
+            return None;
+        }
+        loop {
+            match self.token(before) {
+                "(" if depth == 0 => break,
+                token if is_open(token) => depth = depth.checked_sub(1)?,
+                token if is_close(token) => depth += 1,
+                "," if depth == 0 => number += 1,
+                _ => {}
+            }
+            before = before.checked_sub(1)?;
+        }
+        let name = before.checked_sub(1)?;
+        let is_method = name.checked_sub(1).is_some_and(|dot| self.token(dot) == ".");
+        self.call_from(self.start(name)).filter(|_| !is_method).map(|call| (call, number))
+    }
+
+    /// The name of a parameter of a function, given by its number from 0, and the inside of the function's braces.
+    pub(super) fn parameter(&self, function: &str, number: usize) -> Option<(&'a str, Range<usize>)> {
+        let is_it = |index: &usize| self.token(*index) == "fn" && self.token(index + 1) == function;
+        let definition = (0..self.tokens.len()).find(is_it)?;
+        let parameters = self.call_from(self.start(definition + 1))?;
+        let name = self.tokens_within(&parameters.inside).filter(|token| *token != ",").nth(number)?;
+        let brace = self.index(parameters.end);
+        let close = self.matching(brace).filter(|_| self.token(brace) == "{")?;
+        Some((name, self.tokens[brace].end..self.start(close)))
+    }
+
     /// The range with the blanks before it, a comment behind it and the end of the line; `None` where something else stands on its lines.
     pub(super) fn own_lines(&self, range: &Range<usize>) -> Option<Range<usize>> {
         let before = self.text[..range.start].trim_end_matches([' ', '\t']);

@@ -2,6 +2,7 @@
 
 use super::next_clip::FADE;
 use super::room::{self, Footprint};
+use super::standing_clip::standing_clip;
 use super::{EditError, difference, read};
 use crate::app::Viewer;
 use crate::geometry::picking;
@@ -10,7 +11,7 @@ use crate::state::history::Offer;
 use crate::state::orbit::Orbit;
 use crate::state::selection::{Selected, actor};
 use crate::state::view::ViewCamera;
-use choreo_asset::{Asset, Projection};
+use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_motion::retarget::bind_or_retarget;
 use choreo_script::Place;
@@ -294,7 +295,7 @@ impl Viewer {
             };
             taken.push(own.moved(at));
             let at = at.map(|v| (v * 100.0).round() / 100.0);
-            let clip = suitable_clip(&actor.asset);
+            let clip = standing_clip(&actor.asset);
             let (own, name) = cast_lines(&format!("{text}{lines}"), &slashed(&name), at, clip);
             lines += &own;
             selects = Some(Selected::Actor(name));
@@ -379,13 +380,6 @@ fn folder_of(script: &Path) -> PathBuf {
 /// A path as `load` takes it.
 fn slashed(path: &Path) -> String {
     path.to_string_lossy().replace('\\', "/")
-}
-
-/// The clip that a character plays when nothing else is said: one in which it stands, else its first.
-fn suitable_clip(asset: &Asset) -> Option<&str> {
-    let stands = |name: &str| ["idle", "stand", "rest"].iter().any(|word| name.to_lowercase().contains(word));
-    let clips = || asset.clips.iter().map(|clip| clip.name.as_str());
-    clips().find(|name| stands(name)).or_else(|| clips().next())
 }
 
 /// The place of a file in the assets of a folder, with what was read for it from its own folder: a buffer, images. Adds the copies.

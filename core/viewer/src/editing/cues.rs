@@ -226,7 +226,7 @@ impl Viewer {
         + 'm,
     ) -> Step<'m> {
         let siblings = self.bars().filter(|other| other.place == bar.place).count();
-        Step { place: bar.place.clone(), siblings, make: Box::new(make) }
+        Step::new(bar.place.clone(), siblings, make)
     }
 
     pub(super) fn time_step(&self, bar: &Bar, part: CueTime, secs: f64) -> Step<'static> {

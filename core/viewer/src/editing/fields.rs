@@ -30,8 +30,8 @@ pub enum FieldChange {
     Clip(String),
     /// Words of a title.
     Words(String),
-    /// Millimetres.
-    FocalLength(f64),
+    /// Millimetres, and as they are written.
+    FocalLength(f64, String),
     /// An option of the shape or the built-in character that an actor is cast from.
     Material(&'static str, Option<String>),
     /// A value in the map of an option, such as `size` in `shadow`; `None` takes it away.
@@ -67,7 +67,7 @@ impl Viewer {
     pub(crate) fn change_field(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
         match change {
             FieldChange::Time(part, secs) => self.set_cue(what, *part, *secs),
-            FieldChange::FocalLength(length) => self.set_focal_length(what, *length),
+            FieldChange::FocalLength(length, text) => self.set_focal_length(what, *length, text),
             FieldChange::KeyedPoint(name, point) => {
                 let when = self.edit_time(self.playhead.time().as_secs());
                 let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
@@ -227,7 +227,7 @@ impl Viewer {
     }
 
     /// Sets the lens of a camera, in millimetres where the script states them or nothing, else as the same field of view.
-    fn set_focal_length(&mut self, what: &Selected, length: f64) -> Result<(), EditError> {
+    fn set_focal_length(&mut self, what: &Selected, length: f64, length_text: &str) -> Result<(), EditError> {
         let Selected::Camera(name) = what else { return Err(EditError::refused("only cameras have a lens")) };
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let camera = scene.stage.cameras.iter().find(|c| c.name == *name).ok_or(EditError::Gone)?;
@@ -235,17 +235,17 @@ impl Viewer {
         let in_degrees = keyed(Property::FieldOfView)
             || self.written(what, "fov").is_some() && self.written(what, "focal_length").is_none();
         if in_degrees {
-            return self.set_field_of_view(name, Camera::yfov(length).to_degrees());
+            let degrees = Camera::yfov(length).to_degrees();
+            return self.set_field_of_view(name, degrees, &format_number(degrees));
         }
         let when = self.edit_time(self.playhead.time().as_secs());
         let is_keyed = keyed(Property::FocalLength);
         let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
-            let length = format_number(length);
             match is_keyed {
-                true => object.set_key("focal_length", when, KeyValue::Text(&length)),
-                false => object.state("focal_length", &length, Anew::Method),
+                true => object.set_key("focal_length", when, KeyValue::Text(length_text)),
+                false => object.state("focal_length", length_text, Anew::Method),
             }
         })
     }
@@ -283,7 +283,7 @@ fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Ed
         FieldChange::Argument(number, value) => object.state_argument(*number, value),
         FieldChange::Time(..)
         | FieldChange::Trim(_)
-        | FieldChange::FocalLength(_)
+        | FieldChange::FocalLength(..)
         | FieldChange::KeyedPoint(..) => Err(EditRefused::from("it is changed in another way".to_string())),
     }
 }

@@ -1,7 +1,7 @@
 //! Keys that are set, moved, changed, copied or deleted, in the sequencer, the curve editor and the inspector. Keys of several things
 //! change together, as one edit. Where keys are computed, a line is offered that states all of them anew.
 
-use super::{EditError, Step};
+use super::{EditError, Step, expression};
 use crate::app::Viewer;
 use crate::state::curves::KnownProperties;
 use crate::state::events::{Event, KeyOf};
@@ -228,16 +228,17 @@ impl Viewer {
             let (property, start) = copied_keys(&copied, fps)
                 .ok_or_else(|| EditError::refused("the clipboard holds no keys of a timeline"))?;
             self.keyed(&what, &property)?;
-            read.push((what, copied, start));
+            read.push((what, property, copied, start));
         }
         let first = read.iter().map(|(.., start)| *start).fold(f64::INFINITY, f64::min);
         let mut steps = Vec::new();
-        for (what, copied, _) in read {
+        for (what, property, copied, _) in read {
             let (place, siblings) = self.place_of(&what).ok_or(EditError::Gone)?;
             let by = self.edit_time(secs - first);
-            let make =
-                move |text: &str, line, column| ScriptObject::at(text, line, column)?.paste_keys(&copied, by);
-            steps.push(Step { place, siblings, make: Box::new(make) });
+            let make = move |text: &str, line, column| {
+                ScriptObject::at(text, line, column)?.changing_all().paste_keys(&copied, by)
+            };
+            steps.push(self.with_key_place(Step::new(place, siblings, make), &property, &[]));
         }
         self.change_all(steps)
     }
@@ -343,7 +344,7 @@ impl Viewer {
         // One number of a color or a vector.
         let (of, part) = keyed().find_map(|p| Some((p, self.number_of(what, &p.name, name)?)))?;
         let mut numbers = of.at(at);
-        *numbers.get_mut(part)? = value.parse().ok()?;
+        *numbers.get_mut(part)? = expression::value(value, self.playhead.fps().as_fps())?;
         let step = self.value_step(of, at, &numbers);
         Some(step.and_then(|step| self.change_all(vec![step])))
     }
@@ -365,6 +366,7 @@ impl Viewer {
         self.text_step(keyed, at, keyed.text(numbers))
     }
 
+    /// A step that gives a property a value at a time: in its key there, or in a new one.
     pub(super) fn text_step(
         &self,
         keyed: &KeyedProperty,
@@ -372,7 +374,7 @@ impl Viewer {
         value: ValueText,
     ) -> Result<Step<'static>, EditError> {
         let (place, siblings) = self.place_of(&keyed.what).ok_or(EditError::Gone)?;
-        let (when, property) = (self.edit_time(at.as_secs()), keyed.name.clone());
+        let (when, property) = (self.edit_time(at.as_secs()), &keyed.name);
         let has_keys = keyed.has_keys();
         let mut stated = self.stated(keyed, &|time| Some(time));
         if !stated.is_empty() {
@@ -380,16 +382,44 @@ impl Viewer {
             stated.push((when, value.clone()));
             stated.sort_by(|a, b| a.0.secs.total_cmp(&b.0.secs));
         }
+        let (name, all) = (property.clone(), stated.clone());
         let make = move |text: &str, line, column| {
-            let object = ScriptObject::at(text, line, column)?;
+            let object = ScriptObject::at(text, line, column)?.changing_all();
             match has_keys {
                 true => object
-                    .set_key(&property, when, value.value())
-                    .map_err(|refused| anew(&object, refused, &property, &stated)),
-                false => object.add_keys(&property, when, value.value()),
+                    .set_key(&name, when, value.value())
+                    .map_err(|refused| anew(&object, refused, &name, &all)),
+                false => object.add_keys(&name, when, value.value()),
             }
         };
-        Ok(Step { place, siblings, make: Box::new(make) })
+        Ok(self.with_key_place(Step::new(place, siblings, make), property, &stated))
+    }
+
+    /// The step that changes keys of a property, with the place of their `.key(…)`. `stated`: all of them after the change. Keys in a function
+    /// to which several things are handed are shared by those; a line after it states those of one alone.
+    fn with_key_place<'m>(
+        &self,
+        step: Step<'m>,
+        property: &str,
+        stated: &[(EditTime, ValueText)],
+    ) -> Step<'m> {
+        let is_main = self.scene.as_ref().is_some_and(|scene| scene.places.main == step.place.file);
+        let text = self.text().filter(|_| is_main && step.place.line > 0);
+        let object = text.and_then(|text| text.object(step.place.line, step.place.column).ok());
+        let Some((object, ((line, column), uses))) =
+            object.and_then(|object| object.key_place(property).map(|place| (object, place)))
+        else {
+            return step;
+        };
+        let shared = Some(Place { line, column, ..step.place.clone() });
+        match step.siblings {
+            1 if uses > 1 => {
+                let stated: Vec<(EditTime, KeyValue)> =
+                    stated.iter().map(|(time, text)| (*time, text.value())).collect();
+                Step { siblings: uses, alone: object.keys_anew(property, &stated), shared, ..step }
+            }
+            _ => Step { shared, ..step },
+        }
     }
 
     /// A step for each property that has some of the keys. `after`: the time at which a key is then, if it is still there.
@@ -407,12 +437,12 @@ impl Viewer {
             let then = |time: Time| if at.contains(&time) { after(time) } else { Some(time) };
             let stated = keyed.map_or(Vec::new(), |keyed| self.stated(&keyed, &then));
             let at: Vec<EditTime> = at.iter().map(|at| self.edit_time(at.as_secs())).collect();
-            let (property, change) = (property.to_string(), change.clone());
+            let (name, change, all) = (property.to_string(), change.clone(), stated.clone());
             let make = move |text: &str, line, column| {
-                let object = ScriptObject::at(text, line, column)?;
-                change(&object, &property, &at).map_err(|refused| anew(&object, refused, &property, &stated))
+                let object = ScriptObject::at(text, line, column)?.changing_all();
+                change(&object, &name, &at).map_err(|refused| anew(&object, refused, &name, &all))
             };
-            steps.push(Step { place, siblings, make: Box::new(make) });
+            steps.push(self.with_key_place(Step::new(place, siblings, make), property, &stated));
         }
         if steps.is_empty() {
             return Err(EditError::refused("no key is selected"));

@@ -19,6 +19,7 @@ mod room;
 mod rows;
 mod scene_icons;
 mod shared;
+mod standing_clip;
 mod strips;
 mod trimming;
 
@@ -48,6 +49,24 @@ pub(crate) struct Step<'m> {
     pub place: Place,
     pub siblings: usize,
     pub make: Make<'m>,
+    /// The place that makes all siblings alike, where it is another one: keys in a function.
+    pub shared: Option<Place>,
+    /// A line that would do it for this one alone.
+    pub alone: Option<Edit>,
+}
+
+impl<'m> Step<'m> {
+    pub fn new(
+        place: Place,
+        siblings: usize,
+        make: impl Fn(&str, usize, usize) -> Result<Edit, EditRefused> + 'm,
+    ) -> Step<'m> {
+        Step { place, siblings, make: Box::new(make), shared: None, alone: None }
+    }
+
+    fn shared_place(&self) -> &Place {
+        self.shared.as_ref().unwrap_or(&self.place)
+    }
 }
 
 impl Viewer {
@@ -148,7 +167,7 @@ impl Viewer {
         if let Err(error) = self.check_place(place, siblings) {
             let is_shared = matches!(error, EditError::SharedLine { .. });
             let made = self.known().filter(|_| is_shared).map(|known| make(&known));
-            return Err(self.offer_of_shared(error, place, made));
+            return Err(self.offer_of_shared(error, place, made, None));
         }
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let places = &scene.places;
@@ -188,13 +207,14 @@ impl Viewer {
         steps.sort_by_key(|step| std::cmp::Reverse((step.place.line, step.place.column)));
         let first = steps.first().ok_or(EditError::Gone)?.place.clone();
         let shared = steps.iter().find_map(|step| {
-            let error = self.check_place(&step.place, step.siblings).err()?;
-            Some((error, step.place.clone()))
+            let place = step.shared_place();
+            Some((self.check_place(place, step.siblings).err()?, place.clone()))
         });
         if let Some((error, place)) = shared {
             let is_shared = matches!(error, EditError::SharedLine { .. });
             let made = self.known().filter(|_| is_shared).map(|known| made_of(&steps, &known));
-            return Err(self.offer_of_shared(error, &place, made));
+            let alone = if let [step] = &mut steps[..] { step.alone.take() } else { None };
+            return Err(self.offer_of_shared(error, &place, made, alone));
         }
         self.change(&first, 1, |text| made_of(&steps, text))
     }

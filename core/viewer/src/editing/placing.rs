@@ -1,7 +1,7 @@
 //! Edits of the script for moving, turning and scaling an actor, and for numbers of lights and effects: where a thing is keyed, the
 //! key at the playhead; where it hangs on another one, in that one's space; where it faces something, no turn.
 
-use crate::app::Viewer;
+use crate::app::{Dragging, Viewer};
 use crate::editing::EditError;
 use crate::geometry::gizmo::Change;
 use crate::state::history::ExpectedPlacement;
@@ -11,10 +11,11 @@ use crate::state::selection::{Selected, actor};
 use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_script::Place;
+use choreo_session::Placed;
 use choreo_session::edit::{
-    Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_number, numbered_name,
+    Anew, Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_number, numbered_name,
 };
-use choreo_stage::{Actor, Camera, Placement, Property, Rig, StageLight};
+use choreo_stage::{Actor, Camera, Placement, Property, Rig, Stage, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
 
 /// The actor's transform in its parent at a time, keys included; without callbacks, root motion and paths.
@@ -62,6 +63,15 @@ fn inside(change: Change, world_from_parent: &DAffine3) -> Change {
     }
 }
 
+/// The transform after a change, and the property that is changed.
+fn changed(old: Placement, change: Change) -> (Placement, Property) {
+    match change {
+        Change::Move(by) => (Placement { translation: old.translation + by, ..old }, Property::Translation),
+        Change::Turn(by) => (Placement { rotation: by * old.rotation, ..old }, Property::Rotation),
+        Change::Scale(by) => (Placement { scale: old.scale * by, ..old }, Property::Scale),
+    }
+}
+
 /// A camera of the script, where it stands there, and how many are made there.
 pub(super) struct ScriptCamera {
     pub camera: Camera,
@@ -77,20 +87,39 @@ impl Viewer {
     pub fn change_actor(&mut self, name: &str, change: Change) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
+        let change = self.change_in_parent(&scene.stage.actors[index], index, change)?;
+        self.place_actor(name, change)
+    }
+
+    /// The change of an actor along the axes of its parent.
+    fn change_in_parent(&self, found: &Actor, index: usize, change: Change) -> Result<Change, EditError> {
         let time = self.playhead.time();
-        if let Some(parent) = scene.stage.actors[index].parent_at(time).filter(|p| p.placement.is_some()) {
+        if let Some(parent) = found.parent_at(time).filter(|p| p.placement.is_some()) {
             let start = format_number(parent.start.as_secs());
             let why = format!("what follows its .attach from {start} s places it now; change that");
             return Err(EditError::refused(why));
         }
-        let parent = match scene.stage.actors[index].parents.is_empty() {
+        let parent = match found.parents.is_empty() {
             true => Some(DAffine3::IDENTITY),
             false => self.shown().and_then(|s| Some(s.snapshot.actors.get(index)?.world_from_parent)),
         };
         let parent = parent.filter(|parent| parent.matrix3.determinant().abs() > 1e-12);
         let parent =
             parent.ok_or_else(|| EditError::refused("what it is attached to is not seen; show it first"))?;
-        self.place_actor(name, inside(change, &parent))
+        Ok(inside(change, &parent))
+    }
+
+    /// The place of the actor that is being dragged; `None` where the script would not be changed.
+    pub(crate) fn place_of_drag(&self, stage: &Stage) -> Option<Placed> {
+        let Dragging { actor: name, drag, change } = self.dragging.as_ref()?;
+        if *change == Change::none(drag.tool) {
+            return None;
+        }
+        let index = actor(stage, name)?;
+        let found = &stage.actors[index];
+        let change = self.change_in_parent(found, index, *change).ok()?;
+        let (to, property) = changed(placement(found, self.playhead.time()), change);
+        Some(Placed::Actor { actor: index, property, to })
     }
 
     /// Like [`Viewer::change_actor`], along the axes of the actor's parent.
@@ -101,44 +130,36 @@ impl Viewer {
         let place = scene.places.actors.get(index).cloned().unwrap_or_default();
         let siblings = scene.places.actors.iter().filter(|p| **p == place).count();
         let time = self.playhead.time();
-        let when = self.edit_time(time.as_secs());
         let old = placement(found, time);
-        let keyed = |property| found.channels.iter().any(|c| c.property == property);
-        let (mut at, mut rotation) = (old.translation, old.rotation);
-        self.change(&place, siblings, |text| {
-            let object = ScriptObject::at(text, place.line, place.column)?;
-            match change {
-                Change::Move(by) => {
-                    at = old.translation + by;
-                    match keyed(Property::Translation) {
-                        true => object.set_key("position", when, KeyValue::Point(at)),
-                        false => object.move_by(by, at),
+        let (to, property) = changed(old, change);
+        let (at, rotation) = (to.translation, to.rotation);
+        let faces = found.face.is_some() && property == Property::Rotation;
+        if !faces && found.channels.iter().any(|channel| channel.property == property) {
+            let (property, value) = match change {
+                Change::Move(_) => ("position", ValueText::Point(at)),
+                Change::Turn(_) => ("rotation", ValueText::Turn(rotation)),
+                Change::Scale(_) => ("scale", ValueText::Scale(to.scale)),
+            };
+            let keyed = self.keyed(&Selected::Actor(name.to_string()), property)?;
+            self.change_all(vec![self.text_step(&keyed, time, value)?])?;
+        } else {
+            self.change(&place, siblings, |text| {
+                let object = ScriptObject::at(text, place.line, place.column)?;
+                match change {
+                    Change::Move(by) => object.move_by(by, at),
+                    Change::Turn(by) => match object.line_of_call("face") {
+                        Some(line) => Err(face_turns(line)),
+                        None if faces => Err(face_turns(place.line)),
+                        None => Ok(object.turn_by(by)),
+                    },
+                    Change::Scale(_) => {
+                        let even = (to.scale - to.scale.x).abs().max_element() < 1e-9;
+                        let all = to.scale.to_array();
+                        object.set("scale", &all[..if even { 1 } else { 3 }])
                     }
                 }
-                Change::Turn(by) => {
-                    if let Some(line) = object.line_of_call("face") {
-                        return Err(faces(line));
-                    }
-                    if found.face.is_some() {
-                        return Err(faces(place.line));
-                    }
-                    rotation = by * old.rotation;
-                    match keyed(Property::Rotation) {
-                        true => object.set_key("rotation", when, KeyValue::Turn(rotation)),
-                        false => Ok(object.turn_by(by)),
-                    }
-                }
-                Change::Scale(by) => {
-                    let to = old.scale * by;
-                    if keyed(Property::Scale) {
-                        return object.set_key("scale", when, KeyValue::Scale(to));
-                    }
-                    let even = (to - to.x).abs().max_element() < 1e-9;
-                    let all = to.to_array();
-                    object.set("scale", &all[..if even { 1 } else { 3 }])
-                }
-            }
-        })?;
+            })?;
+        }
         self.history.wanted =
             Some(ExpectedPlacement { actor: name.to_string(), time, at, rotation, line: place.line });
         Ok(())
@@ -221,11 +242,11 @@ impl Viewer {
         Ok(())
     }
 
-    /// The vertical angle that a camera sees, degrees: `.fov`, or its key at the playhead.
+    /// The vertical angle that a camera sees, degrees: `.fov`, or its key at the playhead. `written`: the same as it is written.
     ///
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
-    pub fn set_field_of_view(&mut self, name: &str, degrees: f64) -> Result<(), EditError> {
+    pub fn set_field_of_view(&mut self, name: &str, degrees: f64, written: &str) -> Result<(), EditError> {
         let ScriptCamera { camera, place, siblings } = self.script_camera(name)?;
         let keyed = |property| camera.channels.iter().any(|c| c.property == property);
         let (in_angles, in_millimetres) = (keyed(Property::FieldOfView), keyed(Property::FocalLength));
@@ -237,8 +258,9 @@ impl Viewer {
                 return object.set_key("focal_length", when, KeyValue::Text(&length));
             }
             match in_angles {
-                true => object.set_key("fov", when, KeyValue::Text(&format_number(degrees))),
-                false => object.set("fov", &[degrees]),
+                true => object.set_key("fov", when, KeyValue::Text(written)),
+                false if written == format_number(degrees) => object.set("fov", &[degrees]),
+                false => object.state("fov", written, Anew::Method),
             }
         })
     }
@@ -356,6 +378,6 @@ fn lens_edit(
     (!is_same).then(|| object.state_one_of(&["fov", "focal_length", "ortho"], &call)).transpose()
 }
 
-fn faces(line: usize) -> EditRefused {
+fn face_turns(line: usize) -> EditRefused {
     EditRefused::at(line, ".face(…) turns it; change that, or take it away")
 }

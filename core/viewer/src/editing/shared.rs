@@ -7,13 +7,14 @@ use choreo_script::Place;
 use choreo_session::edit::{Edit, EditRefused, unroll};
 
 impl Viewer {
-    /// Offers the change of the shared line for all that it makes, and the loop written out; gives the error on. `made`: the change in the
-    /// text that is shown.
+    /// Offers the change of the shared line for all that it makes, and the loop written out, or else a line for one of them alone; gives the
+    /// error on. `made`: the change in the text that is shown.
     pub(super) fn offer_of_shared(
         &mut self,
         error: EditError,
         place: &Place,
         made: Option<Result<Edit, EditRefused>>,
+        alone: Option<Edit>,
     ) -> EditError {
         let EditError::SharedLine { objects, .. } = &error else { return error };
         let objects = *objects;
@@ -35,18 +36,22 @@ impl Viewer {
             text: text.clone(),
             ..Offer::default()
         };
-        let loop_label = || "Write the loop out".to_string();
-        self.offer = match (all, unrolled) {
-            (Some(all), unrolled) => {
-                let other =
-                    unrolled.map(|edit| Alternative { agree: loop_label(), difference: lines(&edit), edit });
-                let why = format!("line {line} makes {objects} of them. This would change all of them:");
+        let one = unrolled
+            .map(|edit| ("Write the loop out", "Written out, each can be changed alone:", edit))
+            .or_else(|| alone.map(|edit| ("Add the line", "A line of its own would change it alone:", edit)));
+        let makes = format!("line {line} makes {objects} of them");
+        self.offer = match (all, one) {
+            (Some(all), one) => {
+                let other = one.map(|(agree, _, edit)| Alternative {
+                    agree: agree.into(),
+                    difference: lines(&edit),
+                    edit,
+                });
+                let why = format!("{makes}. This would change all of them:");
                 Some(offer(why, format!("Change all {objects}"), all, other))
             }
-            (None, Some(unrolled)) => {
-                let why =
-                    format!("line {line} makes {objects} of them. Written out, each can be changed alone:");
-                Some(offer(why, loop_label(), unrolled, None))
+            (None, Some((agree, about, edit))) => {
+                Some(offer(format!("{makes}. {about}"), agree.into(), edit, None))
             }
             (None, None) => None,
         };

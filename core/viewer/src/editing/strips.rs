@@ -109,7 +109,7 @@ impl Viewer {
             let from = self.edit_time((bar.start.as_secs() + by).max(0.0));
             self.check_begins(&bar.place, clip, from.secs)?;
             let make = move |text: &str, line, column| paste_cue(text, line, column, &copied, from);
-            steps.push(Step { place: place.clone(), siblings, make: Box::new(make) });
+            steps.push(Step::new(place.clone(), siblings, make));
         }
         self.change_all(steps)?;
         self.note = note;
@@ -149,7 +149,7 @@ impl Viewer {
         let steps = cues.into_iter().zip(starts).map(|(copied, start)| {
             let from = self.edit_time(secs + start - first);
             let make = move |text: &str, line, column| paste_cue(text, line, column, &copied, from);
-            Step { place: place.clone(), siblings, make: Box::new(make) }
+            Step::new(place.clone(), siblings, make)
         });
         let steps = steps.collect();
         self.change_all(steps)

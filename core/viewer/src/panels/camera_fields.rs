@@ -7,7 +7,7 @@ use super::values;
 use crate::app::Viewer;
 use crate::editing::{FieldChange, StatedCall, expression};
 use crate::state::selection::Selected;
-use choreo_session::edit::{Anew, format_number};
+use choreo_session::edit::Anew;
 use choreo_stage::{Camera, Property, Rig, RigOption, Target};
 use egui::{Grid, Ui};
 use glam::DVec3;
@@ -78,7 +78,7 @@ fn stands(
                 wanted = Some(match key.filter(|_| is_keyed) {
                     Some(key) => FieldChange::KeyedPoint(key, all),
                     None => {
-                        let text = all.to_array().map(format_number).join(", ");
+                        let text = all.to_array().map(|to| values::text(ui, to)).join(", ");
                         let written = stated.get(name);
                         let is_list = written.map_or(name == "look_at", |written| written.starts_with('['));
                         let text = if is_list { format!("[{text}]") } else { text };
@@ -123,8 +123,9 @@ fn options(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, all: &[RigOption]) -
         ui.horizontal(|ui| {
             match now {
                 Some(now) => {
-                    let set = values::number(ui, &format!("camera {name}"), now, 0.05, *low..=*high);
-                    let change = |to| FieldChange::Value(name, format_number(to), Anew::Option);
+                    let name_shown = format!("camera {name}");
+                    let set = values::written(ui, &name_shown, now, 0.05, *low..=*high, written);
+                    let change = |to| FieldChange::Value(name, to, Anew::Option);
                     wanted = set.map(change).or(wanted.take());
                 }
                 // The script computes the value.
@@ -178,7 +179,7 @@ fn point(ui: &mut Ui, label: &str, name: &str, now: DVec3) -> Option<String> {
             if let Some(to) = values::number(ui, &format!("{name} {letter}"), now[axis], 0.01, -1e9..=1e9) {
                 let mut all = now;
                 all[axis] = to;
-                wanted = Some(format!("[{}]", all.to_array().map(format_number).join(", ")));
+                wanted = Some(format!("[{}]", all.to_array().map(|to| values::text(ui, to)).join(", ")));
             }
         }
         ui.weak("m");

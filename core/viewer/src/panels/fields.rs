@@ -149,9 +149,9 @@ pub fn described<T: Described>(
             set.map(|to| match (name, form.is_cue) {
                 ("from", _) => time(CueTime::Start, to),
                 ("until", _) => time(CueTime::End, to),
-                ("fade", true) => time(CueTime::FadeIn, to),
-                ("fade", _) => FieldChange::Value(name, format_number(to), Anew::Method),
-                _ => FieldChange::Value(name, format_number(to), anew_of(form, name)),
+                ("fade", true) if values::text(ui, to) == format_number(to) => time(CueTime::FadeIn, to),
+                ("fade", false) => FieldChange::Value(name, values::text(ui, to), Anew::Method),
+                _ => FieldChange::Value(name, values::text(ui, to), anew_of(form, name)),
             })
         }
         (value, FieldType::Flag) => flag(ui, name, &shown, value == FieldValue::Flag(true)),
@@ -163,7 +163,8 @@ pub fn described<T: Described>(
                     if let Some(to) = values::number(ui, &label, pair[axis], 0.01, -1e5..=1e5) {
                         let mut all = pair;
                         all[axis] = to;
-                        set = Some(pair_text(form.stated, name, all.to_array().map(format_number)));
+                        set =
+                            Some(pair_text(form.stated, name, all.to_array().map(|to| values::text(ui, to))));
                     }
                 }
             });
@@ -429,7 +430,7 @@ fn lens(ui: &mut Ui, stated: &Stated, what: &Selected, camera: &Camera) -> Optio
             let label = label.hint("on full-frame film, 24 mm high; right click: reset to default");
             wanted = reset(&label, &["fov", "focal_length"]);
             let set = number(ui, "focal length", now, 0.2..=13_000.0, "mm");
-            wanted = set.map(FieldChange::FocalLength).or(wanted.take());
+            wanted = set.map(|to| FieldChange::FocalLength(to, values::text(ui, to))).or(wanted.take());
             ui.end_row();
         }
         for name in ["near", "far"] {
@@ -449,7 +450,13 @@ fn lens(ui: &mut Ui, stated: &Stated, what: &Selected, camera: &Camera) -> Optio
 /// Numbers in brackets, as a script states a list.
 fn numbers(text: &str) -> Option<Vec<f64>> {
     let inside = text.trim().strip_prefix('[')?.strip_suffix(']')?;
-    inside.split(',').map(|n| n.trim().parse().ok()).collect()
+    inside.split(',').map(number_of).collect()
+}
+
+/// A number of a script, also calculated: `1.0 / 3.0`.
+fn number_of(text: &str) -> Option<f64> {
+    let number = text.trim().parse().ok();
+    number.or_else(|| expression::value(&expression::script_text(text)?, 1.0))
 }
 
 /// Three numbers in brackets, as a script states a point.
@@ -529,7 +536,7 @@ fn title(
             for (name, value, low, high) in numbers.into_iter().chain(width) {
                 wanted = label(ui, stated, name, "").or(wanted.take());
                 let set = number(ui, name, value, low..=high, "");
-                let change = |to| FieldChange::Value(name, format_number(to), Anew::Option);
+                let change = |to| FieldChange::Value(name, values::text(ui, to), Anew::Option);
                 wanted = set.map(change).or(wanted.take());
                 ui.end_row();
             }
@@ -621,7 +628,7 @@ fn size(ui: &mut Ui, written: &Stated, kind: &str, asset: &Asset) -> Option<Fiel
             let Some(to) = values::number(ui, &name, now[index], 0.01, 1e-4..=1e6) else { continue };
             let mut all = now.clone();
             all[index] = to;
-            let all = all.into_iter().map(format_number).collect::<Vec<_>>().join(", ");
+            let all = all.into_iter().map(|to| values::text(ui, to)).collect::<Vec<_>>().join(", ");
             wanted = Some(FieldChange::Material("size", Some(format!("[{all}]"))));
         }
         ui.weak("m");
@@ -637,7 +644,7 @@ fn material(ui: &mut Ui, viewer: &Viewer, written: &Stated) -> Option<FieldChang
         wanted = option_label(ui, written, name).or(wanted);
         let value = written.get(name).and_then(|text| expression::value(text, fps)).unwrap_or(usual);
         if let Some(to) = number(ui, name, value, low..=high, "") {
-            wanted = Some(FieldChange::Material(name, Some(format_number(to))));
+            wanted = Some(FieldChange::Material(name, Some(values::text(ui, to))));
         }
         ui.end_row();
     }

@@ -6,7 +6,7 @@ use super::rig::CallChange;
 use super::{fields as stated, icons, rig, values};
 use crate::app::Viewer;
 use crate::editing::placing::{light_at, placement};
-use crate::editing::{ClipOf, FieldChange};
+use crate::editing::{ClipOf, FieldChange, expression};
 use crate::geometry::gizmo::Change;
 use crate::state::keyed::{self, KeyRef, KeyedProperty};
 use crate::state::selection::{Selected, actor};
@@ -14,7 +14,6 @@ use choreo_asset::{Asset, LightKind, Projection};
 use choreo_plugin::{OptionKind, OptionSpec};
 use choreo_script::Place;
 use choreo_session::Scene;
-use choreo_session::edit::format_number;
 use choreo_stage::{
     ActiveClip, ActorState, Described, EffectUse, FieldType, FieldValue, Rig, Sky, Stage, StageLight,
 };
@@ -37,7 +36,7 @@ enum Wanted {
     Parameter(String, String),
     Clip(String, f64),
     /// Degrees.
-    FieldOfView(f64),
+    FieldOfView(f64, String),
     /// A key of a property at the playhead; `true`: it is there, and is deleted.
     Key(String, bool),
     Field(FieldChange),
@@ -136,8 +135,8 @@ fn apply(viewer: &mut Viewer, selection: Selected, wanted: Wanted, known: &[Keye
         Wanted::Field(change) => viewer.change_field(&selection, &change),
         Wanted::Name(name) => viewer.rename(&selection, &name),
         Wanted::Call(CallChange(call, change)) => viewer.change_call(&call, &change),
-        Wanted::FieldOfView(degrees) => match &selection {
-            Selected::Camera(name) => viewer.set_field_of_view(name, degrees),
+        Wanted::FieldOfView(degrees, written) => match &selection {
+            Selected::Camera(name) => viewer.set_field_of_view(name, degrees, &written),
             _ => Ok(()),
         },
         Wanted::Key(name, true) => {
@@ -269,7 +268,7 @@ fn lens(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: Keyabl
         let Projection::Perspective { yfov: usual, .. } = Projection::default() else { return };
         let usual = f64::from(usual).to_degrees();
         let number = field("field of view", degrees, 0.25, 1.0..=170.0, usual);
-        wanted = number.show(ui).map(Wanted::FieldOfView);
+        wanted = number.show(ui).map(|to| Wanted::FieldOfView(to, values::text(ui, to)));
         for name in ["fov", "focal_length"] {
             wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
         }
@@ -317,11 +316,11 @@ fn light(
             let set = match ((field.get)(&light), field.of_type) {
                 (FieldValue::Number(n), FieldType::Number(low, high, _)) => {
                     wanted = default_menu(ui, written, field.name).or(wanted.take());
-                    values::number(ui, &name, n, 0.05, low..=high).map(format_number)
+                    values::written(ui, &name, n, 0.05, low..=high, written.get(field.name))
                 }
                 (FieldValue::Number(n), FieldType::Degrees(low, high)) => {
                     wanted = default_menu(ui, written, field.name).or(wanted.take());
-                    values::number(ui, &name, n.to_degrees(), 0.25, low..=high).map(format_number)
+                    values::written(ui, &name, n.to_degrees(), 0.25, low..=high, written.get(field.name))
                 }
                 (_, FieldType::Color) => {
                     wanted = default_menu(ui, written, field.name).or(wanted.take());
@@ -378,7 +377,7 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
         ui.end_row();
     }
     wanted = default_menu(ui, written, "kelvin").or(wanted);
-    let now = written.get("kelvin").and_then(|text| text.parse().ok());
+    let now = written.get("kelvin").and_then(|text| expression::value(text, 1.0));
     let range = 1000.0..=40_000.0;
     let set = match now {
         _ if written.contains_key("color") => {
@@ -388,7 +387,7 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
         Some(now) => values::number(ui, "light kelvin", now, 10.0, range),
         None => values::unstated(ui, "light kelvin", None, range, false),
     };
-    wanted = set.map(|to| Wanted::Value("kelvin", format_number(to))).or(wanted);
+    wanted = set.map(|to| Wanted::Value("kelvin", values::text(ui, to))).or(wanted);
     ui.end_row();
     wanted
 }
@@ -401,7 +400,7 @@ fn vector_field(ui: &mut Ui, names: [&str; 3], now: DVec3, speed: f64) -> Option
             if let Some(to) = values::number(ui, name, now[axis], speed, -1e6..=1e6) {
                 let mut all = now;
                 all[axis] = to;
-                let [x, y, z] = all.to_array().map(format_number);
+                let [x, y, z] = all.to_array().map(|to| values::text(ui, to));
                 wanted = Some(format!("[{x}, {y}, {z}]"));
             }
         }
@@ -425,7 +424,7 @@ fn sky(ui: &mut Ui, viewer: &Viewer, stage: &Stage, keyable: Keyable) -> Option<
             ui.label(field.name);
             let name = format!("sky {}", field.name);
             let set = values::number(ui, &name, now.unwrap_or(stated), speed, low..=high);
-            wanted = set.map(|to| Wanted::Value(field.name, format_number(to))).or(wanted.take());
+            wanted = set.map(|to| Wanted::Value(field.name, values::text(ui, to))).or(wanted.take());
             wanted = key_button(ui, viewer, keyable, key).or(wanted.take());
             ui.end_row();
         }
@@ -496,7 +495,7 @@ fn parameter(
             let set = field(&option.name, value, 0.01, min..=max, usual).slider(ui);
             let is_whole = matches!(option.kind, OptionKind::Integer { .. });
             let to = reset.or(set).map(|to| if is_whole { to.round() } else { to });
-            wanted = to.map(|to| (option.name.clone(), format_number(to)));
+            wanted = to.map(|to| (option.name.clone(), values::text(ui, to)));
         }
         OptionKind::Color { .. } | OptionKind::Vector { .. } => {
             ui.horizontal(|ui| {
@@ -504,7 +503,7 @@ fn parameter(
                     let (value, speed) = (f64::from(*value), ((max - min) * 0.002).min(0.01));
                     let usual = f64::from(usual[number]);
                     if let Some(to) = field(&name, value, speed, min..=max, usual).show(ui) {
-                        wanted = Some((name, format_number(to)));
+                        wanted = Some((name, values::text(ui, to)));
                     }
                 }
             });

@@ -2,11 +2,11 @@
 
 use super::fields::{self, Stated};
 use super::hint::Hint;
-use super::values;
+use super::values::{self, Number};
 use crate::app::Viewer;
 use crate::editing::{Ambient, FieldChange};
 use crate::state::selection::Selected;
-use choreo_session::edit::{Addition, Anew, format_number};
+use choreo_session::edit::{Addition, Anew};
 use choreo_stage::{Background, Settings, ViewTransform};
 use egui::{Grid, RichText, Ui};
 use glam::Vec3;
@@ -79,11 +79,19 @@ fn rows(ui: &mut Ui, stated: &Stated, settings: &Settings) -> Option<FieldChange
             ui.end_row();
         };
     row(ui, "length", "seconds", &mut |ui| {
-        let set = values::time(ui, "stage length", settings.length.as_secs(), 0.05, 0.001..=1e5);
-        set.map(format_number)
+        let (value, stated) = (settings.length.as_secs(), stated.get("length").map(String::as_str));
+        let number = Number {
+            name: "stage length",
+            value,
+            speed: 0.05,
+            range: 0.001..=1e5,
+            default: None,
+            is_time: true,
+        };
+        number.show_written(ui, stated)
     });
     row(ui, "fps", "frames a second", &mut |ui| {
-        values::number(ui, "stage fps", settings.fps.as_fps(), 0.2, 0.001..=1000.0).map(format_number)
+        values::written(ui, "stage fps", settings.fps.as_fps(), 0.2, 0.001..=1000.0, stated.get("fps"))
     });
     row(ui, "size", "width and height in pixels", &mut |ui| {
         let mut size = settings.size;
@@ -97,8 +105,8 @@ fn rows(ui: &mut Ui, stated: &Stated, settings: &Settings) -> Option<FieldChange
     });
     row(ui, "background", "above and below", &mut |ui| background(ui, &settings.background));
     row(ui, "exposure", "stops: 1 doubles the light", &mut |ui| {
-        let set = values::number(ui, "stage exposure", f64::from(settings.exposure), 0.02, -20.0..=20.0);
-        set.map(format_number)
+        let now = f64::from(settings.exposure);
+        values::written(ui, "stage exposure", now, 0.02, -20.0..=20.0, stated.get("exposure"))
     });
     row(ui, "view", "the curve from light to the colors of a display", &mut |ui| {
         let mut set = None;

@@ -31,7 +31,7 @@ fn rate_id() -> egui::Id {
     egui::Id::new("frames a second")
 }
 
-/// Reads what is typed: `1/3`, and of a time `f(12)`; keeps it, with its value, for the field of this name.
+/// Reads what is typed: `1/3`, and of a time `f(12)`; keeps it, with its value, for [`text`].
 fn parser(ui: &Ui, id: egui::Id, is_time: bool) -> impl Fn(&str) -> Option<f64> + 'static {
     let fps: f64 = ui.data(|d| d.get_temp(rate_id())).unwrap_or(30.0);
     let context = ui.ctx().clone();
@@ -42,13 +42,13 @@ fn parser(ui: &Ui, id: egui::Id, is_time: bool) -> impl Fn(&str) -> Option<f64> 
             return None;
         }
         let value = expression::value(text, fps)?;
-        context.data_mut(|d| d.insert_temp(typed_id(id), (text.to_string(), value)));
+        context.data_mut(|d| d.insert_temp(typed_id(), (text.to_string(), value)));
         Some(value)
     }
 }
 
-fn typed_id(id: egui::Id) -> egui::Id {
-    id.with("typed")
+fn typed_id() -> egui::Id {
+    egui::Id::new("typed last")
 }
 
 /// Whether the text of a field counts frames and must not.
@@ -61,8 +61,13 @@ pub(super) fn takes_refused(ui: &Ui) -> bool {
     ui.data_mut(|d| d.remove_temp(refused_id(rate_id()))).unwrap_or(false)
 }
 
-/// A number as it is written into a script: as the expression that was typed where it has more digits than are written, `1.0 / 3.0`.
-fn written(value: f64, typed: Option<(String, f64)>) -> String {
+/// A number of a field as it is written into a script: as the expression that was typed where it has more digits than are written,
+/// `1.0 / 3.0`.
+pub fn text(ui: &Ui, value: f64) -> String {
+    expression_or_digits(value, ui.data(|d| d.get_temp(typed_id())))
+}
+
+fn expression_or_digits(value: f64, typed: Option<(String, f64)>) -> String {
     let number = format_number(value);
     let is_exact = number.parse().is_ok_and(|read: f64| (read - value).abs() <= 1e-12 * value.abs());
     let typed = typed.filter(|(_, meant)| *meant == value && !is_exact);
@@ -75,7 +80,7 @@ fn number_text(value: f64, decimals: RangeInclusive<usize>) -> String {
     format_with_decimals_in_range(value, decimals)
 }
 
-/// A field for a number, to the thousandth; expressions can be typed into it, which are kept for the field of this name.
+/// A field for a number, to the thousandth; expressions can be typed into it.
 fn field<'n>(ui: &Ui, id: egui::Id, now: &'n mut f64, is_time: bool) -> DragValue<'n> {
     DragValue::new(now).max_decimals(3).custom_formatter(number_text).custom_parser(parser(ui, id, is_time))
 }
@@ -104,8 +109,10 @@ fn settled(
     } else {
         ui.data_mut(|d| d.remove::<f64>(id));
     }
+    // A field that is left as it was holds the digits that it shows, and not all of them.
+    let is_as_shown = response.lost_focus() && (super::rounded(value, 1e3) - now).abs() < 1e-9;
     let reset = default.and_then(|default| reset(&response, default));
-    reset.or_else(|| done.then_some(now)).filter(|now| *now != value && now.is_finite())
+    reset.or_else(|| (done && !is_as_shown).then_some(now)).filter(|now| *now != value && now.is_finite())
 }
 
 /// A menu of the right mouse button that gives the default.
@@ -164,6 +171,19 @@ pub fn time(ui: &mut Ui, name: &str, value: f64, speed: f64, range: RangeInclusi
     Number { name, value, speed, range, default: None, is_time: true }.show(ui)
 }
 
+/// A number as it is written into a script; see [`Number::show_written`].
+pub fn written(
+    ui: &mut Ui,
+    name: &str,
+    value: f64,
+    speed: f64,
+    range: RangeInclusive<f64>,
+    stated: Option<&String>,
+) -> Option<String> {
+    let number = Number { name, value, speed, range, default: None, is_time: false };
+    number.show_written(ui, stated.map(String::as_str))
+}
+
 impl Number<'_> {
     pub fn show(self, ui: &mut Ui) -> Option<f64> {
         self.show_as(ui, None)
@@ -172,7 +192,6 @@ impl Number<'_> {
     /// The new value as it is written into a script, an expression where one was typed. `stated`: the value as the script has it, which is shown
     /// where it is an expression.
     pub fn show_written(self, ui: &mut Ui, stated: Option<&str>) -> Option<String> {
-        let id = ui.id().with(("number", self.name));
         let fps: f64 = ui.data(|d| d.get_temp(rate_id())).unwrap_or(30.0);
         let is_it = |text: &&str| {
             let meant = expression::script_text(text).and_then(|text| expression::value(&text, fps));
@@ -180,8 +199,7 @@ impl Number<'_> {
         };
         let shown = stated.filter(is_it);
         let now = self.show_as(ui, shown)?;
-        let typed = ui.data_mut(|d| d.remove_temp(typed_id(id)));
-        Some(written(now, typed))
+        Some(text(ui, now))
     }
 
     fn show_as(self, ui: &mut Ui, shown: Option<&str>) -> Option<f64> {

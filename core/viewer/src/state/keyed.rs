@@ -61,7 +61,7 @@ pub struct KeyedProperty {
     pub keys: Vec<Time>,
     /// Angles about x, y and z at `keys`, each near the one before.
     pub(super) angles: Vec<DVec3>,
-    /// The keys in the text; `None` where they are computed or stand elsewhere.
+    /// The keys in the text; `None` where they are computed, stand elsewhere or are those of several things.
     pub written: Option<WrittenKeys>,
 }
 
@@ -242,7 +242,8 @@ impl KeyedProperty {
                 near(time, next) || next > 0 && near(time, next - 1)
             };
             if times.iter().all(has) {
-                (self.keys, self.written) = (times, Some(written));
+                let uses = object.and_then(|object| object.key_place(&self.name)).map_or(1, |(_, uses)| uses);
+                (self.keys, self.written) = (times, Some(written).filter(|_| uses == 1));
             }
         }
         if self.kind == ValueKind::Rotation {
@@ -349,6 +350,7 @@ fn properties_in(scene: &Scene, text: Option<&ScriptText>, what: &Selected) -> V
     let place = place_of(scene, what)
         .filter(|(place, count)| *count == 1 && place.line > 0 && place.file == scene.places.main);
     let object = place.zip(text).and_then(|((place, _), text)| text.object(place.line, place.column).ok());
+    let object = object.map(ScriptObject::changing_all);
     let found = match what {
         Selected::Actor(name) => actor(stage, name).map(|index| {
             let actor = &stage.actors[index];

@@ -818,6 +818,44 @@ ada.play(moves.clip(\"Walk\"), #{ fade: 0.4 }).then(moves.clip(\"Wave\")).weight
     }
 }
 
+/// The other fields of the inspector write what was typed, too: a light, a lens, a fade, a point, an effect.
+#[test]
+fn a_typed_expression_stays_one_in_every_field() {
+    const SCENE: &str = "stage(#{ fps: 30, length: 4.0 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\"), #{ fade: 0.4 });
+camera(\"wide\").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]).fov(40.0);
+spot(#{ position: [0.0, 3.0, 0.0], look_at: [0.0, 1.0, 0.0], intensity: 60.0, outer: 35.0 });
+effect(\"vignette\", #{ strength: 0.5 });
+";
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+    let wide = Selected::Camera("wide".into());
+    let cue = Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 };
+    for (what, field, typed, old, new) in [
+        (Selected::Light(0), "light intensity", "100/3", "intensity: 60.0", "intensity: 100.0 / 3.0"),
+        (Selected::Light(0), "light outer", "100/3", "outer: 35.0", "outer: 100.0 / 3.0"),
+        (Selected::Light(0), "light x", "1/3", "position: [0.0, 3", "position: [1.0 / 3.0, 3"),
+        (wide, "field of view", "100/3", "fov(40.0)", "fov(100.0 / 3.0)"),
+        (cue, "fade field", "1/3", "fade: 0.4", "fade: 1.0 / 3.0"),
+        (Selected::Effect(0), "strength number", "1/3", "strength: 0.5", "strength: 1.0 / 3.0"),
+    ] {
+        desk.state_mut().reload_with(SCENE);
+        desk.state_mut().viewer.selection = Some(what);
+        desk.run();
+        type_into(&mut desk, field, typed);
+        let wanted = SCENE.replace(old, new);
+        assert_eq!(desk.state().text(), wanted, "{field}");
+        assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
+        // A field that is left as it was changes nothing.
+        desk.get_by_label(field).click();
+        desk.run();
+        desk.key_press(Key::Enter);
+        desk.run();
+        assert_eq!(desk.state().text(), wanted, "{field}");
+    }
+}
+
 /// A number beyond the clip is the last that leaves something of it; a script that plays nothing would be faulty.
 #[test]
 fn a_trim_leaves_something_to_be_played() {

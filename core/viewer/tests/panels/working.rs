@@ -116,7 +116,7 @@ fn a_camera_s_field_of_view_is_changed_in_the_inspector() {
         desk.run();
         assert!(has(&desk, "any distance"));
         let viewer = &mut desk.state_mut().viewer;
-        viewer.set_field_of_view(name, 61.0).unwrap();
+        viewer.set_field_of_view(name, 61.0, "61.0").unwrap();
         desk.state_mut().reload();
         assert!(desk.state().text().contains(literal), "{}", desk.state().text());
     }

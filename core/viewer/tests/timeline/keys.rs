@@ -4,12 +4,14 @@
 use crate::place::{Desk, Place, drag, secondary_click};
 use choreo_motion::Time;
 use choreo_viewer::editing::ValueDrag;
+use choreo_viewer::geometry::gizmo::Change;
 use choreo_viewer::state::events::EventKind;
 use choreo_viewer::state::keyed::{KeyRef, KeyedProperty};
 use choreo_viewer::state::selection::Selected;
 use choreo_viewer::state::tangents::TangentChoice;
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, pos2, vec2};
 use egui_kittest::kittest::Queryable;
+use glam::DVec3;
 
 const SCRIPT: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
 let cube = shape("box", #{ size: 1.0 });
@@ -987,4 +989,59 @@ fn what_has_lost_keys_stays_selected() {
         assert!(viewer.selected_keys().is_empty());
         assert!(self::property(desk.state(), &what, property).has_keys());
     }
+}
+
+const FUNCTIONS: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let cube = shape("box", #{ size: 1.0 });
+fn bounce(who) {
+    who.key("position", [[0.0, [0, 0, 0]], [1.0, [0, 1, 0]]]);
+}
+let a = cast("a", cube);
+bounce(a);
+let b = cast("b", cube);
+bounce(b);
+let c = cast("c", cube);
+bounce(c);
+fn post(name) {
+    let it = cast(name, cube);
+    it.key("scale", [[0.0, 1], [1.0, 2]]);
+}
+post("left");
+post("right");
+"##;
+
+#[test]
+fn keys_in_a_function_are_changed_for_all_that_it_makes_or_stated_for_one() {
+    let mut desk = Place::new(FUNCTIONS).harness(vec2(1500.0, 1000.0));
+    let of = |name: &str| Selected::Actor(name.into());
+    let drag = |desk: &mut Desk, keys: &[KeyRef]| {
+        let refused = desk.state_mut().viewer.drag_keys(keys, 0.4, None).unwrap_err().to_string();
+        desk.run();
+        refused
+    };
+    let refused = drag(&mut desk, &[key(of("a"), "position", 1.0)]);
+    assert!(refused.ends_with("a.rhai:4: this line makes 3 of them; change it there"), "{refused}");
+    desk.get_by_label("line 4 makes 3 of them. This would change all of them:");
+    desk.get_by_label("Change all 3").click();
+    desk.run();
+    let all = FUNCTIONS.replace("[1.0, [0, 1, 0]]", "[1.4, [0, 1, 0]]");
+    assert_eq!(desk.state().text(), all);
+    desk.state_mut().reload();
+    // The gizmo does not change the others by itself either.
+    desk.state_mut().viewer.playhead.seek(Time::from_secs(1.4));
+    let refused = desk.state_mut().viewer.change_actor("c", Change::Move(DVec3::X)).unwrap_err();
+    assert!(refused.to_string().contains("a.rhai:4: this line makes 3 of them"), "{refused}");
+    assert_eq!(desk.state().text(), all);
+    drag(&mut desk, &[key(of("b"), "position", 1.4)]);
+    desk.get_by_label("Add the line").click();
+    desk.run();
+    let line = "bounce(b);\nb.key(\"position\", [[0.0, [0.0, 0.0, 0.0]], [1.8, [0.0, 1.0, 0.0]]]);\n";
+    assert_eq!(desk.state().text(), all.replace("bounce(b);\n", line));
+    desk.state_mut().reload();
+    // Things that a function casts: the line of the keys counts, and not that of the cast.
+    let refused = drag(&mut desk, &[key(of("left"), "scale", 1.0)]);
+    assert!(refused.ends_with("a.rhai:15: this line makes 2 of them; change it there"), "{refused}");
+    desk.get_by_label("Change all 2").click();
+    desk.run();
+    assert!(desk.state().text().contains("it.key(\"scale\", [[0.0, 1], [1.4, 2]]);"));
 }

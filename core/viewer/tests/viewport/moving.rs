@@ -146,3 +146,48 @@ fn the_wheel_zooms_the_sequencer_and_scrolls_over_the_names() {
     let under = |span: choreo_viewer::state::span::Span| span.from + 0.25 * (span.to - span.from);
     assert!((under(after) - under(before)).abs() < 1e-3, "{after:?}");
 }
+
+const REACHED: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0, samples: 1 });
+let moves = load("choreo:mannequin");
+let ball = cast("ball", shape("sphere", #{ size: 0.1 })).at(0.3, 1.2, 0.5);
+let cap = cast("cap", shape("box", #{ size: 0.1 })).at(0.0, 0.3, 0.0).attach(ball);
+let ada = cast("ada", moves);
+ada.reach("RightHand", ball, #{ at: [0.0, 0.05, 0.0] });
+ada.look_at(ball);
+camera("wide").follow(ball, [0.0, 0.0, 4.0]);
+"##;
+
+fn actors(place: &mut Place) -> Vec<choreo_stage::ActorState> {
+    place.paint().unwrap();
+    place.viewer.shown().unwrap().snapshot.actors.clone()
+}
+
+#[test]
+fn hands_heads_and_attached_actors_follow_an_actor_while_it_is_dragged() {
+    let mut place = Place::new(REACHED);
+    place.viewer.views[0].room = [64, 36];
+    let before = actors(&mut place);
+    let camera = place.viewer.shown().unwrap().snapshot.camera;
+    let by = DVec3::new(-0.2, 0.25, 0.1);
+    let drag = Drag {
+        tool: Tool::Move,
+        handle: Handle::Middle,
+        world_from_model: before[0].world_from_model,
+        from: DVec2::ZERO,
+    };
+    place.viewer.dragging = Some(Dragging { actor: "ball".into(), drag, change: Change::Move(by) });
+    let dragged = actors(&mut place);
+    let seen = place.viewer.shown().unwrap().snapshot.camera;
+    assert_eq!(seen, camera, "the drag is measured through it");
+    place.reload_with(&REACHED.replace(".at(0.3, 1.2, 0.5)", ".at(0.1, 1.45, 0.6)"));
+    let placed = actors(&mut place);
+    assert_eq!(dragged.len(), placed.len());
+    for (dragged, placed) in dragged.iter().zip(&placed) {
+        assert!(dragged.world_from_model.abs_diff_eq(placed.world_from_model, 1e-6));
+        assert_eq!(dragged.model_from_joint.len(), placed.model_from_joint.len());
+        let joints = dragged.model_from_joint.iter().zip(&placed.model_from_joint);
+        assert!(joints.into_iter().all(|(a, b)| a.abs_diff_eq(*b, 1e-6)));
+    }
+    let turned = before[2].model_from_joint.iter().zip(&placed[2].model_from_joint);
+    assert!(turned.into_iter().any(|(a, b)| !a.abs_diff_eq(*b, 1e-2)), "the arm follows the ball");
+}

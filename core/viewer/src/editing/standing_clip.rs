@@ -1,0 +1,63 @@
+//! The clip that a character plays when nothing else is said.
+
+use choreo_asset::Asset;
+
+/// Words of the names of clips in which a character stands, the best first.
+const STANDING: [&str; 3] = ["idle", "stand", "rest"];
+
+/// The clip in which a character stands by its name, else its first.
+pub(super) fn standing_clip(asset: &Asset) -> Option<&str> {
+    chosen(asset.clips.iter().map(|clip| clip.name.as_str()))
+}
+
+/// The name that is such a word, else that ends with one and has the fewest others, else that contains one; of equals the first.
+fn chosen<'n>(names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
+    names.min_by_key(|name| {
+        // Exporters put the armature in front: `Armature|Idle`.
+        let own = name.rsplit(['|', ':', '/']).find(|part| !part.trim().is_empty()).unwrap_or(name);
+        let words = words(own);
+        let ends = STANDING.iter().position(|word| words.last().is_some_and(|last| last == word));
+        let contains = STANDING.iter().position(|word| own.to_lowercase().contains(word));
+        match (ends, contains) {
+            (Some(word), _) => (0, words.len(), word),
+            (None, Some(word)) => (1, 0, word),
+            (None, None) => (2, 0, 0),
+        }
+    })
+}
+
+/// The words of a name in small letters, without numbers: `Melee`, `Idle` of `2H_Melee_Idle`, `Stand`, `Idle` of `StandIdle`.
+fn words(name: &str) -> Vec<String> {
+    let (mut all, mut word, mut was_small) = (Vec::new(), String::new(), false);
+    for c in name.chars().chain([' ']) {
+        if !c.is_alphabetic() || (c.is_uppercase() && was_small) {
+            all.extend((!word.is_empty()).then(|| std::mem::take(&mut word)));
+        }
+        if c.is_alphabetic() {
+            word.extend(c.to_lowercase());
+        }
+        was_small = c.is_lowercase();
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_plainest_clip_in_which_it_stands_is_chosen() {
+        for (names, expected) in [
+            (&["1H_Melee", "2H_Melee_Idle", "Idle", "Unarmed_Idle"][..], Some("Idle")),
+            (&["Walk", "Armature|Sword_Idle", "Armature|IDLE"], Some("Armature|IDLE")),
+            (&["Idle_Attack", "Sword Melee Idle", "SwordIdle"], Some("SwordIdle")),
+            (&["Walk", "Idle_Attack", "idle.001"], Some("idle.001")),
+            (&["Walk", "IdleAttack"], Some("IdleAttack")),
+            (&["Rest", "Idle"], Some("Idle")),
+            (&["Run", "Walk"], Some("Run")),
+            (&[], None),
+        ] {
+            assert_eq!(chosen(names.iter().copied()), expected, "{names:?}");
+        }
+    }
+}
