@@ -23,6 +23,8 @@ use std::borrow::Cow;
 const REACH: f32 = 6.0;
 /// Points beyond its row at which a dragged bar still stays in it.
 const ROW_SLACK: f32 = 5.0;
+/// Dashes of the outline of a whole clip, points.
+const DASH: f32 = 5.0;
 /// Marks of rounds in one bar at most; further ones could not be distinguished.
 const MOST_ROUNDS: usize = 200;
 
@@ -301,11 +303,18 @@ fn onto(ui: &Ui, viewer: &Viewer, bar: &Bar, row: usize) -> Option<String> {
     Some(format!("on {on}: {joints} of {moved} joints follow"))
 }
 
-/// A place at which something is dragged to another time.
-fn grip(ui: &Ui, place: Rect, id: egui::Id, label: String, cursor: CursorIcon) -> Response {
+/// A place at which a point (`anchor`) is dragged; gives where that is then, as [`held::dragged`] does.
+fn grip(
+    ui: &Ui,
+    (place, anchor): (Rect, Pos2),
+    id: egui::Id,
+    label: String,
+    cursor: CursorIcon,
+) -> (Response, Option<Pos2>) {
     let response = ui.interact(place, id, Sense::drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
-    response.on_hover_cursor(cursor)
+    let dragged = held::dragged(ui, &response, anchor);
+    (response.on_hover_cursor(cursor), dragged)
 }
 
 /// Draws a handle; once it is let go, gives the new value in seconds, on a whole frame.
@@ -335,9 +344,8 @@ fn handle(
         CueTime::FadeIn => "fade of",
     };
     let label = format!("{name} {} in row {}", bar.label, lane.row);
-    let response = grip(ui, place, id, label, CursorIcon::ResizeHorizontal);
-    let pointer =
-        response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped())?;
+    let (response, dragged) = grip(ui, (place, pos2(x, rect.top())), id, label, CursorIcon::ResizeHorizontal);
+    let pointer = dragged?;
     let secs = lane.snapped(viewer, pointer.x, Some(bar));
     let [outer, inner] = outline_colors(ui.visuals());
     for (width, color) in [(4.0, outer), (2.0, inner)] {
@@ -353,7 +361,9 @@ fn handle(
         };
         beside(ui, pos2(lane.x(viewer, secs), rect.top()), text);
     }
-    response.drag_stopped().then(|| Act::Time(bar.clone(), part, value, keep))
+    let before = if part == CueTime::FadeIn { bar.fade_in } else { at };
+    let is_moved = (value - before.as_secs()).abs() > 1e-6;
+    (response.drag_stopped() && is_moved).then(|| Act::Time(bar.clone(), part, value, keep))
 }
 
 /// The corner below the end of what a selected clip plays: dragged, it plays faster or slower.
@@ -364,12 +374,14 @@ fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane)
         return None;
     }
     let id = ui.id().with(("speed", lane.row, number));
-    let response = grip(ui, place, id, format!("speed of {}", bar.label), CursorIcon::ResizeEast);
+    let grabbed = (place, pos2(x, bottom));
+    let (response, dragged) =
+        grip(ui, grabbed, id, format!("speed of {}", bar.label), CursorIcon::ResizeEast);
     let corner = vec![place.right_top(), place.right_bottom(), place.left_bottom()];
-    ui.painter_at(lane.rect).add(egui::Shape::convex_polygon(corner, Color32::WHITE, Stroke::NONE));
+    let edge = Stroke::new(1.0, Color32::BLACK);
+    ui.painter_at(lane.rect).add(egui::Shape::convex_polygon(corner, Color32::WHITE, edge));
     let speed = bar.strip.map_or(1.0, |strip| strip.speed);
-    let pointer = response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped());
-    let Some(pointer) = pointer else {
+    let Some(pointer) = dragged else {
         response.hint(format!("speed {speed:.2}: drag to play it faster or slower"));
         return None;
     };
@@ -393,16 +405,22 @@ fn weight_handle(ui: &Ui, bar: &Bar, number: usize, lane: &Lane, bar_place: Rect
     let place =
         Rect::from_min_max(pos2(middle - 12.0, y(weight) - 3.0), pos2(middle + 12.0, y(weight) + 3.0));
     let id = ui.id().with(("weight", lane.row, number));
-    let response = grip(ui, place, id, format!("weight of {}", bar.label), CursorIcon::ResizeVertical);
-    let dragged = response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped());
+    let grabbed = (place, pos2(middle, y(weight)));
+    let (response, dragged) =
+        grip(ui, grabbed, id, format!("weight of {}", bar.label), CursorIcon::ResizeVertical);
     let to = dragged.map_or(weight, |at| {
         // Rounded to the hundredth, as a person would write it.
         let part = f64::from((bar_place.bottom() - at.y) / bar_place.height().max(1.0));
         (part.clamp(0.0, 1.0) * 100.0).round() / 100.0
     });
-    let (line, painter) = (Stroke::new(1.0, Color32::from_white_alpha(150)), ui.painter_at(lane.rect));
-    painter.hline(bar_place.x_range(), y(to), line);
-    painter.rect_filled(Rect::from_center_size(pos2(middle, y(to)), vec2(14.0, 3.0)), 1.0, Color32::WHITE);
+    let painter = ui.painter_at(lane.rect);
+    let [edge, fill] = [Color32::BLACK, Color32::WHITE];
+    // Light with a dark edge, on light rows and dark bars.
+    for (width, color) in [(3.0, edge), (1.0, fill)] {
+        painter.hline(bar_place.x_range(), y(to), Stroke::new(width, color));
+    }
+    let grip = Rect::from_center_size(pos2(middle, y(to)), vec2(14.0, 4.0));
+    painter.rect(grip, 1.0, fill, Stroke::new(1.0, edge), StrokeKind::Outside);
     let Some(at) = dragged else {
         response.hint(format!("weight {weight:.2}: drag up or down"));
         return None;
@@ -503,18 +521,13 @@ pub(super) fn outline_colors(visuals: &egui::Visuals) -> [Color32; 2] {
 fn outline(painter: &Painter, place: Rect) {
     let [outer, inner] = outline_colors(&painter.ctx().global_style().visuals);
     let line = |place: Rect, round: u8, color: Color32| {
-        painter.rect_stroke(place, CornerRadius::same(round), Stroke::new(1.5, color), StrokeKind::Inside);
+        painter.rect_stroke(place, CornerRadius::same(round), Stroke::new(2.0, color), StrokeKind::Inside);
     };
     // Of a narrow bar the outer line is all there is room for.
-    if place.width() > 6.0 {
-        line(place.shrink(1.5), 2, inner);
+    if place.width() > 8.0 {
+        line(place.shrink(2.0), 2, inner);
     }
     line(place, 3, outer);
-}
-
-/// Color of the part of a clip that goes on beyond its bar, beside which it stands.
-pub(super) fn ghost_color(visuals: &egui::Visuals) -> Color32 {
-    visuals.weak_text_color()
 }
 
 /// The outline of a whole clip that is cut short, over the bars that follow it.
@@ -524,9 +537,14 @@ fn whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
     if start + strip.length() > end + 1e-3 {
         let ghost = lane.place(viewer, start, start + strip.length());
         let beyond = Rect::from_min_max(pos2(lane.x(viewer, end), ghost.top()), ghost.max);
-        let stroke = Stroke::new(1.0, ghost_color(&painter.ctx().global_style().visuals));
         let painter = painter.with_clip_rect(beyond.intersect(painter.clip_rect()));
-        painter.rect_stroke(ghost, CornerRadius::same(3), stroke, StrokeKind::Inside);
+        // Dashes of both colors: one of them is seen on any bar, and no selected bar looks so.
+        let [dark, light] = outline_colors(&painter.ctx().global_style().visuals);
+        let ghost = ghost.shrink(0.75);
+        painter.rect_stroke(ghost, CornerRadius::ZERO, Stroke::new(1.5, dark), StrokeKind::Middle);
+        let corners = [ghost.left_top(), ghost.right_top(), ghost.right_bottom(), ghost.left_bottom()];
+        let around: Vec<Pos2> = corners.into_iter().chain([ghost.left_top()]).collect();
+        painter.extend(egui::Shape::dashed_line(&around, Stroke::new(1.5, light), DASH, DASH));
     }
 }
 

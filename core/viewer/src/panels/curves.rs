@@ -644,8 +644,7 @@ fn handle(
     let label = ["start of the easing", "end of the easing"][side];
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label));
     let mut now = ease;
-    let pointer = response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped());
-    if let Some(at) = pointer {
+    if let Some(at) = held::dragged(ui, &response, place(ease)) {
         let part = |at: f32, from: f32, size: f32| f64::from((at - from) / size).clamp(0.0, 1.0);
         let hundredth = |value: f64| (value * 100.0).round() / 100.0;
         if size.x.abs() > 1.0 {

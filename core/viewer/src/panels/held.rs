@@ -1,6 +1,6 @@
-//! The modifier keys that a gesture of the mouse has.
+//! The modifier keys and the way of a gesture of the mouse.
 
-use egui::{Event, Modifiers, Ui};
+use egui::{Event, Modifiers, Pos2, Response, Ui, Vec2};
 
 /// Ctrl, Shift and Alt as they were when a button of the mouse was released in this frame, else as they are held at its end. A key that is
 /// let go right after the button, within the same frame, still counts for the gesture.
@@ -18,4 +18,20 @@ pub(super) fn modifiers(ui: &Ui) -> Modifiers {
 pub(super) fn adds(ui: &Ui) -> bool {
     let modifiers = modifiers(ui);
     modifiers.command || modifiers.shift
+}
+
+/// Where a point (`anchor`) is dragged, as far as the pointer has moved since it took hold beside it. A press that does not move is a click and
+/// drags nothing.
+pub(super) fn dragged(ui: &Ui, response: &Response, anchor: Pos2) -> Option<Pos2> {
+    let id = response.id.with("grabbed");
+    if response.drag_started()
+        && let Some(origin) = ui.input(|i| i.pointer.press_origin())
+    {
+        ui.data_mut(|d| d.insert_temp(id, origin - anchor));
+    }
+    let is_held = response.dragged() || response.drag_stopped();
+    let moves = is_held && ui.input(|i| i.pointer.is_decidedly_dragging());
+    let pointer = response.interact_pointer_pos().filter(|_| moves)?;
+    let beside: Vec2 = ui.data(|d| d.get_temp(id)).unwrap_or_default();
+    Some(pointer - beside)
 }

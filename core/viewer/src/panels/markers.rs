@@ -1,5 +1,6 @@
 //! Named times: lines over all rows of the sequencer, each with a flag that can be dragged.
 
+use super::held;
 use super::hint::Hint;
 use crate::app::Viewer;
 use choreo_motion::Time;
@@ -47,16 +48,15 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, area: Rect, ruler: Rect) {
         let response = response
             .on_hover_cursor(egui::CursorIcon::ResizeHorizontal)
             .hint(format!("{name}\n{}", viewer.shown_time(*time)));
-        if let Some(pointer) =
-            response.interact_pointer_pos().filter(|_| response.dragged() || response.drag_stopped())
-        {
+        if let Some(pointer) = held::dragged(ui, &response, pos2(x, at.y)) {
             let secs = viewer.snapped(viewer.span.secs_at(pointer.x - ruler.left(), ruler.width()));
             painter.vline(
                 place(Time::from_secs(secs)),
                 lanes.y_range(),
                 Stroke::new(2.0, visuals.strong_text_color()),
             );
-            moved = response.drag_stopped().then(|| (name.clone(), secs)).or(moved);
+            let is_moved = (secs - time.as_secs()).abs() > 1e-6;
+            moved = (response.drag_stopped() && is_moved).then(|| (name.clone(), secs)).or(moved);
         }
     }
     if let Some((name, secs)) = moved {

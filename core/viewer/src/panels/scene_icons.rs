@@ -12,7 +12,7 @@ use egui::{Color32, PointerButton, Rect, Response, Stroke, Ui};
 use glam::{DVec2, DVec3};
 
 /// Points around a icon's middle in which the mouse takes it.
-const REACH: f64 = 11.0;
+const REACH: f64 = 14.0;
 /// Metres from what a sun shines on to its icon.
 const SUN: f64 = 3.0;
 

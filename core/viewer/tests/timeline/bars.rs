@@ -91,6 +91,32 @@ fn keys_that_are_let_go_with_the_button_count() {
     assert_eq!(desk.state().viewer.selected_bars(), [cue(0, 0), cue(0, 1)]);
 }
 
+/// A click where two bars meet, even a long one, selects the bar under the pointer and drags nothing; a handle goes as far as the pointer does.
+#[test]
+fn a_click_on_a_handle_selects_the_bar_under_it() {
+    let mut desk = desk();
+    let edge = desk.get_by_label("start of Run in row 1").rect().center();
+    let x = desk.get_by_label("Run on ada").rect().left();
+    for (at, cue) in [(pos2(x - 2.0, edge.y), cue(0, 0)), (pos2(x + 2.0, edge.y), cue(0, 1))] {
+        desk.state_mut().viewer.selection = None;
+        drag_briefly(&mut desk, Modifiers::NONE, at, at);
+        assert_eq!(desk.state().viewer.selection, Some(cue));
+        assert_eq!((desk.state().text().as_str(), desk.state().viewer.message.as_deref()), (SCRIPT, None));
+    }
+    // Held for long, and let go where it was pressed.
+    desk.hover_at(pos2(x + 3.0, edge.y));
+    desk.run();
+    desk.drag_at(pos2(x + 3.0, edge.y));
+    desk.run_steps(120);
+    desk.drop_at(pos2(x + 3.0, edge.y));
+    desk.run();
+    assert_eq!((desk.state().text().as_str(), desk.state().viewer.message.as_deref()), (SCRIPT, None));
+    // Taken beside its middle, it goes as far as the pointer.
+    let (by, from) = (second(&desk), pos2(x - 3.0, edge.y));
+    drag_briefly(&mut desk, Modifiers::NONE, from, from + vec2(by * 0.6, 0.0));
+    assert_eq!(desk.state().text(), SCRIPT.replace("until(2.0)", "until(2.6)"));
+}
+
 /// The boundary of two clips that repeat moves alone: the first goes on with its loop, the second begins its rounds there.
 #[test]
 fn a_boundary_of_clips_that_repeat_is_rolled() {
