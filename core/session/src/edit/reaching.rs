@@ -1,4 +1,4 @@
-//! Targets of inverse kinematics that stand in a script as points: `.reach("hand_r", [0.4, 1.2, 0.3])`.
+//! Constraints that are added, and targets of inverse kinematics that stand in a script as points: `.reach("hand_r", [0.4, 1.2, 0.3])`.
 
 use super::values::{literals, rewritten};
 use super::{Edit, EditRefused, ScriptObject};
@@ -9,6 +9,28 @@ use std::ops::Range;
 const SAME: f64 = 1e-6;
 
 impl ScriptObject<'_> {
+    /// Adds the call of a constraint, `reach("hand_r", ball)`, as a line of its own. `target`: the object that the call names.
+    ///
+    /// # Errors
+    /// The object has no name in the script, or the target is known only elsewhere.
+    pub fn constrain(&self, call: &str, target: Option<&ScriptObject>) -> Result<Edit, EditRefused> {
+        let depth = |object: &ScriptObject| self.text.depth_to(object.made.name.start);
+        if let Some(target) = target.filter(|target| depth(target) != 0 && depth(target) != depth(self)) {
+            let why = "it is made within a block, where alone its name is known; write the constraint there";
+            return Err(EditRefused::at(target.line, why));
+        }
+        self.add_call(call, self.last_at.max(target.map_or(0, |target| target.made.end)))
+    }
+
+    /// The script's variable for it.
+    ///
+    /// # Errors
+    /// It has none.
+    pub fn named(&self) -> Result<&str, EditRefused> {
+        let none = || EditRefused::at(self.line, "it has no name in the script; write let NAME = cast(…)");
+        self.variable.as_deref().ok_or_else(none)
+    }
+
     /// Rewrites the target of the last `.reach` that has this point.
     ///
     /// # Errors

@@ -4,6 +4,7 @@
 
 mod adding;
 mod ambient;
+pub mod constraining;
 mod cues;
 pub(crate) mod difference;
 mod documents;

@@ -26,7 +26,7 @@ fn chosen<'n>(names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
     })
 }
 
-/// The words of a name in small letters, without numbers: `Melee`, `Idle` of `2H_Melee_Idle`, `Stand`, `Idle` of `StandIdle`.
+/// The words of a name in small letters, without numbers: `h`, `melee`, `idle` of `2H_Melee_Idle`, `sword`, `idle` of `SwordIdle`.
 fn words(name: &str) -> Vec<String> {
     let (mut all, mut word, mut was_small) = (Vec::new(), String::new(), false);
     for c in name.chars().chain([' ']) {

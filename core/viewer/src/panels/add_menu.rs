@@ -2,6 +2,7 @@
 
 use super::hint::Hint;
 use crate::app::Viewer;
+use crate::editing::constraining::{ConstraintCall, NewConstraint};
 use crate::state::selection::Selected;
 use choreo_session::edit::{Addition, SHAPES};
 use egui::Ui;
@@ -86,6 +87,57 @@ fn cameras(ui: &mut Ui, viewer: &Viewer) -> Option<Addition> {
     wanted
 }
 
+/// Constraints of the selected actor, for the palette: the words of each.
+pub fn constraints(viewer: &Viewer) -> Vec<(String, NewConstraint)> {
+    let targets = targets(viewer);
+    let of = |call: ConstraintCall| {
+        let all = std::iter::once(None).chain(targets.iter().cloned().map(Some));
+        all.map(move |target| {
+            let shown = target.as_deref().unwrap_or("a point");
+            let words = format!("add constraint: {} {shown}", call.words().to_lowercase());
+            (words, NewConstraint { call, target })
+        })
+    };
+    ConstraintCall::ALL.into_iter().flat_map(of).collect()
+}
+
+/// The actors that a constraint of the selected actor can have as its target.
+fn targets(viewer: &Viewer) -> Vec<String> {
+    let Some(selected) = viewer.selection.as_ref().and_then(Selected::actor) else { return Vec::new() };
+    let all = viewer.scene.iter().flat_map(|scene| &scene.stage.actors).map(|actor| actor.name.clone());
+    all.filter(|name| name != selected).take(MOST_ACTORS).collect()
+}
+
+/// The menu of constraints of the selected actor.
+fn constraint_menu(ui: &mut Ui, viewer: &Viewer) -> Option<NewConstraint> {
+    let is_selected = viewer.selection.as_ref().and_then(Selected::actor).is_some();
+    let (targets, mut wanted) = (targets(viewer), None);
+    let add = |ui: &mut Ui| {
+        for call in ConstraintCall::ALL {
+            let about = "of the selected joint, else of its right hand or head; from the playhead on";
+            if ui.button(format!("{} a point", call.words())).hint(about).clicked() {
+                wanted = Some(NewConstraint { call, target: None });
+            }
+            ui.add_enabled_ui(!targets.is_empty(), |ui| {
+                ui.menu_button(call.words(), |ui| {
+                    egui::ScrollArea::vertical().show(ui, |ui| {
+                        for name in &targets {
+                            if ui.button(name).hint(about).clicked() {
+                                wanted = Some(NewConstraint { call, target: Some(name.clone()) });
+                            }
+                        }
+                    });
+                });
+            });
+        }
+    };
+    let menu = ui.add_enabled_ui(is_selected, |ui| ui.menu_button("Constraint", add));
+    if !is_selected {
+        menu.response.hint("select the actor that is to have it");
+    }
+    wanted
+}
+
 /// Adds something to the script; a camera where `None`.
 pub fn add(viewer: &mut Viewer, what: Option<&Addition>) {
     viewer.edit(|v| match what {
@@ -141,6 +193,10 @@ pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
     });
     if ui.button("Marker").hint("a named time at the playhead").clicked() {
         wanted = Some(Some(Addition::Marker));
+    }
+    if let Some(new) = constraint_menu(ui, viewer) {
+        viewer.edit(|v| v.add_constraint(&new));
+        ui.close();
     }
     if let Some(what) = wanted {
         add(viewer, what.as_ref());

@@ -128,6 +128,12 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
         for (part, at) in handles(bar) {
             act = handle(ui, viewer, bar, part, at, number, lane).or(act);
         }
+        // Where bars meet, a handle reaches over the next one.
+        if let (Some(Act::Select(what, _)), Some(pointer)) = (&mut act, ui.ctx().pointer_interact_pos()) {
+            let secs = lane.secs(viewer, pointer.x);
+            let is_there = |bar: &&Bar| (bar.start.as_secs()..bar.end.as_secs()).contains(&secs);
+            bars.iter().rev().find(is_there).iter().for_each(|bar| what.clone_from(&bar.what));
+        }
         if viewer.selection.as_ref() == Some(&bar.what) && bar.strip.is_some() {
             act = speed_handle(ui, viewer, bar, number, lane).or(act);
             act = weight_handle(ui, bar, number, lane, place).or(act);
@@ -311,7 +317,7 @@ fn grip(
     label: String,
     cursor: CursorIcon,
 ) -> (Response, Option<Pos2>) {
-    let response = ui.interact(place, id, Sense::drag());
+    let response = ui.interact(place, id, Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Slider, true, label.clone()));
     let dragged = held::dragged(ui, &response, anchor);
     (response.on_hover_cursor(cursor), dragged)
@@ -345,7 +351,10 @@ fn handle(
     };
     let label = format!("{name} {} in row {}", bar.label, lane.row);
     let (response, dragged) = grip(ui, (place, pos2(x, rect.top())), id, label, CursorIcon::ResizeHorizontal);
-    let pointer = dragged?;
+    if response.clicked() {
+        return Some(Act::Select(bar.what.clone(), held::adds(ui)));
+    }
+    let Some(pointer) = dragged else { return bar_menu::show(&response, viewer, bar) };
     let secs = lane.snapped(viewer, pointer.x, Some(bar));
     let [outer, inner] = outline_colors(ui.visuals());
     for (width, color) in [(4.0, outer), (2.0, inner)] {

@@ -93,12 +93,16 @@ pub fn reset(response: &Response, names: &[&'static str]) -> Option<FieldChange>
 /// The name of a field, with the menu; strong where the script states it.
 pub fn label(ui: &mut Ui, stated: &Stated, name: &'static str, about: &str) -> Option<FieldChange> {
     let is_stated = stated.contains_key(name);
-    let text = RichText::new(name.replace('_', " "));
-    let text = if is_stated { text.strong() } else { text };
-    let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
+    let response = ui.add(egui::Label::new(name_text(name, is_stated)).sense(egui::Sense::click()));
     let hint = if is_stated { "stated by the script; right click: reset to default" } else { "by default" };
     let hint = if about.is_empty() { hint.to_string() } else { format!("{about}\n{hint}") };
     reset(&response.hint(hint), &[name])
+}
+
+/// The name of a field: strong where the script states its value, else weak.
+pub(super) fn name_text(name: &str, is_stated: bool) -> RichText {
+    let text = RichText::new(name.replace('_', " "));
+    if is_stated { text.strong() } else { text.weak() }
 }
 
 /// How a field of a type is written where it is not stated yet.
@@ -603,8 +607,7 @@ fn surface(
 
 /// The name of an option of an asset, with the menu that takes it away; strong where it is written.
 fn option_label(ui: &mut Ui, written: &Stated, name: &'static str) -> Option<FieldChange> {
-    let text = RichText::new(name.replace('_', " "));
-    let text = if written.contains_key(name) { text.strong() } else { text };
+    let text = name_text(name, written.contains_key(name));
     let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
     reset(&response.hint("of all that are made of it"), &[name]).map(|_| FieldChange::Material(name, None))
 }

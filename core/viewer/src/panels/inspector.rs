@@ -436,9 +436,7 @@ fn sky(ui: &mut Ui, viewer: &Viewer, stage: &Stage, keyable: Keyable) -> Option<
 fn default_menu(ui: &mut Ui, written: &stated::Stated, name: &'static str) -> Option<Wanted> {
     let names: &[&'static str] = if name == "color" { &["color", "kelvin"] } else { &[name] };
     let is_stated = names.iter().any(|name| written.contains_key(*name));
-    let text = RichText::new(name);
-    let text = if is_stated { text.strong() } else { text };
-    let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
+    let response = ui.add(egui::Label::new(stated::name_text(name, is_stated)).sense(egui::Sense::click()));
     let hint = if is_stated { "stated by the script; right click: reset to default" } else { "by default" };
     stated::reset(&response.hint(hint), names).map(Wanted::Field)
 }

@@ -3,6 +3,7 @@
 use super::actions::{self, ACTIONS, Context};
 use super::{Panels, Tab};
 use crate::app::Viewer;
+use crate::editing::constraining::NewConstraint;
 use crate::library::file_dialog::Purpose;
 use crate::library::templates::TEMPLATES;
 use crate::state::selection::Selected;
@@ -24,6 +25,8 @@ enum Target {
     Select(Selected, Option<Time>),
     /// A new thing; a camera where `None`.
     Add(Option<Addition>),
+    /// A constraint of the selected actor.
+    Constrain(NewConstraint),
     /// The selected actor plays a clip of its file.
     Play(String, String),
     Line(usize),
@@ -158,6 +161,7 @@ fn run(c: &mut Context, target: Target) {
             c.viewer.selection = Some(what);
         }
         Target::Add(what) => super::add_menu::add(c.viewer, what.as_ref()),
+        Target::Constrain(new) => c.viewer.edit(|v| v.add_constraint(&new)),
         Target::Play(actor, clip) => {
             let secs = c.viewer.playhead.time().as_secs();
             c.viewer.edit(|v| v.add_clip(&actor, &actor, &clip, secs));
@@ -184,6 +188,8 @@ fn entries(viewer: &Viewer) -> Vec<Entry> {
     if viewer.path.is_some() && viewer.guests.is_empty() {
         let additions = super::add_menu::commands(viewer).into_iter();
         all.extend(additions.map(|(text, what)| entry(text, "new".into(), Target::Add(what))));
+        let constraints = super::add_menu::constraints(viewer).into_iter();
+        all.extend(constraints.map(|(text, new)| entry(text, "constraint".into(), Target::Constrain(new))));
     }
     for (number, template) in TEMPLATES.iter().enumerate() {
         all.push(entry(format!("new: {}", template.name), "template".into(), Target::New(number)));

@@ -4,9 +4,12 @@ use crate::place::Place;
 use choreo_asset::Projection;
 use choreo_motion::Time;
 use choreo_session::edit::{Addition, SHAPES};
+use choreo_stage::{ConstraintKind, Target};
 use choreo_viewer::commands::external_editor::Editor;
+use choreo_viewer::editing::constraining::{ConstraintCall, NewConstraint};
 use choreo_viewer::state::selection::Selected;
-use egui::{Event, vec2};
+use choreo_viewer::state::trail::JointRef;
+use egui::{Event, Key, Modifiers, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::{DVec2, DVec3};
@@ -510,4 +513,71 @@ fn every_field_of_the_stage_is_its_own() {
     desk.run();
     let settings = "length: 2.0, fps: 25.0, size: [640, 480], exposure: -1.5, view: \"agx\"";
     assert_eq!(desk.state().text(), plain.replace("length: 2.0", settings));
+}
+
+const REACHING: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", moves);
+ada.play(moves.clip("Idle"));
+let ball = cast("ball", shape("sphere", #{ size: 0.2 })).at(0.3, 1.2, 0.4);
+camera("wide").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
+sun(#{ direction: [-0.5, -1.0, -0.5] });
+"##;
+
+#[test]
+fn constraints_are_added_to_the_selected_actor() {
+    let mut desk = desk(REACHING);
+    desk.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
+    desk.run();
+    desk.get_all_by_label("Add").next().unwrap().click();
+    desk.run();
+    click(&mut desk, "Constraint ⏵");
+    click(&mut desk, "Hand reaches a point");
+    let place = desk.state_mut();
+    assert_eq!(place.viewer.message, None);
+    let text = place.text();
+    let line = text.lines().find(|line| line.starts_with("ada.reach(\"RightHand\", [")).unwrap();
+    assert!(line.ends_with("]);"), "{line}");
+    assert_eq!(text.replace(&format!("\n{line}"), ""), REACHING);
+    place.reload();
+    assert!(place.viewer.problems.is_empty(), "{:?}", place.viewer.problems);
+    let scene = place.viewer.scene.clone().unwrap();
+    let ada = &scene.stage.actors[0];
+    let ConstraintKind::Reach(reach) = &ada.constraints[0].kind else { panic!() };
+    let Target::Point(point) = reach.target else { panic!() };
+    let hand = *reach.joints.last().unwrap() as usize;
+    let at = |secs| {
+        let snapshot = scene.evaluator.clone().at(Time::from_secs(secs)).unwrap();
+        snapshot.actors[0].world_from_joint(hand).unwrap().translation
+    };
+    assert!((at(1.0) - point).length() < 0.02, "the hand is at {} and not at {point}", at(1.0));
+    // Another joint, an actor and a later time.
+    let new = |call, target: &str| NewConstraint { call, target: Some(target.into()) };
+    place.reload_with(REACHING);
+    place.viewer.playhead.seek(Time::from_secs(1.0));
+    let joint = scene.stage.actors[0].asset.skeleton.find("LeftHand").unwrap();
+    place.viewer.joint = Some(JointRef { actor: "ada".into(), joint });
+    place.viewer.add_constraint(&new(ConstraintCall::Reach, "ball")).unwrap();
+    place.reload();
+    place.viewer.joint = None;
+    place.viewer.add_constraint(&new(ConstraintCall::LookAt, "ball")).unwrap();
+    place.reload();
+    assert!(place.viewer.problems.is_empty(), "{:?}", place.viewer.problems);
+    let lines = "size: 0.2 })).at(0.3, 1.2, 0.4);\nada.reach(\"LeftHand\", ball).from(1.0);\nada.look_at(ball).from(1.0);\n";
+    assert_eq!(place.text(), REACHING.replace("size: 0.2 })).at(0.3, 1.2, 0.4);\n", lines));
+    // The palette finds them, too.
+    desk.run();
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
+    desk.run();
+    desk.event(Event::Text("hand reaches ball".into()));
+    desk.run();
+    desk.key_press(Key::Enter);
+    desk.run();
+    assert!(desk.state().text().contains("ada.reach(\"RightHand\", ball).from(1.0);"));
+    // Without an actor there is nothing that could reach.
+    let viewer = &mut desk.state_mut().viewer;
+    viewer.selection = None;
+    let refused = viewer.add_constraint(&NewConstraint { call: ConstraintCall::Reach, target: None });
+    let refused = refused.unwrap_err().to_string();
+    assert_eq!(refused, "select the actor that is to have the constraint");
 }

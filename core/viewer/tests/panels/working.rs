@@ -388,9 +388,13 @@ fn the_sequencer_has_times_as_one_likes_them() {
         [("end of Walk in row 1", 3.0, ".until(3.0)"), ("start of near in row 0", 2.0, ".cut(2.0)")]
     {
         let ruler = desk.get_by_label("time").rect();
+        // Taken beside the time, it goes as far as the pointer.
         let from = desk.get_by_label(label).rect().center();
-        let to = pos2(ruler.left() + ruler.width() * secs / 4.0, from.y);
-        drag(&mut desk, from, to);
+        let was = desk.state().viewer.timeline.rows.iter().flat_map(|row| &row.bars);
+        let was = was.flat_map(|bar| [bar.start, bar.until]).map(choreo_motion::Time::as_secs);
+        let x = |secs: f64| ruler.left() + ruler.width() * secs as f32 / 4.0;
+        let was = was.min_by(|a, b| (x(*a) - from.x).abs().total_cmp(&(x(*b) - from.x).abs())).unwrap();
+        drag(&mut desk, from, from + vec2(x(secs) - x(was), 0.0));
         assert_eq!(desk.state().viewer.message, None);
         let text = desk.state().text();
         let near = |text: &str| text.contains(expected) || text.contains(&expected.replace(".0)", ".00"));

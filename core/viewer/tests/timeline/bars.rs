@@ -269,8 +269,7 @@ fn layers_crossfade_are_stretched_and_weighted_as_the_base_layer_is() {
         desk.get_by_label(&format!("{label} on ada{}", if layer == 0 { "" } else { " +1" })).click();
         desk.run();
         let at = desk.get_by_label(&format!("speed of {label}")).rect().center();
-        let end = desk.get_by_label("time").rect().left() + 7.0 * by;
-        drag(&mut desk, at, pos2(end, at.y));
+        drag(&mut desk, at, at + vec2((7.0 - bar.until.as_secs() as f32) * by, 0.0));
         desk.state_mut().reload();
         desk.run();
         let now = desk.state().viewer.timeline.rows[row].bars[1].clone();

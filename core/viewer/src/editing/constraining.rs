@@ -1,0 +1,132 @@
+//! Constraints that are added to the selected actor: a line that a person would write, `ada.reach("RightHand", [0.3, 1.2, 0.5]);`.
+
+use super::EditError;
+use crate::app::Viewer;
+use crate::geometry::picking;
+use crate::state::selection::{Selected, actor};
+use choreo_asset::Asset;
+use choreo_motion::HumanoidJoints;
+use choreo_session::edit::{ScriptObject, format_number};
+use choreo_stage::{Actor, ActorState};
+use glam::DVec3;
+
+/// A constraint of a joint with a target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConstraintCall {
+    Reach,
+    LookAt,
+    Aim,
+}
+
+/// A constraint that the user adds to the selected actor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NewConstraint {
+    pub call: ConstraintCall,
+    /// The actor that is its target; `None`: a point in front of the joint.
+    pub target: Option<String>,
+}
+
+impl ConstraintCall {
+    pub const ALL: [ConstraintCall; 3] = [ConstraintCall::Reach, ConstraintCall::LookAt, ConstraintCall::Aim];
+
+    /// The words of menus, before the target.
+    pub fn words(self) -> &'static str {
+        match self {
+            ConstraintCall::Reach => "Hand reaches",
+            ConstraintCall::LookAt => "Look at",
+            ConstraintCall::Aim => "Aim hand at",
+        }
+    }
+
+    /// The bone that it is for where no joint is selected.
+    fn bone(self) -> &'static str {
+        match self {
+            ConstraintCall::LookAt => "head",
+            ConstraintCall::Reach | ConstraintCall::Aim => "right hand",
+        }
+    }
+
+    /// The way from the joint to the point, forwards and upwards, in heights of the character.
+    fn way(self) -> [f64; 2] {
+        match self {
+            // A hanging arm reaches it.
+            ConstraintCall::Reach => [0.15, 0.1],
+            ConstraintCall::LookAt | ConstraintCall::Aim => [0.6, 0.0],
+        }
+    }
+
+    /// The call in a script. `joint`: its name; `usual`: whether that is the one by default.
+    fn text(self, joint: &str, usual: bool, target: &str) -> String {
+        match self {
+            ConstraintCall::Reach => format!("reach(\"{joint}\", {target})"),
+            ConstraintCall::Aim => format!("aim(\"{joint}\", {target})"),
+            ConstraintCall::LookAt if usual => format!("look_at({target})"),
+            ConstraintCall::LookAt => format!("look_at({target}, #{{ joint: \"{joint}\" }})"),
+        }
+    }
+}
+
+impl Viewer {
+    /// Adds a constraint to the selected actor from the playhead on: of the selected joint, else of its right hand or head.
+    ///
+    /// # Errors
+    /// Why not, for the user; nothing has changed.
+    pub fn add_constraint(&mut self, new: &NewConstraint) -> Result<(), EditError> {
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let name = self.selection.as_ref().and_then(Selected::actor).map(str::to_string);
+        let name =
+            name.ok_or_else(|| EditError::refused("select the actor that is to have the constraint"))?;
+        let index = actor(&scene.stage, &name).ok_or(EditError::Gone)?;
+        let found = &scene.stage.actors[index];
+        let (place, siblings) = self.place_of(&Selected::Actor(name.clone())).ok_or(EditError::Gone)?;
+        let usual = HumanoidJoints::of(&found.asset.skeleton).joint(new.call.bone());
+        let selected = self.joint.as_ref().filter(|joint| joint.actor == name).map(|joint| joint.joint);
+        let joint = selected.or(usual.map(|joint| joint as usize)).ok_or_else(|| {
+            let why = format!("it has no {}; click on a joint of its skeleton first", new.call.bone());
+            EditError::refused_at(&place, &why)
+        })?;
+        let is_usual = usual.is_some_and(|usual| usual as usize == joint);
+        let of = match &new.target {
+            Some(target) => {
+                let (of, siblings) =
+                    self.place_of(&Selected::Actor(target.clone())).ok_or(EditError::Gone)?;
+                self.check_place(&of, siblings)?;
+                Some(of)
+            }
+            None => None,
+        };
+        let now = self.playhead.time();
+        let snapshot = scene.stage.at(now).map_err(|error| EditError::refused(error.to_string()))?;
+        let point = point_before(found, &snapshot.actors[index], joint, new.call.way());
+        let from = self.edit_time(now.as_secs());
+        let joint = joint_name(&found.asset, joint);
+        self.change(&place, siblings, |text| {
+            let object = ScriptObject::at(text, place.line, place.column)?;
+            let of = of.as_ref().map(|of| ScriptObject::at(text, of.line, of.column)).transpose()?;
+            let target = match &of {
+                Some(of) => of.named()?.to_string(),
+                None => format!("[{}]", point.to_array().map(format_number).join(", ")),
+            };
+            let from = if from.secs > 0.0 { format!(".from({})", from.written(text)) } else { String::new() };
+            object.constrain(&format!("{}{from}", new.call.text(&joint, is_usual, &target)), of.as_ref())
+        })
+    }
+}
+
+/// A point before a joint in the direction in which its actor looks, to the centimetre. `way`: forwards and upwards, in heights of the actor.
+fn point_before(found: &Actor, state: &ActorState, joint: usize, way: [f64; 2]) -> DVec3 {
+    let at = state.world_from_joint(joint).unwrap_or(state.world_from_model).translation;
+    let front = state.world_from_model.transform_vector3(found.asset.front().direction());
+    let up = state.world_from_model.transform_vector3(DVec3::Y);
+    let [forwards, upwards] = way.map(|part| part * up.length() * picking::height(&found.asset));
+    let point = at + front.normalize_or(DVec3::Z) * forwards + up.normalize_or(DVec3::Y) * upwards;
+    point.map(|v| (v * 100.0).round() / 100.0)
+}
+
+/// The shortest name by which scripts find a joint.
+fn joint_name(asset: &Asset, joint: usize) -> String {
+    let full = asset.skeleton.names().get(joint).map_or("", String::as_str);
+    let short = full.rsplit([':', '|']).next().unwrap_or(full);
+    let name = if asset.skeleton.find(short) == Some(joint) { short } else { full };
+    name.replace('\\', "\\\\").replace('"', "\\\"")
+}
