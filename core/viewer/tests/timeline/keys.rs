@@ -1002,12 +1002,12 @@ let b = cast("b", cube);
 bounce(b);
 let c = cast("c", cube);
 bounce(c);
-fn post(name) {
+fn post(name, cube) {
     let it = cast(name, cube);
     it.key("scale", [[0.0, 1], [1.0, 2]]);
 }
-post("left");
-post("right");
+post("left", cube);
+post("right", cube);
 "##;
 
 #[test]

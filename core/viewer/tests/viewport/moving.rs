@@ -166,6 +166,8 @@ fn actors(place: &mut Place) -> Vec<choreo_stage::ActorState> {
 fn hands_heads_and_attached_actors_follow_an_actor_while_it_is_dragged() {
     let mut place = Place::new(REACHED);
     place.viewer.views[0].room = [64, 36];
+    // The constraints have faded in.
+    place.viewer.playhead.seek(Time::from_secs(1.0));
     let before = actors(&mut place);
     let camera = place.viewer.shown().unwrap().snapshot.camera;
     let by = DVec3::new(-0.2, 0.25, 0.1);
