@@ -533,6 +533,13 @@ impl Viewer {
         all.filter(|what| self.bars().any(|bar| bar.what == **what)).cloned().collect()
     }
 
+    /// An actor that is locked and selected, itself, with a clip or with a key.
+    pub(crate) fn locked_selection(&self) -> Option<&str> {
+        let keys = self.selected_keys().iter().map(|key| &key.what);
+        let all = self.selection.iter().chain(self.more()).chain(keys);
+        all.filter_map(Selected::actor).find(|name| self.toggles.locked.contains(*name))
+    }
+
     /// Selects one more, or one less.
     pub(crate) fn select_more(&mut self, what: Selected) {
         let mut all = self.selected_bars();

@@ -1,7 +1,7 @@
 //! Everything that a key or the command palette does, with its usual keys.
 
 use super::key_menu::{KeyAct, KeyCommand};
-use super::{Panels, Tab, bar_menu, key_menu, keys, rename, viewport};
+use super::{Panels, Tab, bar_menu, headers, key_menu, keys, rename, viewport};
 use crate::app::Viewer;
 use crate::editing::EditError;
 use crate::geometry::gizmo::Tool;
@@ -185,6 +185,9 @@ fn bars(c: &mut Context, command: bar_menu::Command) {
 }
 
 fn delete(c: &mut Context) {
+    if headers::refuses_locked(c.viewer) {
+        return;
+    }
     match (c.viewer.selected_keys().is_empty(), c.viewer.curves.hovered) {
         (false, _) => c.viewer.edit(Viewer::delete_selected),
         // Who looks at keys does not mean the thing that has them.

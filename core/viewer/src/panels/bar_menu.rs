@@ -1,6 +1,7 @@
 //! Commands for the selected bars: the menu of the right mouse button, and their keys.
 
 use super::bars::Act;
+use super::headers;
 use super::key_menu::{self, KeyAct, KeyCommand};
 use super::rename;
 use crate::app::Viewer;
@@ -128,12 +129,19 @@ fn paste(viewer: &mut Viewer, text: &str) {
         return key_menu::paste(viewer, text);
     }
     let Some(name) = viewer.paste_target() else { return };
+    if viewer.toggles.locked.contains(&name) {
+        return viewer.edit(|_| Err(EditError::refused(headers::is_locked(&name))));
+    }
     let secs = viewer.playhead.time().as_secs();
     viewer.edit(|v| v.paste_cues(&name, text, secs));
 }
 
 /// Does a command to the selected bars.
 pub fn run(ui: &Ui, viewer: &mut Viewer, command: Command) {
+    let changes = !matches!(command, Command::Copy | Command::Paste | Command::Rename | Command::GoToLine);
+    if changes && headers::refuses_locked(viewer) {
+        return;
+    }
     let all = viewer.selected_bars();
     let at = viewer.playhead.time().as_secs();
     match command {

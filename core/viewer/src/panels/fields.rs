@@ -297,7 +297,9 @@ fn clip(
         wanted = choice(ui, "clip", &played.clip.name, names).map(FieldChange::Clip);
         ui.end_row();
         let form = Form::of(stated, what).with_end(viewer, what);
-        for field in Cue::FIELDS.iter().filter(|field| (field.lacks)(played).is_none()) {
+        // Clips of upper layers fade in.
+        let suits = |field: &&Field<Cue>| layer == 0 || field.name != "inertial";
+        for field in Cue::FIELDS.iter().filter(|field| (field.lacks)(played).is_none()).filter(suits) {
             wanted = match keys_of(played, field.name) {
                 Some(keys) => keyed(ui, stated, field.name, &keys),
                 None => described(ui, &form, played, field),

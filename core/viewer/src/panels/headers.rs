@@ -4,6 +4,7 @@ use super::bar_menu::{self, Command};
 use super::hint::Hint;
 use super::icons;
 use crate::app::Viewer;
+use crate::editing::EditError;
 use crate::state::selection::Selected;
 use crate::state::timeline::Timeline;
 use egui::{Align2, FontId, Rect, Response, Sense, Ui, pos2, vec2};
@@ -29,7 +30,17 @@ pub fn menu(response: &Response, viewer: &Viewer, what: &Selected) -> Option<Com
     command
 }
 
-/// Why nothing in the rows of an actor is dragged.
+/// Refuses a change of what is selected where its row is locked; whether it does.
+pub(super) fn refuses_locked(viewer: &mut Viewer) -> bool {
+    let why = viewer.locked_selection().map(is_locked);
+    let is_refused = why.is_some();
+    if let Some(why) = why {
+        viewer.edit(|_| Err(EditError::refused(why)));
+    }
+    is_refused
+}
+
+/// Why nothing in the rows of an actor is changed.
 pub(super) fn is_locked(name: &str) -> String {
     format!("the row of {name} is locked; press the lock beside its name to unlock it")
 }

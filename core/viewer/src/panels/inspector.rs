@@ -495,6 +495,12 @@ fn parameter(
             let to = reset.or(set).map(|to| if is_whole { to.round() } else { to });
             wanted = to.map(|to| (option.name.clone(), values::text(ui, to)));
         }
+        OptionKind::Color { .. }
+            if value.len() == 3 && value.iter().all(|part| (0.0..=1.0).contains(part)) =>
+        {
+            let set = values::color(ui, &option.name, srgb(Vec3::from_slice(value)));
+            wanted = set.map(|[r, g, b]| (option.name.clone(), format!("\"#{r:02x}{g:02x}{b:02x}\"")));
+        }
         OptionKind::Color { .. } | OptionKind::Vector { .. } => {
             ui.horizontal(|ui| {
                 for (number, (name, value)) in option.number_names().zip(value).enumerate() {

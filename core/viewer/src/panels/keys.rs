@@ -34,6 +34,9 @@ pub fn handle(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
 
 /// The selected cue, effect or cut begins, or ends, this number of frames later.
 pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
+    if super::headers::refuses_locked(viewer) {
+        return;
+    }
     let Some(what) = viewer.selection.clone() else { return };
     let bar = viewer.timeline.rows.iter().flat_map(|r| &r.bars).find(|b| b.what == what);
     let Some((time, cut)) = bar.map(|b| (if part == CueTime::End { b.until } else { b.start }, b.cut)) else {

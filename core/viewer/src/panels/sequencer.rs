@@ -305,6 +305,11 @@ fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
                 let why = "it is no key that can be moved; its line states the time";
                 return viewer.edit(|_| Err(EditError::refused_at(&event.place, why)));
             }
+            let locked =
+                keys.iter().filter_map(|key| key.what.actor()).find(|a| viewer.toggles.locked.contains(*a));
+            if let Some(why) = locked.map(headers::is_locked) {
+                return viewer.edit(|_| Err(EditError::refused(why)));
+            }
             let is_selected = keys.iter().any(|key| viewer.is_key_selected(key));
             match is_selected {
                 true => viewer.edit(|v| v.move_selected(by)),

@@ -205,10 +205,11 @@ pub(crate) fn of_sky(scene: &Scene, place: &Place) -> Vec<Event> {
     gathered.events(scene.stage.settings.length, Some(&Selected::Sky), place)
 }
 
-/// Keys of texts, images and panels.
-pub(crate) fn of_titles(scene: &Scene) -> Vec<Event> {
+/// Keys of some of the texts, images and panels, by their numbers.
+pub(crate) fn of_titles(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
     let mut gathered = Gathered::default();
-    for (index, layer) in scene.stage.layers_2d.iter().enumerate() {
+    for &index in numbers {
+        let layer = &scene.stage.layers_2d[index];
         let keyed = keyed::properties_of(scene, &Selected::Title(index), layer.channels.iter());
         gathered.keys(&keyed, &format!("{} ", title(layer)));
     }
@@ -228,9 +229,11 @@ pub(crate) fn title(layer: &Layer2d) -> String {
     }
 }
 
-pub(crate) fn of_effects(scene: &Scene) -> Vec<Event> {
+/// Keys of some of the effects, by their numbers.
+pub(crate) fn of_effects(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
     let mut gathered = Gathered::default();
-    for (index, used) in scene.stage.effects.iter().enumerate() {
+    for &index in numbers {
+        let used = &scene.stage.effects[index];
         let keyed = keyed::properties_of(
             scene,
             &Selected::Effect(index),

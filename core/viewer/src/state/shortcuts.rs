@@ -189,11 +189,42 @@ impl Shortcuts {
         (shortcuts, problem)
     }
 
-    /// Failure is no reason to stop: the next window has the keys of before.
-    pub fn write(&self, file: &Path) {
+    /// Writes another preset into the file, whose own keys may have been edited since it was read: those count. A file with an error stays as
+    /// it is. Failure is no reason to stop: the next window has the keys of before.
+    pub fn write_preset(&mut self, file: &Path) {
+        let (in_file, problem) = Shortcuts::read(file);
+        if problem.is_some() {
+            return;
+        }
+        self.own = in_file.own;
         let value = json!({ "preset": self.preset, "keys": self.own });
         if let (Some(folder), Some(name)) = (file.parent(), file.file_name()) {
             let _ = write_whole_beneath(folder, name.as_ref(), format!("{value:#}\n").as_bytes());
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The user edits the file while a window is open; the window changes its preset alone.
+    #[test]
+    fn own_keys_in_the_file_stay_when_another_preset_is_chosen() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join(Shortcuts::FILE);
+        std::fs::write(&file, r#"{ "preset": "choreo", "keys": { "split": "Shift+Y" } }"#).unwrap();
+        let (mut shortcuts, problem) = Shortcuts::read(&file);
+        assert_eq!(problem, None);
+        std::fs::write(&file, r#"{ "preset": "choreo", "keys": { "split": "Shift+U" } }"#).unwrap();
+        shortcuts.preset = "blender".to_string();
+        shortcuts.write_preset(&file);
+        let (kept, problem) = Shortcuts::read(&file);
+        assert_eq!((kept.preset.as_str(), kept.own["split"].as_str(), problem), ("blender", "Shift+U", None));
+        assert_eq!(shortcuts, kept);
+        // What cannot be read is not written over.
+        std::fs::write(&file, "{ half").unwrap();
+        shortcuts.write_preset(&file);
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), "{ half");
     }
 }

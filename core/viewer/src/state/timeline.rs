@@ -114,7 +114,7 @@ impl Timeline {
         }
         if !stage.effects.is_empty() {
             let bars = (0..stage.effects.len()).map(|index| effect(scene, index));
-            rows.extend(lanes("effects", bars.collect(), events::of_effects(scene)));
+            rows.extend(lanes("effects", bars.collect(), |numbers| events::of_effects(scene, numbers)));
         }
         let mut lights = Vec::new();
         for index in 0..stage.lights.len() {
@@ -134,7 +134,7 @@ impl Timeline {
         }
         if !stage.layers_2d.is_empty() {
             let bars = (0..stage.layers_2d.len()).map(|index| title(scene, index)).collect();
-            rows.extend(lanes("titles", bars, events::of_titles(scene)));
+            rows.extend(lanes("titles", bars, |numbers| events::of_titles(scene, numbers)));
         }
         Timeline { rows, lights, markers: stage.markers.clone(), length }
     }
@@ -213,22 +213,26 @@ fn effect(scene: &Scene, index: usize) -> Bar {
     }
 }
 
-/// Rows for bars that may overlap: each lies in the first row with room for it. The events are in the first row.
-fn lanes(label: &str, mut bars: Vec<Bar>, mut events: Vec<Event>) -> Vec<Row> {
-    bars.sort_by_key(|bar| bar.start);
-    let mut rows: Vec<Vec<Bar>> = Vec::new();
-    for bar in bars {
-        match rows.iter_mut().find(|row| row.last().is_none_or(|last| last.end <= bar.start)) {
-            Some(row) => row.push(bar),
-            None => rows.push(vec![bar]),
+/// Rows for bars that may overlap: each lies in the first row with room for it, with the events of what it is for. `events`: of bars by their numbers.
+fn lanes(label: &str, bars: Vec<Bar>, events: impl Fn(&[usize]) -> Vec<Event>) -> Vec<Row> {
+    let mut bars: Vec<(usize, Bar)> = bars.into_iter().enumerate().collect();
+    bars.sort_by_key(|(_, bar)| bar.start);
+    let mut rows: Vec<(Vec<usize>, Vec<Bar>)> = Vec::new();
+    for (index, bar) in bars {
+        match rows.iter_mut().find(|(_, row)| row.last().is_none_or(|last| last.end <= bar.start)) {
+            Some((numbers, row)) => {
+                numbers.push(index);
+                row.push(bar);
+            }
+            None => rows.push((vec![index], vec![bar])),
         }
     }
-    let row = |(number, bars): (usize, Vec<Bar>)| Row {
+    let row = |(number, (numbers, bars)): (usize, (Vec<usize>, Vec<Bar>))| Row {
         label: if number == 0 { label.to_string() } else { format!("{label} {}", number + 1) },
         what: None,
         layer: None,
         bars,
-        events: std::mem::take(&mut events),
+        events: events(&numbers),
         place: Place::default(),
     };
     rows.into_iter().enumerate().map(row).collect()

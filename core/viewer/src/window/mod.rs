@@ -108,14 +108,14 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     if asked.full_size {
         viewer.views.iter_mut().for_each(|view| view.resolution = Resolution::Full);
     }
-    let written_shortcuts = viewer.shortcuts.clone();
+    let written_preset = viewer.shortcuts.preset.clone();
     let mut app = ViewerWindow {
         program: program.name,
         viewer,
         panels: Panels::new(&settings),
         settings: Writing::new(settings),
         settings_file,
-        written_shortcuts,
+        written_preset,
         begin: Some((asked.at, asked.play)),
         frame_renderer,
         source: source.unwrap_or_else(|| asked.files.like().clone()),
@@ -178,8 +178,8 @@ struct ViewerWindow {
     panels: Panels,
     settings: Writing,
     settings_file: Option<PathBuf>,
-    /// The keys as they are in their file.
-    written_shortcuts: Shortcuts,
+    /// The preset of keys as it is in their file.
+    written_preset: String,
     /// Time and play state to begin with, until the first version is there.
     begin: Option<(f64, bool)>,
     frame_renderer: FrameRenderer,
@@ -244,10 +244,10 @@ impl ViewerWindow {
     /// Remembers the layout of the panels for the next window.
     fn remember(&mut self) {
         if let Some(file) = &self.settings_file
-            && self.viewer.shortcuts != self.written_shortcuts
+            && self.viewer.shortcuts.preset != self.written_preset
         {
-            self.viewer.shortcuts.write(&file.with_file_name(Shortcuts::FILE));
-            self.written_shortcuts = self.viewer.shortcuts.clone();
+            self.viewer.shortcuts.write_preset(&file.with_file_name(Shortcuts::FILE));
+            self.written_preset.clone_from(&self.viewer.shortcuts.preset);
         }
         let now = self.present_settings();
         if let Some(file) = &self.settings_file {

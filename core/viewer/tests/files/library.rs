@@ -109,7 +109,10 @@ fn own_keys_come_before_those_of_the_preset_and_the_usual_ones() {
     keys.own.insert("play".into(), String::new());
     assert_eq!(keys.text("delete", "Delete"), "Ctrl Shift Backspace, Alt D");
     assert_eq!(keys.of("play", "Space"), []);
-    keys.write(&file);
+    std::fs::create_dir(file.parent().unwrap()).unwrap();
+    let own = r#"{ "keys": { "delete": "Ctrl+Shift+Backspace, alt+D", "play": "" } }"#;
+    std::fs::write(&file, own).unwrap();
+    keys.write_preset(&file);
     assert_eq!(Shortcuts::read(&file), (keys, None));
     for (text, wrong) in [
         ("[", "EOF"),

@@ -873,3 +873,26 @@ fn a_trim_leaves_something_to_be_played() {
     desk.state_mut().reload();
     assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
 }
+
+/// Fields write what the script takes: a clip of an upper layer has no inertial blend, and a color of an effect is one text.
+#[test]
+fn fields_write_what_the_script_takes() {
+    const SCENE: &str = "stage(#{ fps: 30, length: 4.0 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\"));
+ada.play(moves.clip(\"Wave\")).on(\"RightShoulder..\");
+effect(\"outline\", #{ color: \"#ffd060\" }).on(ada);
+";
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+    for (layer, is_offered) in [(0, true), (1, false)] {
+        desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer, cue: 0 });
+        desk.run();
+        assert_eq!(desk.query_by_label("inertial field").is_some(), is_offered, "layer {layer}");
+    }
+    desk.state_mut().viewer.selection = Some(Selected::Effect(0));
+    desk.run();
+    type_into(&mut desk, "color hex", "#1080f0");
+    assert_eq!(desk.state().text(), SCENE.replace("#ffd060", "#1080f0"));
+    assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
+}

@@ -4,7 +4,7 @@
 use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
 use choreo_viewer::state::selection::Selected;
-use egui::{Event, Modifiers, PointerButton, Pos2, pos2, vec2};
+use egui::{Event, Key, Modifiers, PointerButton, Pos2, pos2, vec2};
 use egui_kittest::kittest::Queryable;
 
 const SCRIPT: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 8.0 });
@@ -198,10 +198,20 @@ fn a_locked_row_says_so_when_a_bar_is_dragged() {
         desk.state_mut().viewer.message = None;
         assert_eq!(desk.state().text(), SCRIPT);
     }
-    // It is still selected by a click.
+    // It is still selected by a click, and no key of the keyboard changes it.
     desk.get_by_label("Walk on ada").click();
     desk.run();
     assert_eq!(desk.state().viewer.selection, Some(cue(0, 0)));
+    for (modifiers, key) in
+        [(Modifiers::ALT, Key::ArrowRight), (Modifiers::NONE, Key::Delete), (Modifiers::NONE, Key::M)]
+    {
+        desk.state_mut().viewer.message = None;
+        desk.key_press_modifiers(modifiers, key);
+        desk.run();
+        let why = "the row of ada is locked; press the lock beside its name to unlock it";
+        assert_eq!(desk.state().viewer.message.as_deref(), Some(why), "{key:?}");
+        assert_eq!(desk.state().text(), SCRIPT);
+    }
 }
 
 /// Nothing is put where it would never be seen.

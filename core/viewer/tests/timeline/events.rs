@@ -168,3 +168,25 @@ fn in_a_narrow_window_the_whole_ruler_is_seen() {
     let more: Vec<_> = desk.get_all_by_label("more").map(|node| node.rect().right()).collect();
     assert!(!more.is_empty() && more.iter().all(|right| *right <= 640.0), "{more:?}");
 }
+
+/// Effects that are on at once have rows of their own, each with its own keys: a key that is dragged changes no other effect.
+#[test]
+fn keys_of_effects_are_in_the_rows_of_their_effects() {
+    let script = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+effect("vignette").key("strength", [[0.0, 0.1], [2.0, 0.9]]);
+effect("bloom").key("strength", [[1.0, 0.0], [2.0, 0.2]]);
+"##;
+    let place = Place::new(script);
+    let rows = place.viewer.timeline.rows.iter().filter(|row| row.label.starts_with("effects"));
+    let rows: Vec<(Vec<&str>, Vec<f64>)> = rows
+        .map(|row| {
+            let bars = row.bars.iter().map(|bar| bar.label.as_str()).collect();
+            (bars, row.events.iter().map(|event| event.at.as_secs()).collect())
+        })
+        .collect();
+    assert_eq!(rows, [(vec!["vignette"], vec![0.0, 2.0]), (vec!["bloom"], vec![1.0, 2.0])]);
+    for row in place.viewer.timeline.rows.iter().filter(|row| row.label.starts_with("effects")) {
+        let own = |key: &choreo_viewer::state::keyed::KeyRef| row.bars.iter().any(|bar| bar.what == key.what);
+        assert!(row.events.iter().flat_map(|event| event.key_refs()).all(|key| own(&key)));
+    }
+}
