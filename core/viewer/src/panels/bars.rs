@@ -196,8 +196,10 @@ impl Viewer {
 
     fn move_bar(&mut self, bar: &Bar, secs: f64, drag: Drag) -> Result<(), EditError> {
         let all = self.selected_bars();
-        if let Some(cut) = bar.cut {
-            return self.set_cut(cut, secs);
+        match (bar.cut, drag) {
+            (Some(cut), Drag::Ripple) => return self.ripple_cuts(cut, secs),
+            (Some(cut), _) => return self.set_cut(cut, secs),
+            (None, _) => {}
         }
         match (&bar.what, drag) {
             (Selected::Camera(_), _) => {

@@ -357,3 +357,22 @@ fn bars_snap_to_beats() {
         back(&mut desk);
     }
 }
+
+/// With Shift the later cuts go along, as later clips do, also those that count frames.
+#[test]
+fn later_cuts_follow_a_camera_that_is_dragged_with_shift() {
+    let script = format!(
+        "{SCRIPT}let one = camera(\"one\").at(0.0, 1.0, 4.0);\nlet two = camera(\"two\").at(1.0, 1.0, 4.0).cut(2.0);\none.cut(f(100));\n"
+    );
+    let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
+    let by = second(&desk);
+    let two = desk.get_by_label("two on camera").rect().center();
+    drag_briefly(&mut desk, Modifiers::SHIFT, two, two + vec2(by, 0.0));
+    assert_eq!(desk.state().viewer.message, None);
+    assert_eq!(desk.state().text(), script.replace(".cut(2.0)", ".cut(3.0)").replace("f(100)", "f(125)"));
+    desk.state_mut().viewer.undo().unwrap();
+    desk.state_mut().reload();
+    desk.run();
+    drag_briefly(&mut desk, Modifiers::NONE, two, two + vec2(by, 0.0));
+    assert_eq!(desk.state().text(), script.replace(".cut(2.0)", ".cut(3.0)"));
+}
