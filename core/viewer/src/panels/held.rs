@@ -20,7 +20,7 @@ pub(super) fn adds(ui: &Ui) -> bool {
     modifiers.command || modifiers.shift
 }
 
-/// Where a point (`anchor`) is dragged, as far as the pointer has moved since it took hold beside it. A press that does not move is a click and
+/// The place to which a point (`anchor`) is dragged: as far as the pointer has moved since it took hold beside it. A press that does not move is a click and
 /// drags nothing.
 pub(super) fn dragged(ui: &Ui, response: &Response, anchor: Pos2) -> Option<Pos2> {
     let id = response.id.with("grabbed");
