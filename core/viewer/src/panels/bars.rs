@@ -525,20 +525,20 @@ fn draw(painter: &Painter, viewer: &Viewer, bar: &Bar, place: Rect, lane: &Lane,
 
 /// Colors of the two lines of an outline, the outer one first: one of them stands out from any bar, the outer one from the panel.
 pub(super) fn outline_colors(visuals: &egui::Visuals) -> [Color32; 2] {
-    [visuals.strong_text_color(), Color32::WHITE]
+    [visuals.strong_text_color(), if visuals.dark_mode { Color32::BLACK } else { Color32::WHITE }]
 }
 
 /// An outline that is seen on bars and beside them.
 fn outline(painter: &Painter, place: Rect) {
     let [outer, inner] = outline_colors(&painter.ctx().global_style().visuals);
-    let line = |place: Rect, round: u8, color: Color32| {
-        painter.rect_stroke(place, CornerRadius::same(round), Stroke::new(2.0, color), StrokeKind::Inside);
+    let line = |place: Rect, width: f32, round: u8, color: Color32| {
+        painter.rect_stroke(place, CornerRadius::same(round), Stroke::new(width, color), StrokeKind::Inside);
     };
     // Of a narrow bar the outer line is all there is room for.
     if place.width() > 8.0 {
-        line(place.shrink(2.0), 2, inner);
+        line(place.shrink(2.0), 1.0, 2, inner);
     }
-    line(place, 3, outer);
+    line(place, 2.0, 3, outer);
 }
 
 /// The outline of a whole clip that is cut short, over the bars that follow it.
