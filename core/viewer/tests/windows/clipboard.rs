@@ -8,6 +8,8 @@ use std::path::Path;
 const SCRIPT: &str = r##"stage(#{ size: [320, 180], fps: 30, length: 3.0, samples: 1 });
 let moves = load("choreo:mannequin");
 let ada = cast("ada", moves);
+// A warning would give the bar another color once it comes.
+// allow: frozen_at_end
 ada.play(moves.clip("CLIP")).until(1.0);
 "##;
 const SEQUENCER: [usize; 2] = [600, 860];
