@@ -280,7 +280,7 @@ impl ScriptObject<'_> {
         self.key_call(property).is_some()
     }
 
-    /// The last `.key(…)` of a property.
+    /// The last `.key(…)` of a property: its own, else one in a function that the object is handed to.
     pub(super) fn key_call(&self, property: &str) -> Option<Call> {
         let name = KeyName::of(property);
         if let KeyName::Joint { .. } = name {
@@ -293,17 +293,8 @@ impl ScriptObject<'_> {
                     && property_of(&self.text, call).as_deref() == Some(property)
             }
         };
-        let own = self.calls.iter().rev().find(is_it).cloned();
-        own.or_else(|| self.handed_key(property))
-    }
-
-    /// The last `.key(…)` of a property in a function that the object is handed to.
-    fn handed_key(&self, property: &str) -> Option<Call> {
-        let is_it = |call: &&Call| {
-            self.text[call.name.clone()] == *"key"
-                && property_of(&self.text, call).as_deref() == Some(property)
-        };
-        self.handed.iter().rev().map(|handed| &handed.call).find(is_it).cloned()
+        let handed = self.handed.iter().rev().map(|handed| &handed.call);
+        self.calls.iter().rev().chain(handed).find(is_it).cloned()
     }
 
     /// The last `.key(…)` of a property of a joint.

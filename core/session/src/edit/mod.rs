@@ -3,6 +3,7 @@
 
 mod additions;
 mod casting;
+mod constraints;
 mod copying;
 mod cues;
 mod deleting;
@@ -16,7 +17,6 @@ mod keys;
 #[cfg(test)]
 mod marked;
 mod object;
-mod reaching;
 mod refused;
 mod renaming;
 mod reordering;

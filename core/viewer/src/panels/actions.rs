@@ -190,7 +190,7 @@ fn delete(c: &mut Context) {
     }
     match (c.viewer.selected_keys().is_empty(), c.viewer.curves.hovered) {
         (false, _) => c.viewer.edit(Viewer::delete_selected),
-        // Who looks at keys does not mean the thing that has them.
+        // Delete over curves means keys, not the object that has them.
         (true, true) => c.viewer.edit(|_| Err(EditError::refused("no key is selected"))),
         (true, false) => bars(c, bar_menu::Command::Delete),
     }

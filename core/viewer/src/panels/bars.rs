@@ -126,13 +126,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
             continue;
         }
         for (part, at) in handles(bar) {
-            act = handle(ui, viewer, bar, part, at, number, lane).or(act);
-        }
-        // Where bars meet, a handle reaches over the next one.
-        if let (Some(Act::Select(what, _)), Some(pointer)) = (&mut act, ui.ctx().pointer_interact_pos()) {
-            let secs = lane.secs(viewer, pointer.x);
-            let is_there = |bar: &&Bar| (bar.start.as_secs()..bar.end.as_secs()).contains(&secs);
-            bars.iter().rev().find(is_there).iter().for_each(|bar| what.clone_from(&bar.what));
+            act = handle(ui, viewer, (bars, number), part, at, lane).or(act);
         }
         if viewer.selection.as_ref() == Some(&bar.what) && bar.strip.is_some() {
             act = speed_handle(ui, viewer, bar, number, lane).or(act);
@@ -325,16 +319,16 @@ fn grip(
     (response.on_hover_cursor(cursor), dragged)
 }
 
-/// Draws a handle; once it is let go, gives the new value in seconds, on a whole frame.
+/// Draws a handle of one of the bars of a row; once it is let go, gives the new value in seconds, on a whole frame.
 fn handle(
     ui: &Ui,
     viewer: &Viewer,
-    bar: &Bar,
+    (bars, number): (&[Bar], usize),
     part: CueTime,
     at: Time,
-    number: usize,
     lane: &Lane,
 ) -> Option<Act> {
+    let bar = &bars[number];
     let x = lane.x(viewer, at.as_secs());
     let rect = lane.rect;
     // The fade's handle is above, the ends' are as high as the bar.
@@ -354,7 +348,12 @@ fn handle(
     let label = format!("{name} {} in row {}", bar.label, lane.row);
     let (response, dragged) = grip(ui, (place, pos2(x, rect.top())), id, label, CursorIcon::ResizeHorizontal);
     if response.clicked() {
-        return Some(Act::Select(bar.what.clone(), held::adds(ui)));
+        // A handle reaches over the next bar where two meet.
+        let secs = response.interact_pointer_pos().map(|pointer| lane.secs(viewer, pointer.x));
+        let is_there =
+            |bar: &&Bar| secs.is_some_and(|secs| (bar.start.as_secs()..bar.end.as_secs()).contains(&secs));
+        let clicked = bars.iter().rev().find(is_there).unwrap_or(bar);
+        return Some(Act::Select(clicked.what.clone(), held::adds(ui)));
     }
     let Some(pointer) = dragged else { return bar_menu::show(&response, viewer, bar) };
     let secs = lane.snapped(viewer, pointer.x, Some(bar));
@@ -550,12 +549,12 @@ fn whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
         let beyond = Rect::from_min_max(pos2(lane.x(viewer, end), ghost.top()), ghost.max);
         let painter = painter.with_clip_rect(beyond.intersect(painter.clip_rect()));
         // Dashes of both colors: one of them is seen on any bar, and no selected bar looks so.
-        let [dark, light] = outline_colors(&painter.ctx().global_style().visuals);
+        let [line, dashes] = outline_colors(&painter.ctx().global_style().visuals);
         let ghost = ghost.shrink(0.75);
-        painter.rect_stroke(ghost, CornerRadius::ZERO, Stroke::new(1.5, dark), StrokeKind::Middle);
-        let corners = [ghost.left_top(), ghost.right_top(), ghost.right_bottom(), ghost.left_bottom()];
-        let around: Vec<Pos2> = corners.into_iter().chain([ghost.left_top()]).collect();
-        painter.extend(egui::Shape::dashed_line(&around, Stroke::new(1.5, light), DASH, DASH));
+        painter.rect_stroke(ghost, CornerRadius::ZERO, Stroke::new(1.5, line), StrokeKind::Middle);
+        let (first, last) = (ghost.left_top(), ghost.right_bottom());
+        let around = [first, ghost.right_top(), last, ghost.left_bottom(), first];
+        painter.extend(egui::Shape::dashed_line(&around, Stroke::new(1.5, dashes), DASH, DASH));
     }
 }
 

@@ -49,7 +49,7 @@ pub fn show(
         dragging.change = dragging.drag.change(lens, at, in_steps);
     }
     let text = report(&dragging.change);
-    // Below the sign of a reduced image.
+    // The text that names what the image lacks is above.
     let corner = place.left_top() + vec2(8.0, 8.0 + super::viewport::REDUCED);
     ui.painter_at(place).text(
         corner,

@@ -20,8 +20,8 @@ pub(super) fn adds(ui: &Ui) -> bool {
     modifiers.command || modifiers.shift
 }
 
-/// The place to which a point (`anchor`) is dragged: as far as the pointer has moved since it took hold beside it. A press that does not move is a click and
-/// drags nothing.
+/// The place to which a point (`anchor`) is dragged: as far as the pointer has moved since it took hold beside it. A press that does not
+/// move is a click and drags nothing.
 pub(super) fn dragged(ui: &Ui, response: &Response, anchor: Pos2) -> Option<Pos2> {
     let id = response.id.with("grabbed");
     if response.drag_started()

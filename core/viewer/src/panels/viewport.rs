@@ -16,7 +16,7 @@ use glam::{DVec2, DVec3};
 
 /// Metres a second on foot.
 const PACE: f64 = 3.0;
-/// Height of the sign of a reduced image at its top, points.
+/// Height of the text at the top of an image that names what the image lacks, points.
 pub(super) const REDUCED: f32 = 22.0;
 
 pub(crate) fn toggle_camera(viewer: &mut Viewer) {
@@ -205,7 +205,7 @@ fn into_script(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, index: usize) {
             viewer.edit(|v| v.add_camera(&orbit));
         }
     });
-    // It is there always, so that the entries after it stay where they are.
+    // A disabled entry keeps its place, so that the entries after it stay where they are.
     bar.enabled(orbit.is_some());
 }
 

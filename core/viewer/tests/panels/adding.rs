@@ -574,7 +574,7 @@ fn constraints_are_added_to_the_selected_actor() {
     desk.key_press(Key::Enter);
     desk.run();
     assert!(desk.state().text().contains("ada.reach(\"RightHand\", ball).from(1.0);"));
-    // Without an actor there is nothing that could reach.
+    // Nothing could reach while no actor is selected.
     let viewer = &mut desk.state_mut().viewer;
     viewer.selection = None;
     let refused = viewer.add_constraint(&NewConstraint { call: ConstraintCall::Reach, target: None });

@@ -343,28 +343,17 @@ fn frames_are_taken_by_times_alone() {
     let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     desk.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
     desk.run();
-    let write = |desk: &mut Desk, label: &str, text: &str| {
-        desk.get_by_label(label).click();
-        desk.run();
-        desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
-        desk.run();
-        desk.event(egui::Event::Text(text.into()));
-        desk.run();
-        desk.key_press(Key::Enter);
-        desk.run();
-    };
     for field in ["degrees", "x"] {
-        write(&mut desk, field, "f(12)");
+        type_into(&mut desk, field, "f(12)");
         let viewer = &mut desk.state_mut().viewer;
         let why = viewer.message.take();
         assert_eq!(why.as_deref(), Some("f(…) gives a time, and this is none: write a number"), "{field}");
         assert_eq!(desk.state().text(), SCRIPT);
     }
-    write(&mut desk, "degrees", "90/2");
+    type_into(&mut desk, "degrees", "90/2");
     assert_eq!(desk.state().viewer.message, None);
     assert_ne!(desk.state().text(), SCRIPT);
-    desk.state_mut().reload();
-    write(&mut desk, "time of the playhead", "f(3) + f(9)");
+    type_into(&mut desk, "time of the playhead", "f(3) + f(9)");
     assert_eq!(desk.state().viewer.playhead.frame(), 12);
 }
 
@@ -397,7 +386,7 @@ fn what_is_no_number_is_none() {
 
 /// A field of the inspector, found by its label, is given a number by the keyboard.
 fn type_into(desk: &mut Desk, label: &str, text: &str) {
-    // Behind the name that is seen, where that is the same.
+    // The field is the last, where the name beside it has the same label.
     desk.get_all_by_label(label).last().unwrap().click();
     desk.run();
     desk.key_press_modifiers(Modifiers::COMMAND, Key::A);

@@ -49,15 +49,8 @@ fn an_image_fills_the_viewport_and_shrinks_while_it_plays_too_slowly() {
 
 #[test]
 fn what_a_moving_image_lacks_is_named_until_it_rests() {
-    let mut place = Place::new(SCRIPT);
-    place.viewer.views[0].room = [64, 36];
-    place.viewer.playhead.seek(Time::from_secs(1.0));
-    place.viewer.playhead.play(0.0);
-    place.paint();
+    let place = reduced(1.0);
     assert_eq!(place.viewer.shown().unwrap().waiting, ["motion blur"]);
-    // However fast the image was drawn.
-    place.viewer.reduction = Default::default();
-    place.viewer.reduction.took(90.0, 40.0);
     let mut desk = place.harness(vec2(900.0, 700.0));
     let said = |desk: &Desk| desk.query_all_by_label_contains("motion blur when it rests").next().is_some();
     assert!(said(&desk));
@@ -79,15 +72,22 @@ fn drawn(desk: &Desk, words: &str) -> Vec<Rect> {
     texts.collect()
 }
 
-/// In a narrow viewport the sign ends with … within the image, and a pointer over it reads the whole.
-#[test]
-fn a_sign_without_room_is_cut_short_and_read_as_a_hint() {
+/// A scene that plays from a time on, with half of its pixels, however fast the image was drawn.
+fn reduced(secs: f64) -> Place {
     let mut place = Place::new(SCRIPT);
     place.viewer.views[0].room = [64, 36];
+    place.viewer.playhead.seek(Time::from_secs(secs));
     place.viewer.playhead.play(0.0);
     place.paint();
     place.viewer.reduction = Default::default();
     place.viewer.reduction.took(90.0, 40.0);
+    place
+}
+
+/// In a narrow viewport the text ends with … within the image, and a pointer over it reads the whole.
+#[test]
+fn what_is_named_without_room_is_cut_short_and_read_as_a_hint() {
+    let mut place = reduced(0.0);
     place.viewer.reduction.dropped = 3;
     let layout = serde_json::json!({
         "right": 0.15, "first": { "tabs": ["Viewport"] }, "second": { "tabs": ["Script"] },
@@ -95,23 +95,18 @@ fn a_sign_without_room_is_cut_short_and_read_as_a_hint() {
     place.panels = Panels::new(&Settings { layout: Some(layout), ..Settings::default() });
     let mut desk = place.harness(vec2(1200.0, 500.0));
     let image = desk.state().viewer.views[0].place;
-    let signs = drawn(&desk, "½ resolution");
-    assert_eq!(signs.len(), 1);
-    assert!(signs[0].right() <= image[2], "{signs:?} in {image:?}");
+    let texts = drawn(&desk, "½ resolution");
+    assert_eq!(texts.len(), 1);
+    assert!(texts[0].right() <= image[2], "{texts:?} in {image:?}");
     desk.hover_at(pos2(image[0] + 20.0, image[1] + 10.0));
     desk.run_steps(8);
-    assert_eq!(drawn(&desk, "3 frames dropped").len(), 2, "the sign and the hint");
+    assert_eq!(drawn(&desk, "3 frames dropped").len(), 2, "the text and the hint");
 }
 
 /// What is dragged has its numbers beside what the image lacks meanwhile.
 #[test]
 fn numbers_of_a_drag_are_read_beside_what_the_image_lacks() {
-    let mut place = Place::new(SCRIPT);
-    place.viewer.views[0].room = [64, 36];
-    place.viewer.playhead.play(0.0);
-    place.paint();
-    place.viewer.reduction = Default::default();
-    place.viewer.reduction.took(90.0, 40.0);
+    let mut place = reduced(0.0);
     place.viewer.selection = Some(Selected::Actor("box".into()));
     let (tool, handle) = (Tool::Move, Handle::Axis(0));
     let drag = Drag { tool, handle, world_from_model: DAffine3::IDENTITY, from: DVec2::ZERO };
