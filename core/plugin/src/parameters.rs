@@ -168,6 +168,33 @@ impl Manifest {
         all.resize(self.parameter_length(), 0.0);
         all
     }
+
+    /// Scales the numbers whose unit is "px" within their ranges, for an image that is `scale` times as large as the one that
+    /// they were meant for. Whole numbers stay whole.
+    ///
+    /// ```
+    /// use choreo_plugin::Manifest;
+    /// let manifest = Manifest::new("line", "1", "").number("width", "", 4.0, 0.0..=9.0).unit("px").flag("on", "", true);
+    /// let mut parameters = manifest.parameters(&[]);
+    /// manifest.scale_pixels(&mut parameters, 0.25);
+    /// assert_eq!(parameters[..2], [1.0, 1.0]);
+    /// ```
+    pub fn scale_pixels(&self, parameters: &mut [f32], scale: f64) {
+        if scale == 1.0 {
+            return;
+        }
+        let mut rest = parameters;
+        for option in &self.options {
+            let Some((own, after)) = rest.split_at_mut_checked(option.endings().len()) else { return };
+            rest = after;
+            let Some([min, max]) = option.bounds().filter(|_| option.unit == "px") else { continue };
+            for value in own {
+                let scaled = (f64::from(*value) * scale).clamp(min, max);
+                let is_whole = matches!(option.kind, OptionKind::Integer { .. });
+                *value = if is_whole { libm::round(scaled) } else { scaled } as f32;
+            }
+        }
+    }
 }
 
 #[cfg(test)]

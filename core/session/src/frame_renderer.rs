@@ -293,8 +293,9 @@ impl RenderState {
             self.resources = Some(scene.resources.clone());
         }
         let start = Instant::now();
-        let options = PlanOptions { effects, ..PlanOptions::new(request.size, request.samples) };
         let stage = self.views.stage(request);
+        let preview_of = Some(stage.settings.size);
+        let options = PlanOptions { effects, preview_of, ..PlanOptions::new(request.size, request.samples) };
         let mut waiting = Vec::new();
         let (snapshot, plan, evaluated_in) = if request.moving {
             // A moving view gets one image a frame instead of many for motion blur.

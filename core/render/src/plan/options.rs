@@ -1,5 +1,6 @@
 //! Options of a plan.
 
+use crate::plan::build::effects::effect_parameters;
 use choreo_plugin::{Effect, FrameWish};
 use choreo_stage::Snapshot;
 
@@ -8,6 +9,9 @@ use choreo_stage::Snapshot;
 pub struct PlanOptions<'a> {
     /// Pixels.
     pub size: [u32; 2],
+    /// Size of the image that this one is a preview of, pixels: thick lines and parameters of effects with the unit "px" get the
+    /// same share of the image's height as there. `None`: pixels are those of this image.
+    pub preview_of: Option<[u32; 2]>,
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
     /// The pixels that are made of it.
@@ -35,5 +39,17 @@ pub struct PlanOptions<'a> {
 impl PlanOptions<'_> {
     pub fn new(size: [u32; 2], samples: u32) -> Self {
         PlanOptions { size, samples, ..PlanOptions::default() }
+    }
+
+    /// Pixels of this image for one of the image that it is a preview of.
+    pub(crate) fn pixel_scale(&self) -> f32 {
+        self.preview_of.map_or(1.0, |of| self.size[1] as f32 / of[1].max(1) as f32)
+    }
+
+    /// An effect's parameters as [`effect_parameters`] gives them, pixels as many as in this image.
+    pub(crate) fn effect_parameters(&self, effect: &Effect, given: &[(String, f64)]) -> Vec<f32> {
+        let mut parameters = effect_parameters(effect, given);
+        effect.manifest().scale_pixels(&mut parameters, f64::from(self.pixel_scale()));
+        parameters
     }
 }

@@ -13,8 +13,14 @@ pub(crate) fn pen(topology: Topology, material: &Material) -> Option<LineStyle> 
     material.line_style.filter(|_| topology != Topology::Triangles)
 }
 
-/// Line width as in [`crate::plan::Instance::width`]: pixels, or negative metres. `of_actor` replaces the pen's own width.
-pub(crate) fn width(pen: LineStyle, of_actor: Option<f32>, relative_from_mesh: &Affine3x4) -> f32 {
+/// Line width as in [`crate::plan::Instance::width`]: pixels, or negative metres. `of_actor` replaces the pen's own width, and
+/// `pixel_scale` is the number of pixels for one of the pen's.
+pub(crate) fn width(
+    pen: LineStyle,
+    of_actor: Option<f32>,
+    relative_from_mesh: &Affine3x4,
+    pixel_scale: f32,
+) -> f32 {
     let width = of_actor.unwrap_or(pen.width);
     let width = if width.is_finite() { width.max(0.0) } else { 0.0 };
     match pen.metres {
@@ -23,7 +29,7 @@ pub(crate) fn width(pen: LineStyle, of_actor: Option<f32>, relative_from_mesh: &
             let [x, y, z] = relative_from_mesh.0.map(|row| row.truncate());
             -width * ((x.dot(x) + y.dot(y) + z.dot(z)) / 3.0).sqrt()
         }
-        false => width.min(MOST_PIXELS),
+        false => (width * pixel_scale).min(MOST_PIXELS),
     }
 }
 

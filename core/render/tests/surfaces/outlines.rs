@@ -80,6 +80,22 @@ fn as_wide_in_pixels_wherever_it_stands() {
     }
 }
 
+/// A preview of a quarter of the sides, or of four times as many pixels, has lines of the same share of its height.
+#[test]
+fn a_preview_has_outlines_as_wide_as_the_image_has() {
+    let all = effects();
+    for (side, width) in [(301, 8.0), (75, 2.0), (1204, 32.0)] {
+        let mut scene = Scene::perspective(0.7, 8.0);
+        scene.at(&asset(vec![ball(1.0)], vec![unlit(Vec4::ONE)], vec![]), 0.0, 0.0, 0.0);
+        outlined(&mut scene, 8.0, vec![]);
+        let preview_of = Some([301, 301]);
+        let options = PlanOptions { effects: &all, preview_of, ..PlanOptions::new([side, side], 1) };
+        let runs = runs(&draw(&scene, &options), side / 2, GREEN);
+        let fits = |r: &u32| (f64::from(*r) - width).abs() <= 1.2;
+        assert!(runs.len() == 2 && runs.iter().all(fits), "{side}: {width} px as {runs:?}");
+    }
+}
+
 fn toon(outline: Outline, base: Vec4) -> Material {
     let toon = Toon { outline: Some(outline), gi_equalization: 0.0, ..Toon::default() };
     Material { shading: Shading::Toon, toon: Some(Arc::new(toon)), ..matte(base) }

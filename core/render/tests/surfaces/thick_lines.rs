@@ -106,6 +106,18 @@ fn pixels_stay_and_metres_shrink_with_the_distance() {
     }
 }
 
+#[test]
+fn a_preview_has_lines_of_the_same_share_of_its_height() {
+    let line = drawn(Topology::Lines, vec![Vec3::X * -1e3, Vec3::X * 1e3], square(8.0));
+    for (side, width) in [(64, 8.0), (16, 2.0), (256, 32.0)] {
+        let preview_of = Some([64, 64]);
+        let options = PlanOptions { preview_of, ..PlanOptions::new([side, side], 4) };
+        let frame = draw(&ten_a_metre(&line), &options);
+        let got = (0..side).map(|y| decode(pixel(&frame, side / 2, y)[0])).sum::<f64>();
+        assert!((got - width).abs() < 0.1, "{side}: {got} {width}");
+    }
+}
+
 /// Much at once: through the eye, along the view, of no length, huge, colored, mirrored.
 fn hard() -> Scene {
     let mut scene = Scene::perspective(1.0, 4.0);

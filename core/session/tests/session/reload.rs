@@ -367,6 +367,30 @@ fn the_painter_draws_what_render_draws_and_the_newest_wish_wins() {
     assert!(frame(&studio.paint(&scene, 0.7)).rgba != expected.rgba, "another time is another image");
 }
 
+/// Thick lines of a smaller preview cover the same share of it.
+#[test]
+fn a_smaller_image_has_lines_as_wide_as_the_whole_one() {
+    let script = r#"
+stage(#{ size: [160, 120], length: 1.0, background: "black" });
+cast("line", lines(#{ positions: [[-9.0, 1.0, 0.0], [9.0, 1.0, 0.0]], width: 16, color: "white" }));
+camera("c").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
+sun(#{ direction: [-0.6, -1.0, -0.9] });
+"#;
+    let mut place = Place::new(|_| ());
+    place.write("a.rhai", script);
+    let scene = good(place.session.build(BTreeSet::new()));
+    let studio = Studio::new(|| Ok(Box::new(CpuRenderer::new(&[]))));
+    let share = |divisor: u32| {
+        let request = FrameRequest::new(scene.clone(), Time::ZERO, 4, 7);
+        studio.renderer.ask(FrameRequest { size: [160 / divisor, 120 / divisor], ..request });
+        let reply = studio.reply.recv_timeout(Duration::from_secs(600)).unwrap();
+        let pixels = frame(&reply).rgba.chunks_exact(4);
+        pixels.clone().filter(|p| p[0] > 20).count() as f64 / pixels.len() as f64
+    };
+    let (whole, quarter) = (share(1), share(4));
+    assert!(whole > 0.1 && (quarter - whole).abs() < 0.02, "{whole} {quarter}");
+}
+
 #[test]
 fn a_painter_whose_renderer_does_not_start_says_so_each_time() {
     let mut place = Place::new(|_| ());

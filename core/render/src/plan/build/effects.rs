@@ -155,7 +155,7 @@ pub(super) fn scene_effects(stage: &Stage, snapshot: &Snapshot, options: &PlanOp
     let in_scene = uses(stage, snapshot, options.effects).filter(|(effect, ..)| effect.hook().is_in_scene());
     let frame = frame_times(stage, snapshot);
     let scene_effect = |(effect, used, state): (&Effect, &EffectUse, &EffectState)| {
-        let parameters = effect_parameters(effect, &state.parameters);
+        let parameters = options.effect_parameters(effect, &state.parameters);
         let reach = effect.reach(&parameters);
         SceneEffect {
             hook: effect.hook(),
@@ -198,7 +198,7 @@ pub(super) fn post_passes(
             leave_out("no plugin of this name is known".into());
             continue;
         };
-        let parameters = effect_parameters(effect, &state.parameters);
+        let parameters = options.effect_parameters(effect, &state.parameters);
         if let Some(why) = effect.off(&parameters) {
             leave_out(why);
             continue;

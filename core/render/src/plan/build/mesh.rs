@@ -166,8 +166,9 @@ impl<'a> Planner<'a> {
     ) -> Option<CopyContext> {
         let size = self.options.size;
         let relative_from_mesh = copy_transform(p, mesh, place, copy);
-        let width =
-            p.pen.map_or(0.0, |pen| thick_lines::width(pen, mesh.state.line_width, &relative_from_mesh));
+        let width = p.pen.map_or(0.0, |pen| {
+            thick_lines::width(pen, mesh.state.line_width, &relative_from_mesh, self.options.pixel_scale())
+        });
         if p.pen.is_some() && width == 0.0 {
             return None;
         }

@@ -2,7 +2,7 @@
 
 use crate::effect_faults::{FaultPlace, PlanFault};
 use crate::plan::build::Planner;
-use crate::plan::build::effects::{effect_parameters, uses};
+use crate::plan::build::effects::uses;
 use crate::plan::build::items::{DrawItem, DrawPhase};
 use crate::plan::features::outline_features;
 use crate::plan::options::PlanOptions;
@@ -57,7 +57,7 @@ pub(super) fn effect_lines(
     };
     for (effect, used, state) in uses(stage, snapshot, options.effects) {
         let Effect::Outline(lines) = effect else { continue };
-        let parameters = effect_parameters(effect, &state.parameters);
+        let parameters = options.effect_parameters(effect, &state.parameters);
         let mut good_hull = |hull: &InvertedHull| {
             let Vec3 { x, y, z } = hull.color;
             is_good(effect, &[hull.width, x, y, z, hull.lighting_mix], FaultPlace::Outline)

@@ -2,7 +2,7 @@
 
 use crate::effect_faults::{FaultPlace, PlanFault};
 use crate::layers_2d::ScreenLabel;
-use crate::plan::build::effects::{effect_parameters, uses};
+use crate::plan::build::effects::uses;
 use crate::plan::options::PlanOptions;
 use crate::plan::{LeftOut, OverlayPart, OverlayVertex, PlanOverlay, View};
 use choreo_plugin::{Effect, EffectScene, Label, Lattice, Overlay, Stroke, Triangle};
@@ -32,7 +32,7 @@ pub(crate) fn overlays(
     let size = Vec2::new(options.size[0] as f32, options.size[1] as f32);
     for (effect, used, state) in uses(stage, snapshot, options.effects) {
         let Effect::Overlay(drawing) = effect else { continue };
-        let parameters = effect_parameters(effect, &state.parameters);
+        let parameters = options.effect_parameters(effect, &state.parameters);
         let mut drawn = drawing
             .overlay(&EffectScene { stage, snapshot, before: options.before, on: &used.on }, &parameters);
         leave_out_faulty(effect, &mut drawn, faults);
