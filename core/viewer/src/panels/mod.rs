@@ -225,7 +225,11 @@ impl Panels {
         hint::watch(ui.ctx());
         values::set_rate(ui, viewer.playhead.fps().as_fps());
         drop::take(&mut self.waiting, ui, viewer);
-        keys::handle(self, ui, viewer, now);
+        // Where a frame was slow, a button is let go and a key pressed in the same one: the drag is done before it is undone.
+        let after_drag = !viewer.documents.start && ui.input(|i| i.pointer.any_released());
+        if !after_drag {
+            keys::handle(self, ui, viewer, now);
+        }
         bar::show(self, ui, viewer, now);
         bar::offer(ui, viewer);
         files::dialogs(ui, viewer);
@@ -259,6 +263,9 @@ impl Panels {
         self.splits.keep(&self.dock, &before, acts);
         key_menu::popup(ui, viewer);
         rename::show(&mut self.name_field, ui, viewer);
+        if after_drag {
+            keys::handle(self, ui, viewer, now);
+        }
         if values::takes_refused(ui) {
             viewer.edit(|_| Err(EditError::refused(values::NO_TIME)));
         }

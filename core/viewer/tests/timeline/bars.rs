@@ -91,6 +91,44 @@ fn keys_that_are_let_go_with_the_button_count() {
     assert_eq!(desk.state().viewer.selected_bars(), [cue(0, 0), cue(0, 1)]);
 }
 
+/// On a slow machine a bar is let go and Ctrl+Z pressed within one frame: the drag is taken back, and can be made again.
+#[test]
+fn a_drag_is_undone_within_the_frame_in_which_it_ends() {
+    let mut desk = desk();
+    let by = second(&desk);
+    let wave = desk.get_by_label("Wave on bob").rect().center();
+    let to = wave + vec2(by, 0.0);
+    let button = |pos, pressed| Event::PointerButton {
+        pos,
+        button: PointerButton::Primary,
+        pressed,
+        modifiers: Modifiers::NONE,
+    };
+    let undo = Event::Key {
+        key: Key::Z,
+        physical_key: None,
+        pressed: true,
+        repeat: false,
+        modifiers: Modifiers::COMMAND,
+    };
+    let frames = [
+        vec![Event::PointerMoved(wave)],
+        vec![button(wave, true)],
+        vec![Event::PointerMoved(wave + vec2(by * 0.5, 0.0))],
+        vec![Event::PointerMoved(to)],
+        vec![button(to, false), undo],
+    ];
+    for events in frames {
+        desk.input_mut().events.extend(events);
+        desk.step();
+    }
+    desk.run();
+    assert_eq!((desk.state().text().as_str(), desk.state().viewer.message.as_deref()), (SCRIPT, None));
+    desk.state_mut().viewer.redo().unwrap();
+    let moved = SCRIPT.replace("clip(\"Wave\")).until(1.0)", "clip(\"Wave\")).from(1.0).until(2.0)");
+    assert_eq!(desk.state().text(), moved);
+}
+
 /// A click where two bars meet, even a long one, selects the bar under the pointer and drags nothing; a handle goes as far as the pointer does.
 #[test]
 fn a_click_on_a_handle_selects_the_bar_under_it() {
