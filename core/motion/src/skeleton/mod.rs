@@ -143,6 +143,14 @@ impl Skeleton {
             _ => None,
         }
     }
+
+    /// Name of a joint without that of its rig (`Hips` of `mixamorig:Hips`) where [`Skeleton::find`] gives the joint by it, else its
+    /// whole name; empty where there is no such joint.
+    pub fn short_name(&self, joint: usize) -> &str {
+        let whole = self.names.get(joint).map_or("", String::as_str);
+        let short = own_part(whole);
+        if self.find(short) == Some(joint) { short } else { whole }
+    }
 }
 
 fn by_depth(parents: &[Option<u32>]) -> Vec<[u32; 2]> {

@@ -185,3 +185,13 @@ fn expressions_go_along_and_last_as_long_as_they_do() {
     let nan = vec![curve("aa", &[0.0], &[f32::NAN])];
     assert_eq!(error(nan), "expression \"aa\": key 0 holds NaN, must be finite");
 }
+
+#[test]
+fn a_short_name_is_the_one_that_finds_the_joint() {
+    let names = ["mixamorig:Hips", "mixamorig:Head", "a:Tail", "b:Tail", "Tail2|Tip"].map(String::from);
+    let skeleton = Skeleton::new(names.to_vec(), vec![None; 5], vec![Transform::IDENTITY; 5]).unwrap();
+    let short: Vec<&str> = (0..5).map(|joint| skeleton.short_name(joint)).collect();
+    assert_eq!(short, ["Hips", "Head", "a:Tail", "b:Tail", "Tip"]);
+    assert!(short.iter().enumerate().all(|(joint, name)| skeleton.find(name) == Some(joint)));
+    assert_eq!(skeleton.short_name(5), "");
+}

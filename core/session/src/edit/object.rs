@@ -385,7 +385,8 @@ pub fn set_marker(text: &str, name: &str, time: EditTime) -> Result<Edit, EditRe
     Ok(old.set(time))
 }
 
-pub(super) fn quoted(text: &str) -> String {
+/// A text as a script states it, with its quotes.
+pub fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 

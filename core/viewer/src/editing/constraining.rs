@@ -6,7 +6,7 @@ use crate::geometry::picking;
 use crate::state::selection::{Selected, actor};
 use choreo_asset::Asset;
 use choreo_motion::HumanoidJoints;
-use choreo_session::edit::{ScriptObject, format_number};
+use choreo_session::edit::{ScriptObject, format_number, quoted};
 use choreo_stage::{Actor, ActorState};
 use glam::DVec3;
 
@@ -55,13 +55,13 @@ impl ConstraintCall {
         }
     }
 
-    /// The call in a script. `joint`: its name; `usual`: whether that is the one by default.
+    /// The call in a script. `joint`: its name as a text of the script; `usual`: whether that is the one by default.
     fn text(self, joint: &str, usual: bool, target: &str) -> String {
         match self {
-            ConstraintCall::Reach => format!("reach(\"{joint}\", {target})"),
-            ConstraintCall::Aim => format!("aim(\"{joint}\", {target})"),
+            ConstraintCall::Reach => format!("reach({joint}, {target})"),
+            ConstraintCall::Aim => format!("aim({joint}, {target})"),
             ConstraintCall::LookAt if usual => format!("look_at({target})"),
-            ConstraintCall::LookAt => format!("look_at({target}, #{{ joint: \"{joint}\" }})"),
+            ConstraintCall::LookAt => format!("look_at({target}, #{{ joint: {joint} }})"),
         }
     }
 }
@@ -99,7 +99,7 @@ impl Viewer {
         let snapshot = scene.stage.at(now).map_err(|error| EditError::refused(error.to_string()))?;
         let point = point_before(found, &snapshot.actors[index], joint, new.call.way());
         let from = self.edit_time(now.as_secs());
-        let joint = joint_name(&found.asset, joint);
+        let joint = quoted(found.asset.skeleton.short_name(joint));
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             let of = of.as_ref().map(|of| ScriptObject::at(text, of.line, of.column)).transpose()?;
@@ -121,12 +121,4 @@ fn point_before(found: &Actor, state: &ActorState, joint: usize, way: [f64; 2]) 
     let [forwards, upwards] = way.map(|part| part * up.length() * picking::height(&found.asset));
     let point = at + front.normalize_or(DVec3::Z) * forwards + up.normalize_or(DVec3::Y) * upwards;
     point.map(|v| (v * 100.0).round() / 100.0)
-}
-
-/// The shortest name by which scripts find a joint.
-fn joint_name(asset: &Asset, joint: usize) -> String {
-    let full = asset.skeleton.names().get(joint).map_or("", String::as_str);
-    let short = full.rsplit([':', '|']).next().unwrap_or(full);
-    let name = if asset.skeleton.find(short) == Some(joint) { short } else { full };
-    name.replace('\\', "\\\\").replace('"', "\\\"")
 }

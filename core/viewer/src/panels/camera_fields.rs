@@ -7,7 +7,7 @@ use super::values;
 use crate::app::Viewer;
 use crate::editing::{FieldChange, StatedCall, expression};
 use crate::state::selection::Selected;
-use choreo_session::edit::Anew;
+use choreo_session::edit::{Anew, quoted};
 use choreo_stage::{Camera, Property, Rig, RigOption, Target};
 use egui::{Grid, Ui};
 use glam::DVec3;
@@ -150,20 +150,19 @@ fn aims_at(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target) -> 
         Target::Joint { actor, joint } => (*actor, Some(*joint as usize)),
     };
     let scene = viewer.scene.as_ref()?;
-    let names = scene.stage.actors.get(actor)?.asset.skeleton.names();
-    let short = |name: &String| fields::short_joint(name).to_string();
-    let now = joint.and_then(|joint| names.get(joint)).map_or(WHOLE.to_string(), short);
+    let skeleton = &scene.stage.actors.get(actor)?.asset.skeleton;
+    let now = joint.map_or(WHOLE, |joint| skeleton.short_name(joint));
     let first = call.first.as_deref()?;
     ui.label("target").hint("the whole actor, or one of its joints");
     let mut wanted = None;
     ui.horizontal(|ui| {
         ui.monospace(&scene.stage.actors[actor].name);
-        let all: Vec<String> = std::iter::once(WHOLE.to_string()).chain(names.iter().map(short)).collect();
-        let chosen = fields::choice(ui, "joint", &now, all.iter().map(String::as_str));
+        let joints = (0..skeleton.names().len()).map(|joint| skeleton.short_name(joint));
+        let chosen = fields::choice(ui, "joint", now, std::iter::once(WHOLE).chain(joints));
         let variable = first.split(".joint(").next().unwrap_or(first);
         wanted = chosen.map(|name| match name == WHOLE {
             true => FieldChange::Argument(0, variable.to_string()),
-            false => FieldChange::Argument(0, format!("{variable}.joint(\"{name}\")")),
+            false => FieldChange::Argument(0, format!("{variable}.joint({})", quoted(&name))),
         });
     });
     ui.end_row();

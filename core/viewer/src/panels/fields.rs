@@ -8,7 +8,7 @@ use crate::editing::{FieldChange, expression};
 use crate::state::selection::{Selected, actor};
 use choreo_asset::Asset;
 use choreo_motion::Repeat;
-use choreo_session::edit::{Anew, CueTime, format_number};
+use choreo_session::edit::{Anew, CueTime, format_number, quoted};
 use choreo_stage::{
     Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Property, Shadow, Stage,
     StageLight,
@@ -387,7 +387,8 @@ fn ease(ui: &mut Ui, stated: &Stated) -> Option<FieldChange> {
 fn mask(ui: &mut Ui, now: &str, asset: &Asset) -> Option<FieldChange> {
     let one = now.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).filter(|one| !one.contains('"'));
     let is_text = now.is_empty() || one.is_some();
-    let branches = asset.skeleton.names().iter().map(|name| format!("{}..", short_joint(name)));
+    let skeleton = &asset.skeleton;
+    let branches = (0..skeleton.names().len()).map(|joint| format!("{}..", skeleton.short_name(joint)));
     let branches: Vec<String> = branches.collect();
     let set = ui.horizontal(|ui| {
         let typed = source(ui, "on", one.unwrap_or(now), "RightShoulder..");
@@ -396,13 +397,8 @@ fn mask(ui: &mut Ui, now: &str, asset: &Asset) -> Option<FieldChange> {
     ui.end_row();
     let set = set.inner.filter(|text| !text.is_empty())?;
     let is_written = set.starts_with(['"', '[', '#', '`']) || !(is_text || branches.contains(&set));
-    let text = if is_written { set } else { format!("\"{set}\"") };
+    let text = if is_written { set } else { quoted(&set) };
     Some(FieldChange::Text("on", text, Anew::Method))
-}
-
-/// A joint's name without that of its rig: `Hips` of `mixamorig:Hips`.
-pub(super) fn short_joint(name: &str) -> &str {
-    name.rsplit(':').next().unwrap_or(name)
 }
 
 /// Mask, priority and weight of the layer, on the clip that states them.

@@ -63,10 +63,8 @@ fn feet(stage: &Stage, actor: &Actor) -> Feet {
     let settings = &stage.settings;
     let frames = settings.fps.frames_in(settings.length).max(1);
     let stride = frames / MOST_LOOKS + 1;
-    let names = skeleton.names();
     let name = |foot: &choreo_motion::contacts::Foot| {
-        let name = foot.joints.first().and_then(|j| names.get(*j as usize));
-        name.map_or("", |n| n.rsplit(':').next().unwrap_or(n)).to_string()
+        foot.joints.first().map_or("", |joint| skeleton.short_name(*joint as usize)).to_string()
     };
     let mut out: Feet = feet.iter().map(|foot| Foot { name: name(foot), spans: Vec::new() }).collect();
     let mut frame = 0;
