@@ -10,8 +10,8 @@ use std::ops::Range;
 const MOST_ROUNDS: usize = 64;
 
 /// Writes the innermost loop around a place out: `for NAME in [a, b]` or `in 0..3`, with the values in place of the name. Expressions that
-/// are constant then become literals, which can be edited: `"post " + i` becomes `"post 1"`. Variables of the body get a number, so that they
-/// are different ones.
+/// are constant then become literals, which can be edited: `"post " + i` becomes `"post 1"`, and so does a variable that holds such a
+/// literal and is never set again. Other variables of the body get a number, so that they are different ones.
 ///
 /// # Errors
 /// Why not, for the user: there is no such loop, or its values or its body do not allow it.
@@ -54,10 +54,63 @@ pub fn unroll(text: &str, line: usize, column: usize) -> Result<Edit, EditRefuse
             at = word.end;
         }
         round.text += &text[at..found.body.end];
-        dedented(&round.folded(), indent)
+        let mut written = round.folded();
+        for name in &made {
+            let name = format!("{name}_{}", number + 1);
+            written = without_constant(&written, &name).unwrap_or(written);
+        }
+        dedented(&written, indent)
     });
     let rounds: Vec<String> = rounds.collect();
     Ok(Edit { range: found.all.clone(), text: rounds.join(&format!("\n{indent}")) })
+}
+
+/// A body with the literal that a variable holds in place of the variable, which goes. `None` where it holds something else, is set
+/// again, or has a comment.
+fn without_constant(text: &str, name: &str) -> Option<String> {
+    let words = words_within(text, &(0..text.len()));
+    let is_it = |word: &Range<usize>| text[word.clone()] == *name && is_variable(text, word);
+    let (place, made) = words.iter().enumerate().find(|(_, word)| is_it(word))?;
+    let start = place
+        .checked_sub(1)
+        .map(|before| words[before].clone())
+        .filter(|word| text[word.clone()] == *"let")?
+        .start;
+    let tokens = token_ranges(&text[made.end..]);
+    let mut tokens = tokens.into_iter().map(|token| token.start + made.end..token.end + made.end);
+    tokens.next().filter(|sign| text[sign.clone()] == *"=")?;
+    let value =
+        tokens.by_ref().take_while(|token| text[token.clone()] != *";").reduce(|a, b| a.start..b.end)?;
+    let is_text = text[value.clone()].starts_with('"') && token_ranges(&text[value.clone()]).len() == 1;
+    if !is_text && literal(text, &value).is_none() {
+        return None;
+    }
+    let end = value.end + text[value.end..].find(';')? + 1;
+    let line_end = text[end..].find('\n').map_or(text.len(), |at| end + at);
+    if text[end..line_end].trim_start().starts_with('/') {
+        return None;
+    }
+    let is_read = |word: &Range<usize>| {
+        let (before, behind) = (text[..word.start].trim_end(), text[word.end..].trim_start());
+        let sign = behind.trim_start_matches(['+', '-', '*', '/', '%', '<', '>', '&', '|', '^', '?']);
+        let is_set = sign.starts_with('=') && !sign.starts_with("==") && !behind.starts_with(['<', '>']);
+        !is_set && !behind.starts_with(['.', '[', '(']) && !before.ends_with('|') && !before.ends_with("let")
+    };
+    let uses: Vec<&Range<usize>> = words[place + 1..].iter().filter(|word| is_it(word)).collect();
+    if !uses.iter().all(|word| is_read(word)) {
+        return None;
+    }
+    let whole = start..end;
+    let lines = Source::new(text).own_lines(&whole).unwrap_or(start..end + blanks(&text[end..]));
+    let (mut round, mut at) =
+        (Round { text: text[..lines.start].to_string(), ..Round::default() }, lines.end);
+    for word in uses {
+        round.text += &text[at..word.start];
+        round.put_in(text, word, &text[value.clone()]);
+        at = word.end;
+    }
+    round.text += &text[at..];
+    Some(round.folded())
 }
 
 /// The values of a loop as they are written: the items of an array, or the numbers of a range of literals.
@@ -155,7 +208,12 @@ fn is_whole(value: &str) -> bool {
 fn indent_before(text: &str, at: usize) -> &str {
     let line = text[..at].rfind('\n').map_or(0, |end| end + 1);
     let rest = &text[line..];
-    &rest[..rest.len() - rest.trim_start_matches([' ', '\t']).len()]
+    &rest[..blanks(rest)]
+}
+
+/// The number of blanks at the beginning of a text.
+fn blanks(text: &str) -> usize {
+    text.len() - text.trim_start_matches([' ', '\t']).len()
 }
 
 /// The body with the loop's indent in place of its own.

@@ -156,6 +156,28 @@ fn expressions_with_the_value_are_literals() {
     }
 }
 
+/// A variable that holds a literal in each round goes, so that what uses it can be edited; others stay.
+#[test]
+fn variables_with_a_literal_are_written_where_they_are_used() {
+    for (body, expected) in [
+        (
+            "let x = i * 1.5;\n    let n = \"post \" + i;\n    |cast(n, m).at(x, 0.0, -x + 1.0);",
+            "cast(\"post 2\", m).at(3.0, 0.0, -2.0);",
+        ),
+        ("let x = i * 1.5; |f(x, `${x} m`, y.x, #{ x: x });", "f(3.0, \"3.0 m\", y.x, #{ x: 3.0 });"),
+        ("let x = i - 3; |f(2 * x, a - x);", "f(-2, a - (-1));"),
+        ("let x = i; x += 1; |f(x);", "let x_1 = 2; x_1 += 1; f(x_1);"),
+        ("let x = i; // metres\n    |f(x);", "let x_1 = 2; // metres\nf(x_1);"),
+        ("let x = sin(i); |f(x);", "let x_1 = sin(2); f(x_1);"),
+        ("let x = [i]; |f(x[0]);", "let x_1 = [2]; f(x_1[0]);"),
+        ("let x = i; |f(|x| x + 1);", "let x_1 = 2; f(|x_1| x_1 + 1);"),
+        ("let x = i; if x == 2 { |f(x); }", "if 2 == 2 { f(2); }"),
+    ] {
+        let all = unrolled(&format!("for i in [2] {{\n    {body}\n}}")).unwrap();
+        assert_eq!(all, expected, "{body}");
+    }
+}
+
 #[test]
 fn what_cannot_be_written_out_is_refused() {
     for (text, why) in [

@@ -4,7 +4,6 @@ use super::EditError;
 use crate::app::Viewer;
 use crate::geometry::picking;
 use crate::state::selection::{Selected, actor};
-use choreo_asset::Asset;
 use choreo_motion::HumanoidJoints;
 use choreo_session::edit::{ScriptObject, format_number, quoted};
 use choreo_stage::{Actor, ActorState};
