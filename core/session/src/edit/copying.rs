@@ -139,6 +139,10 @@ pub fn paste_cue(
     let start = start.map_or(0.0, |start| start.secs(from.fps));
     let shifted = shift_cue(copied, 1, 1, EditTime { secs: from.secs - start, fps: from.fps })?;
     let mut new = shifted.apply(copied);
+    if from.secs == 0.0 {
+        // A clip begins there by itself.
+        new = ScriptObject::at(&new, 1, 1)?.unstate(&["from"]).apply(&new);
+    }
     let object = ScriptObject::at(text, line, column)?;
     // The script's own name of the file, if it has one: that of the actor's own file first.
     let script = Source::new(text);

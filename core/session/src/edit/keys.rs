@@ -14,6 +14,9 @@ use super::{Edit, EditRefused};
 use glam::{DQuat, DVec3};
 use std::ops::Range;
 
+/// The methods that place an object, or change what its place is in.
+const PLACES: [&str; 3] = ["at", "move_by", "attach"];
+
 /// A value of a key, to be written as its neighbours are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum KeyValue<'v> {
@@ -92,7 +95,8 @@ impl ScriptObject<'_> {
         Ok(inserted(&self.text, &keys, next, &key))
     }
 
-    /// Keys a property that has no keys yet: `anna.key("position", [[2.0, [0.0, 0.0, 1.0]]]);` as a line of its own.
+    /// Keys a property that has no keys yet: `anna.key("position", [[2.0, [0.0, 0.0, 1.0]]]);` as a line of its own. A place that is stated
+    /// as numbers, `.at(0.0, 0.0, 1.0)`, goes, since the keys take over from it.
     ///
     /// # Errors
     /// The object has no name in the script, and something else follows it.
@@ -100,7 +104,22 @@ impl ScriptObject<'_> {
         let value = written_like(&[], &value);
         let name = KeyName::of(property);
         let call = format!("{}[[{}, {value}]])", name.opening(), when.anew(&self.text));
-        self.add_key_call(name, &call)
+        let added = self.add_key_call(name, &call)?;
+        let of_place = |call: &&Call| PLACES.contains(&&self.text[call.name.clone()]);
+        let mut places = self.calls.iter().filter(of_place);
+        match (places.next(), places.next()) {
+            (Some(at), None)
+                if property == "position"
+                    && self.text[at.name.clone()] == *"at"
+                    && literals(&self.text, &at.inside).is_some() =>
+            {
+                let (line, column) = self.place();
+                let keyed = added.apply(&self.text);
+                let after = ScriptObject::at(&keyed, line, column)?.unstate(&["at"]).apply(&keyed);
+                Ok(Edit::between(&self.text, &after))
+            }
+            _ => Ok(added),
+        }
     }
 
     /// Moves the key of a property from a time to another, also past its neighbours.

@@ -17,6 +17,7 @@ mod keys;
 #[cfg(test)]
 mod marked;
 mod object;
+mod own_asset;
 mod refused;
 mod renaming;
 mod reordering;

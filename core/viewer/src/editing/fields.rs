@@ -86,6 +86,12 @@ impl Viewer {
                 if let Some(why) = self.problem_of_mask(what, change) {
                     return Err(EditError::refused_at(&place, &why));
                 }
+                if matches!(change, FieldChange::Material(..))
+                    && let Some(shared) =
+                        self.offer_of_asset(what, &place, |object, text| changed(object, text, change))
+                {
+                    return Err(shared);
+                }
                 self.change(&place, siblings, |text| {
                     changed(&ScriptObject::at(text, place.line, place.column)?, text, change)
                 })

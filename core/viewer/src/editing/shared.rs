@@ -3,8 +3,9 @@
 use super::{EditError, difference, read};
 use crate::app::Viewer;
 use crate::state::history::{Alternative, Offer};
+use crate::state::selection::Selected;
 use choreo_script::Place;
-use choreo_session::edit::{Edit, EditRefused, unroll};
+use choreo_session::edit::{Edit, EditRefused, ScriptObject, unroll};
 
 impl Viewer {
     /// Offers the change of the shared line for all that it makes, and the loop written out, or else a line for one of them alone; gives the
@@ -56,5 +57,34 @@ impl Viewer {
             (None, None) => None,
         };
         error
+    }
+
+    /// Offers the change of an asset of which several actors are cast for all of them, and for one alone, which gets an asset of its own; gives
+    /// why it is not made at once. `None` where no other actor is cast of it.
+    pub(super) fn offer_of_asset(
+        &mut self,
+        what: &Selected,
+        place: &Place,
+        change: impl Fn(&ScriptObject, &str) -> Result<Edit, EditRefused>,
+    ) -> Option<EditError> {
+        let (known, path, actor) = (self.known()?, self.path.clone()?, what.actor()?);
+        let text = read(&path).ok().filter(|text| **text == *known && !self.faulty)?;
+        let object = ScriptObject::at(&text, place.line, place.column).ok()?;
+        let (variable, actors) = object.asset_variable().filter(|(_, actors)| *actors > 1)?;
+        let all = change(&object, &text).ok()?;
+        let own = object.own_asset(&all).ok()?;
+        let lines = |edit: &Edit| difference::lines(&text, &edit.apply(&text));
+        let why = format!("{actors} actors are made of {variable}");
+        let (of_own, of_all) = (lines(&own), lines(&all));
+        self.offer = Some(Offer {
+            why: format!("{why}. {actor} alone would get one of its own:"),
+            agree: format!("Change {actor} alone"),
+            difference: of_own,
+            edit: own,
+            other: Some(Alternative { agree: format!("Change all {actors}"), difference: of_all, edit: all }),
+            text: text.clone(),
+            ..Offer::default()
+        });
+        Some(EditError::refused_at(place, &why))
     }
 }

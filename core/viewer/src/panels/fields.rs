@@ -607,7 +607,11 @@ fn surface(
 fn option_label(ui: &mut Ui, written: &Stated, name: &'static str) -> Option<FieldChange> {
     let text = name_text(name, written.contains_key(name));
     let response = ui.add(egui::Label::new(text).sense(egui::Sense::click()));
-    reset(&response.hint("of all that are made of it"), &[name]).map(|_| FieldChange::Material(name, None))
+    reset(
+        &response.hint("of what it is made of; where others are, too, you are asked which of them it is for"),
+        &[name],
+    )
+    .map(|_| FieldChange::Material(name, None))
 }
 
 /// The size of a shape along each of its axes, metres. `kind`: with its quotes, as the script writes it.

@@ -11,19 +11,19 @@ use std::process::Command;
 
 /// The lines behind those of the template.
 const MADE: &str = r##"let ada_model = load("choreo:mannequin", #{ color: "coral" });
-let ada = cast("ada", ada_model).at(0.0, 0.0, -2.4);
+let ada = cast("ada", ada_model);
 ada.play(ada_model.clip("Walk")).until(2.0);
 ada.play(ada_model.clip("Dance_Groove"), #{ fade: 0.3 }).from(2.0);
 ada.play(ada_model.clip("Bow"), #{ fade: 0.3 }).from(6.0);
 ada.key("position", [[0.0, [0.0, 0.0, -2.4]], [2.0, [0.0, 0.0, 0.0]]]);
 let bob_model = load("choreo:mannequin", #{ color: "teal" });
-let bob = cast("bob", bob_model).at(1.0, 0.0, -2.4);
+let bob = cast("bob", bob_model);
 bob.play(bob_model.clip("Walk")).until(2.0);
 bob.play(bob_model.clip("Dance_Groove"), #{ fade: 0.3 }).from(2.0);
 bob.play(bob_model.clip("Wave"), #{ fade: 0.3 }).from(6.0);
 bob.key("position", [[0.0, [1.0, 0.0, -2.4]], [2.0, [1.0, 0.0, 0.0]]]);
 let cleo_model = load("choreo:mannequin", #{ color: "gold" });
-let cleo = cast("cleo", cleo_model).at(-1.0, 0.0, -2.4);
+let cleo = cast("cleo", cleo_model);
 cleo.play(cleo_model.clip("Walk")).until(2.0);
 cleo.play(cleo_model.clip("Dance_Spin"), #{ fade: 0.3 }).from(2.0);
 cleo.key("position", [[0.0, [-1.0, 0.0, -2.4]], [2.0, [-1.0, 0.0, 0.0]]]);

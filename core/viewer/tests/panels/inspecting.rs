@@ -750,6 +750,40 @@ text(\"Hello\", #{ at: [-0.0001, 0.5] });
 }
 
 /// A typed time is written as the script has it: seconds with the digits of a frame, or frames.
+/// A change of what several actors are cast of is made for one alone, or for all of them, as the user chooses.
+#[test]
+fn an_asset_of_several_actors_is_changed_for_one_or_for_all() {
+    const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
+let cube = shape(\"box\", #{ size: 1.0, roughness: 0.5 });
+let a = cast(\"a\", cube);
+let b = cast(\"b\", cube).at(2.0, 0.0, 0.0);
+";
+    let mut place = Place::new(SCENE);
+    place.viewer.selection = Some(Selected::Actor("b".into()));
+    let mut desk = place.harness(vec2(1500.0, 1000.0));
+    type_into(&mut desk, "roughness", "0.25");
+    assert_eq!(desk.state().text(), SCENE);
+    desk.get_by_label("2 actors are made of cube. b alone would get one of its own:");
+    desk.get_by_label("Change b alone").click();
+    desk.run();
+    let own = "let b_asset = shape(\"box\", #{ size: 1.0, roughness: 0.25 });\nlet b = cast(\"b\", b_asset)";
+    let changed = SCENE.replace("let b = cast(\"b\", cube)", own);
+    assert_eq!(desk.state().text(), changed);
+    desk.state_mut().reload();
+    desk.run();
+    // It is its own now.
+    type_into(&mut desk, "roughness", "0.75");
+    assert_eq!(desk.state().text(), changed.replace("0.25", "0.75"));
+    desk.state_mut().viewer.undo().unwrap();
+    desk.state_mut().viewer.undo().unwrap();
+    desk.state_mut().reload();
+    desk.run();
+    type_into(&mut desk, "roughness", "0.25");
+    desk.get_by_label("Change all 2").click();
+    desk.run();
+    assert_eq!(desk.state().text(), SCENE.replace("roughness: 0.5", "roughness: 0.25"));
+}
+
 #[test]
 fn typed_times_keep_the_style_of_the_script() {
     const SCENE: &str = "stage(#{ fps: 30, length: 6.0 });

@@ -172,6 +172,8 @@ fn a_key_is_set_where_the_playhead_is() {
     // The first key of a property is a line of its own.
     let text = set(Selected::Actor("rest".into()), &["position", "scale"], 1.24);
     let lines = "rest.key(\"scale\", [[1.24, 1.0]]);\n";
+    // It takes over from a place that is stated as numbers.
+    assert!(text.contains("let rest = cast(\"rest\", cube);\n"), "{text}");
     assert!(
         text.contains(lines) && text.contains("rest.key(\"position\", [[1.24, [2.0, 0.0, 0.5]]]);\n"),
         "{text}"

@@ -1,0 +1,86 @@
+//! Assets of which several actors are cast: a change of one is a change of all, or gives one actor an asset of its own.
+
+use super::Edit;
+use super::casting::free_name;
+use super::cues::statement_start;
+use super::object::ScriptObject;
+use super::refused::EditRefused;
+use std::ops::Range;
+
+impl ScriptObject<'_> {
+    /// The variable of the asset of which an actor is cast, and the number of calls that cast it; `None` where the actor's own call makes it.
+    pub fn asset_variable(&self) -> Option<(&str, usize)> {
+        let name = self.asset_argument(self.made.inside.clone());
+        let made = self.text.made_as(&self.text[name.clone()], self.made.name.start)?;
+        let is_of_it = |inside: Range<usize>| {
+            let other = self.asset_argument(inside.clone());
+            self.text[other.clone()] == self.text[name.clone()]
+                && self.text.made_as(&self.text[other], inside.start) == Some(made)
+        };
+        let count = self.text.calls_of("cast").filter(|call| is_of_it(call.inside.clone())).count();
+        Some((&self.text[name], count))
+    }
+
+    /// Gives an actor an asset of its own, a variable before the actor's line. `change`: the change of the asset that it has now.
+    ///
+    /// # Errors
+    /// Its asset is made in another way.
+    pub fn own_asset(&self, change: &Edit) -> Result<Edit, EditRefused> {
+        let refuse = || EditRefused::at(self.line, "its asset is made elsewhere; change it there");
+        let argument = self.asset_argument(self.made.inside.clone());
+        let made =
+            self.text.made_as(&self.text[argument.clone()], self.made.name.start).ok_or_else(refuse)?;
+        let changed = change.apply(&self.text);
+        let source = super::scan::Source::new(&changed);
+        let value = changed[made..source.statement_end(made)].trim_end_matches(';').to_string();
+        let first = self.made.inside.start..self.text.value_end(self.made.inside.start, self.made.inside.end);
+        let actor = self.text[first].trim().trim_matches('"');
+        let kind = if value.starts_with("load") { "model" } else { "asset" };
+        let name = free_name(&self.text, &format!("{actor}_{kind}"));
+        let start = statement_start(&self.text, &self.made).unwrap_or(self.made.name.start);
+        let start = self.text.statement_start(start);
+        let line = self.text[..start].rfind('\n').map_or(0, |end| end + 1);
+        let indent = &self.text[line..start];
+        let indent = if indent.trim().is_empty() { indent } else { "" };
+        let mut after = self.text.to_string();
+        after.replace_range(argument, &name);
+        after.insert_str(start, &format!("let {name} = {value};\n{indent}"));
+        Ok(Edit::between(&self.text, &after))
+    }
+
+    /// The second argument of a `cast`, given by the inside of its brackets.
+    fn asset_argument(&self, inside: Range<usize>) -> Range<usize> {
+        let second = (self.text.value_end(inside.start, inside.end) + 1).min(inside.end);
+        self.text.trimmed(&(second..self.text.value_end(second, inside.end)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SCRIPT: &str = "let m = load(\"choreo:mannequin\", #{ color: \"red\" });
+let ada = cast(\"ada\", m).at(1.0, 0.0, 0.0);
+let bob = cast(\"bob\", m);
+let box = cast(\"box\", shape(\"box\"));
+";
+
+    fn object(line: usize) -> ScriptObject<'static> {
+        ScriptObject::at(SCRIPT, line, 11).unwrap()
+    }
+
+    #[test]
+    fn one_of_several_actors_gets_an_asset_of_its_own() {
+        let bob = object(3);
+        assert_eq!(bob.asset_variable(), Some(("m", 2)));
+        assert_eq!(object(4).asset_variable(), None);
+        let at = SCRIPT.find("red").unwrap();
+        let blue = Edit { range: at..at + 3, text: "blue".into() };
+        let own = bob.own_asset(&blue).unwrap().apply(SCRIPT);
+        let anew = "let bob_model = load(\"choreo:mannequin\", #{ color: \"blue\" });\nlet bob = cast(\"bob\", bob_model);";
+        assert_eq!(own, SCRIPT.replace("let bob = cast(\"bob\", m);", anew));
+        assert!(object(4).own_asset(&blue).is_err());
+        let ada = ScriptObject::at(&own, 2, 11).unwrap();
+        assert_eq!(ada.asset_variable(), Some(("m", 1)));
+    }
+}
