@@ -50,10 +50,10 @@ impl Command {
     }
 
     /// Whether it is done to the thing of a row.
-    pub fn suits_row(self, what: &Selected) -> bool {
+    pub fn suits_row(self, viewer: &Viewer, what: &Selected) -> bool {
         match self {
             Command::Paste => matches!(what, Selected::Actor(_)),
-            Command::Rename => matches!(what, Selected::Actor(_) | Selected::Light(_)),
+            Command::Rename => viewer.name_of(what).is_some(),
             Command::Duplicate => *what != Selected::Sky,
             Command::RowUp | Command::RowDown => matches!(what, Selected::Actor(_) | Selected::Light(_)),
             command => matches!(command, Command::Delete | Command::GoToLine),

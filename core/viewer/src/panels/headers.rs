@@ -23,10 +23,12 @@ pub enum Toggle {
     Lock(String),
 }
 
-/// The menu of a row: what is done to the thing whose row it is.
+/// The menu of a row, or of an entry of the stage's tree: what is done to the thing that it is for.
 pub fn menu(response: &Response, viewer: &Viewer, what: &Selected) -> Option<Command> {
     let mut command = None;
-    response.context_menu(|ui| command = bar_menu::entries(ui, viewer, |command| command.suits_row(what)));
+    response.context_menu(|ui| {
+        command = bar_menu::entries(ui, viewer, |command| command.suits_row(viewer, what))
+    });
     command
 }
 

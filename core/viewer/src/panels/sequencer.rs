@@ -14,7 +14,7 @@ use crate::state::tempo::Tempo;
 use crate::state::timeline::kind;
 use choreo_motion::Time;
 use choreo_script::Severity;
-use egui::{Color32, FontId, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
+use egui::{Color32, FontId, Rect, Response, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
 
 pub(super) const LABELS: f32 = 150.0;
 const ROW: f32 = 22.0;
@@ -267,11 +267,7 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
         viewer.edit(|v| v.move_row(index, to, side));
     }
     if let Some((command, what)) = command {
-        viewer.selection = Some(what);
-        match command.side() {
-            Some(side) => viewer.edit(|v| v.shift_row(index, side)),
-            None => bar_menu::run(ui, viewer, command),
-        }
+        run_command(ui, viewer, index, command, what);
     }
     if let Some(at) = moment {
         viewer.playhead.seek(at);
@@ -288,6 +284,33 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     }
     if let Some(what) = clicked {
         viewer.select_all(vec![what]);
+    }
+}
+
+/// Does a command of the menu of a row.
+fn run_command(ui: &Ui, viewer: &mut Viewer, index: usize, command: bar_menu::Command, what: Selected) {
+    viewer.selection = Some(what);
+    match command.side() {
+        Some(side) => viewer.edit(|v| v.shift_row(index, side)),
+        None => bar_menu::run(ui, viewer, command),
+    }
+}
+
+/// The menu of a row where nothing lies in it, for the thing whose row it is.
+fn menu_of_free_place(ui: &Ui, viewer: &mut Viewer, response: &Response, rows: &[usize]) {
+    let id = response.id.with("menu of row");
+    if let Some(at) = response.interact_pointer_pos().filter(|_| response.secondary_clicked()) {
+        let places = row_places(ui, viewer).into_iter();
+        let row = places.filter(|(index, rect)| rows.contains(index) && rect.y_range().contains(at.y));
+        let row = row.map(|(index, _)| index).next();
+        ui.data_mut(|d| d.insert_temp(id, row));
+        viewer.selection = row.and_then(|row| viewer.timeline.rows[row].what.clone());
+    }
+    let row: Option<usize> = ui.data(|d| d.get_temp(id)).flatten();
+    let what = row.and_then(|row| Some((row, viewer.timeline.rows.get(row)?.what.clone()?)));
+    let Some((row, what)) = what else { return };
+    if let Some(command) = headers::menu(response, viewer, &what) {
+        run_command(ui, viewer, row, command, what);
     }
 }
 
@@ -327,6 +350,7 @@ fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[usize]) {
     if response.clicked() {
         viewer.selection = None;
     }
+    menu_of_free_place(ui, viewer, &response, rows);
     let (Some(to), true) = (response.interact_pointer_pos(), response.dragged() || response.drag_stopped())
     else {
         return;

@@ -1,6 +1,7 @@
 //! Actors and other things on stage; which are hidden, solo or locked here, whatever the script says.
 
-use super::bar_menu::{self, Command};
+use super::bar_menu;
+use super::headers;
 use super::hint::Hint;
 use super::icons;
 use crate::app::Viewer;
@@ -139,13 +140,7 @@ fn section(ui: &mut Ui, name: &str, count: usize) {
 
 fn select(ui: &mut Ui, viewer: &mut Viewer, text: RichText, what: Selected) {
     let response = entry(ui, viewer.selection.as_ref() == Some(&what), text);
-    let mut command = None;
-    response.context_menu(|ui| {
-        let suits =
-            |command: Command| matches!(command, Command::Rename | Command::Delete | Command::GoToLine);
-        let can = |command| suits(command) && (command != Command::Rename || viewer.name_of(&what).is_some());
-        command = bar_menu::entries(ui, viewer, can);
-    });
+    let command = headers::menu(&response, viewer, &what);
     if response.clicked() || command.is_some() {
         viewer.select_all(vec![what]);
     }

@@ -358,3 +358,24 @@ fn a_row_that_cannot_be_moved_there_says_why() {
     let message = desk.state().viewer.message.clone().unwrap_or_default();
     assert!(message.contains("line 10: this line sets x"), "{message}");
 }
+
+/// The menu of a row opens where nothing lies in it, too, for the thing whose row it is.
+#[test]
+fn a_row_has_its_menu_where_it_is_free() {
+    let mut desk = desk();
+    let time = desk.get_by_label("time").rect();
+    let free = pos2(time.center().x, height(&desk, "bob"));
+    secondary_click(&mut desk, free);
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("bob".into())));
+    desk.get_by_label_contains("Paste at the playhead");
+    desk.get_by_label_contains("Duplicate").click();
+    desk.run();
+    assert!(desk.state().text().contains("let bob_2 = cast(\"bob_2\", moves)"), "{}", desk.state().text());
+    // The row of another thing has that of its own.
+    desk.state_mut().reload();
+    desk.run();
+    let free = pos2(time.center().x, height(&desk, "sun 1"));
+    secondary_click(&mut desk, free);
+    assert!(desk.query_by_label_contains("Paste at the playhead").is_none());
+    desk.get_by_label_contains("Rename");
+}
