@@ -13,7 +13,7 @@ use crate::state::selection::{Selected, actor};
 use choreo_asset::{Asset, LightKind, Projection};
 use choreo_plugin::{OptionKind, OptionSpec};
 use choreo_script::Place;
-use choreo_session::Scene;
+use choreo_session::{FrameInfo, Scene};
 use choreo_stage::{
     ActiveClip, ActorState, Described, EffectUse, FieldType, FieldValue, Rig, Sky, Stage, StageLight,
 };
@@ -445,9 +445,14 @@ fn default_menu(ui: &mut Ui, written: &stated::Stated, name: &'static str) -> Op
 fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable: Keyable) -> Option<Wanted> {
     let used = scene.stage.effects.get(index)?;
     let plugin = scene.registry.effect(&used.plugin)?;
-    let given = choreo_render::effect_parameters(plugin, &used.parameters);
-    let state = viewer.shown().and_then(|s| s.snapshot.effects.iter().find(|e| e.effect == index));
-    let now = choreo_render::effect_parameters(plugin, state.map_or(&used.parameters, |s| &s.parameters));
+    // Without callbacks the values are those of the script; a frame of an older version says nothing about them.
+    let is_known = |shown: &&FrameInfo| shown.number == scene.number && !scene.places.callbacks.is_empty();
+    let shown = viewer.shown().filter(is_known);
+    let time = shown.map_or(viewer.playhead.time(), |shown| shown.time);
+    let given = choreo_render::effect_parameters(plugin, &used.parameters_at(time));
+    let state = shown.and_then(|shown| shown.snapshot.effects.iter().find(|e| e.effect == index));
+    let now = state.map(|state| choreo_render::effect_parameters(plugin, &state.parameters));
+    let now = now.unwrap_or_else(|| given.clone());
     let defaults = choreo_render::effect_parameters(plugin, &[]);
     let mut wanted = None;
     Grid::new("parameters").num_columns(3).show(ui, |ui| {
@@ -456,15 +461,13 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable
             let numbers = first..first + option.number_count();
             first = numbers.end;
             let (value, now) = (&given[numbers.clone()], &now[numbers.clone()]);
-            let is_keyed = keyable.iter().any(|p| p.name == option.name && p.has_keys());
-            let value = if is_keyed { now } else { value };
             let label = ui.label(&option.name).interact(egui::Sense::click()).hint(&option.about);
             let set = match now == value {
                 true => parameter(ui, used, option, &label, (value, &defaults[numbers])),
-                // The value comes from a callback or keys of single numbers, which a literal would not change.
+                // A literal would not change what a callback sets.
                 false => {
                     let now: Vec<String> = now.iter().map(|n| format!("{n:.3}")).collect();
-                    ui.monospace(format!("{} (keyed)", now.join(" ")));
+                    ui.monospace(format!("{} ({})", now.join(" "), by_callback(scene)));
                     None
                 }
             };
@@ -474,6 +477,15 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable
         }
     });
     wanted
+}
+
+/// The origin of a value that a callback sets, with the line where there is only one.
+fn by_callback(scene: &Scene) -> String {
+    match scene.places.callbacks.as_slice() {
+        [one] if one.file == scene.places.main => format!("by on_frame, line {}", one.line),
+        [one] => format!("by on_frame, {}", super::marks::report(one)),
+        _ => "by on_frame".to_string(),
+    }
 }
 
 /// The field of one parameter, with its numbers and those by default: the name and the text to write.

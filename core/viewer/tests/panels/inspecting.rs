@@ -845,6 +845,26 @@ effect(\"vignette\", #{ strength: 0.5 });
     }
 }
 
+/// A parameter that a callback sets is no key: the inspector names the line.
+#[test]
+fn values_of_callbacks_are_named_as_such() {
+    const SCENE: &str = "stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let wide = camera(\"wide\").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
+let edge = effect(\"vignette\", #{ strength: 0.5 });
+on_frame(|t| edge.set(\"strength\", 0.25));
+";
+    // A callback that leaves it as it is takes no field away.
+    let other = SCENE.replace("edge.set(\"strength\", 0.25)", "wide.at(0.0, 1.0, 5.0)");
+    for (script, is_named) in [(SCENE, true), (other.as_str(), false)] {
+        let mut place = Place::new(script);
+        place.viewer.selection = Some(Selected::Effect(0));
+        place.paint();
+        let desk = place.harness(vec2(1500.0, 1000.0));
+        assert_eq!(desk.query_by_label("0.250 (by on_frame, line 4)").is_some(), is_named);
+        assert_eq!(desk.query_by_label("strength number").is_none(), is_named);
+    }
+}
+
 /// A number beyond the clip is the last that leaves something of it; a script that plays nothing would be faulty.
 #[test]
 fn a_trim_leaves_something_to_be_played() {
