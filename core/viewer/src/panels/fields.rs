@@ -78,10 +78,10 @@ pub fn show(
     }
 }
 
-/// A menu that takes values away: "Reset to default".
-pub fn reset(response: &Response, names: &[&'static str]) -> Option<FieldChange> {
+/// The menu of a field's name that takes values away: "Reset to default". The numbers beside the name open it, too.
+pub fn reset(name: &Response, names: &[&'static str]) -> Option<FieldChange> {
     let mut wanted = None;
-    response.context_menu(|ui| {
+    values::menu_of_name(name).show(|ui| {
         if ui.button("Reset to default").clicked() {
             wanted = Some(FieldChange::Reset(names.to_vec()));
             ui.close();

@@ -3,7 +3,7 @@
 use crate::editing::expression;
 use choreo_session::edit::format_number;
 use egui::emath::format_with_decimals_in_range;
-use egui::{DragValue, Key, Response, Slider, Ui, WidgetInfo, WidgetType};
+use egui::{DragValue, Id, Key, Popup, Rect, Response, SetOpenCommand, Slider, Ui, WidgetInfo, WidgetType};
 use std::ops::RangeInclusive;
 
 /// A number in a field.
@@ -27,12 +27,12 @@ pub(crate) fn set_rate(ui: &Ui, fps: f64) {
     ui.data_mut(|d| d.insert_temp(rate_id(), fps));
 }
 
-fn rate_id() -> egui::Id {
-    egui::Id::new("frames a second")
+fn rate_id() -> Id {
+    Id::new("frames a second")
 }
 
 /// Reads what is typed: `1/3`, and of a time `f(12)`; keeps it, with its value, for [`text`].
-fn parser(ui: &Ui, id: egui::Id, is_time: bool) -> impl Fn(&str) -> Option<f64> + 'static {
+fn parser(ui: &Ui, id: Id, is_time: bool) -> impl Fn(&str) -> Option<f64> + 'static {
     let fps: f64 = ui.data(|d| d.get_temp(rate_id())).unwrap_or(30.0);
     let context = ui.ctx().clone();
     move |text| {
@@ -47,12 +47,12 @@ fn parser(ui: &Ui, id: egui::Id, is_time: bool) -> impl Fn(&str) -> Option<f64> 
     }
 }
 
-fn typed_id() -> egui::Id {
-    egui::Id::new("typed last")
+fn typed_id() -> Id {
+    Id::new("typed last")
 }
 
 /// Whether the text of a field counts frames and must not.
-fn refused_id(id: egui::Id) -> egui::Id {
+fn refused_id(id: Id) -> Id {
     id.with("frames")
 }
 
@@ -81,14 +81,14 @@ fn number_text(value: f64, decimals: RangeInclusive<usize>) -> String {
 }
 
 /// A field for a number, to the thousandth; expressions can be typed into it.
-fn field<'n>(ui: &Ui, id: egui::Id, now: &'n mut f64, is_time: bool) -> DragValue<'n> {
+fn field<'n>(ui: &Ui, id: Id, now: &'n mut f64, is_time: bool) -> DragValue<'n> {
     DragValue::new(now).max_decimals(3).custom_formatter(number_text).custom_parser(parser(ui, id, is_time))
 }
 
 /// The new value, once it is meant.
 fn settled(
     ui: &mut Ui,
-    id: egui::Id,
+    id: Id,
     value: f64,
     default: Option<f64>,
     add: impl FnOnce(&mut Ui, &mut f64) -> Response,
@@ -111,8 +111,56 @@ fn settled(
     }
     // A field that is left as it was holds the digits that it shows, and not all of them.
     let is_as_shown = response.lost_focus() && (super::rounded(value, 1e3) - now).abs() < 1e-9;
+    if default.is_none() {
+        ask_name(&response);
+    }
     let reset = default.and_then(|default| reset(&response, default));
     reset.or_else(|| (done && !is_as_shown).then_some(now)).filter(|now| *now != value && now.is_finite())
+}
+
+/// The name of a field, whose menu the numbers beside it open.
+#[derive(Clone, Copy)]
+struct Name {
+    id: Id,
+    rect: Rect,
+}
+
+fn name_id() -> Id {
+    Id::new("name of a field")
+}
+
+/// Whether a number has asked for the menu of a name.
+fn asked_id(name: Id) -> Id {
+    name.with("menu")
+}
+
+/// The menu of the right mouse button on the name of a field, and on the numbers that follow beside it.
+pub(super) fn menu_of_name(name: &Response) -> Popup<'_> {
+    let of_row = Name { id: name.id, rect: name.rect };
+    let is_asked = name.ctx.data_mut(|d| {
+        d.insert_temp(name_id(), of_row);
+        d.remove_temp(asked_id(name.id)).unwrap_or(false)
+    });
+    let menu = Popup::context_menu(name);
+    if is_asked { menu.open_memory(Some(SetOpenCommand::Bool(true))) } else { menu }
+}
+
+/// Opens the menu of the name beside a number that is clicked with the right mouse button.
+fn ask_name(number: &Response) {
+    let name: Option<Name> = number.ctx.data(|d| d.get_temp(name_id()));
+    let is_beside = |name: &Name| {
+        let apart = (name.rect.center().y - number.rect.center().y).abs();
+        number.rect.left() >= name.rect.right() && apart < 0.5 * (name.rect.height() + number.rect.height())
+    };
+    if let Some(name) = name.filter(|name| number.secondary_clicked() && is_beside(name)) {
+        number.ctx.data_mut(|d| d.insert_temp(asked_id(name.id), true));
+        number.ctx.request_repaint();
+    }
+}
+
+/// Forgets the last name, beside which there are no more numbers.
+pub(super) fn forget_name(ui: &Ui) {
+    ui.data_mut(|d| d.remove::<Name>(name_id()));
 }
 
 /// A menu of the right mouse button that gives the default.

@@ -865,6 +865,35 @@ on_frame(|t| edge.set(\"strength\", 0.25));
     }
 }
 
+/// The right mouse button on a number opens the menu of the name beside it.
+#[test]
+fn a_right_click_on_a_number_resets_it_as_one_on_its_name_does() {
+    const SCENE: &str = "stage(#{ fps: 25, length: 4.0, exposure: 0.5 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\"), #{ speed: 2.0, trim: [0.25, 1.0] });
+camera(\"wide\").near(0.2).at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
+sun(#{ intensity: 3.0, color: \"white\" });
+";
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+    let cue = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
+    for (what, field, stated) in [
+        (cue.clone(), "speed field", "speed: 2.0, "),
+        (cue, "trim end", ", trim: [0.25, 1.0]"),
+        (Some(Selected::Camera("wide".into())), "near field", ".near(0.2)"),
+        (Some(Selected::Light(0)), "light intensity", "intensity: 3.0, "),
+        (None, "stage exposure", ", exposure: 0.5"),
+    ] {
+        desk.state_mut().reload_with(SCENE);
+        desk.state_mut().viewer.selection = what;
+        desk.run();
+        let number = desk.get_by_label(field).rect().center();
+        secondary_click(&mut desk, number);
+        choose_reset(&mut desk);
+        assert_eq!(desk.state().text(), SCENE.replace(stated, ""), "{field}");
+    }
+}
+
 /// A number beyond the clip is the last that leaves something of it; a script that plays nothing would be faulty.
 #[test]
 fn a_trim_leaves_something_to_be_played() {
