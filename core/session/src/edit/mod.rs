@@ -46,7 +46,7 @@ pub use stating::Anew;
 pub use strips::{Rest, duplicate_cue, set_disabled, set_number, set_trim, shift_cue, shift_keys, split_cue};
 pub use times::{CueTime, EditTime, follows, set_time};
 pub use unroll::unroll;
-pub use values::format_number;
+pub use values::{format_as_meant, format_number};
 
 /// These bytes of the text become this.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use crate::app::Viewer;
 use crate::state::selection::{Selected, actor};
 use choreo_script::{Place, mask_problem};
 use choreo_session::edit::{
-    Anew, CueTime, Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_number, set_trim,
+    Anew, CueTime, Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_as_meant, set_trim,
 };
 use choreo_stage::{Camera, Property};
 use glam::DVec3;
@@ -236,7 +236,8 @@ impl Viewer {
             || self.written(what, "fov").is_some() && self.written(what, "focal_length").is_none();
         if in_degrees {
             let degrees = Camera::yfov(length).to_degrees();
-            return self.set_field_of_view(name, degrees, &format_number(degrees));
+            let is_meant = |read: f64| is_as_shown(Camera::focal_length(read.to_radians()), length);
+            return self.set_field_of_view(name, degrees, &format_as_meant(degrees, is_meant));
         }
         let when = self.edit_time(self.playhead.time().as_secs());
         let is_keyed = keyed(Property::FocalLength);
@@ -249,6 +250,11 @@ impl Viewer {
             }
         })
     }
+}
+
+/// Whether two numbers are the same as fields show them, to the thousandth, also once single precision has rounded them.
+pub(super) fn is_as_shown(a: f64, b: f64) -> bool {
+    (a - b).abs() < 2e-5
 }
 
 fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Edit, EditRefused> {

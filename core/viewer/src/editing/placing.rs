@@ -3,6 +3,7 @@
 
 use crate::app::{Dragging, Viewer};
 use crate::editing::EditError;
+use crate::editing::fields::is_as_shown;
 use crate::geometry::gizmo::Change;
 use crate::state::history::ExpectedPlacement;
 use crate::state::keyed::ValueText;
@@ -13,7 +14,8 @@ use choreo_motion::Time;
 use choreo_script::Place;
 use choreo_session::Placed;
 use choreo_session::edit::{
-    Anew, Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_number, numbered_name,
+    Anew, Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_as_meant, format_number,
+    numbered_name,
 };
 use choreo_stage::{Actor, Camera, Placement, Property, Rig, Stage, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
@@ -250,15 +252,21 @@ impl Viewer {
         let ScriptCamera { camera, place, siblings } = self.script_camera(name)?;
         let keyed = |property| camera.channels.iter().any(|c| c.property == property);
         let (in_angles, in_millimetres) = (keyed(Property::FieldOfView), keyed(Property::FocalLength));
+        let is_meant = |read: f64| is_as_shown(Camera::yfov(read).to_degrees(), degrees);
+        let length = format_as_meant(Camera::focal_length(degrees.to_radians()), is_meant);
         let when = self.edit_time(self.playhead.time().as_secs());
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             if in_millimetres {
-                let length = format_number(Camera::focal_length(degrees.to_radians()));
                 return object.set_key("focal_length", when, KeyValue::Text(&length));
             }
+            let states = |name| object.line_of_call(name).is_some();
             match in_angles {
                 true => object.set_key("fov", when, KeyValue::Text(written)),
+                // A field of view before it would not count.
+                false if states("focal_length") && !states("fov") => {
+                    object.state("focal_length", &length, Anew::Method)
+                }
                 false if written == format_number(degrees) => object.set("fov", &[degrees]),
                 false => object.state("fov", written, Anew::Method),
             }

@@ -534,6 +534,10 @@ let words = text(\"Hello\", #{ size: 0.1 }).from(1.0);
         panic!()
     };
     assert!((f64::from(yfov).to_degrees() - degrees).abs() < 1e-3, "{}", desk.state().text());
+    // With the digits by which it is read back.
+    assert!(desk.state().text().contains(".fov(26.99147)"), "{}", desk.state().text());
+    let length = desk.get_by_label("focal length field").value().unwrap_or_default();
+    assert_eq!(length.parse::<f64>(), Ok(50.0));
     type_into(&mut desk, "near field", "0.25");
     assert!(desk.state().text().contains(".near(0.25)"), "{}", desk.state().text());
     select(&mut desk, Selected::Title(0));
@@ -892,6 +896,19 @@ sun(#{ intensity: 3.0, color: \"white\" });
         choose_reset(&mut desk);
         assert_eq!(desk.state().text(), SCENE.replace(stated, ""), "{field}");
     }
+}
+
+/// A field of view is written in millimetres where the script states those, since it would not count before them.
+#[test]
+fn a_lens_in_millimetres_stays_in_millimetres() {
+    const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
+camera(\"wide\").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]).focal_length(85);
+";
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+    desk.state_mut().viewer.selection = Some(Selected::Camera("wide".into()));
+    desk.run();
+    type_into(&mut desk, "field of view", "40");
+    assert_eq!(desk.state().text(), SCENE.replace("(85)", "(32.96973)"));
 }
 
 /// A number beyond the clip is the last that leaves something of it; a script that plays nothing would be faulty.
