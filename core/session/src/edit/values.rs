@@ -1,6 +1,8 @@
 //! Values in a text: number literals, lists of them, and options of calls.
 
+use super::expression::calculated;
 use super::scan::{Call, Source};
+use super::times::TimeLiteral;
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
@@ -37,7 +39,8 @@ pub fn literal(text: &str, bytes: &Range<usize>) -> Option<(Range<usize>, f64)> 
     let digits = literal.strip_prefix('-').unwrap_or(literal);
     let is_number = digits.starts_with(|c: char| c.is_ascii_digit())
         && digits.chars().all(|c| c.is_ascii_digit() || c == '.' || c == '_');
-    let value = is_number.then(|| literal.replace('_', "").parse::<f64>().ok()).flatten()?;
+    let number = is_number.then(|| literal.replace('_', "").parse::<f64>().ok()).flatten();
+    let value = number.or_else(|| calculated(literal))?;
     let start = bytes.start + (inside.len() - inside.trim_start().len());
     Some((start..start + literal.len(), value))
 }
@@ -79,13 +82,14 @@ pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option
     Some(Edit { range: first.0.start..last.0.end, text: out })
 }
 
-/// A number, a calculation with numbers alone, a list of numbers, a text literal, or a map of these: what may be overwritten.
+/// A number, a time in frames, a calculation with numbers alone, a list of numbers, a text literal, or a map of these: what may be overwritten.
 pub fn is_plain(text: &Source, bytes: &Range<usize>) -> bool {
     let inside = text[bytes.clone()].trim();
     let quoted =
         inside.len() >= 2 && inside.starts_with('"') && inside[1..].find('"') == Some(inside.len() - 2);
     quoted
         || is_calculation(text, bytes)
+        || TimeLiteral::of(text, bytes).is_some()
         || literals(text, bytes).is_some_and(|l| !l.is_empty())
         || is_plain_map(text, bytes)
 }

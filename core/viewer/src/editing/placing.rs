@@ -14,7 +14,7 @@ use choreo_motion::Time;
 use choreo_script::Place;
 use choreo_session::Placed;
 use choreo_session::edit::{
-    Anew, Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_as_meant, format_number,
+    Anew, Edit, EditRefused, EditTime, KeyValue, ScriptObject, Typed, format_as_meant, format_number,
     numbered_name,
 };
 use choreo_stage::{Actor, Camera, Placement, Property, Rig, Stage, StageLight};
@@ -90,7 +90,7 @@ impl Viewer {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
         let change = self.change_in_parent(&scene.stage.actors[index], index, change)?;
-        self.place_actor(name, change)
+        self.place_actor(name, change, None)
     }
 
     /// The change of an actor along the axes of its parent.
@@ -124,8 +124,13 @@ impl Viewer {
         Some(Placed::Actor { actor: index, property, to })
     }
 
-    /// Like [`Viewer::change_actor`], along the axes of the actor's parent.
-    pub(crate) fn place_actor(&mut self, name: &str, change: Change) -> Result<(), EditError> {
+    /// Like [`Viewer::change_actor`], along the axes of the actor's parent; `typed`: the number that was typed, if one was.
+    pub(crate) fn place_actor(
+        &mut self,
+        name: &str,
+        change: Change,
+        typed: Option<&Typed>,
+    ) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
         let found = &scene.stage.actors[index];
@@ -143,11 +148,15 @@ impl Viewer {
                 Change::Scale(_) => ("scale", ValueText::Scale(to.scale)),
             };
             let keyed = self.keyed(&Selected::Actor(name.to_string()), property)?;
-            self.change_all(vec![self.text_step(&keyed, time, value)?])?;
+            let step = self.text_step(&keyed, time, value)?;
+            self.change_all(vec![match typed {
+                Some(typed) => step.keeping(typed),
+                None => step,
+            }])?;
         } else {
             self.change(&place, siblings, |text| {
                 let object = ScriptObject::at(text, place.line, place.column)?;
-                match change {
+                let made = match change {
                     Change::Move(by) => object.move_by(by, at),
                     Change::Turn(by) => match object.line_of_call("face") {
                         Some(line) => Err(face_turns(line)),
@@ -159,6 +168,10 @@ impl Viewer {
                         let all = to.scale.to_array();
                         object.set("scale", &all[..if even { 1 } else { 3 }])
                     }
+                };
+                match typed {
+                    Some(typed) => typed.keep(text, made),
+                    None => made,
                 }
             })?;
         }

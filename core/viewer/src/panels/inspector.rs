@@ -13,6 +13,7 @@ use crate::state::selection::{Selected, actor};
 use choreo_asset::{Asset, LightKind, Projection};
 use choreo_plugin::{OptionKind, OptionSpec};
 use choreo_script::Place;
+use choreo_session::edit::Typed;
 use choreo_session::{FrameInfo, Scene};
 use choreo_stage::{
     ActiveClip, ActorState, Described, EffectUse, FieldType, FieldValue, Rig, Sky, Stage, StageLight,
@@ -31,7 +32,8 @@ pub(crate) struct ClipDrag {
 
 /// The change that the user makes here, applied once everything has been drawn.
 enum Wanted {
-    Actor(Change),
+    /// With the number that was typed.
+    Actor(Change, Typed),
     Value(&'static str, String),
     Parameter(String, String),
     Clip(String, f64),
@@ -146,7 +148,9 @@ fn apply(viewer: &mut Viewer, selection: Selected, wanted: Wanted, known: &[Keye
             there.map_or(Ok(()), |at| viewer.delete_keys(&[KeyRef { what: selection, property: name, at }]))
         }
         Wanted::Key(name, false) => viewer.set_keys(&selection, &[&name]),
-        Wanted::Actor(change) => selection.actor().map_or(Ok(()), |name| viewer.place_actor(name, change)),
+        Wanted::Actor(change, typed) => {
+            selection.actor().map_or(Ok(()), |name| viewer.place_actor(name, change, Some(&typed)))
+        }
         Wanted::Value(name, value) => viewer.set_value(&selection, name, &value),
         Wanted::Parameter(name, value) => viewer.set_value(&selection, &name, &value),
         Wanted::Clip(clip, secs) => {
@@ -218,7 +222,7 @@ fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: K
             if let Some(to) = field(letter, value, 0.01, -1e9..=1e9, 0.0).show(ui) {
                 let mut by = DVec3::ZERO;
                 by[axis] = to - placed.translation[axis];
-                wanted = Some(Wanted::Actor(Change::Move(by)));
+                wanted = Some(Wanted::Actor(Change::Move(by), values::typed(ui, to)));
             }
         }
         wanted = key_button(ui, viewer, keyable, "position").or(wanted.take());
@@ -228,7 +232,8 @@ fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: K
         let degrees = libm::atan2(z.x, z.z).to_degrees();
         if let Some(to) = field("degrees", degrees, 0.5, -360.0..=360.0, 0.0).show(ui) {
             let (sin, cos) = libm::sincos((to - degrees).to_radians() / 2.0);
-            wanted = Some(Wanted::Actor(Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))));
+            let turn = Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos));
+            wanted = Some(Wanted::Actor(turn, values::typed(ui, to)));
         }
         wanted = key_button(ui, viewer, keyable, "rotation").or(wanted.take());
         ui.end_row();
@@ -243,7 +248,7 @@ fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: K
                 let all = super::held::modifiers(ui).shift;
                 let mut scale = if all { DVec3::splat(by) } else { DVec3::ONE };
                 scale[axis] = by;
-                wanted = Some(Wanted::Actor(Change::Scale(scale)));
+                wanted = Some(Wanted::Actor(Change::Scale(scale), values::typed(ui, to)));
             }
         }
         wanted = key_button(ui, viewer, keyable, "scale").or(wanted.take());
@@ -340,14 +345,15 @@ fn light(
             false => ("stands at", "position", light.position, 0.01),
         };
         // A direction as the script states it, which need not have the length 1.
-        let stated = written.get(name).and_then(|text| super::fields::point(text));
+        let text = written.get(name).map(String::as_str);
+        let stated = text.and_then(super::fields::point);
         let is_keyed = keyable.iter().any(|property| property.name == name && property.has_keys());
         let vector = stated.filter(|_| !is_keyed).unwrap_or(vector);
         let menu = ui.add(egui::Label::new(label).sense(egui::Sense::click()));
         let resets: &[&'static str] =
             if name == "position" { &["position", "at"] } else { &["direction", "look_at"] };
         wanted = stated::reset(&menu, resets).map(Wanted::Field).or(wanted.take());
-        let set = vector_field(ui, ["light x", "light y", "light z"], vector, speed);
+        let set = vector_field(ui, ["light x", "light y", "light z"], vector, speed, text);
         wanted = set.map(|text| Wanted::Value(name, text)).or(wanted.take());
         wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
         ui.end_row();
@@ -372,7 +378,8 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
         };
         let label = if at.is_some() { "shines on" } else { "shines along" };
         ui.label(label);
-        let set = vector_field(ui, ["aim x", "aim y", "aim z"], vector, 0.01);
+        let text = written.get(name).map(String::as_str);
+        let set = vector_field(ui, ["aim x", "aim y", "aim z"], vector, 0.01, text);
         wanted = set.map(|text| Wanted::Value(name, text));
         ui.end_row();
     }
@@ -392,16 +399,19 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
     wanted
 }
 
-/// Three numbers in one cell: the text of a point or a direction.
-fn vector_field(ui: &mut Ui, names: [&str; 3], now: DVec3, speed: f64) -> Option<String> {
+/// Three numbers in one cell: the text of a point or a direction; `stated`: as the script has it.
+fn vector_field(
+    ui: &mut Ui,
+    names: [&str; 3],
+    now: DVec3,
+    speed: f64,
+    stated: Option<&str>,
+) -> Option<String> {
     let mut wanted = None;
     ui.horizontal(|ui| {
         for (axis, name) in names.into_iter().enumerate() {
             if let Some(to) = values::number(ui, name, now[axis], speed, -1e6..=1e6) {
-                let mut all = now;
-                all[axis] = to;
-                let [x, y, z] = all.to_array().map(|to| values::text(ui, to));
-                wanted = Some(format!("[{x}, {y}, {z}]"));
+                wanted = Some(format!("[{}]", values::list(ui, stated, &now.to_array(), axis, to)));
             }
         }
     });

@@ -1,7 +1,7 @@
 //! Numbers that are dragged or typed, also as expressions, and taken once the hand lets go: each is one change of the script.
 
 use crate::editing::expression;
-use choreo_session::edit::format_number;
+use choreo_session::edit::{Typed, format_number};
 use egui::emath::format_with_decimals_in_range;
 use egui::{DragValue, Id, Key, Popup, Rect, Response, SetOpenCommand, Slider, Ui, WidgetInfo, WidgetType};
 use std::ops::RangeInclusive;
@@ -31,7 +31,7 @@ fn rate_id() -> Id {
     Id::new("frames a second")
 }
 
-/// Reads what is typed: `1/3`, and of a time `f(12)`; keeps it, with its value, for [`text`].
+/// Reads what is typed: `1/3`, and of a time `f(12)`; keeps it, with its value, for [`typed`].
 fn parser(ui: &Ui, id: Id, is_time: bool) -> impl Fn(&str) -> Option<f64> + 'static {
     let fps: f64 = ui.data(|d| d.get_temp(rate_id())).unwrap_or(30.0);
     let context = ui.ctx().clone();
@@ -61,17 +61,37 @@ pub(super) fn takes_refused(ui: &Ui) -> bool {
     ui.data_mut(|d| d.remove_temp(refused_id(rate_id()))).unwrap_or(false)
 }
 
-/// A number of a field as it is written into a script: as the expression that was typed where it has more digits than are written,
-/// `1.0 / 3.0`.
-pub fn text(ui: &Ui, value: f64) -> String {
-    expression_or_digits(value, ui.data(|d| d.get_temp(typed_id())))
+/// A number of a field with its text in a script: the expression that was typed where it has more digits than are written, `1.0 / 3.0`, or
+/// counts frames, `f(12)`.
+pub fn typed(ui: &Ui, value: f64) -> Typed {
+    let text = ui.data(|d| d.get_temp::<(String, f64)>(typed_id())).filter(|(_, meant)| *meant == value);
+    let number = Typed::from(value);
+    let is_exact = number.text.parse().is_ok_and(|read: f64| (read - value).abs() <= 1e-12 * value.abs());
+    let text = text.map(|(text, _)| text).filter(|text| !is_exact || expression::counts_frames(text));
+    text.and_then(|text| expression::script_text(&text)).map_or(number, |text| Typed { value, text })
 }
 
-fn expression_or_digits(value: f64, typed: Option<(String, f64)>) -> String {
-    let number = format_number(value);
-    let is_exact = number.parse().is_ok_and(|read: f64| (read - value).abs() <= 1e-12 * value.abs());
-    let typed = typed.filter(|(_, meant)| *meant == value && !is_exact);
-    typed.and_then(|(text, _)| expression::script_text(&text)).unwrap_or(number)
+/// The text of [`typed`].
+pub fn text(ui: &Ui, value: f64) -> String {
+    typed(ui, value).text
+}
+
+/// The numbers of a list as they are written into a script, with a comma between them, of which the one with this index was typed. `stated`:
+/// the list as the script has it, whose other numbers stay as they are written.
+pub fn list(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize, to: f64) -> String {
+    let inside = stated.unwrap_or_default().trim();
+    let inside = inside.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(inside);
+    let parts: Vec<&str> = inside.split(',').map(str::trim).collect();
+    let count = now.len();
+    let one = |(part, now): (usize, &f64)| {
+        let is_it = |text: &&&str| expression::value(text, 1.0).is_some_and(|read| (read - now).abs() < 5e-4);
+        match parts.get(part).filter(|_| parts.len() == count).filter(is_it) {
+            _ if part == index => text(ui, to),
+            Some(stated) => stated.to_string(),
+            None => format_number(*now),
+        }
+    };
+    now.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
 }
 
 /// A number as a field shows it: what rounds to nothing has no sign.
@@ -115,6 +135,10 @@ fn settled(
         ask_name(&response);
     }
     let reset = default.and_then(|default| reset(&response, default));
+    if reset.is_some() || done && !response.lost_focus() {
+        // It is not what was typed last, even where it has the same value.
+        ui.data_mut(|d| d.remove::<(String, f64)>(typed_id()));
+    }
     reset.or_else(|| (done && !is_as_shown).then_some(now)).filter(|now| *now != value && now.is_finite())
 }
 
@@ -237,17 +261,21 @@ impl Number<'_> {
         self.show_as(ui, None)
     }
 
-    /// The new value as it is written into a script, an expression where one was typed. `stated`: the value as the script has it, which is shown
-    /// where it is an expression.
+    /// The new value as it is written into a script, an expression where one was typed; see [`Number::show_stated`].
     pub fn show_written(self, ui: &mut Ui, stated: Option<&str>) -> Option<String> {
+        let now = self.show_stated(ui, stated)?;
+        Some(text(ui, now))
+    }
+
+    /// The new value. `stated`: the value as the script has it, which is shown where it is an expression.
+    pub fn show_stated(self, ui: &mut Ui, stated: Option<&str>) -> Option<f64> {
         let fps: f64 = ui.data(|d| d.get_temp(rate_id())).unwrap_or(30.0);
         let is_it = |text: &&str| {
             let meant = expression::script_text(text).and_then(|text| expression::value(&text, fps));
             meant.is_some_and(|meant| (meant - self.value).abs() <= 1e-6 * meant.abs())
         };
         let shown = stated.filter(is_it);
-        let now = self.show_as(ui, shown)?;
-        Some(text(ui, now))
+        self.show_as(ui, shown)
     }
 
     fn show_as(self, ui: &mut Ui, shown: Option<&str>) -> Option<f64> {
