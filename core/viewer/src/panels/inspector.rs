@@ -11,12 +11,13 @@ use crate::geometry::gizmo::Change;
 use crate::state::keyed::{self, KeyRef, KeyedProperty};
 use crate::state::selection::{Selected, actor};
 use choreo_asset::{Asset, LightKind, Projection};
+use choreo_motion::Time;
 use choreo_plugin::{OptionKind, OptionSpec};
 use choreo_script::Place;
 use choreo_session::edit::Typed;
 use choreo_session::{FrameInfo, Scene};
 use choreo_stage::{
-    ActiveClip, ActorState, Described, EffectUse, FieldType, FieldValue, Rig, Sky, Stage, StageLight,
+    ActiveClip, ActorState, Camera, Described, EffectUse, FieldType, FieldValue, Rig, Sky, Stage, StageLight,
 };
 use egui::{Grid, Response, RichText, Ui};
 use glam::{DQuat, DVec3, Vec3};
@@ -99,7 +100,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         Selected::Light(index) => wanted = light(ui, viewer, (&scene.stage, *index), keyable, &written),
         Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, *index, keyable),
         Selected::Camera(name) => {
-            wanted = lens(ui, viewer, &scene.stage, name, keyable);
+            wanted = lens(ui, viewer, &scene, name, keyable);
             wanted = camera(ui, viewer, &scene.stage, (name, &written), keyable).or(wanted);
         }
         Selected::Sky => wanted = sky(ui, viewer, &scene.stage, keyable),
@@ -264,14 +265,48 @@ fn projection(viewer: &Viewer, stage: &Stage, name: &str) -> Option<Projection> 
     Some(shown.map_or(stage.cameras[index].projection, |camera| camera.projection))
 }
 
-fn lens(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: Keyable) -> Option<Wanted> {
-    let Projection::Perspective { yfov, .. } = projection(viewer, stage, name)? else { return None };
+/// The field of view that a camera has by the script's keys, else by its call, degrees; `None` where a file gives it.
+fn stated_field_of_view(camera: &Camera, time: Time, keyable: Keyable) -> Option<f64> {
+    let keyed = |name: &str| {
+        let property = keyable.iter().find(|property| property.name == name && property.has_keys())?;
+        property.at(time).first().copied()
+    };
+    match (&camera.rig, camera.projection) {
+        (Rig::File { .. }, _) | (_, Projection::Orthographic { .. }) => None,
+        (_, Projection::Perspective { yfov, .. }) => {
+            let keyed = keyed("fov").or_else(|| Some(Camera::yfov(keyed("focal_length")?).to_degrees()));
+            keyed.or_else(|| Some(f64::from(yfov).to_degrees()))
+        }
+    }
+}
+
+/// The field of view at the playhead, in words, where a callback sets it.
+fn field_of_view_by_callback(
+    viewer: &Viewer,
+    scene: &Scene,
+    name: &str,
+    degrees: f64,
+    keyable: Keyable,
+) -> Option<String> {
+    let frame = frame_of_callbacks(viewer, scene)?;
+    let index = frame.snapshot.camera.camera?;
+    let camera = scene.stage.cameras.get(index).filter(|camera| camera.name == name)?;
+    let stated = stated_field_of_view(camera, frame.time, keyable)?;
+    ((stated - degrees).abs() > 1e-3).then(|| format!("{degrees:.3} ({})", by_callback(scene)))
+}
+
+fn lens(ui: &mut Ui, viewer: &Viewer, scene: &Scene, name: &str, keyable: Keyable) -> Option<Wanted> {
+    let Projection::Perspective { yfov, .. } = projection(viewer, &scene.stage, name)? else { return None };
     let mut wanted = None;
     ui.horizontal(|ui| {
         ui.label("field of view").hint("degrees, from the top to the bottom of the image");
         let degrees = f64::from(yfov).to_degrees();
         let Projection::Perspective { yfov: usual, .. } = Projection::default() else { return };
         let usual = f64::from(usual).to_degrees();
+        if let Some(text) = field_of_view_by_callback(viewer, scene, name, degrees, keyable) {
+            ui.monospace(text);
+            return;
+        }
         let number = field("field of view", degrees, 0.25, 1.0..=170.0, usual);
         wanted = number.show(ui).map(|to| Wanted::FieldOfView(to, values::text(ui, to)));
         for name in ["fov", "focal_length"] {
@@ -455,9 +490,7 @@ fn default_menu(ui: &mut Ui, written: &stated::Stated, name: &'static str) -> Op
 fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable: Keyable) -> Option<Wanted> {
     let used = scene.stage.effects.get(index)?;
     let plugin = scene.registry.effect(&used.plugin)?;
-    // Without callbacks the values are those of the script; a frame of an older version says nothing about them.
-    let is_known = |shown: &&FrameInfo| shown.number == scene.number && !scene.places.callbacks.is_empty();
-    let shown = viewer.shown().filter(is_known);
+    let shown = frame_of_callbacks(viewer, scene);
     let time = shown.map_or(viewer.playhead.time(), |shown| shown.time);
     let given = choreo_render::effect_parameters(plugin, &used.parameters_at(time));
     let state = shown.and_then(|shown| shown.snapshot.effects.iter().find(|e| e.effect == index));
@@ -487,6 +520,11 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable
         }
     });
     wanted
+}
+
+/// The frame that is shown, where callbacks may have set values in it. One of an older version says nothing about those.
+fn frame_of_callbacks<'v>(viewer: &'v Viewer, scene: &Scene) -> Option<&'v FrameInfo> {
+    viewer.shown().filter(|shown| shown.number == scene.number && !scene.places.callbacks.is_empty())
 }
 
 /// The origin of a value that a callback sets, with the line where there is only one.

@@ -942,7 +942,7 @@ sun(#{ intensity: 3.0, color: \"white\" });
     }
 }
 
-/// A parameter that a callback sets is no key: the inspector names the line.
+/// A value that a callback sets is no key: the inspector names the line.
 #[test]
 fn values_of_callbacks_are_named_as_such() {
     const SCENE: &str = "stage(#{ size: [64, 36], fps: 25, length: 4.0 });
@@ -959,6 +959,15 @@ on_frame(|t| edge.set(\"strength\", 0.25));
         let desk = place.harness(vec2(1500.0, 1000.0));
         assert_eq!(desk.query_by_label("0.250 (by on_frame, line 4)").is_some(), is_named);
         assert_eq!(desk.query_by_label("strength number").is_none(), is_named);
+    }
+    // The field of view of the camera that is on, too.
+    let zoomed = SCENE.replace("edge.set(\"strength\", 0.25)", "wide.fov(30)");
+    for (script, is_named) in [(zoomed.as_str(), true), (SCENE, false)] {
+        let mut place = Place::new(script);
+        place.viewer.selection = Some(Selected::Camera("wide".into()));
+        place.paint();
+        let desk = place.harness(vec2(1500.0, 1000.0));
+        assert_eq!(desk.query_by_label("30.000 (by on_frame, line 4)").is_some(), is_named);
     }
 }
 
