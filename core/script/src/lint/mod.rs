@@ -104,6 +104,8 @@ pub struct Places {
     /// The call that states the ambient light, unless the stage's options do.
     pub ambient: Option<Place>,
     pub effects: Vec<Place>,
+    /// Places of the calls of `on_frame`.
+    pub callbacks: Vec<Place>,
     /// Places of texts, images and panels, as in `Stage::layers_2d`.
     pub layers_2d: Vec<Place>,
     /// Files of which the script uses the clips alone, so that no mesh and no image of them was made.

@@ -82,6 +82,7 @@ pub fn resolve(
         stage.lights = std::mem::take(&mut build.lights);
         stage.effects = std::mem::take(&mut build.effects);
         hooks = std::mem::take(&mut build.hooks);
+        places.callbacks = hooks.iter().map(|hook| hook.at.clone()).collect();
         build.bound.clear();
         build.shapes.clear();
         build.loads.clear();

@@ -8,6 +8,7 @@ mod copying;
 mod cues;
 mod deleting;
 mod duplicating;
+pub mod expression;
 mod handed;
 mod key_easing;
 mod key_list;
@@ -25,6 +26,7 @@ mod scan;
 mod stating;
 mod strips;
 mod times;
+mod typed;
 mod unroll;
 mod values;
 
@@ -46,8 +48,9 @@ pub use reordering::{RowSide, reorder};
 pub use stating::Anew;
 pub use strips::{Rest, duplicate_cue, set_disabled, set_number, set_trim, shift_cue, shift_keys, split_cue};
 pub use times::{CueTime, EditTime, follows, set_time};
+pub use typed::Typed;
 pub use unroll::unroll;
-pub use values::format_number;
+pub use values::{format_as_meant, format_number};
 
 /// These bytes of the text become this.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

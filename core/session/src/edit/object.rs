@@ -268,7 +268,8 @@ impl<'a> ScriptObject<'a> {
         let inside = &self.text[bytes.clone()];
         let quoted = inside.trim().starts_with('"') && inside.trim().ends_with('"');
         let is_literal = literals(&self.text, &bytes).is_some_and(|l| !l.is_empty());
-        if !quoted && !is_literal && !is_calculation(&self.text, &bytes) {
+        let is_time = TimeLiteral::of(&self.text, &bytes).is_some();
+        if !quoted && !is_literal && !is_time && !is_calculation(&self.text, &bytes) {
             return Err(self.computed(call, &format!("{}({value})", &self.text[call.name.clone()])));
         }
         let start = bytes.start + (inside.len() - inside.trim_start().len());

@@ -159,7 +159,8 @@ impl<'a> ScriptObject<'a> {
         self.text[self.made.inside.clone()].trim()
     }
 
-    /// Writes all arguments of the call that made it anew, which are literals: numbers, texts and lists and maps of them.
+    /// Writes all arguments of the call that made it anew, which are literals: numbers, calculations with numbers alone, texts, and lists and
+    /// maps of them.
     ///
     /// # Errors
     /// The script computes one of them.
@@ -175,9 +176,7 @@ impl<'a> ScriptObject<'a> {
         let mut words = outside.split(|c: char| !c.is_alphanumeric() && c != '_' && c != '.');
         let is_name = |word: &str| word.starts_with(|c: char| c.is_alphabetic() || c == '_');
         // Names of entries in a map are no variables.
-        if outside.contains(['(', '+', '*', '/'])
-            || words.any(|word| is_name(word) && !is_entry(&outside, word))
-        {
+        if words.any(|word| is_name(word) && !is_entry(&outside, word)) {
             let name = &self.text[self.made.name.clone()];
             let why = format!("{name}({}) is computed; change it there", &self.text[range]);
             return Err(EditRefused::at(self.line, &why));

@@ -1,6 +1,7 @@
 //! Cues as strips of a timeline: trimmed, slipped, split, duplicated, disabled.
 
 use super::cues::{CueChange, comment_behind, set_times};
+use super::key_list::parts;
 use super::keys::shifted_keys;
 use super::object::ScriptObject;
 use super::scan::{Call, Source};
@@ -208,12 +209,40 @@ impl<'a> Strip<'a> {
     }
 }
 
-/// Plays another part of the clip, in seconds of the clip.
+/// Plays another part of the clip, in seconds of the clip; `fps`: frames a second of the stage, for ends that are stated in frames.
 ///
 /// # Errors
 /// Why not, for the user: the script computes it; here and below.
-pub fn set_trim(text: &str, line: usize, column: usize, trim: [f64; 2]) -> Result<Edit, EditRefused> {
-    Strip::at(text, line, column)?.set("trim", &trim)
+pub fn set_trim(
+    text: &str,
+    line: usize,
+    column: usize,
+    trim: [f64; 2],
+    fps: f64,
+) -> Result<Edit, EditRefused> {
+    let strip = Strip::at(text, line, column)?;
+    let ends = strip.value("trim").and_then(|value| times_in(&strip.text, &value));
+    let Some([from, to]) = ends.filter(|ends| ends.iter().any(|end| end.in_frames)) else {
+        return strip.set("trim", &trim);
+    };
+    let stays = |end: &TimeLiteral, secs: f64| format_number(end.secs(fps)) == format_number(secs);
+    let mut after = text.to_string();
+    for (end, secs) in [(to, trim[1]), (from, trim[0])] {
+        if !stays(&end, secs) {
+            after = end.set(EditTime { secs, fps }).apply(&after);
+        }
+    }
+    Ok(Edit::between(text, &after))
+}
+
+/// The two times of a list, `0.5, f(12)` or `[0.5, f(12)]`; `None` where one is computed.
+fn times_in(text: &Source, bytes: &Range<usize>) -> Option<[TimeLiteral; 2]> {
+    let list = text.trimmed(bytes);
+    let inside = text[list.clone()].strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
+    let (start, end) = if inside.is_some() { (list.start + 1, list.end - 1) } else { (list.start, list.end) };
+    let times: Option<Vec<TimeLiteral>> =
+        parts(text, start, end).map(|time| TimeLiteral::of(text, &time)).collect();
+    times?.try_into().ok()
 }
 
 /// Sets the speed, the weight or the fade-out of a cue.

@@ -1,14 +1,12 @@
 //! Times of cues, and of what else begins and ends.
 
 use super::scan::{Call, Source, find};
-use super::values::{literal, method_place, option_value, set_option};
+use super::values::{
+    USUAL_DIGITS, format_as_meant, literal, method_place, option_value, set_option, trimmed,
+};
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
-/// Digits behind the point of seconds that a person writes.
-const USUAL_DIGITS: usize = 3;
-/// Digits with which every time is read back as the same tick.
-const MOST_DIGITS: usize = 9;
 /// Seconds within which two times are the same tick.
 const NEAR: f64 = 0.5 / choreo_motion::Time::TICKS_PER_SECOND as f64;
 
@@ -48,14 +46,11 @@ impl EditTime {
         if is_frame && in_frames {
             return format!("f({frame})");
         }
-        let exact = is_frame.then(|| {
-            let time = frame / self.fps;
-            let reads = |text: &String| text.parse().is_ok_and(|read: f64| libm::fabs(read - time) < NEAR);
-            (USUAL_DIGITS..=MOST_DIGITS).map(|digits| format!("{time:.digits$}")).find(reads)
-        });
-        let text = exact.flatten().unwrap_or_else(|| format!("{secs:.USUAL_DIGITS$}"));
-        let text = text.trim_end_matches('0');
-        if text.ends_with('.') { format!("{text}0") } else { text.to_string() }
+        let time = frame / self.fps;
+        match is_frame {
+            true => format_as_meant(time, |read| libm::fabs(read - time) < NEAR),
+            false => trimmed(&format!("{secs:.USUAL_DIGITS$}")),
+        }
     }
 }
 

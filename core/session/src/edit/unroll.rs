@@ -173,7 +173,8 @@ impl Round {
         let begins = before.ends_with(['(', '[', '{', ',', ';', ':'])
             || before.ends_with('=') && !["==", "!=", "<=", ">="].iter().any(|sign| before.ends_with(sign));
         let ends = behind.starts_with([')', ']', '}', ',', ';']);
-        let is_negative = literal(value, &(0..value.len())).is_some_and(|_| value.starts_with('-'));
+        let digits = value.strip_prefix('-').filter(|digits| is_whole(digits));
+        let is_negative = digits.is_some() && literal(value, &(0..value.len())).is_some();
         let is_summand = is_negative && behind.starts_with(['+', '-', '*', '/', '%']);
         let is_safe = begins && (ends || is_summand) || is_whole(value);
         self.places.push(self.text.len() + usize::from(!is_safe));

@@ -1,27 +1,46 @@
 //! Values in a text: number literals, lists of them, and options of calls.
 
+use super::expression::calculated;
 use super::scan::{Call, Source};
+use super::times::TimeLiteral;
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
+/// Digits behind the point that a person writes.
+pub(super) const USUAL_DIGITS: usize = 3;
+/// Digits behind the point with which every time is read back as the same tick.
+const MOST_DIGITS: usize = 9;
+
 /// Writes a number as a person would: to the thousandth, smaller ones to six digits; always with a point, so that it stays a float.
 pub fn format_number(value: f64) -> String {
-    let digits = if value != 0.0 && value.abs() < 0.01 { 6 } else { 3 };
-    let text = format!("{value:.digits$}");
-    let text = text.trim_end_matches('0');
-    let text = if text.ends_with('.') { format!("{text}0") } else { text.to_string() };
+    let digits = if value != 0.0 && value.abs() < 0.01 { 6 } else { USUAL_DIGITS };
+    let text = trimmed(&format!("{value:.digits$}"));
     if text == "-0.0" { "0.0".into() } else { text }
 }
 
-/// The number that these bytes are, and where it stands without the blanks around it. `None` where it is computed; `f(literal)` is:
-/// frames, at a rate that the script knows and this does not.
+/// Writes a number with as few digits as it is read back with as it is meant: to the thousandth, else with up to nine digits.
+pub fn format_as_meant(value: f64, is_meant: impl Fn(f64) -> bool) -> String {
+    let reads = |text: &String| text.parse::<f64>().is_ok_and(&is_meant);
+    let text = (USUAL_DIGITS..MOST_DIGITS).map(|digits| format!("{value:.digits$}")).find(reads);
+    trimmed(&text.unwrap_or_else(|| format!("{value:.MOST_DIGITS$}")))
+}
+
+/// The digits of a number without zeros at the end, always with a point.
+pub(super) fn trimmed(digits: &str) -> String {
+    let text = digits.trim_end_matches('0');
+    if text.ends_with('.') { format!("{text}0") } else { text.to_string() }
+}
+
+/// The number that these bytes are, also as a calculation with literals alone, and where it stands without the blanks around it. `None`
+/// where it is computed; `f(literal)` is: frames, at a rate that the script knows and this does not.
 pub fn literal(text: &str, bytes: &Range<usize>) -> Option<(Range<usize>, f64)> {
     let inside = &text[bytes.clone()];
     let literal = inside.trim();
     let digits = literal.strip_prefix('-').unwrap_or(literal);
     let is_number = digits.starts_with(|c: char| c.is_ascii_digit())
         && digits.chars().all(|c| c.is_ascii_digit() || c == '.' || c == '_');
-    let value = is_number.then(|| literal.replace('_', "").parse::<f64>().ok()).flatten()?;
+    let number = is_number.then(|| literal.replace('_', "").parse::<f64>().ok()).flatten();
+    let value = number.or_else(|| calculated(literal))?;
     let start = bytes.start + (inside.len() - inside.trim_start().len());
     Some((start..start + literal.len(), value))
 }
@@ -63,13 +82,14 @@ pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option
     Some(Edit { range: first.0.start..last.0.end, text: out })
 }
 
-/// A number, a calculation with numbers alone, a list of numbers, a text literal, or a map of these: what may be overwritten.
+/// A number, a time in frames, a calculation with numbers alone, a list of numbers, a text literal, or a map of these: what may be overwritten.
 pub fn is_plain(text: &Source, bytes: &Range<usize>) -> bool {
     let inside = text[bytes.clone()].trim();
     let quoted =
         inside.len() >= 2 && inside.starts_with('"') && inside[1..].find('"') == Some(inside.len() - 2);
     quoted
         || is_calculation(text, bytes)
+        || TimeLiteral::of(text, bytes).is_some()
         || literals(text, bytes).is_some_and(|l| !l.is_empty())
         || is_plain_map(text, bytes)
 }

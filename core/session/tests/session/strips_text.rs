@@ -28,10 +28,13 @@ fn changed(text: &str, change: Change) -> Result<String, String> {
 
 #[test]
 fn numbers_are_written_where_the_script_states_them() {
-    let trim = |text: &str| changed(text, &|t, l, c| set_trim(t, l, c, [0.5, 2.0]));
+    let trim = |text: &str| changed(text, &|t, l, c| set_trim(t, l, c, [0.5, 2.0], 25.0));
     assert_eq!(trim("a.|play(c).until(2.0);").unwrap(), "a.play(c, #{ trim: [0.5, 2.0] }).until(2.0);");
     assert_eq!(trim("a.|play(c).trim( 0, 1.5 );").unwrap(), "a.play(c).trim( 0.5, 2.0 );");
     assert_eq!(trim("a.|play(c, #{ trim: [0.0, 1.0] });").unwrap(), "a.play(c, #{ trim: [0.5, 2.0] });");
+    // An end in frames stays in frames, and one that is as long as before stays as it is.
+    assert_eq!(trim("a.|play(c).trim(f(5), 4.0 / 2.0);").unwrap(), "a.play(c).trim(0.5, 4.0 / 2.0);");
+    assert_eq!(trim("a.|play(c).trim(1.0 / 2.0, f(75));").unwrap(), "a.play(c).trim(1.0 / 2.0, f(50));");
     assert_eq!(
         trim("a.|play(c).trim(x, 1.0);").unwrap_err(),
         "line 1: trim: x, 1.0 is computed; change it there"

@@ -3,15 +3,15 @@
 use super::{EditError, FieldChange};
 use crate::app::Viewer;
 use choreo_asset::srgb_from_linear;
-use choreo_session::edit::{Anew, ScriptObject, format_number};
+use choreo_session::edit::{Anew, ScriptObject, Typed, expression};
 use glam::Vec3;
 
 /// The light from all around: colors in sRGB, and how strong they are.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Ambient {
     pub up: [u8; 3],
     pub down: [u8; 3],
-    pub strength: f64,
+    pub strength: Typed,
 }
 
 impl Viewer {
@@ -20,7 +20,7 @@ impl Viewer {
         let settings = &self.scene.as_ref()?.stage.settings;
         let strength = strength_of(&self.ambient_written().unwrap_or_default());
         let color = |linear: Vec3| {
-            let one = linear / strength.max(1e-9) as f32;
+            let one = linear / strength.value.max(1e-9) as f32;
             one.to_array().map(|v| (srgb_from_linear(f64::from(v.clamp(0.0, 1.0))) * 255.0).round() as u8)
         };
         Some(Ambient { up: color(settings.ambient_up), down: color(settings.ambient_down), strength })
@@ -48,15 +48,15 @@ impl Viewer {
         let (from, written) = (self.ambient(), self.ambient_written().unwrap_or_default());
         let same_color = from.is_some_and(|from| from.up == to.up && from.down == to.down);
         let hex = |[r, g, b]: [u8; 3]| format!("\"#{r:02x}{g:02x}{b:02x}\"");
-        let strength = format_number(to.strength);
-        let (even, is_one) = (to.up == to.down, to.strength == 1.0);
+        let (even, is_one) = (to.up == to.down, to.strength.value == 1.0);
+        let strength = to.strength.text;
         let white = even && to.up == [255; 3];
         let map = |colors: String| match is_one {
             true => format!("#{{ {colors} }}"),
             false => format!("#{{ {colors}, strength: {strength} }}"),
         };
         let value = match (&place, even) {
-            _ if white && (place.is_none() || written.parse::<f64>().is_ok()) => strength,
+            _ if white && (place.is_none() || expression::value(&written, 1.0).is_some()) => strength,
             (_, false) => map(format!("up: {}, down: {}", hex(to.up), hex(to.down))),
             (None, true) if is_one => hex(to.up),
             (None, true) => map(format!("color: {}", hex(to.up))),
@@ -99,14 +99,15 @@ fn is_color(argument: &str) -> bool {
 }
 
 /// The strength that is written beside colors; 1 where none is.
-fn strength_of(written: &str) -> f64 {
+fn strength_of(written: &str) -> Typed {
     let in_map = written.trim().strip_prefix("#{").and_then(|map| map.split_once("strength:"));
-    let number = match in_map {
+    let text = match in_map {
         Some((_, rest)) => rest.split([',', '}']).next(),
         None => arguments(written).last().copied(),
     };
-    let number = number.and_then(|number| number.trim().parse::<f64>().ok());
-    number.filter(|number| *number > 0.0).unwrap_or(1.0)
+    let typed =
+        |text: &str| Some(Typed { value: expression::value(text, 1.0)?, text: text.trim().to_string() });
+    text.and_then(typed).filter(|typed| typed.value > 0.0).unwrap_or_else(|| Typed::from(1.0))
 }
 
 #[cfg(test)]
@@ -122,10 +123,11 @@ mod tests {
             ("[0.1, 0.2, 0.3]", 1.0),
             ("[0.1, 0.2, 0.3], 2", 2.0),
             ("0.5", 0.5),
+            ("\"white\", 1.0 / 4.0", 0.25),
             ("#{ up: \"white\", down: \"black\", strength: 0.25 }", 0.25),
             ("#{ up: \"white\" }", 1.0),
         ] {
-            assert_eq!(strength_of(written), strength, "{written}");
+            assert_eq!(strength_of(written).value, strength, "{written}");
         }
     }
 }

@@ -6,7 +6,7 @@ use crate::app::Viewer;
 use crate::state::selection::{Selected, actor};
 use choreo_script::{Place, mask_problem};
 use choreo_session::edit::{
-    Anew, CueTime, Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_number, set_trim,
+    Anew, CueTime, Edit, EditRefused, EditTime, KeyValue, ScriptObject, Typed, format_as_meant, set_trim,
 };
 use choreo_stage::{Camera, Property};
 use glam::DVec3;
@@ -16,15 +16,15 @@ use std::collections::BTreeMap;
 #[derive(Clone, Debug, PartialEq)]
 pub enum FieldChange {
     /// A time of a cue, effect or title, seconds.
-    Time(CueTime, f64),
+    Time(CueTime, Typed),
     /// A value as it is written, where the script does not compute it.
     Value(&'static str, String, Anew),
     /// A text of the script, in place of whatever is there.
     Text(&'static str, String, Anew),
     /// Takes these away.
     Reset(Vec<&'static str>),
-    /// The part of a clip that is played, seconds.
-    Trim([f64; 2]),
+    /// The part of a clip that is played, seconds, and the end of it that was typed.
+    Trim([f64; 2], Typed),
     /// `once`, `loop` or `ping_pong`.
     Repeat(&'static str),
     Clip(String),
@@ -38,8 +38,8 @@ pub enum FieldChange {
     Within(&'static str, &'static str, Option<String>),
     /// An argument of a call, from 0.
     Argument(usize, String),
-    /// The key of a point at the playhead, by the name of its property.
-    KeyedPoint(&'static str, DVec3),
+    /// The key of a point at the playhead, by the name of its property, and the number of it that was typed.
+    KeyedPoint(&'static str, DVec3, Typed),
 }
 
 /// A call of the script that states something of an actor: a constraint, an attachment, springs.
@@ -50,8 +50,8 @@ pub struct StatedCall {
     pub siblings: usize,
     /// Name and arguments of the call.
     pub title: String,
-    /// Its first argument: the target of a camera.
-    pub first: Option<String>,
+    /// Its first two arguments: the target of a camera and the offset from it.
+    pub arguments: [Option<String>; 2],
     /// Options and methods of the call, as they are written.
     pub written: BTreeMap<String, String>,
 }
@@ -66,20 +66,22 @@ impl Viewer {
     /// Why not, for the user; nothing has changed.
     pub(crate) fn change_field(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
         match change {
-            FieldChange::Time(part, secs) => self.set_cue(what, *part, *secs),
+            FieldChange::Time(part, time) => self.set_typed_cue(what, *part, time),
             FieldChange::FocalLength(length, text) => self.set_focal_length(what, *length, text),
-            FieldChange::KeyedPoint(name, point) => {
+            FieldChange::KeyedPoint(name, point, typed) => {
                 let when = self.edit_time(self.playhead.time().as_secs());
                 let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
                 self.change(&place, siblings, |text| {
                     let object = ScriptObject::at(text, place.line, place.column)?;
-                    object.set_key(name, when, KeyValue::Point(*point))
+                    typed.keep(text, object.set_key(name, when, KeyValue::Point(*point)))
                 })
             }
-            FieldChange::Trim(trim) => {
-                let trim = *trim;
+            FieldChange::Trim(trim, typed) => {
+                let fps = self.playhead.fps().as_fps();
                 let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-                self.change(&place, siblings, |text| set_trim(text, place.line, place.column, trim))
+                self.change(&place, siblings, |text| {
+                    typed.keep_time(text, set_trim(text, place.line, place.column, *trim, fps), fps)
+                })
             }
             change => {
                 let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
@@ -146,13 +148,14 @@ impl Viewer {
         self.change(&call.place, call.siblings, |text| {
             let object = ScriptObject::at(text, call.place.line, call.place.column)?;
             match change {
-                FieldChange::Time(part, secs) => {
+                FieldChange::Time(part, time) => {
                     let name = match part {
                         CueTime::Start => "from",
                         CueTime::End => "until",
                         CueTime::FadeIn => "fade",
                     };
-                    object.state_time(name, EditTime { secs: *secs, fps }, Anew::Option)
+                    let made = object.state_time(name, EditTime { secs: time.value, fps }, Anew::Option);
+                    time.keep_time(text, made, fps)
                 }
                 change => changed(&object, text, change),
             }
@@ -171,16 +174,16 @@ impl Viewer {
 
     /// The call at a place; `name` where its text cannot be edited.
     pub fn stated_call(&self, place: &Place, siblings: usize, name: &str) -> StatedCall {
-        let call = |title: String, first: Option<String>, written| {
+        let call = |title: String, arguments, written| {
             let place = place.clone();
-            StatedCall { place, siblings, title, first, written }
+            StatedCall { place, siblings, title, arguments, written }
         };
         let read = self.read_object(place, siblings, |object| {
             let title = format!("{} {}", object.made_by(), object.arguments());
-            let first = object.argument(0).map(str::to_string);
-            Some(call(title.trim().to_string(), first, object.all_written()))
+            let arguments = [0, 1].map(|number| object.argument(number).map(str::to_string));
+            Some(call(title.trim().to_string(), arguments, object.all_written()))
         });
-        read.unwrap_or_else(|| call(name.to_string(), None, BTreeMap::new()))
+        read.unwrap_or_else(|| call(name.to_string(), [None, None], BTreeMap::new()))
     }
 
     /// The values in the map of an option, by name.
@@ -242,7 +245,8 @@ impl Viewer {
             || self.written(what, "fov").is_some() && self.written(what, "focal_length").is_none();
         if in_degrees {
             let degrees = Camera::yfov(length).to_degrees();
-            return self.set_field_of_view(name, degrees, &format_number(degrees));
+            let is_meant = |read: f64| is_as_shown(Camera::focal_length(read.to_radians()), length);
+            return self.set_field_of_view(name, degrees, &format_as_meant(degrees, is_meant));
         }
         let when = self.edit_time(self.playhead.time().as_secs());
         let is_keyed = keyed(Property::FocalLength);
@@ -255,6 +259,11 @@ impl Viewer {
             }
         })
     }
+}
+
+/// Whether two numbers are the same as fields show them, to the thousandth, also once single precision has rounded them.
+pub(super) fn is_as_shown(a: f64, b: f64) -> bool {
+    (a - b).abs() < 2e-5
 }
 
 fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Edit, EditRefused> {
@@ -288,7 +297,7 @@ fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Ed
         }
         FieldChange::Argument(number, value) => object.state_argument(*number, value),
         FieldChange::Time(..)
-        | FieldChange::Trim(_)
+        | FieldChange::Trim(..)
         | FieldChange::FocalLength(..)
         | FieldChange::KeyedPoint(..) => Err(EditRefused::from("it is changed in another way".to_string())),
     }

@@ -10,7 +10,9 @@ use crate::state::selection::{Selected, actor};
 use crate::state::tangents::TangentChoice;
 use choreo_motion::Time;
 use choreo_script::Place;
-use choreo_session::edit::{Edit, EditRefused, EditTime, KeyShape, KeyValue, ScriptObject, copied_keys};
+use choreo_session::edit::{
+    Edit, EditRefused, EditTime, KeyShape, KeyValue, ScriptObject, Typed, copied_keys,
+};
 use std::collections::BTreeMap;
 
 /// Keys that a line may state anew; more would be samples of an easing.
@@ -78,15 +80,38 @@ impl Viewer {
     }
 
     /// Moves a key to a time.
-    pub(crate) fn set_key_time(&mut self, key: &KeyRef, secs: f64) -> Result<(), EditError> {
-        self.drag_keys(std::slice::from_ref(key), secs - key.at.as_secs(), None)
+    pub(crate) fn set_key_time(&mut self, key: &KeyRef, time: &Typed) -> Result<(), EditError> {
+        let (keys, by) = (std::slice::from_ref(key), time.value - key.at.as_secs());
+        let (steps, fps) = (self.key_drag_steps(keys, by, None)?, self.playhead.fps().as_fps());
+        self.change_all(steps.into_iter().map(|step| step.keeping_time(time, fps)).collect())?;
+        self.keys_have_moved(keys, by);
+        Ok(())
     }
 
-    /// Gives a key other numbers, in the script's units.
-    pub(crate) fn set_key_value(&mut self, key: &KeyRef, numbers: &[f64]) -> Result<(), EditError> {
+    /// Gives a key other numbers, in the script's units, one of which was typed.
+    pub(crate) fn set_key_value(
+        &mut self,
+        key: &KeyRef,
+        numbers: &[f64],
+        typed: &Typed,
+    ) -> Result<(), EditError> {
         let keyed = self.keyed(&key.what, &key.property)?;
         let step = self.value_step(&keyed, key.at, numbers)?;
-        self.change_all(vec![step])
+        self.change_all(vec![step.keeping(typed)])
+    }
+
+    /// Gives a key other tangents; `typed`: the number of them that was typed.
+    pub(crate) fn set_key_shape(
+        &mut self,
+        key: KeyRef,
+        shape: KeyShape,
+        typed: Option<&Typed>,
+    ) -> Result<(), EditError> {
+        let steps = self.shape_steps(&[(key, shape)])?.into_iter();
+        self.change_all(match typed {
+            Some(typed) => steps.map(|step| step.keeping(typed)).collect(),
+            None => steps.collect(),
+        })
     }
 
     /// Deletes keys from the script.

@@ -9,7 +9,6 @@ mod cues;
 pub(crate) mod difference;
 mod documents;
 mod error;
-pub mod expression;
 mod fields;
 mod keys;
 mod next_clip;
@@ -26,6 +25,7 @@ mod trimming;
 
 pub use adding::ClipOf;
 pub use ambient::Ambient;
+pub use choreo_session::edit::expression;
 pub use error::EditError;
 pub(crate) use error::file_name;
 pub use fields::{FieldChange, StatedCall};
@@ -38,7 +38,8 @@ use choreo_files::{WriteError, write_whole};
 use choreo_script::Place;
 use choreo_session::Scene;
 use choreo_session::edit::{
-    CueTime, Edit, EditRefused, EditTime, ScriptObject, ScriptText, follows, set_call, set_marker, set_time,
+    CueTime, Edit, EditRefused, EditTime, ScriptObject, ScriptText, Typed, follows, set_call, set_marker,
+    set_time,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -66,6 +67,20 @@ impl<'m> Step<'m> {
         Step { place, siblings, make: Box::new(make), shared: None, alone: None }
     }
 
+    /// The same step, which keeps a number as it was typed.
+    pub fn keeping(self, typed: &Typed) -> Step<'m> {
+        let (make, typed) = (self.make, typed.clone());
+        let make = move |text: &str, line, column| typed.keep(text, make(text, line, column));
+        Step { make: Box::new(make), ..self }
+    }
+
+    /// The same step, which keeps a time as it was typed; `fps`: frames a second of the stage.
+    pub fn keeping_time(self, typed: &Typed, fps: f64) -> Step<'m> {
+        let (make, typed) = (self.make, typed.clone());
+        let make = move |text: &str, line, column| typed.keep_time(text, make(text, line, column), fps);
+        Step { make: Box::new(make), ..self }
+    }
+
     fn shared_place(&self) -> &Place {
         self.shared.as_ref().unwrap_or(&self.place)
     }
@@ -77,7 +92,17 @@ impl Viewer {
     /// # Errors
     /// Why not, for the user; nothing has changed.
     pub fn set_cue(&mut self, what: &Selected, part: CueTime, secs: f64) -> Result<(), EditError> {
-        let bar = self.bar(what)?;
+        self.set_typed_cue(what, part, &secs.into())
+    }
+
+    /// The same for a time that was typed.
+    pub(crate) fn set_typed_cue(
+        &mut self,
+        what: &Selected,
+        part: CueTime,
+        typed: &Typed,
+    ) -> Result<(), EditError> {
+        let (bar, secs) = (self.bar(what)?, typed.value);
         let place = bar.place.clone();
         let known = self.known();
         if part == CueTime::Start {
@@ -90,7 +115,7 @@ impl Viewer {
             // Where two clips meet is written as the end of the first.
             let before = Selected::Cue { actor: actor.clone(), layer: *layer, cue: cue - 1 };
             self.check_boundary(Some(&self.bar(&before)?), &bar, secs)?;
-            return self.set_cue(&before, CueTime::End, secs);
+            return self.set_typed_cue(&before, CueTime::End, typed);
         }
         let siblings = self.bars().filter(|other| other.place == place).count();
         match part {
@@ -103,16 +128,19 @@ impl Viewer {
             _ => {}
         }
         let time = self.edit_time(secs);
-        self.change(&place, siblings, |text| match (what, part) {
-            (Selected::Effect(_) | Selected::Title(_), part) => {
-                let object = ScriptObject::at(text, place.line, place.column)?;
-                match part {
-                    CueTime::Start => object.time("from", time),
-                    CueTime::End => object.time("until", time),
-                    CueTime::FadeIn => object.set("fade", &[secs]),
+        self.change(&place, siblings, |text| {
+            let made = match (what, part) {
+                (Selected::Effect(_) | Selected::Title(_), part) => {
+                    let object = ScriptObject::at(text, place.line, place.column)?;
+                    match part {
+                        CueTime::Start => object.time("from", time),
+                        CueTime::End => object.time("until", time),
+                        CueTime::FadeIn => object.set("fade", &[secs]),
+                    }
                 }
-            }
-            _ => set_time(text, place.line, place.column, part, time),
+                _ => set_time(text, place.line, place.column, part, time),
+            };
+            typed.keep_time(text, made, time.fps)
         })
     }
 

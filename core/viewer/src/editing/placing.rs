@@ -3,6 +3,7 @@
 
 use crate::app::{Dragging, Viewer};
 use crate::editing::EditError;
+use crate::editing::fields::is_as_shown;
 use crate::geometry::gizmo::Change;
 use crate::state::history::ExpectedPlacement;
 use crate::state::keyed::ValueText;
@@ -13,7 +14,8 @@ use choreo_motion::Time;
 use choreo_script::Place;
 use choreo_session::Placed;
 use choreo_session::edit::{
-    Anew, Edit, EditRefused, EditTime, KeyValue, ScriptObject, format_number, numbered_name,
+    Anew, Edit, EditRefused, EditTime, KeyValue, ScriptObject, Typed, format_as_meant, format_number,
+    numbered_name,
 };
 use choreo_stage::{Actor, Camera, Placement, Property, Rig, Stage, StageLight};
 use glam::{DAffine3, DQuat, DVec3};
@@ -88,7 +90,7 @@ impl Viewer {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
         let change = self.change_in_parent(&scene.stage.actors[index], index, change)?;
-        self.place_actor(name, change)
+        self.place_actor(name, change, None)
     }
 
     /// The change of an actor along the axes of its parent.
@@ -122,8 +124,13 @@ impl Viewer {
         Some(Placed::Actor { actor: index, property, to })
     }
 
-    /// Like [`Viewer::change_actor`], along the axes of the actor's parent.
-    pub(crate) fn place_actor(&mut self, name: &str, change: Change) -> Result<(), EditError> {
+    /// Like [`Viewer::change_actor`], along the axes of the actor's parent; `typed`: the number that was typed, if one was.
+    pub(crate) fn place_actor(
+        &mut self,
+        name: &str,
+        change: Change,
+        typed: Option<&Typed>,
+    ) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
         let found = &scene.stage.actors[index];
@@ -141,11 +148,15 @@ impl Viewer {
                 Change::Scale(_) => ("scale", ValueText::Scale(to.scale)),
             };
             let keyed = self.keyed(&Selected::Actor(name.to_string()), property)?;
-            self.change_all(vec![self.text_step(&keyed, time, value)?])?;
+            let step = self.text_step(&keyed, time, value)?;
+            self.change_all(vec![match typed {
+                Some(typed) => step.keeping(typed),
+                None => step,
+            }])?;
         } else {
             self.change(&place, siblings, |text| {
                 let object = ScriptObject::at(text, place.line, place.column)?;
-                match change {
+                let made = match change {
                     Change::Move(by) => object.move_by(by, at),
                     Change::Turn(by) => match object.line_of_call("face") {
                         Some(line) => Err(face_turns(line)),
@@ -157,6 +168,10 @@ impl Viewer {
                         let all = to.scale.to_array();
                         object.set("scale", &all[..if even { 1 } else { 3 }])
                     }
+                };
+                match typed {
+                    Some(typed) => typed.keep(text, made),
+                    None => made,
                 }
             })?;
         }
@@ -250,15 +265,21 @@ impl Viewer {
         let ScriptCamera { camera, place, siblings } = self.script_camera(name)?;
         let keyed = |property| camera.channels.iter().any(|c| c.property == property);
         let (in_angles, in_millimetres) = (keyed(Property::FieldOfView), keyed(Property::FocalLength));
+        let is_meant = |read: f64| is_as_shown(Camera::yfov(read).to_degrees(), degrees);
+        let length = format_as_meant(Camera::focal_length(degrees.to_radians()), is_meant);
         let when = self.edit_time(self.playhead.time().as_secs());
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
             if in_millimetres {
-                let length = format_number(Camera::focal_length(degrees.to_radians()));
                 return object.set_key("focal_length", when, KeyValue::Text(&length));
             }
+            let states = |name| object.line_of_call(name).is_some();
             match in_angles {
                 true => object.set_key("fov", when, KeyValue::Text(written)),
+                // A field of view before it would not count.
+                false if states("focal_length") && !states("fov") => {
+                    object.state("focal_length", &length, Anew::Method)
+                }
                 false if written == format_number(degrees) => object.set("fov", &[degrees]),
                 false => object.state("fov", written, Anew::Method),
             }

@@ -1,7 +1,7 @@
 //! The part of a clip that a bar plays: trimmed at its start, rolled with the bar before it, slipped between its ends.
 
-use super::EditError;
 use super::strips::NOTHING;
+use super::{EditError, Step};
 use crate::app::Viewer;
 use crate::state::selection::Selected;
 use crate::state::timeline::{Bar, Strip};
@@ -46,9 +46,7 @@ impl Viewer {
             // The two bars meet: the edge between them moves.
             steps.push(self.time_step(before, CueTime::End, secs));
         }
-        if let Some(trim) = trim {
-            steps.push(self.step(&bar, move |text, line, column| set_trim(text, line, column, trim)));
-        }
+        steps.extend(trim.map(|trim| self.trim_step(&bar, trim)));
         self.change_all(steps)
     }
 
@@ -80,8 +78,12 @@ impl Viewer {
             };
             EditError::refused_at(&bar.place, why)
         })?;
-        let steps = vec![self.step(&bar, move |text, line, column| set_trim(text, line, column, trim))];
-        self.change_all(steps)
+        self.change_all(vec![self.trim_step(&bar, trim)])
+    }
+
+    fn trim_step(&self, bar: &Bar, trim: [f64; 2]) -> Step<'static> {
+        let fps = self.playhead.fps().as_fps();
+        self.step(bar, move |text, line, column| set_trim(text, line, column, trim, fps))
     }
 }
 

@@ -166,6 +166,15 @@ pub fn keys_of(viewer: &Viewer, id: &str) -> String {
     action(id).map_or_else(String::new, |action| viewer.shortcuts.text(action.id, action.keys))
 }
 
+/// A hint about an action, with its keys behind it.
+pub(super) fn hint_of(viewer: &Viewer, id: &str, about: &str) -> String {
+    match keys_of(viewer, id) {
+        keys if keys.is_empty() => about.to_string(),
+        keys if about.is_empty() => keys,
+        keys => format!("{about} ({keys})"),
+    }
+}
+
 /// Name of a panel in the file of shortcuts: `panel_curves`.
 pub(crate) fn panel_id(tab: Tab) -> String {
     format!("panel_{}", tab.title().to_lowercase().replace(' ', "_"))
@@ -295,6 +304,29 @@ mod tests {
     use super::*;
     use crate::state::shortcuts::{PRESETS, Shortcuts};
     use std::collections::BTreeMap;
+
+    /// The font of menus has all signs of the keys that they show.
+    #[test]
+    fn keys_are_shown_with_signs_that_the_font_has() {
+        let (context, mut ran) = (egui::Context::default(), false);
+        context.set_fonts(super::super::icons::fonts());
+        let mut output = context.run_ui(egui::RawInput::default(), |ui| {
+            let font = egui::FontId::proportional(14.0);
+            let check =
+                |keys: String| ui.fonts_mut(|fonts| assert!(fonts.has_glyphs(&font, &keys), "{keys}"));
+            for (preset, ..) in PRESETS {
+                let mut viewer = Viewer::new("x");
+                viewer.shortcuts = Shortcuts { preset: preset.to_string(), ..Shortcuts::default() };
+                ACTIONS.iter().for_each(|action| check(keys_of(&viewer, action.id)));
+                let panels = Tab::ALL.into_iter().flat_map(|tab| panel_keys(&viewer, tab));
+                panels.for_each(|chord| check(chord.to_string()));
+            }
+            ran = true;
+        });
+        output.textures_delta.clear();
+        assert!(ran);
+        assert_eq!(keys_of(&Viewer::new("x"), "row_up"), "Ctrl Shift Up");
+    }
 
     /// Every key of every preset exists, and belongs to one action.
     #[test]

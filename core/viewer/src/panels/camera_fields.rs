@@ -41,7 +41,8 @@ pub fn show(
                 moves(ui, viewer, camera, "frame", |ui, call| options(ui, viewer, call, &Rig::FRAME))
             }
             Rig::Follow { target, offset } => moves(ui, viewer, camera, "follow", |ui, call| {
-                let to = point(ui, "offset", "camera offset", *offset);
+                let stated = call.arguments[1].as_deref();
+                let to = point(ui, ["offset", "camera offset"], *offset, stated);
                 let to = to.map(|text| FieldChange::Argument(1, text));
                 aims_at(ui, viewer, call, target).or(to)
             }),
@@ -76,10 +77,10 @@ fn stands(
                 let mut all = now;
                 all[axis] = to;
                 wanted = Some(match key.filter(|_| is_keyed) {
-                    Some(key) => FieldChange::KeyedPoint(key, all),
+                    Some(key) => FieldChange::KeyedPoint(key, all, values::typed(ui, to)),
                     None => {
-                        let text = all.to_array().map(|to| values::text(ui, to)).join(", ");
-                        let written = stated.get(name);
+                        let written = stated.get(name).map(String::as_str);
+                        let text = values::list(ui, written, &now.to_array(), axis, to);
                         let is_list = written.map_or(name == "look_at", |written| written.starts_with('['));
                         let text = if is_list { format!("[{text}]") } else { text };
                         FieldChange::Value(name, text, Anew::Method)
@@ -144,7 +145,8 @@ fn aims_at(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target) -> 
     const WHOLE: &str = "all of it";
     let (actor, joint) = match target {
         Target::Point(at) => {
-            return point(ui, "center", "camera center", *at).map(|text| FieldChange::Argument(0, text));
+            let to = point(ui, ["center", "camera center"], *at, call.arguments[0].as_deref());
+            return to.map(|text| FieldChange::Argument(0, text));
         }
         Target::Actor(actor) => (*actor, None),
         Target::Joint { actor, joint } => (*actor, Some(*joint as usize)),
@@ -152,7 +154,7 @@ fn aims_at(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target) -> 
     let scene = viewer.scene.as_ref()?;
     let skeleton = &scene.stage.actors.get(actor)?.asset.skeleton;
     let now = joint.map_or(WHOLE, |joint| skeleton.short_name(joint));
-    let first = call.first.as_deref()?;
+    let first = call.arguments[0].as_deref()?;
     ui.label("target").hint("the whole actor, or one of its joints");
     let mut wanted = None;
     ui.horizontal(|ui| {
@@ -169,16 +171,14 @@ fn aims_at(ui: &mut Ui, viewer: &Viewer, call: &StatedCall, target: &Target) -> 
     wanted
 }
 
-/// Three numbers in a row of their own: the text of a point.
-fn point(ui: &mut Ui, label: &str, name: &str, now: DVec3) -> Option<String> {
+/// Three numbers in a row of their own: the text of a point; `stated`: as the script has it.
+fn point(ui: &mut Ui, [label, name]: [&str; 2], now: DVec3, stated: Option<&str>) -> Option<String> {
     let mut wanted = None;
     ui.label(label);
     ui.horizontal(|ui| {
         for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
             if let Some(to) = values::number(ui, &format!("{name} {letter}"), now[axis], 0.01, -1e9..=1e9) {
-                let mut all = now;
-                all[axis] = to;
-                wanted = Some(format!("[{}]", all.to_array().map(|to| values::text(ui, to)).join(", ")));
+                wanted = Some(format!("[{}]", values::list(ui, stated, &now.to_array(), axis, to)));
             }
         }
         ui.weak("m");

@@ -107,7 +107,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     for (index, property) in all.iter().enumerate() {
         act = handles(ui, viewer, &plot, property, index).or(act);
         let shaped = tangents::show(ui, viewer, &plot, property, index);
-        act = shaped.map(|(key, shape)| Act::Key(KeyAct::Shape(key, shape))).or(act);
+        act = shaped.map(|(key, shape)| Act::Key(KeyAct::Shape(key, shape, None))).or(act);
         act = points(ui, viewer, &plot, property, index).or(act);
     }
     over_all(ui, viewer, area, (ruler, viewer.curves.time));

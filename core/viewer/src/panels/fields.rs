@@ -8,7 +8,7 @@ use crate::editing::{FieldChange, expression};
 use crate::state::selection::{Selected, actor};
 use choreo_asset::Asset;
 use choreo_motion::Repeat;
-use choreo_session::edit::{Anew, CueTime, format_number, quoted};
+use choreo_session::edit::{Anew, CueTime, quoted};
 use choreo_stage::{
     Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Property, Shadow, Stage,
     StageLight,
@@ -78,10 +78,10 @@ pub fn show(
     }
 }
 
-/// A menu that takes values away: "Reset to default".
-pub fn reset(response: &Response, names: &[&'static str]) -> Option<FieldChange> {
+/// The menu of a field's name that takes values away: "Reset to default". The numbers beside the name open it, too.
+pub fn reset(name: &Response, names: &[&'static str]) -> Option<FieldChange> {
     let mut wanted = None;
-    response.context_menu(|ui| {
+    values::menu_of_name(name).show(|ui| {
         if ui.button("Reset to default").clicked() {
             wanted = Some(FieldChange::Reset(names.to_vec()));
             ui.close();
@@ -126,7 +126,6 @@ pub fn described<T: Described>(
     let name = field.name;
     let shown = format!("{}{name}", form.owner);
     let mut wanted = label(ui, form.stated, name, &field.about());
-    let time = |part: CueTime, secs: f64| FieldChange::Time(part, secs);
     let set = match ((field.get)(of), field.of_type) {
         (FieldValue::Number(n), FieldType::Number(low, high, unit)) => {
             let set = written(ui, &shown, n, low..=high, (unit, form.stated.get(name)));
@@ -150,12 +149,12 @@ pub fn described<T: Described>(
                     ui.horizontal(row).inner
                 }
             };
-            set.map(|to| match (name, form.is_cue) {
-                ("from", _) => time(CueTime::Start, to),
-                ("until", _) => time(CueTime::End, to),
-                ("fade", true) if values::text(ui, to) == format_number(to) => time(CueTime::FadeIn, to),
-                ("fade", false) => FieldChange::Value(name, values::text(ui, to), Anew::Method),
-                _ => FieldChange::Value(name, values::text(ui, to), anew_of(form, name)),
+            set.map(|to| values::typed(ui, to)).map(|to| match (name, form.is_cue) {
+                ("from", _) => FieldChange::Time(CueTime::Start, to),
+                ("until", _) => FieldChange::Time(CueTime::End, to),
+                ("fade", true) => FieldChange::Time(CueTime::FadeIn, to),
+                ("fade", false) => FieldChange::Value(name, to.text, Anew::Method),
+                _ => FieldChange::Value(name, to.text, anew_of(form, name)),
             })
         }
         (value, FieldType::Flag) => flag(ui, name, &shown, value == FieldValue::Flag(true)),
@@ -165,10 +164,12 @@ pub fn described<T: Described>(
                 for (axis, letter) in ["x", "y"].into_iter().enumerate() {
                     let label = format!("{name} {letter}");
                     if let Some(to) = values::number(ui, &label, pair[axis], 0.01, -1e5..=1e5) {
-                        let mut all = pair;
-                        all[axis] = to;
-                        set =
-                            Some(pair_text(form.stated, name, all.to_array().map(|to| values::text(ui, to))));
+                        let stated = form.stated.get(name).map(String::as_str);
+                        let text = values::list(ui, stated, &pair.to_array(), axis, to);
+                        // `.at(x, y)` and `at: [x, y]` are written in different ways.
+                        let is_method = stated.is_some_and(|stated| !stated.starts_with('['));
+                        let text = if is_method { text } else { format!("[{text}]") };
+                        set = Some(FieldChange::Value(name, text, Anew::Option));
                     }
                 }
             });
@@ -182,14 +183,6 @@ pub fn described<T: Described>(
     ui.end_row();
     wanted = set.or(wanted);
     wanted
-}
-
-/// `.at(x, y)` and `at: [x, y]` are written in different ways.
-fn pair_text(stated: &Stated, name: &'static str, [x, y]: [String; 2]) -> FieldChange {
-    let written = stated.get(name);
-    let is_method = written.is_some_and(|written| !written.starts_with('['));
-    let value = if is_method { format!("{x}, {y}") } else { format!("[{x}, {y}]") };
-    FieldChange::Value(name, value, Anew::Option)
 }
 
 fn flag(ui: &mut Ui, name: &'static str, shown: &str, on: bool) -> Option<FieldChange> {
@@ -363,7 +356,7 @@ fn trim(ui: &mut Ui, stated: &Stated, played: &Cue) -> Option<FieldChange> {
             if let Some(to) = values::time(ui, name, now[end], 0.01, range) {
                 let mut all = now;
                 all[end] = to;
-                wanted = Some(FieldChange::Trim(all));
+                wanted = Some(FieldChange::Trim(all, values::typed(ui, to)));
             }
         }
         ui.weak(format!("of {whole:.2} s"));
@@ -631,9 +624,7 @@ fn size(ui: &mut Ui, written: &Stated, kind: &str, asset: &Asset) -> Option<Fiel
         for (index, axis) in axes.iter().enumerate() {
             let name = format!("size {}", ["x", "y", "z"][*axis]);
             let Some(to) = values::number(ui, &name, now[index], 0.01, 1e-4..=1e6) else { continue };
-            let mut all = now.clone();
-            all[index] = to;
-            let all = all.into_iter().map(|to| values::text(ui, to)).collect::<Vec<_>>().join(", ");
+            let all = values::list(ui, written.get("size").map(String::as_str), &now, index, to);
             wanted = Some(FieldChange::Material("size", Some(format!("[{all}]"))));
         }
         ui.weak("m");

@@ -1,7 +1,7 @@
 //! The inspector shows the selection, else the stage; while a field of it is being edited it goes on showing what the text was typed for, until the field has
 //! taken it.
 
-use super::{inspector, stage_fields};
+use super::{inspector, stage_fields, values};
 use crate::app::Viewer;
 use crate::state::selection::Selected;
 use egui::{Response, Ui};
@@ -34,6 +34,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         (None, Some(_)) => stage_fields::show(ui, viewer),
         _ => inspector::show(ui, viewer),
     });
+    values::forget_name(ui);
     // What was clicked meanwhile counts.
     if viewer.selection == inspected || selection != inspected {
         viewer.selection = selection;

@@ -11,11 +11,13 @@ use crate::geometry::gizmo::Change;
 use crate::state::keyed::{self, KeyRef, KeyedProperty};
 use crate::state::selection::{Selected, actor};
 use choreo_asset::{Asset, LightKind, Projection};
+use choreo_motion::Time;
 use choreo_plugin::{OptionKind, OptionSpec};
 use choreo_script::Place;
-use choreo_session::Scene;
+use choreo_session::edit::Typed;
+use choreo_session::{FrameInfo, Scene};
 use choreo_stage::{
-    ActiveClip, ActorState, Described, EffectUse, FieldType, FieldValue, Rig, Sky, Stage, StageLight,
+    ActiveClip, ActorState, Camera, Described, EffectUse, FieldType, FieldValue, Rig, Sky, Stage, StageLight,
 };
 use egui::{Grid, Response, RichText, Ui};
 use glam::{DQuat, DVec3, Vec3};
@@ -31,7 +33,8 @@ pub(crate) struct ClipDrag {
 
 /// The change that the user makes here, applied once everything has been drawn.
 enum Wanted {
-    Actor(Change),
+    /// With the number that was typed.
+    Actor(Change, Typed),
     Value(&'static str, String),
     Parameter(String, String),
     Clip(String, f64),
@@ -97,7 +100,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         Selected::Light(index) => wanted = light(ui, viewer, (&scene.stage, *index), keyable, &written),
         Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, *index, keyable),
         Selected::Camera(name) => {
-            wanted = lens(ui, viewer, &scene.stage, name, keyable);
+            wanted = lens(ui, viewer, &scene, name, keyable);
             wanted = camera(ui, viewer, &scene.stage, (name, &written), keyable).or(wanted);
         }
         Selected::Sky => wanted = sky(ui, viewer, &scene.stage, keyable),
@@ -146,7 +149,9 @@ fn apply(viewer: &mut Viewer, selection: Selected, wanted: Wanted, known: &[Keye
             there.map_or(Ok(()), |at| viewer.delete_keys(&[KeyRef { what: selection, property: name, at }]))
         }
         Wanted::Key(name, false) => viewer.set_keys(&selection, &[&name]),
-        Wanted::Actor(change) => selection.actor().map_or(Ok(()), |name| viewer.place_actor(name, change)),
+        Wanted::Actor(change, typed) => {
+            selection.actor().map_or(Ok(()), |name| viewer.place_actor(name, change, Some(&typed)))
+        }
         Wanted::Value(name, value) => viewer.set_value(&selection, name, &value),
         Wanted::Parameter(name, value) => viewer.set_value(&selection, &name, &value),
         Wanted::Clip(clip, secs) => {
@@ -218,7 +223,7 @@ fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: K
             if let Some(to) = field(letter, value, 0.01, -1e9..=1e9, 0.0).show(ui) {
                 let mut by = DVec3::ZERO;
                 by[axis] = to - placed.translation[axis];
-                wanted = Some(Wanted::Actor(Change::Move(by)));
+                wanted = Some(Wanted::Actor(Change::Move(by), values::typed(ui, to)));
             }
         }
         wanted = key_button(ui, viewer, keyable, "position").or(wanted.take());
@@ -228,7 +233,8 @@ fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: K
         let degrees = libm::atan2(z.x, z.z).to_degrees();
         if let Some(to) = field("degrees", degrees, 0.5, -360.0..=360.0, 0.0).show(ui) {
             let (sin, cos) = libm::sincos((to - degrees).to_radians() / 2.0);
-            wanted = Some(Wanted::Actor(Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))));
+            let turn = Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos));
+            wanted = Some(Wanted::Actor(turn, values::typed(ui, to)));
         }
         wanted = key_button(ui, viewer, keyable, "rotation").or(wanted.take());
         ui.end_row();
@@ -243,7 +249,7 @@ fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: K
                 let all = super::held::modifiers(ui).shift;
                 let mut scale = if all { DVec3::splat(by) } else { DVec3::ONE };
                 scale[axis] = by;
-                wanted = Some(Wanted::Actor(Change::Scale(scale)));
+                wanted = Some(Wanted::Actor(Change::Scale(scale), values::typed(ui, to)));
             }
         }
         wanted = key_button(ui, viewer, keyable, "scale").or(wanted.take());
@@ -259,14 +265,48 @@ fn projection(viewer: &Viewer, stage: &Stage, name: &str) -> Option<Projection> 
     Some(shown.map_or(stage.cameras[index].projection, |camera| camera.projection))
 }
 
-fn lens(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: Keyable) -> Option<Wanted> {
-    let Projection::Perspective { yfov, .. } = projection(viewer, stage, name)? else { return None };
+/// The field of view that a camera has by the script's keys, else by its call, degrees; `None` where a file gives it.
+fn stated_field_of_view(camera: &Camera, time: Time, keyable: Keyable) -> Option<f64> {
+    let keyed = |name: &str| {
+        let property = keyable.iter().find(|property| property.name == name && property.has_keys())?;
+        property.at(time).first().copied()
+    };
+    match (&camera.rig, camera.projection) {
+        (Rig::File { .. }, _) | (_, Projection::Orthographic { .. }) => None,
+        (_, Projection::Perspective { yfov, .. }) => {
+            let keyed = keyed("fov").or_else(|| Some(Camera::yfov(keyed("focal_length")?).to_degrees()));
+            keyed.or_else(|| Some(f64::from(yfov).to_degrees()))
+        }
+    }
+}
+
+/// The field of view at the playhead, in words, where a callback sets it.
+fn field_of_view_by_callback(
+    viewer: &Viewer,
+    scene: &Scene,
+    name: &str,
+    degrees: f64,
+    keyable: Keyable,
+) -> Option<String> {
+    let frame = frame_of_callbacks(viewer, scene)?;
+    let index = frame.snapshot.camera.camera?;
+    let camera = scene.stage.cameras.get(index).filter(|camera| camera.name == name)?;
+    let stated = stated_field_of_view(camera, frame.time, keyable)?;
+    ((stated - degrees).abs() > 1e-3).then(|| format!("{degrees:.3} ({})", by_callback(scene)))
+}
+
+fn lens(ui: &mut Ui, viewer: &Viewer, scene: &Scene, name: &str, keyable: Keyable) -> Option<Wanted> {
+    let Projection::Perspective { yfov, .. } = projection(viewer, &scene.stage, name)? else { return None };
     let mut wanted = None;
     ui.horizontal(|ui| {
         ui.label("field of view").hint("degrees, from the top to the bottom of the image");
         let degrees = f64::from(yfov).to_degrees();
         let Projection::Perspective { yfov: usual, .. } = Projection::default() else { return };
         let usual = f64::from(usual).to_degrees();
+        if let Some(text) = field_of_view_by_callback(viewer, scene, name, degrees, keyable) {
+            ui.monospace(text);
+            return;
+        }
         let number = field("field of view", degrees, 0.25, 1.0..=170.0, usual);
         wanted = number.show(ui).map(|to| Wanted::FieldOfView(to, values::text(ui, to)));
         for name in ["fov", "focal_length"] {
@@ -340,14 +380,15 @@ fn light(
             false => ("stands at", "position", light.position, 0.01),
         };
         // A direction as the script states it, which need not have the length 1.
-        let stated = written.get(name).and_then(|text| super::fields::point(text));
+        let text = written.get(name).map(String::as_str);
+        let stated = text.and_then(super::fields::point);
         let is_keyed = keyable.iter().any(|property| property.name == name && property.has_keys());
         let vector = stated.filter(|_| !is_keyed).unwrap_or(vector);
         let menu = ui.add(egui::Label::new(label).sense(egui::Sense::click()));
         let resets: &[&'static str] =
             if name == "position" { &["position", "at"] } else { &["direction", "look_at"] };
         wanted = stated::reset(&menu, resets).map(Wanted::Field).or(wanted.take());
-        let set = vector_field(ui, ["light x", "light y", "light z"], vector, speed);
+        let set = vector_field(ui, ["light x", "light y", "light z"], vector, speed, text);
         wanted = set.map(|text| Wanted::Value(name, text)).or(wanted.take());
         wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
         ui.end_row();
@@ -372,7 +413,8 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
         };
         let label = if at.is_some() { "shines on" } else { "shines along" };
         ui.label(label);
-        let set = vector_field(ui, ["aim x", "aim y", "aim z"], vector, 0.01);
+        let text = written.get(name).map(String::as_str);
+        let set = vector_field(ui, ["aim x", "aim y", "aim z"], vector, 0.01, text);
         wanted = set.map(|text| Wanted::Value(name, text));
         ui.end_row();
     }
@@ -392,16 +434,19 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
     wanted
 }
 
-/// Three numbers in one cell: the text of a point or a direction.
-fn vector_field(ui: &mut Ui, names: [&str; 3], now: DVec3, speed: f64) -> Option<String> {
+/// Three numbers in one cell: the text of a point or a direction; `stated`: as the script has it.
+fn vector_field(
+    ui: &mut Ui,
+    names: [&str; 3],
+    now: DVec3,
+    speed: f64,
+    stated: Option<&str>,
+) -> Option<String> {
     let mut wanted = None;
     ui.horizontal(|ui| {
         for (axis, name) in names.into_iter().enumerate() {
             if let Some(to) = values::number(ui, name, now[axis], speed, -1e6..=1e6) {
-                let mut all = now;
-                all[axis] = to;
-                let [x, y, z] = all.to_array().map(|to| values::text(ui, to));
-                wanted = Some(format!("[{x}, {y}, {z}]"));
+                wanted = Some(format!("[{}]", values::list(ui, stated, &now.to_array(), axis, to)));
             }
         }
     });
@@ -445,9 +490,12 @@ fn default_menu(ui: &mut Ui, written: &stated::Stated, name: &'static str) -> Op
 fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable: Keyable) -> Option<Wanted> {
     let used = scene.stage.effects.get(index)?;
     let plugin = scene.registry.effect(&used.plugin)?;
-    let given = choreo_render::effect_parameters(plugin, &used.parameters);
-    let state = viewer.shown().and_then(|s| s.snapshot.effects.iter().find(|e| e.effect == index));
-    let now = choreo_render::effect_parameters(plugin, state.map_or(&used.parameters, |s| &s.parameters));
+    let shown = frame_of_callbacks(viewer, scene);
+    let time = shown.map_or(viewer.playhead.time(), |shown| shown.time);
+    let given = choreo_render::effect_parameters(plugin, &used.parameters_at(time));
+    let state = shown.and_then(|shown| shown.snapshot.effects.iter().find(|e| e.effect == index));
+    let now = state.map(|state| choreo_render::effect_parameters(plugin, &state.parameters));
+    let now = now.unwrap_or_else(|| given.clone());
     let defaults = choreo_render::effect_parameters(plugin, &[]);
     let mut wanted = None;
     Grid::new("parameters").num_columns(3).show(ui, |ui| {
@@ -456,15 +504,13 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable
             let numbers = first..first + option.number_count();
             first = numbers.end;
             let (value, now) = (&given[numbers.clone()], &now[numbers.clone()]);
-            let is_keyed = keyable.iter().any(|p| p.name == option.name && p.has_keys());
-            let value = if is_keyed { now } else { value };
             let label = ui.label(&option.name).interact(egui::Sense::click()).hint(&option.about);
             let set = match now == value {
                 true => parameter(ui, used, option, &label, (value, &defaults[numbers])),
-                // The value comes from a callback or keys of single numbers, which a literal would not change.
+                // A literal would not change what a callback sets.
                 false => {
                     let now: Vec<String> = now.iter().map(|n| format!("{n:.3}")).collect();
-                    ui.monospace(format!("{} (keyed)", now.join(" ")));
+                    ui.monospace(format!("{} ({})", now.join(" "), by_callback(scene)));
                     None
                 }
             };
@@ -474,6 +520,20 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable
         }
     });
     wanted
+}
+
+/// The frame that is shown, where callbacks may have set values in it. One of an older version says nothing about those.
+fn frame_of_callbacks<'v>(viewer: &'v Viewer, scene: &Scene) -> Option<&'v FrameInfo> {
+    viewer.shown().filter(|shown| shown.number == scene.number && !scene.places.callbacks.is_empty())
+}
+
+/// The origin of a value that a callback sets, with the line where there is only one.
+fn by_callback(scene: &Scene) -> String {
+    match scene.places.callbacks.as_slice() {
+        [one] if one.file == scene.places.main => format!("by on_frame, line {}", one.line),
+        [one] => format!("by on_frame, {}", super::marks::report(one)),
+        _ => "by on_frame".to_string(),
+    }
 }
 
 /// The field of one parameter, with its numbers and those by default: the name and the text to write.

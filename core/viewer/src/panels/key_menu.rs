@@ -8,7 +8,7 @@ use crate::state::selection::Selected;
 use crate::state::tangents::TangentChoice;
 use choreo_motion::Time;
 use choreo_script::{KEY_INTERPOLATIONS, easing_names};
-use choreo_session::edit::{KeyShape, are_keys_of_cue};
+use choreo_session::edit::{KeyShape, Typed, are_keys_of_cue};
 use egui::containers::menu::menu_style;
 use egui::{
     Align, Button, Event, Id, Layout, Popup, PopupAnchor, PopupCloseBehavior, PopupKind, Pos2, Response,
@@ -25,11 +25,13 @@ pub enum KeyAct {
     /// The interpolation of all keys of their properties.
     How(Option<String>),
     /// Seconds.
-    Time(KeyRef, f64),
-    Value(KeyRef, Vec<f64>),
+    Time(KeyRef, Typed),
+    /// All numbers of the value, and the one that was typed.
+    Value(KeyRef, Vec<f64>, Typed),
     /// The tangents of the selected keys.
     Tangents(TangentChoice),
-    Shape(KeyRef, KeyShape),
+    /// The easing and the tangents, and the number of them that was typed.
+    Shape(KeyRef, KeyShape, Option<Typed>),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -93,9 +95,9 @@ pub fn popup(ui: &Ui, viewer: &mut Viewer) {
         return ui.data_mut(|d| d.remove::<OpenMenu>(menu_id()));
     };
     let act = shown.inner;
-    if let Some(KeyAct::Time(moved, secs)) = &act {
+    if let Some(KeyAct::Time(moved, time)) = &act {
         for key in menu.keys.iter_mut().filter(|key| *key == moved) {
-            key.at = Time::from_secs(*secs);
+            key.at = Time::from_secs(time.value);
         }
     }
     ui.data_mut(|d| d.insert_temp(menu_id(), menu));
@@ -149,7 +151,7 @@ fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct
         ui.label(property.title());
         let secs = key.at.as_secs();
         let time = values::time(ui, &format!("time of {}", property.name), secs, 0.01, 0.0..=1e6);
-        act = time.map(|secs| KeyAct::Time(key.clone(), secs));
+        act = time.map(|secs| KeyAct::Time(key.clone(), values::typed(ui, secs)));
         ui.weak("s");
         let now = property.at(key.at);
         for (part, number) in now.iter().enumerate().filter(|_| property.is_plain()) {
@@ -160,7 +162,7 @@ fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct
             if let Some(to) = values::number(ui, &name, *number, 0.01, low..=high) {
                 let mut all = now.clone();
                 all[part] = to;
-                act = Some(KeyAct::Value(key.clone(), all));
+                act = Some(KeyAct::Value(key.clone(), all, values::typed(ui, to)));
             }
         }
         ui.weak(property.unit);
@@ -215,10 +217,10 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, act: KeyAct) {
         KeyAct::Select(keys) => viewer.select_keys(keys),
         KeyAct::Ease(ease) => viewer.edit(|v| v.set_key_ease(&keys, ease.as_deref())),
         KeyAct::How(how) => viewer.edit(|v| v.set_key_how(&keys, how.as_deref())),
-        KeyAct::Time(key, secs) => viewer.edit(|v| v.set_key_time(&key, secs)),
-        KeyAct::Value(key, numbers) => viewer.edit(|v| v.set_key_value(&key, &numbers)),
+        KeyAct::Time(key, time) => viewer.edit(|v| v.set_key_time(&key, &time)),
+        KeyAct::Value(key, numbers, typed) => viewer.edit(|v| v.set_key_value(&key, &numbers, &typed)),
         KeyAct::Tangents(choice) => viewer.edit(|v| v.set_key_tangents(&keys, choice)),
-        KeyAct::Shape(key, shape) => viewer.edit(|v| v.set_key_shapes(&[(key, shape)])),
+        KeyAct::Shape(key, shape, typed) => viewer.edit(|v| v.set_key_shape(key, shape, typed.as_ref())),
         KeyAct::Run(command) => run_command(ui, viewer, command, &keys),
     }
 }

@@ -1,5 +1,6 @@
 //! Rows of bars over time: cues, active cameras; the playhead, and how to move it.
 
+use super::actions::hint_of;
 use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks::MarkAct;
@@ -103,13 +104,14 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         bar.text(&text, "", egui::TextStyle::Monospace);
         bar.separator();
         let units = if viewer.in_seconds { "seconds" } else { "frames" };
-        bar.button(units, "times as seconds or as frames (T)", |viewer| {
+        let hint = hint_of(viewer, "seconds", "times as seconds or as frames");
+        bar.button(units, &hint, |viewer| {
             viewer.in_seconds = !viewer.in_seconds;
         });
-        let hint = "to what begins, ends or happens before (↑)";
-        bar.icon(icons::ARROW_LINE_LEFT, "Previous event", hint, |viewer| viewer.seek_to_next(true));
-        let hint = "to what begins, ends or happens next (↓)";
-        bar.icon(icons::ARROW_LINE_RIGHT, "Next event", hint, |viewer| viewer.seek_to_next(false));
+        let hint = hint_of(viewer, "previous_event", "to what begins, ends or happens before");
+        bar.icon(icons::ARROW_LINE_LEFT, "Previous event", &hint, |viewer| viewer.seek_to_next(true));
+        let hint = hint_of(viewer, "next_event", "to what begins, ends or happens next");
+        bar.icon(icons::ARROW_LINE_RIGHT, "Next event", &hint, |viewer| viewer.seek_to_next(false));
         let hint = "show the whole scene";
         bar.icon(icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint, |viewer| {
             viewer.span = Span::whole(viewer.playhead.length().as_secs());
@@ -133,17 +135,24 @@ fn beats(ui: &mut Ui, tempo: &mut Tempo) {
 /// The buttons that move the playhead, and how it moves.
 fn moves(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     let playhead = &viewer.playhead;
-    bar.icon(icons::SKIP_BACK, "First frame", "Home", |viewer| viewer.playhead.step(i64::MIN / 2));
-    bar.icon(icons::CARET_LEFT, "One frame back", "←", |viewer| viewer.playhead.step(-1));
+    let keys = |id| hint_of(viewer, id, "");
+    bar.icon(icons::SKIP_BACK, "First frame", &keys("first_frame"), |viewer| {
+        viewer.playhead.step(i64::MIN / 2);
+    });
+    let hint = keys("previous_frame");
+    bar.icon(icons::CARET_LEFT, "One frame back", &hint, |viewer| viewer.playhead.step(-1));
     let (icon, name) = match playhead.is_playing() {
         true => (icons::PAUSE, "Pause"),
         false => (icons::PLAY, "Play"),
     };
-    bar.icon(icon, name, "Space", move |viewer| viewer.playhead.toggle(now));
-    bar.icon(icons::CARET_RIGHT, "One frame on", "→", |viewer| viewer.playhead.step(1));
-    bar.icon(icons::SKIP_FORWARD, "Last frame", "End", |viewer| viewer.playhead.step(i64::MAX / 2));
-    let hint = "again and again, or once (L)";
-    bar.icon_toggle(icons::REPEAT, playhead.looping, "Loop", hint, |viewer| viewer.playhead.looping ^= true);
+    bar.icon(icon, name, &keys("play"), move |viewer| viewer.playhead.toggle(now));
+    let hint = keys("next_frame");
+    bar.icon(icons::CARET_RIGHT, "One frame on", &hint, |viewer| viewer.playhead.step(1));
+    bar.icon(icons::SKIP_FORWARD, "Last frame", &keys("last_frame"), |viewer| {
+        viewer.playhead.step(i64::MAX / 2);
+    });
+    let hint = hint_of(viewer, "loop", "again and again, or once");
+    bar.icon_toggle(icons::REPEAT, playhead.looping, "Loop", &hint, |viewer| viewer.playhead.looping ^= true);
     if let Some((from, to)) = playhead.range() {
         let text = format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
         let hint = "the part that is played; a click: all of it";

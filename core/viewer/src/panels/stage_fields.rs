@@ -4,9 +4,9 @@ use super::fields::{self, Stated};
 use super::hint::Hint;
 use super::values::{self, Number};
 use crate::app::Viewer;
-use crate::editing::{Ambient, FieldChange};
+use crate::editing::{Ambient, FieldChange, expression};
 use crate::state::selection::Selected;
-use choreo_session::edit::{Addition, Anew};
+use choreo_session::edit::{Addition, Anew, format_number};
 use choreo_stage::{Background, Settings, ViewTransform};
 use egui::{Grid, RichText, Ui};
 use glam::Vec3;
@@ -45,12 +45,15 @@ fn light(ui: &mut Ui, viewer: &mut Viewer) {
         ui.horizontal(|ui| {
             let up = values::color(ui, "ambient above", now.up);
             let down = values::color(ui, "ambient below", now.down);
-            let strength = values::number(ui, "ambient strength", now.strength, 0.01, 0.0..=1000.0);
+            let (name, value) = ("ambient strength", now.strength.value);
+            let number =
+                Number { name, value, speed: 0.01, range: 0.0..=1000.0, default: None, is_time: false };
+            let strength = number.show_stated(ui, Some(&now.strength.text));
             if up.is_some() || down.is_some() || strength.is_some() {
                 wanted = Some(Ambient {
                     up: up.unwrap_or(now.up),
                     down: down.unwrap_or(now.down),
-                    strength: strength.unwrap_or(now.strength),
+                    strength: strength.map_or(now.strength, |to| values::typed(ui, to)),
                 });
             }
         });
@@ -88,7 +91,11 @@ fn rows(ui: &mut Ui, stated: &Stated, settings: &Settings) -> Option<FieldChange
             default: None,
             is_time: true,
         };
-        number.show_written(ui, stated)
+        let set = number.show_stated(ui, stated)?;
+        // Frames are no time before the rate is stated, which is beside it.
+        Some(values::text(ui, set))
+            .filter(|text| !expression::counts_frames(text))
+            .or(Some(format_number(set)))
     });
     row(ui, "fps", "frames a second", &mut |ui| {
         values::written(ui, "stage fps", settings.fps.as_fps(), 0.2, 0.001..=1000.0, stated.get("fps"))

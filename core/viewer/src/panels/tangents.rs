@@ -194,11 +194,12 @@ pub fn numbers(ui: &mut Ui, property: &KeyedProperty, key: usize) -> Option<KeyA
                 let typed = values::number(ui, &name, *tangent, 0.05, -1e15..=1e15);
                 let name = format!("length {way} {part_name} of {}", property.name);
                 let length = values::number(ui, &name, handle.weight[part], 0.01, 0.0..=1.0);
-                let drag = match (typed, length) {
-                    (Some(tangent), _) => drag(tangent, None),
-                    (None, Some(length)) => drag(*tangent, Some(length)),
+                let (number, drag) = match (typed, length) {
+                    (Some(tangent), _) => (tangent, drag(tangent, None)),
+                    (None, Some(length)) => (length, drag(*tangent, Some(length))),
                     (None, None) => continue,
                 };
+                let number = values::typed(ui, number);
                 let what = KeyRef {
                     what: property.what.clone(),
                     property: property.name.clone(),
@@ -206,7 +207,7 @@ pub fn numbers(ui: &mut Ui, property: &KeyedProperty, key: usize) -> Option<KeyA
                 };
                 act = property
                     .dragged_handle(key, &drag)
-                    .map(|shape| KeyAct::Shape(what, shape))
+                    .map(|shape| KeyAct::Shape(what, shape, Some(number)))
                     .or(act.take());
             }
             ui.weak(format!("{}/s, length", property.unit));

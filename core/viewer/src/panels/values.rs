@@ -1,9 +1,9 @@
 //! Numbers that are dragged or typed, also as expressions, and taken once the hand lets go: each is one change of the script.
 
 use crate::editing::expression;
-use choreo_session::edit::format_number;
+use choreo_session::edit::{Typed, format_number};
 use egui::emath::format_with_decimals_in_range;
-use egui::{DragValue, Key, Response, Slider, Ui, WidgetInfo, WidgetType};
+use egui::{DragValue, Id, Key, Popup, Rect, Response, SetOpenCommand, Slider, Ui, WidgetInfo, WidgetType};
 use std::ops::RangeInclusive;
 
 /// A number in a field.
@@ -27,12 +27,12 @@ pub(crate) fn set_rate(ui: &Ui, fps: f64) {
     ui.data_mut(|d| d.insert_temp(rate_id(), fps));
 }
 
-fn rate_id() -> egui::Id {
-    egui::Id::new("frames a second")
+fn rate_id() -> Id {
+    Id::new("frames a second")
 }
 
-/// Reads what is typed: `1/3`, and of a time `f(12)`; keeps it, with its value, for [`text`].
-fn parser(ui: &Ui, id: egui::Id, is_time: bool) -> impl Fn(&str) -> Option<f64> + 'static {
+/// Reads what is typed: `1/3`, and of a time `f(12)`; keeps it, with its value, for [`typed`].
+fn parser(ui: &Ui, id: Id, is_time: bool) -> impl Fn(&str) -> Option<f64> + 'static {
     let fps: f64 = ui.data(|d| d.get_temp(rate_id())).unwrap_or(30.0);
     let context = ui.ctx().clone();
     move |text| {
@@ -47,12 +47,12 @@ fn parser(ui: &Ui, id: egui::Id, is_time: bool) -> impl Fn(&str) -> Option<f64> 
     }
 }
 
-fn typed_id() -> egui::Id {
-    egui::Id::new("typed last")
+fn typed_id() -> Id {
+    Id::new("typed last")
 }
 
 /// Whether the text of a field counts frames and must not.
-fn refused_id(id: egui::Id) -> egui::Id {
+fn refused_id(id: Id) -> Id {
     id.with("frames")
 }
 
@@ -61,17 +61,37 @@ pub(super) fn takes_refused(ui: &Ui) -> bool {
     ui.data_mut(|d| d.remove_temp(refused_id(rate_id()))).unwrap_or(false)
 }
 
-/// A number of a field as it is written into a script: as the expression that was typed where it has more digits than are written,
-/// `1.0 / 3.0`.
-pub fn text(ui: &Ui, value: f64) -> String {
-    expression_or_digits(value, ui.data(|d| d.get_temp(typed_id())))
+/// A number of a field with its text in a script: the expression that was typed where it has more digits than are written, `1.0 / 3.0`, or
+/// counts frames, `f(12)`.
+pub fn typed(ui: &Ui, value: f64) -> Typed {
+    let text = ui.data(|d| d.get_temp::<(String, f64)>(typed_id())).filter(|(_, meant)| *meant == value);
+    let number = Typed::from(value);
+    let is_exact = number.text.parse().is_ok_and(|read: f64| (read - value).abs() <= 1e-12 * value.abs());
+    let text = text.map(|(text, _)| text).filter(|text| !is_exact || expression::counts_frames(text));
+    text.and_then(|text| expression::script_text(&text)).map_or(number, |text| Typed { value, text })
 }
 
-fn expression_or_digits(value: f64, typed: Option<(String, f64)>) -> String {
-    let number = format_number(value);
-    let is_exact = number.parse().is_ok_and(|read: f64| (read - value).abs() <= 1e-12 * value.abs());
-    let typed = typed.filter(|(_, meant)| *meant == value && !is_exact);
-    typed.and_then(|(text, _)| expression::script_text(&text)).unwrap_or(number)
+/// The text of [`typed`].
+pub fn text(ui: &Ui, value: f64) -> String {
+    typed(ui, value).text
+}
+
+/// The numbers of a list as they are written into a script, with a comma between them, of which the one with this index was typed. `stated`:
+/// the list as the script has it, whose other numbers stay as they are written.
+pub fn list(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize, to: f64) -> String {
+    let inside = stated.unwrap_or_default().trim();
+    let inside = inside.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(inside);
+    let parts: Vec<&str> = inside.split(',').map(str::trim).collect();
+    let count = now.len();
+    let one = |(part, now): (usize, &f64)| {
+        let is_it = |text: &&&str| expression::value(text, 1.0).is_some_and(|read| (read - now).abs() < 5e-4);
+        match parts.get(part).filter(|_| parts.len() == count).filter(is_it) {
+            _ if part == index => text(ui, to),
+            Some(stated) => stated.to_string(),
+            None => format_number(*now),
+        }
+    };
+    now.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
 }
 
 /// A number as a field shows it: what rounds to nothing has no sign.
@@ -81,14 +101,14 @@ fn number_text(value: f64, decimals: RangeInclusive<usize>) -> String {
 }
 
 /// A field for a number, to the thousandth; expressions can be typed into it.
-fn field<'n>(ui: &Ui, id: egui::Id, now: &'n mut f64, is_time: bool) -> DragValue<'n> {
+fn field<'n>(ui: &Ui, id: Id, now: &'n mut f64, is_time: bool) -> DragValue<'n> {
     DragValue::new(now).max_decimals(3).custom_formatter(number_text).custom_parser(parser(ui, id, is_time))
 }
 
 /// The new value, once it is meant.
 fn settled(
     ui: &mut Ui,
-    id: egui::Id,
+    id: Id,
     value: f64,
     default: Option<f64>,
     add: impl FnOnce(&mut Ui, &mut f64) -> Response,
@@ -111,8 +131,60 @@ fn settled(
     }
     // A field that is left as it was holds the digits that it shows, and not all of them.
     let is_as_shown = response.lost_focus() && (super::rounded(value, 1e3) - now).abs() < 1e-9;
+    if default.is_none() {
+        ask_name(&response);
+    }
     let reset = default.and_then(|default| reset(&response, default));
+    if reset.is_some() || done && !response.lost_focus() {
+        // It is not what was typed last, even where it has the same value.
+        ui.data_mut(|d| d.remove::<(String, f64)>(typed_id()));
+    }
     reset.or_else(|| (done && !is_as_shown).then_some(now)).filter(|now| *now != value && now.is_finite())
+}
+
+/// The name of a field, whose menu the numbers beside it open.
+#[derive(Clone, Copy)]
+struct Name {
+    id: Id,
+    rect: Rect,
+}
+
+fn name_id() -> Id {
+    Id::new("name of a field")
+}
+
+/// Whether a number has asked for the menu of a name.
+fn asked_id(name: Id) -> Id {
+    name.with("menu")
+}
+
+/// The menu of the right mouse button on the name of a field, and on the numbers that follow beside it.
+pub(super) fn menu_of_name(name: &Response) -> Popup<'_> {
+    let of_row = Name { id: name.id, rect: name.rect };
+    let is_asked = name.ctx.data_mut(|d| {
+        d.insert_temp(name_id(), of_row);
+        d.remove_temp(asked_id(name.id)).unwrap_or(false)
+    });
+    let menu = Popup::context_menu(name);
+    if is_asked { menu.open_memory(Some(SetOpenCommand::Bool(true))) } else { menu }
+}
+
+/// Opens the menu of the name beside a number that is clicked with the right mouse button.
+fn ask_name(number: &Response) {
+    let name: Option<Name> = number.ctx.data(|d| d.get_temp(name_id()));
+    let is_beside = |name: &Name| {
+        let apart = (name.rect.center().y - number.rect.center().y).abs();
+        number.rect.left() >= name.rect.right() && apart < 0.5 * (name.rect.height() + number.rect.height())
+    };
+    if let Some(name) = name.filter(|name| number.secondary_clicked() && is_beside(name)) {
+        number.ctx.data_mut(|d| d.insert_temp(asked_id(name.id), true));
+        number.ctx.request_repaint();
+    }
+}
+
+/// Forgets the last name, beside which there are no more numbers.
+pub(super) fn forget_name(ui: &Ui) {
+    ui.data_mut(|d| d.remove::<Name>(name_id()));
 }
 
 /// A menu of the right mouse button that gives the default.
@@ -189,17 +261,21 @@ impl Number<'_> {
         self.show_as(ui, None)
     }
 
-    /// The new value as it is written into a script, an expression where one was typed. `stated`: the value as the script has it, which is shown
-    /// where it is an expression.
+    /// The new value as it is written into a script, an expression where one was typed; see [`Number::show_stated`].
     pub fn show_written(self, ui: &mut Ui, stated: Option<&str>) -> Option<String> {
+        let now = self.show_stated(ui, stated)?;
+        Some(text(ui, now))
+    }
+
+    /// The new value. `stated`: the value as the script has it, which is shown where it is an expression.
+    pub fn show_stated(self, ui: &mut Ui, stated: Option<&str>) -> Option<f64> {
         let fps: f64 = ui.data(|d| d.get_temp(rate_id())).unwrap_or(30.0);
         let is_it = |text: &&str| {
             let meant = expression::script_text(text).and_then(|text| expression::value(&text, fps));
             meant.is_some_and(|meant| (meant - self.value).abs() <= 1e-6 * meant.abs())
         };
         let shown = stated.filter(is_it);
-        let now = self.show_as(ui, shown)?;
-        Some(text(ui, now))
+        self.show_as(ui, shown)
     }
 
     fn show_as(self, ui: &mut Ui, shown: Option<&str>) -> Option<f64> {

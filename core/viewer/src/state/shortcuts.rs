@@ -53,10 +53,6 @@ impl fmt::Display for Chord {
             }
         }
         let shown = match self.key.as_str() {
-            "Left" => "←",
-            "Right" => "→",
-            "Up" => "↑",
-            "Down" => "↓",
             "PageUp" => "PgUp",
             "PageDown" => "PgDn",
             "Escape" => "Esc",

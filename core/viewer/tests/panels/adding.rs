@@ -345,8 +345,10 @@ fn the_stage_is_a_row_of_the_tree_with_ambient_light_and_sky() {
     let script = format!("{SCRIPT}let s = 0.5;\nambient(\"white\", s * 0.5);\n");
     let mut place = Place::new(&script);
     let now = place.viewer.ambient().unwrap();
-    let error =
-        place.viewer.set_ambient(choreo_viewer::editing::Ambient { strength: 2.0, ..now }).unwrap_err();
+    let error = place
+        .viewer
+        .set_ambient(choreo_viewer::editing::Ambient { strength: 2.0.into(), ..now })
+        .unwrap_err();
     assert!(error.to_string().contains("ambient(\"white\", s * 0.5) is computed"), "{error}");
     assert_eq!(place.text(), script);
     // A sky is added here, and then selected.

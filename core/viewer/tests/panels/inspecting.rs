@@ -462,7 +462,7 @@ ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
         secondary_click(&mut desk, row);
         choose_reset(&mut desk);
     }
-    let line = ".then(moves.clip(\"Jump\"), #{ fade: 0.2, repeat: \"ping_pong\" });";
+    let line = ".then(moves.clip(\"Jump\"), #{ fade: f(5), repeat: \"ping_pong\" });";
     assert!(desk.state().text().contains(line), "{}", desk.state().text());
     desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 1, cue: 0 });
     desk.run();
@@ -534,6 +534,10 @@ let words = text(\"Hello\", #{ size: 0.1 }).from(1.0);
         panic!()
     };
     assert!((f64::from(yfov).to_degrees() - degrees).abs() < 1e-3, "{}", desk.state().text());
+    // With the digits by which it is read back.
+    assert!(desk.state().text().contains(".fov(26.99147)"), "{}", desk.state().text());
+    let length = desk.get_by_label("focal length field").value().unwrap_or_default();
+    assert_eq!(length.parse::<f64>(), Ok(50.0));
     type_into(&mut desk, "near field", "0.25");
     assert!(desk.state().text().contains(".near(0.25)"), "{}", desk.state().text());
     select(&mut desk, Selected::Title(0));
@@ -674,7 +678,7 @@ let key = sun(#{ intensity: 3.0 });
     assert_eq!(line(&desk, "ada.spring"), "ada.spring(\"Head\", #{ frequency: 4.0, damping: 0.75 });");
     assert_eq!(
         line(&desk, "ada.reach"),
-        "ada.reach(\"LeftHand\", ball, #{ soft: 0.25, weight: 0.5, keep: true }).from(2.0);"
+        "ada.reach(\"LeftHand\", ball, #{ soft: 0.25, weight: 0.5, keep: true }).from(f(50));"
     );
     assert_eq!(line(&desk, "ada.look_at"), "ada.look_at(ball).fade(1.0);");
     reset(&mut desk, "damping");
@@ -749,7 +753,6 @@ text(\"Hello\", #{ at: [-0.0001, 0.5] });
     assert!(desk.state().text().contains("\"Wave\")).until(5.0);"), "{}", desk.state().text());
 }
 
-/// A typed time is written as the script has it: seconds with the digits of a frame, or frames.
 /// A change of what several actors are cast of is made for one alone, or for all of them, as the user chooses.
 #[test]
 fn an_asset_of_several_actors_is_changed_for_one_or_for_all() {
@@ -784,6 +787,7 @@ let b = cast(\"b\", cube).at(2.0, 0.0, 0.0);
     assert_eq!(desk.state().text(), SCENE.replace("roughness: 0.5", "roughness: 0.25"));
 }
 
+/// A typed time is written in the style of the script, seconds or frames; typed frames and expressions stay as they are typed.
 #[test]
 fn typed_times_keep_the_style_of_the_script() {
     const SCENE: &str = "stage(#{ fps: 30, length: 6.0 });
@@ -795,10 +799,13 @@ ada.play(moves.clip(\"Walk\")).from(0.5).until(f(60));
     place.viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
     let mut desk = place.harness(vec2(1500.0, 1000.0));
     for (field, typed, written) in [
-        ("from", "f(31)", ".from(1.033333333).until(f(60))"),
+        ("from", "f(31)", ".from(f(31)).until(f(60))"),
+        ("from", "1.5", ".from(f(45)).until(f(60))"),
         ("from", "1.25", ".from(1.25).until(f(60))"),
-        ("until", "1.5", ".from(1.25).until(f(45))"),
-        ("until", "f(61)", ".from(1.25).until(f(61))"),
+        ("from", "1/3", ".from(1.0 / 3.0).until(f(60))"),
+        ("until", "1.5", ".from(1.0 / 3.0).until(f(45))"),
+        ("until", "f( 61 )", ".from(1.0 / 3.0).until(f(61))"),
+        ("from", "0.25", ".from(0.25).until(f(61))"),
     ] {
         type_into(&mut desk, &format!("{field} field"), typed);
         assert_eq!(desk.state().text(), SCENE.replace(".from(0.5).until(f(60))", written));
@@ -876,6 +883,125 @@ effect(\"vignette\", #{ strength: 0.5 });
         desk.key_press(Key::Enter);
         desk.run();
         assert_eq!(desk.state().text(), wanted, "{field}");
+    }
+}
+
+/// Numbers of lists and times stay as they are typed, too, and what stands beside them as it is written.
+#[test]
+fn a_typed_expression_stays_one_beside_others() {
+    const SCENE: &str = "stage(#{ fps: 25, length: 6.0, ambient: 0.5 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves).at(2.0 / 7.0, 0, 0.333).turn(10).scale(2);
+ada.play(moves.clip(\"Walk\")).from(0.5).until(5.0);
+cast(\"bob\", moves).key(\"position\", [[0.0, [1.0 / 7.0, 0, 0]], [2.0, [1, 0, 0]]]);
+camera(\"wide\").at(1.0 / 7.0, 1, 4.0).look_at([0.0, 1.0, 0.0]);
+";
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+    let actor = |name: &str| Some(Selected::Actor(name.into()));
+    let cue = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
+    let wide = Some(Selected::Camera("wide".into()));
+    let with_trim = "\"Walk\"), #{ trim: [1.0 / 3.0, 1.0] })";
+    for (what, field, typed, old, new) in [
+        (actor("ada"), "z", "2/3", "0, 0.333)", "0, 2.0 / 3.0)"),
+        // The other number of these digits stays.
+        (actor("ada"), "y", "1/3", "0, 0.333)", "1.0 / 3.0, 0.333)"),
+        (actor("ada"), "degrees", "100/3", "turn(10)", "turn(100.0 / 3.0)"),
+        (actor("ada"), "scale y", "1/3", "scale(2)", "scale(2.0, 1.0 / 3.0, 2.0)"),
+        (actor("bob"), "z", "1/3", "[1.0 / 7.0, 0, 0]", "[1.0 / 7.0, 0, 1.0 / 3.0]"),
+        (cue.clone(), "from field", "1/3", "from(0.5)", "from(1.0 / 3.0)"),
+        (cue.clone(), "until field", "f(100)", "until(5.0)", "until(f(100))"),
+        (cue, "trim start", "1/3", "\"Walk\"))", with_trim),
+        (wide, "camera at y", "1/3", "(1.0 / 7.0, 1, 4.0)", "(1.0 / 7.0, 1.0 / 3.0, 4.0)"),
+        (None, "ambient strength", "1/3", "ambient: 0.5", "ambient: 1.0 / 3.0"),
+    ] {
+        desk.state_mut().reload_with(SCENE);
+        desk.state_mut().viewer.selection = what;
+        desk.run();
+        type_into(&mut desk, field, typed);
+        let wanted = SCENE.replace(old, new);
+        assert_eq!(desk.state().text(), wanted, "{field}");
+        assert_eq!(desk.state().viewer.message, None, "{field}");
+        // A field that is left as it was changes nothing.
+        desk.get_all_by_label(field).last().unwrap().click();
+        desk.run();
+        desk.key_press(Key::Enter);
+        desk.run();
+        assert_eq!(desk.state().text(), wanted, "{field}");
+    }
+    // What was typed is a number as others are: an actor that stands there is moved.
+    desk.state_mut().reload_with(&SCENE.replace("0.333)", "1.0 / 3.0)"));
+    desk.state_mut().viewer.change_actor("ada", Change::Move(DVec3::Z)).unwrap();
+    assert_eq!(desk.state().text(), SCENE.replace("0.333)", "1.333)"));
+}
+
+/// A field of view is written in millimetres where the script states those, since it would not count before them.
+#[test]
+fn a_lens_in_millimetres_stays_in_millimetres() {
+    const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
+camera(\"wide\").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]).focal_length(85);
+";
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+    desk.state_mut().viewer.selection = Some(Selected::Camera("wide".into()));
+    desk.run();
+    type_into(&mut desk, "field of view", "40");
+    assert_eq!(desk.state().text(), SCENE.replace("(85)", "(32.96973)"));
+}
+
+/// The right mouse button on a number opens the menu of the name beside it.
+#[test]
+fn a_right_click_on_a_number_resets_it_as_one_on_its_name_does() {
+    const SCENE: &str = "stage(#{ fps: 25, length: 4.0, exposure: 0.5 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\"), #{ speed: 2.0, trim: [0.25, 1.0] });
+camera(\"wide\").near(0.2).at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
+sun(#{ intensity: 3.0, color: \"white\" });
+";
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+    let cue = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
+    for (what, field, stated) in [
+        (cue.clone(), "speed field", "speed: 2.0, "),
+        (cue, "trim end", ", trim: [0.25, 1.0]"),
+        (Some(Selected::Camera("wide".into())), "near field", ".near(0.2)"),
+        (Some(Selected::Light(0)), "light intensity", "intensity: 3.0, "),
+        (None, "stage exposure", ", exposure: 0.5"),
+    ] {
+        desk.state_mut().reload_with(SCENE);
+        desk.state_mut().viewer.selection = what;
+        desk.run();
+        let number = desk.get_by_label(field).rect().center();
+        secondary_click(&mut desk, number);
+        choose_reset(&mut desk);
+        assert_eq!(desk.state().text(), SCENE.replace(stated, ""), "{field}");
+    }
+}
+
+/// A value that a callback sets is no key: the inspector names the line.
+#[test]
+fn values_of_callbacks_are_named_as_such() {
+    const SCENE: &str = "stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let wide = camera(\"wide\").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
+let edge = effect(\"vignette\", #{ strength: 0.5 });
+on_frame(|t| edge.set(\"strength\", 0.25));
+";
+    // A callback that leaves it as it is takes no field away.
+    let other = SCENE.replace("edge.set(\"strength\", 0.25)", "wide.at(0.0, 1.0, 5.0)");
+    for (script, is_named) in [(SCENE, true), (other.as_str(), false)] {
+        let mut place = Place::new(script);
+        place.viewer.selection = Some(Selected::Effect(0));
+        place.paint();
+        let desk = place.harness(vec2(1500.0, 1000.0));
+        assert_eq!(desk.query_by_label("0.250 (by on_frame, line 4)").is_some(), is_named);
+        assert_eq!(desk.query_by_label("strength number").is_none(), is_named);
+    }
+    // The field of view of the camera that is on, too.
+    let zoomed = SCENE.replace("edge.set(\"strength\", 0.25)", "wide.fov(30)");
+    for (script, is_named) in [(zoomed.as_str(), true), (SCENE, false)] {
+        let mut place = Place::new(script);
+        place.viewer.selection = Some(Selected::Camera("wide".into()));
+        place.paint();
+        let desk = place.harness(vec2(1500.0, 1000.0));
+        assert_eq!(desk.query_by_label("30.000 (by on_frame, line 4)").is_some(), is_named);
     }
 }
 

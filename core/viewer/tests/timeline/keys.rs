@@ -501,6 +501,12 @@ fn the_menu_of_a_key_stays_while_numbers_are_typed() {
     typed(&mut desk, "position x of the key", "1.5");
     let keys = "[[0.0, [0, 0, 0]], [2.0, [1, 2, 0], \"in_quad\"], [3.0, [1.5, 0.5, 0]]]";
     assert!(desk.state().text().contains(keys), "{}", desk.state().text());
+    // Expressions and frames stay as they are typed.
+    typed(&mut desk, "position x of the key", "4/3");
+    typed(&mut desk, "time of position", "8/3");
+    assert!(desk.state().text().contains("[8.0 / 3.0, [4.0 / 3.0, 0.5, 0]]"), "{}", desk.state().text());
+    typed(&mut desk, "time of position", "f(75)");
+    assert!(desk.state().text().contains("[f(75), [4.0 / 3.0, 0.5, 0]]"), "{}", desk.state().text());
     press(&mut desk, Modifiers::NONE, Key::Escape);
     assert!(desk.query_by_label("position y of the key").is_none());
     let third = pos2(x_of(&desk, 3.0), row);
@@ -786,6 +792,16 @@ fn handles_of_tangents_are_dragged_aligned_broken_and_longer() {
     drag(&mut desk, field, field + vec2(40.0, 0.0));
     let typed = numbers_after(&desk.state().text(), "tangent:");
     assert!(typed[1] > 0.5 && typed[0] == 0.0, "{}", desk.state().text());
+    reloaded(&mut desk);
+    desk.get_by_label("tangent into it x of position").click();
+    desk.run();
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    desk.event(Event::Text("1/3".into()));
+    desk.run();
+    desk.key_press(Key::Enter);
+    desk.run();
+    let with = format!("tangent: [1.0 / 3.0, {:?}, 0.0]", typed[1]);
+    assert!(desk.state().text().contains(&with), "{with}\n{}", desk.state().text());
 }
 
 const PARTS: &str = r##"stage(#{ size: [64, 36], fps: 25, length: 4.0 });

@@ -16,9 +16,13 @@ pub fn counts_frames(text: &str) -> bool {
     text.contains("f(")
 }
 
-/// An expression as a script has it, `1.0 / 3.0` of `1/3`: each number has a point, since a script divides numbers without one as integers.
-/// `None` where it is a number alone, or counts frames.
+/// An expression as a script has it, `1.0 / 3.0` of `1/3`: each number has a point, since a script divides numbers without one as integers;
+/// `f(12)` of `f( 12 )`. `None` where it is a number alone, or calculates with frames.
 pub fn script_text(text: &str) -> Option<String> {
+    let frame = text.trim().strip_prefix("f(").and_then(|rest| rest.strip_suffix(')'));
+    if let Some(frame) = frame.and_then(|frame| frame.trim().parse::<u32>().ok()) {
+        return Some(format!("f({frame})"));
+    }
     let (mut written, mut is_operand, mut calculates) = (String::new(), false, false);
     let mut rest = text.trim();
     while let Some(sign) = rest.chars().next() {
@@ -48,6 +52,14 @@ pub fn script_text(text: &str) -> Option<String> {
         rest = &rest[length..];
     }
     calculates.then_some(written)
+}
+
+/// The value of a calculation of a script, `1.0 / 3.0`. `None` where it is none, or divides whole numbers in the way of scripts.
+pub(super) fn calculated(text: &str) -> Option<f64> {
+    let written = script_text(text).filter(|_| !counts_frames(text))?;
+    let signs = |text: &str| text.chars().filter(|c| *c != ' ').collect::<String>();
+    // Else some number has no point.
+    (signs(&written) == signs(text)).then(|| value(&written, 1.0)).flatten()
 }
 
 struct Parser<'t> {
@@ -125,12 +137,23 @@ mod tests {
             (" 2 * ( 1 - .25 )/3. ", "2.0 * (1.0 - 0.25) / 3.0"),
             ("-1/3", "-1.0 / 3.0"),
             ("1 - \u{2212}2/7", "1.0 - -2.0 / 7.0"),
+            (" f( 12 ) ", "f(12)"),
         ] {
             assert_eq!(script_text(typed).as_deref(), Some(written));
             assert_eq!(value(typed, 25.0), value(written, 25.0), "{typed}");
         }
-        for number in ["", "0.5", "-2", "(3)", "f(12)/3", "1,5"] {
+        for number in ["", "0.5", "-2", "(3)", "f(12)/3", "f(1.5)", "1,5"] {
             assert_eq!(script_text(number), None, "{number}");
+        }
+    }
+
+    /// A script divides whole numbers into whole ones.
+    #[test]
+    fn a_calculation_of_a_script_has_a_point_in_each_number() {
+        assert_eq!(calculated("1.0 / 4.0"), Some(0.25));
+        assert_eq!(calculated("-(2.0+1.0)*2.0"), Some(-6.0));
+        for other in ["1 / 4", "1.0 / 4", "0.25", "f(12)", "x * 2.0"] {
+            assert_eq!(calculated(other), None, "{other}");
         }
     }
 }

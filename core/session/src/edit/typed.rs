@@ -1,0 +1,124 @@
+//! Numbers that a person typed, which an edit keeps as they were typed.
+
+use super::times::EditTime;
+use super::values::format_number;
+use super::{Edit, EditRefused};
+
+/// A number with its text in a script: an expression where one was typed, `1.0 / 3.0`, or `f(12)`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Typed {
+    pub value: f64,
+    pub text: String,
+}
+
+impl From<f64> for Typed {
+    fn from(value: f64) -> Typed {
+        Typed { value, text: format_number(value) }
+    }
+}
+
+impl Typed {
+    /// A change of a text in which this text stands in place of the digits of the number; the line that a refusal offers, too. `made` gives
+    /// the change with digits.
+    ///
+    /// # Errors
+    /// The change is refused.
+    pub fn keep(&self, text: &str, made: Result<Edit, EditRefused>) -> Result<Edit, EditRefused> {
+        self.in_place_of(&[format_number(self.value)], text, made)
+    }
+
+    /// Like [`Typed::keep`], for a number of seconds; `fps`: frames a second of the stage.
+    ///
+    /// # Errors
+    /// The change is refused.
+    pub fn keep_time(
+        &self,
+        text: &str,
+        made: Result<Edit, EditRefused>,
+        fps: f64,
+    ) -> Result<Edit, EditRefused> {
+        let time = EditTime { secs: self.value, fps };
+        self.in_place_of(&[time.text(true), time.text(false), format_number(self.value)], text, made)
+    }
+
+    fn in_place_of(
+        &self,
+        digits: &[String],
+        text: &str,
+        made: Result<Edit, EditRefused>,
+    ) -> Result<Edit, EditRefused> {
+        if self.text == format_number(self.value) {
+            return made;
+        }
+        let kept =
+            |edit: Edit| digits.iter().find_map(|digits| self.replaced(digits, text, &edit)).unwrap_or(edit);
+        match made {
+            Ok(edit) => Ok(kept(edit)),
+            Err(refused) => Err(EditRefused { over: refused.over.map(kept), ..refused }),
+        }
+    }
+
+    /// The edit with its text for these digits; `None` where it writes none.
+    fn replaced(&self, digits: &str, text: &str, edit: &Edit) -> Option<Edit> {
+        let after = edit.apply(text);
+        let changed = Edit::between(text, &after);
+        // Digits that stay the same are written, too.
+        let Edit { range, text: written } = if after == text { edit } else { &changed };
+        let written = range.start..range.start + written.len();
+        let is_part = |c: char| c.is_alphanumeric() || matches!(c, '_' | '.');
+        let is_it = |at: &usize| {
+            let end = at + digits.len();
+            let is_whole =
+                !after[..*at].ends_with(|c| is_part(c) || c == '-') && !after[end..].starts_with(is_part);
+            is_whole && *at <= written.end && end >= written.start
+        };
+        let mut found: Vec<usize> = after.match_indices(digits).map(|(at, _)| at).filter(is_it).collect();
+        if found.is_empty() {
+            return None;
+        }
+        let mut typed = after.clone();
+        while let Some(at) = found.pop() {
+            typed.replace_range(at..at + digits.len(), &self.text);
+        }
+        Some(Edit::between(text, &typed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn third() -> Typed {
+        Typed { value: 1.0 / 3.0, text: "1.0 / 3.0".to_string() }
+    }
+
+    /// The change of one text into another, and what it is with the typed number.
+    fn kept(typed: &Typed, before: &str, after: &str) -> String {
+        let edit = Edit::between(before, after);
+        typed.keep_time(before, Ok(edit), 25.0).unwrap().apply(before)
+    }
+
+    #[test]
+    fn the_digits_that_an_edit_writes_become_what_was_typed() {
+        for (before, after, wanted) in [
+            ("at(0.0, 2.0)", "at(0.333, 2.0)", "at(1.0 / 3.0, 2.0)"),
+            // Others of the same digits stay.
+            ("at(0.333, 2.0, 0.333)", "at(0.333, 0.333, 0.333)", "at(0.333, 1.0 / 3.0, 0.333)"),
+            ("a()", "a().at(0.0, 0.333, -0.333)", "a().at(0.0, 1.0 / 3.0, -0.333)"),
+            ("a(10.333)", "a(20.333)", "a(20.333)"),
+        ] {
+            assert_eq!(kept(&third(), before, after), wanted);
+        }
+        let same = Edit { range: 3..8, text: "0.333".to_string() };
+        assert_eq!(third().keep("at(0.333)", Ok(same)).unwrap().apply("at(0.333)"), "at(1.0 / 3.0)");
+    }
+
+    #[test]
+    fn a_typed_frame_is_kept_in_place_of_seconds() {
+        let frame = Typed { value: 0.48, text: "f(12)".to_string() };
+        assert_eq!(kept(&frame, "from(0.5)", "from(0.48)"), "from(f(12))");
+        assert_eq!(kept(&frame, "from(f(3))", "from(f(12))"), "from(f(12))");
+        // A number that was typed as one has the style of the script.
+        assert_eq!(kept(&0.48.into(), "from(f(3))", "from(f(12))"), "from(f(12))");
+    }
+}
