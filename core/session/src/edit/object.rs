@@ -353,14 +353,15 @@ fn own(text: &Source, chain: Vec<Call>) -> Vec<Call> {
     chain.into_iter().take_while(|call| text[call.name.clone()] != *"joint").collect()
 }
 
-/// Sets the only argument of the call at a place, a time: `.cut(2.0)`.
+/// Sets the first argument of the call at a place, a time: `.cut(2.0)`.
 pub fn set_call(text: &str, line: usize, column: usize, time: EditTime) -> Result<Edit, EditRefused> {
     let refuse = |why: String| EditRefused::at(line, &why);
     let text = &Source::new(text);
     let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
     let call = call.ok_or_else(|| refuse("there is no call to be changed".into()))?;
     let shown = || text[call.inside.clone()].trim();
-    let old = TimeLiteral::of(text, &call.inside).ok_or_else(|| {
+    let first = call.inside.start..text.value_end(call.inside.start, call.inside.end);
+    let old = TimeLiteral::of(text, &first).ok_or_else(|| {
         refuse(format!("the time in {}({}) is computed; change it there", &text[call.name.clone()], shown()))
     })?;
     Ok(old.set(time))
@@ -569,6 +570,11 @@ mod tests {
         let column = text.find(".cut").unwrap() + 2;
         assert!(set_call(text, 1, column, at(2.5)).unwrap().apply(text).contains(".cut( 2.5 );"));
         assert!(set_call(text, 2, 13, at(2.5)).unwrap_err().why.contains("cut(x) is computed"));
+        let dissolve = "c.cut(2.0, #{ dissolve: 0.8 });";
+        assert_eq!(
+            set_call(dissolve, 1, 3, at(2.5)).unwrap().apply(dissolve),
+            dissolve.replace("2.0", "2.5")
+        );
     }
 
     #[test]

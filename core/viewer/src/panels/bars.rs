@@ -146,11 +146,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
         Act::Move(bar, secs, drag) => viewer.edit(|v| v.move_bar(&bar, secs, drag)),
         Act::MoveTo(bar, secs, row) => viewer.edit(|v| v.move_bar_to(&bar, secs, row)),
         Act::Slip(what, by) => viewer.edit(|v| v.slip_cue(&what, by)),
-        Act::Time(bar, part, secs, keep) => viewer.edit(|v| match (bar.cut, part) {
-            (Some(cut), _) => v.set_cut(cut, secs),
-            (None, CueTime::Start) if keep && bar.strip.is_some() => v.trim_cue(&bar.what, secs),
-            (None, part) => v.set_cue(&bar.what, part, secs),
-        }),
+        Act::Time(bar, part, secs, keep) => viewer.edit(|v| v.change_time(&bar, part, secs, keep)),
         Act::Stretch(what, end) => viewer.edit(|v| v.stretch_cue(&what, end)),
         Act::Weight(what, weight) => viewer.edit(|v| v.set_weight(&what, weight)),
         Act::Locked(bar) => {
@@ -188,7 +184,25 @@ impl Viewer {
         self.move_cues_to(&all, &name, secs - bar.start.as_secs())
     }
 
-    fn move_bar(&mut self, bar: &Bar, secs: f64, drag: Drag) -> Result<(), EditError> {
+    /// Changes a time of a bar, as its handle does. `keep`: the content keeps its place.
+    pub(super) fn change_time(
+        &mut self,
+        bar: &Bar,
+        part: CueTime,
+        secs: f64,
+        keep: bool,
+    ) -> Result<(), EditError> {
+        match (bar.cut, part) {
+            (_, CueTime::End) if matches!(bar.what, Selected::Camera(_)) => self.set_camera_end(bar, secs),
+            (Some(cut), _) => self.set_cut(cut, secs),
+            (None, CueTime::Start) if keep && bar.strip.is_some() => self.trim_cue(&bar.what, secs),
+            (None, CueTime::End) => self.set_end(bar, secs),
+            (None, part) => self.set_cue(&bar.what, part, secs),
+        }
+    }
+
+    /// Moves a bar, with the others that are selected.
+    pub(super) fn move_bar(&mut self, bar: &Bar, secs: f64, drag: Drag) -> Result<(), EditError> {
         let all = self.selected_bars();
         match (bar.cut, drag) {
             (Some(cut), Drag::Ripple) => return self.ripple_cuts(cut, secs),
