@@ -347,9 +347,14 @@ fn handle(
     let rect = lane.rect;
     // The fade's handle is above, the ends' are as high as the bar.
     let bottom = if part == CueTime::FadeIn { rect.top() + 8.0 } else { rect.bottom() };
-    // The start's lies within the bar where another one's end is beside it.
-    let right = if part == CueTime::Start { x + 5.0 } else { x + 4.0 };
-    let place = Rect::from_min_max(pos2(x - 4.0, rect.top()), pos2(right, bottom)).intersect(rect);
+    // Where two bars meet, the end of the first is left of the time, and the start of the second right of it.
+    let is_met = number.checked_sub(1).is_some_and(|before| bars[before].meets(bar));
+    let (left, right) = match part {
+        CueTime::Start if is_met => (x, x + 5.0),
+        CueTime::Start => (x - 4.0, x + 5.0),
+        _ => (x - 4.0, x + 4.0),
+    };
+    let place = Rect::from_min_max(pos2(left, rect.top()), pos2(right, bottom)).intersect(rect);
     if place.width() <= 0.0 {
         return None;
     }
@@ -370,13 +375,19 @@ fn handle(
         return Some(Act::Select(clicked.what.clone(), held::adds(ui)));
     }
     let Some(pointer) = dragged else { return bar_menu::show(&response, viewer, bar) };
+    let keep = held::modifiers(ui).alt;
+    // The end rolls as the start of the next clip does.
+    let next = bars.get(number + 1).filter(|next| next.strip.is_some() && bar.meets(next));
+    let (bar, part) = match next.filter(|_| keep && part == CueTime::End) {
+        Some(next) => (next, CueTime::Start),
+        None => (bar, part),
+    };
     let secs = lane.snapped(viewer, pointer.x, Some(bar));
     let [outer, inner] = outline_colors(ui.visuals());
     for (width, color) in [(4.0, outer), (2.0, inner)] {
         ui.painter_at(rect).vline(lane.x(viewer, secs), rect.y_range(), Stroke::new(width, color));
     }
     let value = if part == CueTime::FadeIn { (secs - bar.start.as_secs()).max(0.0) } else { secs };
-    let keep = held::modifiers(ui).alt;
     if let (CueTime::Start, Some(strip)) = (part, bar.strip) {
         let text = match (keep, strip.repeat) {
             (false, _) => "its content moves along; Alt: stays",

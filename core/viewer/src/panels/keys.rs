@@ -110,7 +110,7 @@ const MOUSE: [(&str, &str); 23] = [
     ("drag", "an arrow, ring or box: changes the script; with Ctrl: in steps"),
     ("drag", "a clip's bar: moves it, onto another actor's row, too; with Shift: and all after it"),
     ("Ctrl drag", "a clip's bar over the one before it: they crossfade"),
-    ("Alt drag", "a clip's bar: slips its content; its start: trims or rolls it"),
+    ("Alt drag", "a clip's bar: slips its content; its ends: trim it, or roll it where two meet"),
     ("drag", "the corner or the line of the selected clip: speed, weight"),
     ("drag", "a bar's end or fade, a key, a cut, a marker: changes the script"),
     (
