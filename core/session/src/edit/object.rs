@@ -7,7 +7,7 @@ use super::handed::{HandedCall, handed_calls};
 use super::key_name::{JointKey, joint_keys};
 use super::refused::ADD;
 use super::scan::{Call, Source, Tokens, tokens_of};
-use super::times::{EditTime, TimeLiteral};
+use super::times::{EditTime, restated};
 use super::values::{format_number, is_calculation, literals, option_of, rewritten, set_option};
 use super::{Edit, EditRefused};
 use glam::{DMat3, DQuat, DVec3};
@@ -161,7 +161,12 @@ impl<'a> ScriptObject<'a> {
     pub fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let new = call_text(name, values);
         let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
-        let old = literals(&self.text, &call.inside).ok_or_else(|| self.computed(call, &new))?;
+        let Some(old) = literals(&self.text, &call.inside) else {
+            return match values {
+                [value] => self.overwrite(call, call.inside.clone(), &format_number(*value)),
+                _ => Err(self.computed(call, &new)),
+            };
+        };
         if old.len() == values.len() {
             return rewritten(&self.text, &old, values).ok_or_else(|| self.computed(call, &new));
         }
@@ -226,8 +231,7 @@ impl<'a> ScriptObject<'a> {
     pub fn time(&self, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
         let new = format!("{name}({})", time.anew(&self.text));
         let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
-        let old = TimeLiteral::of(&self.text, &call.inside).ok_or_else(|| self.computed(call, &new))?;
-        Ok(old.set(time))
+        restated(&self.text, &call.inside, time).ok_or_else(|| self.computed(call, &new))
     }
 
     /// Sets an option of the call that made it, or of a later method with that name. `value`: the text to write.
@@ -361,10 +365,9 @@ pub fn set_call(text: &str, line: usize, column: usize, time: EditTime) -> Resul
     let call = call.ok_or_else(|| refuse("there is no call to be changed".into()))?;
     let shown = || text[call.inside.clone()].trim();
     let first = call.inside.start..text.value_end(call.inside.start, call.inside.end);
-    let old = TimeLiteral::of(text, &first).ok_or_else(|| {
+    restated(text, &first, time).ok_or_else(|| {
         refuse(format!("the time in {}({}) is computed; change it there", &text[call.name.clone()], shown()))
-    })?;
-    Ok(old.set(time))
+    })
 }
 
 /// Sets the time of a named marker, `marker("name", time)`, the only one of the script.
@@ -380,10 +383,8 @@ pub fn set_marker(text: &str, name: &str, time: EditTime) -> Result<Edit, EditRe
     };
     let second = text.value_end(call.inside.start, call.inside.end) + 1..call.inside.end;
     let line = text[..call.name.start].matches('\n').count() + 1;
-    let old = TimeLiteral::of(text, &second).ok_or_else(|| {
-        EditRefused::at(line, &format!("the time of \"{name}\" is computed; change it there"))
-    })?;
-    Ok(old.set(time))
+    restated(text, &second, time)
+        .ok_or_else(|| EditRefused::at(line, &format!("the time of \"{name}\" is computed; change it there")))
 }
 
 pub(super) fn quoted(text: &str) -> String {
@@ -570,6 +571,9 @@ mod tests {
         let column = text.find(".cut").unwrap() + 2;
         assert!(set_call(text, 1, column, at(2.5)).unwrap().apply(text).contains(".cut( 2.5 );"));
         assert!(set_call(text, 2, 13, at(2.5)).unwrap_err().why.contains("cut(x) is computed"));
+        let title = "text(\"a\").fade(1.0 / 3.0);";
+        let faded = ScriptObject::at(title, 1, 1).unwrap().set("fade", &[0.5]).unwrap().apply(title);
+        assert_eq!(faded, "text(\"a\").fade(0.5);");
         let dissolve = "c.cut(2.0, #{ dissolve: 0.8 });";
         assert_eq!(
             set_call(dissolve, 1, 3, at(2.5)).unwrap().apply(dissolve),
