@@ -41,6 +41,13 @@ fn numbers_are_written_where_the_script_states_them() {
     // A calculation that a person typed in place of a number.
     assert_eq!(speed("a.|play(c, #{ speed: 1.0 / 3.0 });"), "a.play(c, #{ speed: 1.25 });");
     assert_eq!(speed("a.|play(c).speed(-(1.0 + 2.0) / 3.0);"), "a.play(c).speed(1.25);");
+    assert_eq!(trim("a.|play(c).trim(1.0/3.0, 1.5);").unwrap(), "a.play(c).trim(0.5, 2.0);");
+    assert_eq!(
+        trim("a.|play(c, #{ trim: [0.0, 4.0 / 3.0] });").unwrap(),
+        "a.play(c, #{ trim: [0.5, 2.0] });"
+    );
+    let weight = changed("a.|play(c).weight(1.0/3.0);", &|t, l, c| set_number(t, l, c, "weight", 0.5));
+    assert_eq!(weight.unwrap(), "a.play(c).weight(0.5);");
     let computed = changed("a.|play(c).speed(1.0 / x);", &|t, l, c| set_number(t, l, c, "speed", 1.25));
     assert!(computed.unwrap_err().contains("computed"));
 }
