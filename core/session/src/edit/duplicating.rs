@@ -23,8 +23,8 @@ pub struct Duplicate {
 
 /// Adds a copy of the object that the call at a place makes, behind the last statement about it: the statement with the call and the later
 /// ones that begin with its variable, in their order. The copy and its variable have the next free number, `bob 2` and `bob_2`; a copied
-/// camera has no cuts. `offset`: how far from the object the copy stands, metres, where its place or the keys of its position are stated by
-/// numbers.
+/// camera has no cuts. `offset`: how far from the object the copy stands, metres, where its place and the points to which it walks, or the
+/// keys of its position, are stated by numbers.
 ///
 /// # Errors
 /// Why it cannot be copied, for the user: its name is computed, or a statement about it stands in a block or defines another variable.
@@ -92,15 +92,28 @@ fn cuts(object: &ScriptObject) -> Vec<Range<usize>> {
     object.calls.iter().filter(is_cut).map(with_dot).collect()
 }
 
-/// The change that moves what the call at a byte makes, or the keys of its position.
+/// The change that moves what the call at a byte makes and the points to which it walks, or the keys of its position. A path is relative to
+/// the place.
 ///
 /// # Errors
 /// The place is computed.
 fn moved(text: &str, byte: usize, by: DVec3) -> Result<Edit, EditRefused> {
     let (line, column) = Source::new(text).place_of(byte);
     let object = ScriptObject::at(text, line, column)?;
-    let Some(keys) = object.key_call(POSITION) else { return object.move_by(by, by) };
-    moved_keys(&object.text, &keys, by).ok_or_else(|| object.computed_keys(POSITION, &keys))
+    if let Some(keys) = object.key_call(POSITION) {
+        return moved_keys(&object.text, &keys, by).ok_or_else(|| object.computed_keys(POSITION, &keys));
+    }
+    let mut edits = vec![object.move_by(by, by)?];
+    for walk in object.calls.iter().filter(|call| object.text[call.name.clone()] == *"walk_to") {
+        let point = walk.inside.start..object.text.value_end(walk.inside.start, walk.inside.end);
+        let old = literals(&object.text, &point).filter(|old| old.len() == 3).unwrap_or_default();
+        let new: Vec<f64> = old.iter().zip(by.to_array()).map(|((_, number), by)| number + by).collect();
+        let computed = || EditRefused::at(object.line_of(walk.name.start), "the point is computed");
+        edits.push(rewritten(&object.text, &old, &new).ok_or_else(computed)?);
+    }
+    edits.sort_by_key(|edit| std::cmp::Reverse(edit.range.start));
+    let moved = edits.iter().fold(text.to_string(), |after, edit| edit.apply(&after));
+    Ok(Edit::between(text, &moved))
 }
 
 /// The property whose keys place an object.
@@ -222,6 +235,19 @@ mod tests {
         let text = "let a = cast(\"a\", m).at(x, 0, 0);\n";
         assert_eq!(duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap().stays, Some(2));
         assert_eq!(duplicate_object(text, (1, 9), NamedBy::Argument, None).unwrap().stays, None);
+    }
+
+    #[test]
+    fn the_points_to_which_it_walks_stand_aside_in_the_copy() {
+        let text = "let a = |cast(\"a\", m);\na.walk_to([1.0, 0, 2], #{ from: 1.0 });\na.walk_to([ -1, 0, 0 ]); // back\n";
+        let (after, _) = copied(text, Some(DVec3::X)).unwrap();
+        let copy = "let a_2 = cast(\"a 2\", m).at(1.0, 0.0, 0.0);\na_2.walk_to([2.0, 0, 2], #{ from: 1.0 });\na_2.walk_to([ 0.0, 0, 0 ]);\n";
+        assert_eq!(after, text.replace('|', "") + copy);
+        // Where one of them is computed, the copy goes where the object does.
+        let text = "let a = cast(\"a\", m).at(0, 0, 0);\na.walk_to([1.0, 0, 2]);\na.walk_to(home);\n";
+        let made = duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap();
+        assert_eq!(made.stays, Some(6));
+        assert!(made.edit.apply(text).contains("a_2 = cast(\"a 2\", m).at(0, 0, 0);"), "{made:?}");
     }
 
     #[test]

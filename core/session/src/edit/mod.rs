@@ -10,6 +10,7 @@ mod deleting;
 mod duplicating;
 pub mod expression;
 mod handed;
+mod indenting;
 mod key_easing;
 mod key_list;
 mod key_name;

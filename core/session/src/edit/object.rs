@@ -7,7 +7,7 @@ use super::handed::{HandedCall, handed_calls};
 use super::key_name::{JointKey, joint_keys};
 use super::refused::ADD;
 use super::scan::{Call, Source, Tokens, tokens_of};
-use super::times::{EditTime, TimeLiteral};
+use super::times::{EditTime, restated};
 use super::values::{format_number, is_calculation, literals, option_of, rewritten, set_option};
 use super::{Edit, EditRefused};
 use glam::{DMat3, DQuat, DVec3};
@@ -28,7 +28,7 @@ pub struct ScriptObject<'a> {
     pub(super) handed: Vec<HandedCall>,
     /// Whether changes of those may change other objects, too.
     pub(super) changes_all: bool,
-    /// Position of its last mention.
+    /// Position of its last mention outside of deeper blocks.
     pub(super) last_at: usize,
 }
 
@@ -137,12 +137,42 @@ impl<'a> ScriptObject<'a> {
 
     /// `variable.call;` after the last statement about it.
     pub(super) fn new_line(&self, call: &str) -> Option<Edit> {
-        self.new_line_after(call, self.last_at)
+        self.new_line_after(call, self.last_mention())
     }
 
-    pub(super) fn new_line_after(&self, call: &str, last_at: usize) -> Option<Edit> {
+    /// A byte in the last statement about it: one that calls its methods, in a block, too, or hands it to a function of the script.
+    fn last_mention(&self) -> usize {
+        let (text, depth) = (&self.text, self.depth());
+        let Some(name) = self.variable.as_deref() else { return self.last_at };
+        // The name may be that of something else in another block.
+        let is_called = |at: usize| {
+            depth == 0
+                && text[text.skip(at + name.len())..].starts_with('.')
+                && text.begins_statement(text.statement_start(at))
+        };
+        let is_handed = |at: usize| {
+            let given = text.argument_at(at).filter(|_| depth == 0 || text.depth_to(at) == depth + 1);
+            given.is_some_and(|(call, number)| text.parameter(&text[call.name], number).is_some())
+        };
+        let uses = text.uses_of(name).filter(|at| *at > self.last_at && (is_called(*at) || is_handed(*at)));
+        uses.filter(|at| depth > 0 || !text.is_in_function(*at)).last().unwrap_or(self.last_at)
+    }
+
+    /// The last byte at which a name stands in the statements of the script, else the byte behind what makes it.
+    fn last_use(&self, name: &str, made: usize) -> usize {
+        let uses = self.text.uses_of(name).filter(|at| *at > made && self.depth() == 0);
+        uses.filter(|at| !self.text.is_in_function(*at)).last().unwrap_or(made)
+    }
+
+    /// How many brackets are open where it is made.
+    pub(super) fn depth(&self) -> usize {
+        self.text.depth_to(self.made.name.start)
+    }
+
+    /// `variable.call;` after the statement around a byte.
+    fn new_line_after(&self, call: &str, at: usize) -> Option<Edit> {
         let name = self.variable.as_ref()?;
-        let mut end = self.text.statement_end(last_at);
+        let mut end = self.text.statement_around(at, self.depth()).end;
         // After a comment on the same line.
         let rest = self.text[end..].find('\n').map_or(&self.text[end..], |n| &self.text[end..end + n]);
         if rest.trim().is_empty() || rest.trim_start().starts_with("//") {
@@ -161,7 +191,12 @@ impl<'a> ScriptObject<'a> {
     pub fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let new = call_text(name, values);
         let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
-        let old = literals(&self.text, &call.inside).ok_or_else(|| self.computed(call, &new))?;
+        let Some(old) = literals(&self.text, &call.inside) else {
+            return match values {
+                [value] => self.overwrite(call, call.inside.clone(), &format_number(*value)),
+                _ => Err(self.computed(call, &new)),
+            };
+        };
         if old.len() == values.len() {
             return rewritten(&self.text, &old, values).ok_or_else(|| self.computed(call, &new));
         }
@@ -226,8 +261,7 @@ impl<'a> ScriptObject<'a> {
     pub fn time(&self, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
         let new = format!("{name}({})", time.anew(&self.text));
         let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
-        let old = TimeLiteral::of(&self.text, &call.inside).ok_or_else(|| self.computed(call, &new))?;
-        Ok(old.set(time))
+        restated(&self.text, &call.inside, time).ok_or_else(|| self.computed(call, &new))
     }
 
     /// Sets an option of the call that made it, or of a later method with that name. `value`: the text to write.
@@ -290,9 +324,7 @@ impl<'a> ScriptObject<'a> {
     ) -> Result<Edit, EditRefused> {
         let asset = of.unwrap_or(self).asset()?;
         let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), from.anew(&self.text));
-        // Variables that the line names are made before it.
-        let last_at = self.last_at.max(of.map_or(0, |of| of.made.end));
-        self.add_call(&call, last_at)
+        self.add_call(&call, of.map(|of| (asset.as_str(), of.made.end)))
     }
 
     /// The same for a clip of a file, as `load` takes it, by the script's own name of it if there is one.
@@ -310,25 +342,28 @@ impl<'a> ScriptObject<'a> {
         let asset = loaded_as(&self.text, &file, self.last_at).map(str::to_string);
         let asset = asset.unwrap_or_else(|| format!("load({file})"));
         let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), from.anew(&self.text));
-        self.add_call(&call, self.last_at)
+        self.add_call(&call, None)
     }
 
-    /// Adds a call as a line of its own after its last statement and after a byte; where it has no name, behind what made it.
-    pub(super) fn add_call(&self, call: &str, last_at: usize) -> Result<Edit, EditRefused> {
-        if let Some(line) = self.new_line_after(call, last_at) {
-            // The line comes after the cues that it plays already, so that they stand in their order.
+    /// Adds a call as a line of its own after the last statement about it. `needs`: a name that the line uses, and the byte behind what makes
+    /// it; where that comes later, the line stands after the last statement with the name. An object without a name has the call behind what
+    /// made it.
+    pub(super) fn add_call(&self, call: &str, needs: Option<(&str, usize)>) -> Result<Edit, EditRefused> {
+        let own = self.last_mention();
+        let needs = needs.filter(|(_, made)| *made > own);
+        let at = needs.map_or(own, |(name, made)| self.last_use(name, made));
+        if let Some(line) = self.new_line_after(call, at) {
             return Ok(line);
         }
         let end = self.calls.last().map_or(self.made.end, |c| c.end);
-        if self.text[self.text.skip(end)..].starts_with('.') || last_at > end {
+        let is_later = needs.is_some_and(|(_, made)| made > end);
+        // What is behind a constraint of an actor is about the constraint.
+        let is_constrained =
+            self.text[self.made.name.clone()] == *"cast" && self.last(&["reach", "aim", "look_at"]).is_some();
+        if self.text[self.text.skip(end)..].starts_with('.') || is_later || is_constrained {
             return Err(EditRefused::at(self.line, "it has no name in the script; write let NAME = cast(…)"));
         }
         Ok(self.behind(end, call))
-    }
-
-    /// Position of its last mention.
-    pub(super) fn last_at(&self) -> usize {
-        self.last_at
     }
 
     /// The file that it is cast from, as the script writes it; by the script's own name of it, if there is one.
@@ -354,17 +389,17 @@ fn own(text: &Source, chain: Vec<Call>) -> Vec<Call> {
     chain.into_iter().take_while(|call| text[call.name.clone()] != *"joint").collect()
 }
 
-/// Sets the only argument of the call at a place, a time: `.cut(2.0)`.
+/// Sets the first argument of the call at a place, a time: `.cut(2.0)`.
 pub fn set_call(text: &str, line: usize, column: usize, time: EditTime) -> Result<Edit, EditRefused> {
     let refuse = |why: String| EditRefused::at(line, &why);
     let text = &Source::new(text);
     let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
     let call = call.ok_or_else(|| refuse("there is no call to be changed".into()))?;
     let shown = || text[call.inside.clone()].trim();
-    let old = TimeLiteral::of(text, &call.inside).ok_or_else(|| {
+    let first = call.inside.start..text.value_end(call.inside.start, call.inside.end);
+    restated(text, &first, time).ok_or_else(|| {
         refuse(format!("the time in {}({}) is computed; change it there", &text[call.name.clone()], shown()))
-    })?;
-    Ok(old.set(time))
+    })
 }
 
 /// Sets the time of a named marker, `marker("name", time)`, the only one of the script.
@@ -380,10 +415,8 @@ pub fn set_marker(text: &str, name: &str, time: EditTime) -> Result<Edit, EditRe
     };
     let second = text.value_end(call.inside.start, call.inside.end) + 1..call.inside.end;
     let line = text[..call.name.start].matches('\n').count() + 1;
-    let old = TimeLiteral::of(text, &second).ok_or_else(|| {
-        EditRefused::at(line, &format!("the time of \"{name}\" is computed; change it there"))
-    })?;
-    Ok(old.set(time))
+    restated(text, &second, time)
+        .ok_or_else(|| EditRefused::at(line, &format!("the time of \"{name}\" is computed; change it there")))
 }
 
 /// A text as a script states it, with its quotes.
@@ -565,12 +598,37 @@ mod tests {
         assert!(after.ends_with("\nada.play(load(\"e.glb\").clip(\"Walk\")).from(1.0);\n"), "{after}");
     }
 
+    /// Loops and functions in which it plays are behind it, lines about other things are not.
+    #[test]
+    fn a_new_clip_stands_behind_all_that_is_played() {
+        for last in [
+            "for t in [1.0, 2.0] {\n    a.play(c).from(t);\n}",
+            "dance(a, 2);",
+            "if x { let w = a.play(c); w.once(); }",
+        ] {
+            let text = format!(
+                "fn dance(a, n) {{ a.play(n); }}\nlet a = cast(\"a\", m);\n{last} // so\ncamera(\"c\").look_at(a.joint(\"Head\"));\n"
+            );
+            let object = ScriptObject::at(&text, 2, 9).unwrap();
+            let after = object.play("x", at(3.0), "", None).unwrap().apply(&text);
+            assert_eq!(after, text.replace("// so\n", "// so\na.play(m.clip(\"x\")).from(3.0);\n"));
+        }
+    }
+
     #[test]
     fn a_call_s_time_is_rewritten() {
         let text = "camera(\"b\").at(0, 1, 2).cut( 2.0 );\ncamera(\"c\").cut(x);";
         let column = text.find(".cut").unwrap() + 2;
         assert!(set_call(text, 1, column, at(2.5)).unwrap().apply(text).contains(".cut( 2.5 );"));
         assert!(set_call(text, 2, 13, at(2.5)).unwrap_err().why.contains("cut(x) is computed"));
+        let title = "text(\"a\").fade(1.0 / 3.0);";
+        let faded = ScriptObject::at(title, 1, 1).unwrap().set("fade", &[0.5]).unwrap().apply(title);
+        assert_eq!(faded, "text(\"a\").fade(0.5);");
+        let dissolve = "c.cut(2.0, #{ dissolve: 0.8 });";
+        assert_eq!(
+            set_call(dissolve, 1, 3, at(2.5)).unwrap().apply(dissolve),
+            dissolve.replace("2.0", "2.5")
+        );
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::object::{ScriptObject, quoted};
 use super::scan::Call;
-use super::times::{EditTime, TimeLiteral};
+use super::times::{EditTime, restated};
 use super::values::{method_place, option_value, set_option};
 use super::{Edit, EditRefused};
 use std::collections::BTreeMap;
@@ -84,9 +84,9 @@ impl<'a> ScriptObject<'a> {
     /// The script computes it.
     pub fn state_time(&self, name: &str, time: EditTime, anew: Anew) -> Result<Edit, EditRefused> {
         let option = option_value(&self.text, &self.made, name);
-        let old = option.as_ref().and_then(|bytes| TimeLiteral::of(&self.text, bytes));
+        let old = option.as_ref().and_then(|bytes| restated(&self.text, bytes, time));
         match (self.last(&[name]), old) {
-            (None, Some(old)) => Ok(old.set(time)),
+            (None, Some(edit)) => Ok(edit),
             (None, None) if anew == Anew::Option || option.is_some() => {
                 set_option(&self.text, &self.made, self.line, name, &time.anew(&self.text))
             }

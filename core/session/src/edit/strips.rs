@@ -1,6 +1,7 @@
 //! Cues as strips of a timeline: trimmed, slipped, split, duplicated, disabled.
 
 use super::cues::{CueChange, comment_behind, set_times};
+use super::indenting::indented;
 use super::key_list::parts;
 use super::keys::shifted_keys;
 use super::object::ScriptObject;
@@ -91,17 +92,23 @@ impl<'a> Strip<'a> {
             return Ok(self.add(method, (name, values)));
         };
         let range = self.text.trimmed(&old);
-        if let ([value], true) = (values, is_calculation(&self.text, &range)) {
-            return Ok(Edit { range, text: format_number(*value) });
-        }
         let literals = literals(&self.text, &range).filter(|l| l.len() == values.len());
-        let changed = literals.and_then(|literals| rewritten(&self.text, &literals, values));
-        changed.ok_or_else(|| self.computed(name, &old))
+        if let Some(changed) = literals.and_then(|literals| rewritten(&self.text, &literals, values)) {
+            return Ok(changed);
+        }
+        // Calculations with literals that a person typed in place of numbers.
+        let array = self.text[range.clone()].strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
+        let list = array.map_or(range.clone(), |array| range.start + 1..range.start + 1 + array.len());
+        let parts: Vec<Range<usize>> = parts(&self.text, list.start, list.end).collect();
+        match parts.len() == values.len() && parts.iter().all(|part| is_calculation(&self.text, part)) {
+            true => Ok(Edit { range: list, text: numbers(values) }),
+            false => Err(self.computed(name, &old)),
+        }
     }
 
     /// Adds a value that is not stated yet as a method at a byte, else among the options; behind the call where those are computed.
     fn add(&self, method: Option<usize>, (name, values): (&str, &[f64])) -> Edit {
-        let numbers = values.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(", ");
+        let numbers = numbers(values);
         let value = if values.len() == 1 { numbers.clone() } else { format!("[{numbers}]") };
         let option = match method {
             Some(_) => None,
@@ -327,7 +334,7 @@ pub fn split_cue(
     if fade_out.is_some() {
         after = set_number(&after, line, column, "fade_out", 0.0)?.apply(&after);
     }
-    Ok(Edit::between(text, &after))
+    Ok(indented(text, Edit::between(text, &after)))
 }
 
 /// A `.then(…)` with a number that it does not state yet: behind it, or as an option.
@@ -360,7 +367,7 @@ pub fn duplicate_cue(
     let blanks = &second[..second.len() - then.len()];
     let until = until.map(|until| format!(".until({})", until.like(strip.in_frames(), &strip.text)));
     let second = format!("{blanks}{}{}", shifted.apply(then), until.unwrap_or_default());
-    Ok(Edit::between(text, &strip.followed_by(&second)))
+    Ok(indented(text, Edit::between(text, &strip.followed_by(&second))))
 }
 
 /// Shifts all times of the stage in a cue: its start and end, and those of its keys and freezes.

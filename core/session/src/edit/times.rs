@@ -2,7 +2,7 @@
 
 use super::scan::{Call, Source, find};
 use super::values::{
-    USUAL_DIGITS, format_as_meant, literal, method_place, option_value, set_option, trimmed,
+    USUAL_DIGITS, format_as_meant, is_calculation, literal, method_place, option_value, set_option, trimmed,
 };
 use super::{Edit, EditRefused};
 use std::ops::Range;
@@ -87,6 +87,17 @@ impl TimeLiteral {
     }
 }
 
+/// The edit that states a time in place of a literal or of a calculation with literals alone, `1.0 / 3.0` or `f(3 * 8)`, in frames where
+/// it counts those. `None` where the script computes it.
+pub(super) fn restated(text: &Source, bytes: &Range<usize>, time: EditTime) -> Option<Edit> {
+    let range = text.trimmed(bytes);
+    let is_frame = |call: &Call| call.end == range.end && text[call.name.clone()] == *"f";
+    let frames = text.call_from(range.start).filter(is_frame);
+    let number = frames.as_ref().map_or(&range, |call| &call.inside);
+    let in_frames = frames.is_some();
+    is_calculation(text, number).then(|| Edit { text: time.text(in_frames), range: range.clone() })
+}
+
 /// The part of a cue that was dragged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CueTime {
@@ -120,8 +131,8 @@ pub fn set_time(
         CueTime::FadeIn => return set_fade(text, (&call, &chain), line, time),
     };
     if let Some(argument) = find(&chain, text, name) {
-        return match TimeLiteral::of(text, &argument) {
-            Some(old) => Ok(old.set(time)),
+        return match restated(text, &argument, time) {
+            Some(edit) => Ok(edit),
             None => refuse(&format!(
                 "the time in .{name}({}) is computed; change it there",
                 text[argument].trim()
@@ -129,8 +140,8 @@ pub fn set_time(
         };
     }
     if let Some(value) = option_value(text, &call, name) {
-        return match TimeLiteral::of(text, &value) {
-            Some(old) => Ok(old.set(time)),
+        return match restated(text, &value, time) {
+            Some(edit) => Ok(edit),
             None => refuse(&format!("{name}: {} is computed; change it there", text[value].trim())),
         };
     }
@@ -154,14 +165,13 @@ fn set_fade(
     if let Some(argument) = find(chain, text, "fade") {
         let why =
             || format!("the time in .fade({}) is computed; change it there", text[argument.clone()].trim());
-        let old = TimeLiteral::of(text, &argument).ok_or_else(|| EditRefused::at(line, &why()))?;
-        return Ok(old.set(time));
+        return restated(text, &argument, time).ok_or_else(|| EditRefused::at(line, &why()));
     }
     let stated = |name: &&str| option_value(text, call, name).is_some();
     let name = ["fade", "inertial"].into_iter().find(stated).unwrap_or("fade");
-    let old = option_value(text, call, name).and_then(|bytes| TimeLiteral::of(text, &bytes));
+    let old = option_value(text, call, name).and_then(|bytes| restated(text, &bytes, time));
     match (old, method_place(text, call, chain, name)) {
-        (Some(old), _) => Ok(old.set(time)),
+        (Some(edit), _) => Ok(edit),
         (None, None) => set_option(text, call, line, name, &time.anew(text)),
         (None, Some(at)) => Ok(Edit { range: at..at, text: format!(".{name}({})", time.anew(text)) }),
     }
@@ -304,6 +314,20 @@ mod tests {
         assert!(set("a.|play(c, options);", CueTime::FadeIn, 2.0).unwrap_err().contains("computed"));
         assert!(set("|let x = 1;", CueTime::Start, 2.0).unwrap_err().contains("no play"));
         assert!(set_time("a", 9, 1, CueTime::Start, EditTime { secs: 1.0, fps: 30.0 }).is_err());
+    }
+
+    #[test]
+    fn a_calculation_with_literals_becomes_a_number() {
+        for (text, part, after) in [
+            ("a.|play(c, #{ fade: 1.0/3.0 });", CueTime::FadeIn, "a.play(c, #{ fade: 0.5 });"),
+            ("a.|play(c).fade( 1.0 / 3.0 );", CueTime::FadeIn, "a.play(c).fade( 0.5 );"),
+            ("a.|play(c).fade(f(3 * 4));", CueTime::FadeIn, "a.play(c).fade(f(15));"),
+            ("a.|play(c).from(2.0 / 3.0);", CueTime::Start, "a.play(c).from(0.5);"),
+            ("a.|play(c, #{ until: -(1.0 - 3.0) });", CueTime::End, "a.play(c, #{ until: 0.5 });"),
+        ] {
+            assert_eq!(set(text, part, 0.5).as_deref(), Ok(after));
+        }
+        assert!(set("a.|play(c).fade(x / 3.0);", CueTime::FadeIn, 0.5).unwrap_err().contains("x / 3.0"));
     }
 
     #[test]

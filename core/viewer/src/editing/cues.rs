@@ -24,6 +24,7 @@ impl Viewer {
         self.check_begins(&layer[at].place, &layer[at].label, secs)?;
         let steps = self.move_steps(&layer, &|index| index == at || ripple && index > at, by)?;
         let note = self.pushed_out(&layer[at + 1..], by).filter(|_| ripple);
+        let note = note.or_else(|| self.moved_end(&layer[..=at], by));
         self.change_all(steps)?;
         self.note = note;
         Ok(())
@@ -39,6 +40,14 @@ impl Viewer {
         let why =
             format!("{label} would begin at {begins}, and the scene ends at {ends}: make the stage longer");
         Err(EditError::refused_at(place, &why))
+    }
+
+    /// The end that moves with the start of the last of these bars, which follows another one, in words.
+    fn moved_end(&self, bars: &[Bar], by: f64) -> Option<String> {
+        let [.., before, bar] = bars else { return None };
+        let follows = follows(&self.known()?, bar.place.line, bar.place.column);
+        let ends = self.shown_time(bar.start + Time::from_secs(by));
+        follows.then(|| format!("{}, which it follows, now ends at {ends}", before.label))
     }
 
     /// Bars that are no longer seen since they begin later by a time, in words.

@@ -6,6 +6,7 @@ mod adding;
 mod ambient;
 pub mod constraining;
 mod cues;
+mod cuts;
 pub(crate) mod difference;
 mod documents;
 mod error;
@@ -36,10 +37,8 @@ use crate::state::history::{Done, Offer};
 use crate::state::selection::Selected;
 use choreo_files::{WriteError, write_whole};
 use choreo_script::Place;
-use choreo_session::Scene;
 use choreo_session::edit::{
-    CueTime, Edit, EditRefused, EditTime, ScriptObject, ScriptText, Typed, follows, set_call, set_marker,
-    set_time,
+    CueTime, Edit, EditRefused, EditTime, ScriptObject, ScriptText, Typed, follows, set_marker, set_time,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -158,32 +157,6 @@ impl Viewer {
     fn known(&self) -> Option<Arc<str>> {
         let places = &self.scene.as_ref()?.places;
         places.sources.get(&places.main).cloned()
-    }
-
-    /// Moves a cut; `index` of the stage's cuts.
-    pub fn set_cut(&mut self, index: usize, secs: f64) -> Result<(), EditError> {
-        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let step = self.cut_step(&scene, index, secs)?;
-        self.change_all(vec![step])
-    }
-
-    /// Moves a cut and, as far, all that come after it.
-    pub fn ripple_cuts(&mut self, index: usize, secs: f64) -> Result<(), EditError> {
-        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
-        let cuts = &scene.stage.cuts;
-        let first = cuts.get(index).ok_or(EditError::Gone)?.at;
-        let later = (0..cuts.len()).filter(|other| *other == index || cuts[*other].at > first);
-        let by = secs - first.as_secs();
-        let steps = later.map(|other| self.cut_step(&scene, other, cuts[other].at.as_secs() + by));
-        let steps = steps.collect::<Result<_, _>>()?;
-        self.change_all(steps)
-    }
-
-    fn cut_step(&self, scene: &Scene, index: usize, secs: f64) -> Result<Step<'static>, EditError> {
-        let place = scene.places.cuts.get(index).ok_or(EditError::Gone)?.clone();
-        let siblings = scene.places.cuts.iter().filter(|p| **p == place).count();
-        let time = self.edit_time(secs);
-        Ok(Step::new(place, siblings, move |text, line, column| set_call(text, line, column, time)))
     }
 
     /// Moves a named time of the stage.

@@ -9,8 +9,8 @@ use choreo_session::edit::{delete_object, duplicate_object};
 use glam::DVec3;
 
 impl Viewer {
-    /// Puts something on stage once more, with the statements about it. An actor stands beside the first, by its width, where its place or the
-    /// keys of its position are stated by numbers.
+    /// Puts something on stage once more, with the statements about it. An actor stands beside the first, by its width, where its place, its
+    /// walks or the keys of its position are stated by numbers, and nothing carries it.
     ///
     /// # Errors
     /// Why not, for the user; nothing has changed.
@@ -30,7 +30,10 @@ impl Viewer {
             .then(|| format!("the copy lacks what other statements do, in lines {}", left.join(", ")));
         let stays =
             stays.map(|line| format!("the copy stands where the first does: line {line} computes its place"));
-        let notes: Vec<String> = lacks.into_iter().chain(stays).collect();
+        let carried = self.carried_by(what).map(|parent| {
+            format!("the copy stands where the first does: {parent}, to which it is attached, carries both")
+        });
+        let notes: Vec<String> = lacks.into_iter().chain(stays).chain(carried).collect();
         self.note = (!notes.is_empty()).then(|| notes.join("; "));
         let before = |places: &[Place]| places.iter().filter(|place| place.line <= line).count();
         self.selection = match (what, name) {
@@ -44,13 +47,22 @@ impl Viewer {
         Ok(())
     }
 
-    /// How far from an actor its copy stands; `None` where a path or another actor places it.
+    /// The name of the actor that an actor is attached to.
+    fn carried_by(&self, what: &Selected) -> Option<String> {
+        let Selected::Actor(name) = what else { return None };
+        let stage = &self.scene.as_ref()?.stage;
+        let parents = &stage.actors[actor(stage, name)?].parents;
+        let to = parents.iter().find_map(|parent| parent.to)?;
+        Some(stage.actors.get(to.actor)?.name.clone())
+    }
+
+    /// How far from an actor its copy stands; `None` where another actor carries it.
     fn beside(&self, what: &Selected) -> Option<DVec3> {
         let Selected::Actor(name) = what else { return None };
         let stage = &self.scene.as_ref()?.stage;
         let index = actor(stage, name)?;
         let own = &stage.actors[index];
-        if own.path_following.is_some() || !own.parents.is_empty() {
+        if !own.parents.is_empty() {
             return None;
         }
         let snapshot = stage.at(self.playhead.time()).ok()?;

@@ -25,7 +25,7 @@ impl Viewer {
         let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
         let before = at.checked_sub(1).map(|before| &layer[before]);
         let is_chained = before.is_some() && follows(&known, line, column);
-        let meets = before.is_some_and(|before| before.until == bar.start);
+        let meets = before.is_some_and(|before| before.meets(&bar));
         let trim = match strip.repeat {
             Repeat::Once => Some(trimmed_from(&bar, &strip, secs)?),
             _ if is_chained || meets => None,
@@ -48,6 +48,22 @@ impl Viewer {
         }
         steps.extend(trim.map(|trim| self.trim_step(&bar, trim)));
         self.change_all(steps)
+    }
+
+    /// Lets a bar end at another time. The end of a clip that another one takes over from is not moved beyond that, where nobody would see it.
+    pub(crate) fn set_end(&mut self, bar: &Bar, secs: f64) -> Result<(), EditError> {
+        let known = self.known().ok_or(EditError::NothingShown)?;
+        let layer = self.layer_of(&bar.what);
+        let next = layer.iter().skip_while(|other| other.what != bar.what).nth(1);
+        let is_over = |next: &&Bar| bar.meets(next) && secs > next.start.as_secs();
+        let next = next.filter(is_over).filter(|next| !follows(&known, next.place.line, next.place.column));
+        if let Some(next) = next {
+            let (label, start) = (&next.label, self.shown_time(next.start));
+            let why =
+                format!("{label} takes over from it at {start}: move its start, with Alt where they meet");
+            return Err(EditError::refused_at(&bar.place, &why));
+        }
+        self.set_cue(&bar.what, CueTime::End, secs)
     }
 
     /// Both clips of a boundary that is moved keep a length.

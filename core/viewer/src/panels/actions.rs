@@ -76,12 +76,22 @@ pub(crate) const ACTIONS: &[Action] = &[
     free("loop", "again and again, or once", "L", |c| c.viewer.playhead.looping ^= true),
     free("seconds", "times as seconds or frames", "T", |c| c.viewer.in_seconds ^= true),
     free("snap", "dragged times snap to frames", "N", |c| c.viewer.snap ^= true),
-    outside("start_earlier", "the selected bar begins a frame earlier", "Alt+Left", |c| {
-        keys::nudge(c.viewer, CueTime::Start, -1);
-    }),
-    outside("start_later", "the selected bar begins a frame later", "Alt+Right", |c| {
-        keys::nudge(c.viewer, CueTime::Start, 1);
-    }),
+    outside(
+        "start_earlier",
+        "move the selected bars a frame earlier, with the end that they follow",
+        "Alt+Left",
+        |c| {
+            keys::nudge(c.viewer, CueTime::Start, -1);
+        },
+    ),
+    outside(
+        "start_later",
+        "move the selected bars a frame later, with the end that they follow",
+        "Alt+Right",
+        |c| {
+            keys::nudge(c.viewer, CueTime::Start, 1);
+        },
+    ),
     outside("end_earlier", "the selected bar ends a frame earlier", "Alt+Shift+Left", |c| {
         keys::nudge(c.viewer, CueTime::End, -1);
     }),

@@ -146,11 +146,7 @@ pub fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
         Act::Move(bar, secs, drag) => viewer.edit(|v| v.move_bar(&bar, secs, drag)),
         Act::MoveTo(bar, secs, row) => viewer.edit(|v| v.move_bar_to(&bar, secs, row)),
         Act::Slip(what, by) => viewer.edit(|v| v.slip_cue(&what, by)),
-        Act::Time(bar, part, secs, keep) => viewer.edit(|v| match (bar.cut, part) {
-            (Some(cut), _) => v.set_cut(cut, secs),
-            (None, CueTime::Start) if keep && bar.strip.is_some() => v.trim_cue(&bar.what, secs),
-            (None, part) => v.set_cue(&bar.what, part, secs),
-        }),
+        Act::Time(bar, part, secs, keep) => viewer.edit(|v| v.change_time(&bar, part, secs, keep)),
         Act::Stretch(what, end) => viewer.edit(|v| v.stretch_cue(&what, end)),
         Act::Weight(what, weight) => viewer.edit(|v| v.set_weight(&what, weight)),
         Act::Locked(bar) => {
@@ -188,7 +184,25 @@ impl Viewer {
         self.move_cues_to(&all, &name, secs - bar.start.as_secs())
     }
 
-    fn move_bar(&mut self, bar: &Bar, secs: f64, drag: Drag) -> Result<(), EditError> {
+    /// Changes a time of a bar, as its handle does. `keep`: the content keeps its place.
+    pub(super) fn change_time(
+        &mut self,
+        bar: &Bar,
+        part: CueTime,
+        secs: f64,
+        keep: bool,
+    ) -> Result<(), EditError> {
+        match (bar.cut, part) {
+            (_, CueTime::End) if matches!(bar.what, Selected::Camera(_)) => self.set_camera_end(bar, secs),
+            (Some(cut), _) => self.set_cut(cut, secs),
+            (None, CueTime::Start) if keep && bar.strip.is_some() => self.trim_cue(&bar.what, secs),
+            (None, CueTime::End) => self.set_end(bar, secs),
+            (None, part) => self.set_cue(&bar.what, part, secs),
+        }
+    }
+
+    /// Moves a bar, with the others that are selected.
+    pub(super) fn move_bar(&mut self, bar: &Bar, secs: f64, drag: Drag) -> Result<(), EditError> {
         let all = self.selected_bars();
         match (bar.cut, drag) {
             (Some(cut), Drag::Ripple) => return self.ripple_cuts(cut, secs),
@@ -333,9 +347,14 @@ fn handle(
     let rect = lane.rect;
     // The fade's handle is above, the ends' are as high as the bar.
     let bottom = if part == CueTime::FadeIn { rect.top() + 8.0 } else { rect.bottom() };
-    // The start's lies within the bar where another one's end is beside it.
-    let right = if part == CueTime::Start { x + 5.0 } else { x + 4.0 };
-    let place = Rect::from_min_max(pos2(x - 4.0, rect.top()), pos2(right, bottom)).intersect(rect);
+    // Where two bars meet, the end of the first is left of the time, and the start of the second right of it.
+    let is_met = number.checked_sub(1).is_some_and(|before| bars[before].meets(bar));
+    let (left, right) = match part {
+        CueTime::Start if is_met => (x, x + 5.0),
+        CueTime::Start => (x - 4.0, x + 5.0),
+        _ => (x - 4.0, x + 4.0),
+    };
+    let place = Rect::from_min_max(pos2(left, rect.top()), pos2(right, bottom)).intersect(rect);
     if place.width() <= 0.0 {
         return None;
     }
@@ -356,13 +375,19 @@ fn handle(
         return Some(Act::Select(clicked.what.clone(), held::adds(ui)));
     }
     let Some(pointer) = dragged else { return bar_menu::show(&response, viewer, bar) };
+    let keep = held::modifiers(ui).alt;
+    // The end rolls as the start of the next clip does.
+    let next = bars.get(number + 1).filter(|next| next.strip.is_some() && bar.meets(next));
+    let (bar, part) = match next.filter(|_| keep && part == CueTime::End) {
+        Some(next) => (next, CueTime::Start),
+        None => (bar, part),
+    };
     let secs = lane.snapped(viewer, pointer.x, Some(bar));
     let [outer, inner] = outline_colors(ui.visuals());
     for (width, color) in [(4.0, outer), (2.0, inner)] {
         ui.painter_at(rect).vline(lane.x(viewer, secs), rect.y_range(), Stroke::new(width, color));
     }
     let value = if part == CueTime::FadeIn { (secs - bar.start.as_secs()).max(0.0) } else { secs };
-    let keep = held::modifiers(ui).alt;
     if let (CueTime::Start, Some(strip)) = (part, bar.strip) {
         let text = match (keep, strip.repeat) {
             (false, _) => "its content moves along; Alt: stays",

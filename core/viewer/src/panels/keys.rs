@@ -2,6 +2,7 @@
 
 use super::Panels;
 use super::actions::{self, ACTIONS, Context};
+use super::bars::Drag;
 use super::hint::Hint;
 use crate::app::Viewer;
 use crate::state::selection::Selected;
@@ -32,23 +33,23 @@ pub fn handle(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     }
 }
 
-/// The selected cue, effect or cut begins, or ends, this number of frames later.
+/// Moves the selected bars, or the end of the selected one, by this number of frames, as the mouse does.
 pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
     if super::headers::refuses_locked(viewer) {
         return;
     }
     let Some(what) = viewer.selection.clone() else { return };
-    let bar = viewer.timeline.rows.iter().flat_map(|r| &r.bars).find(|b| b.what == what);
-    let Some((time, cut)) = bar.map(|b| (if part == CueTime::End { b.until } else { b.start }, b.cut)) else {
-        return;
-    };
+    let Some(bar) = viewer.bars().find(|bar| bar.what == what).cloned() else { return };
+    let time = if part == CueTime::End { bar.until } else { bar.start };
     let fps = viewer.playhead.fps();
     let secs = fps.time_of((fps.frames_in(time) + frames).max(0)).as_secs();
-    let edit = match (cut, part) {
-        (Some(cut), CueTime::Start) => viewer.set_cut(cut, secs),
-        _ => viewer.set_cue(&what, part, secs),
-    };
-    viewer.report(edit);
+    if secs == time.as_secs() {
+        return;
+    }
+    viewer.edit(|v| match part {
+        CueTime::Start => v.move_bar(&bar, secs, Drag::Alone),
+        part => v.change_time(&bar, part, secs, false),
+    });
 }
 
 /// The part that is played begins or ends here; pressed again there, it is the whole once more.
@@ -109,7 +110,7 @@ const MOUSE: [(&str, &str); 23] = [
     ("drag", "an arrow, ring or box: changes the script; with Ctrl: in steps"),
     ("drag", "a clip's bar: moves it, onto another actor's row, too; with Shift: and all after it"),
     ("Ctrl drag", "a clip's bar over the one before it: they crossfade"),
-    ("Alt drag", "a clip's bar: slips its content; its start: trims or rolls it"),
+    ("Alt drag", "a clip's bar: slips its content; its ends: trim it, or roll it where two meet"),
     ("drag", "the corner or the line of the selected clip: speed, weight"),
     ("drag", "a bar's end or fade, a key, a cut, a marker: changes the script"),
     (

@@ -31,6 +31,11 @@ pub struct Bar {
 }
 
 impl Bar {
+    /// Whether the next bar of its row begins where this one ends. A cut is no end of its own.
+    pub fn meets(&self, next: &Bar) -> bool {
+        next.cut.is_none() && self.until == next.start
+    }
+
     /// The time at which its clip is over or the next begins: the end that a change of its speed moves.
     pub fn played_until(&self) -> Time {
         self.holds_from.map_or(self.until, |holds| holds.min(self.until))

@@ -12,7 +12,7 @@ use choreo_viewer::state::trail::JointRef;
 use egui::{Event, Key, Modifiers, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3Swizzles};
 
 const SCRIPT: &str = r##"// A scene.
 stage(#{ size: [64, 36], fps: 25, length: 4.0 });
@@ -79,6 +79,40 @@ fn everything_that_is_added_is_good() {
         text.ends_with(".cut(0.0);\n") && text.contains("camera(\"view 1\").at(0.0, 1.0, 5.0)"),
         "{text}"
     );
+}
+
+/// Twice of each kind: what is added later stands behind.
+#[test]
+fn additions_stand_in_the_order_in_which_they_are_made() {
+    let mut place = Place::new(SCRIPT);
+    place.paint();
+    let kinds = [
+        Addition::Character,
+        Addition::Shape("box"),
+        Addition::Orbit(None),
+        Addition::Orbit(Some("ada".into())),
+        Addition::Follow("ada".into()),
+        Addition::Sun,
+        Addition::Point,
+        Addition::Spot,
+        Addition::Title,
+        Addition::Effect("vignette".into()),
+        Addition::Marker,
+    ];
+    for kind in kinds.iter().flat_map(|kind| [kind, kind]) {
+        let before = place.text();
+        place.viewer.add(kind).unwrap();
+        assert!(place.text().starts_with(&before), "{kind:?} in {}", place.text());
+        place.reload();
+    }
+    place.viewer.selection = Some(Selected::Actor("ada".into()));
+    for call in [ConstraintCall::LookAt, ConstraintCall::Reach] {
+        place.viewer.add_constraint(&NewConstraint { call, target: None }).unwrap();
+        place.reload();
+    }
+    let text = place.text();
+    let at = |call: &str| text.find(call).unwrap_or_else(|| panic!("no {call} in {text}"));
+    assert!(at("ada.look_at(") < at("ada.reach("), "{text}");
 }
 
 #[test]
@@ -211,6 +245,31 @@ ada.key(\"position\", [{keys}, [2.0, [1.5, 0.0, 0.0]]]);
         "{}",
         place.text()
     );
+}
+
+/// The copy of an actor on a path walks beside it; one that another actor carries stays, and a note says so.
+#[test]
+fn the_copy_of_an_actor_on_a_path_walks_beside_it() {
+    let script = "stage(#{ fps: 25, length: 4.0 });
+let ada = cast(\"ada\", load(\"choreo:mannequin\")).at(0.0, 0.0, 1.0);
+ada.path([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]], #{ speed: 0.5 });
+let hat = cast(\"hat\", shape(\"box\", #{ size: 0.2 })).attach(ada.joint(\"Head\"));
+";
+    let mut place = Place::new(script);
+    place.viewer.duplicate_object(&Selected::Actor("hat".into())).unwrap();
+    let why = "the copy stands where the first does: ada, to which it is attached, carries both";
+    assert_eq!(place.viewer.note.as_deref(), Some(why));
+    place.reload_with(script);
+    place.viewer.duplicate_object(&Selected::Actor("ada".into())).unwrap();
+    place.reload();
+    let stage = place.viewer.scene.as_ref().unwrap().stage.clone();
+    let index = |name: &str| stage.actors.iter().position(|actor| actor.name == name).unwrap();
+    for secs in [0.0, 1.0, 3.0] {
+        let snapshot = stage.at(Time::from_secs(secs)).unwrap();
+        let at = |name: &str| snapshot.actors[index(name)].world_from_model.translation;
+        let beside = at("ada 2") - at("ada");
+        assert!((0.3..=2.0).contains(&beside.x) && beside.yz().length() < 1e-9, "{beside} at {secs}");
+    }
 }
 
 /// Where the corners of an actor's posed bounds lie in the image of the camera that is on, as parts of half its height and width: computed

@@ -7,5 +7,6 @@ mod bars;
 mod editing;
 mod events;
 mod keys;
+mod nudging;
 mod rows;
 mod strips;

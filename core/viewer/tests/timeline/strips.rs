@@ -241,6 +241,24 @@ fn gestures_and_keys_do_all_of_it() {
     assert!(desk.state().text().contains("\nbob.play(moves.clip(\"Wave\")"), "{}", desk.state().text());
 }
 
+/// The end of the first bar, left of where two meet, rolls as the start of the second does, right of it.
+#[test]
+fn both_handles_where_two_bars_meet_roll() {
+    let mut desk = desk();
+    let (by, wave) = (second(&desk), desk.get_by_label("Wave on ada").rect());
+    let rolled = SCRIPT
+        .replace("until(2.0)\n", "until(2.6)\n")
+        .replace("\"once\" })", "\"once\", trim: [0.6, 3.0] })");
+    for beside in [-2.0, 2.0] {
+        let at = pos2(wave.left() + beside, wave.center().y);
+        drag(&mut desk, Modifiers::ALT, at, at + vec2(by * 0.6, 0.0));
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().text(), rolled);
+        desk.state_mut().reload_with(SCRIPT);
+        desk.run();
+    }
+}
+
 #[test]
 fn a_box_and_clicks_select_several_and_delete_takes_them_all() {
     let mut desk = desk();

@@ -1,0 +1,83 @@
+//! Bars that the keyboard moves, frame by frame, as the mouse does.
+
+use crate::place::{Desk, Place};
+use choreo_viewer::state::selection::Selected;
+use egui::{Key, Modifiers, vec2};
+
+const SCRIPT: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 8.0 });
+let moves = load("choreo:mannequin");
+let ada = cast("ada", moves);
+ada.play(moves.clip("Walk")).until(2.0)
+    .then(moves.clip("Wave"), #{ fade: 0.4, repeat: "once" }).until(4.0);
+let bob = cast("bob", moves).at(1.0, 0.0, 0.0);
+bob.play(moves.clip("Walk")).from(1.0).until(2.0);
+bob.play(moves.clip("Wave")).from(2.0);
+let one = camera("one").at(0.0, 1.0, 4.0);
+let two = camera("two").at(1.0, 1.0, 4.0).cut(2.0);
+camera("three").at(2.0, 1.0, 4.0).cut(f(100), #{ dissolve: 0.4 });
+"#;
+
+const END: Modifiers = Modifiers { shift: true, ..Modifiers::ALT };
+
+fn desk() -> Desk {
+    Place::new(SCRIPT).harness(vec2(1500.0, 1000.0))
+}
+
+/// The text after a key, and why it was refused.
+fn press(desk: &mut Desk, what: &Selected, modifiers: Modifiers, key: Key) -> (String, Option<String>) {
+    desk.state_mut().reload_with(SCRIPT);
+    desk.state_mut().viewer.selection = Some(what.clone());
+    desk.run();
+    desk.key_press_modifiers(modifiers, key);
+    desk.run();
+    let place = desk.state_mut();
+    (place.text(), place.viewer.message.take())
+}
+
+fn refused(desk: &mut Desk, what: &Selected, modifiers: Modifiers, key: Key) -> String {
+    let (text, why) = press(desk, what, modifiers, key);
+    assert_eq!(text, SCRIPT);
+    why.expect("it was to be refused")
+}
+
+/// The end of a camera's bar is the cut to the next camera: its time changes, and nothing is added.
+#[test]
+fn the_end_of_a_camera_is_the_next_cut() {
+    let mut desk = desk();
+    let [one, two, three] = ["one", "two", "three"].map(|name| Selected::Camera(name.into()));
+    for (camera, modifiers, key, from, to) in [
+        (&one, END, Key::ArrowLeft, ".cut(2.0)", ".cut(1.96)"),
+        (&two, END, Key::ArrowRight, ".cut(f(100),", ".cut(f(101),"),
+        (&two, Modifiers::ALT, Key::ArrowRight, ".cut(2.0)", ".cut(2.04)"),
+    ] {
+        let moved = (SCRIPT.replace(from, to), None);
+        assert_eq!(press(&mut desk, camera, modifiers, key), moved);
+    }
+    let why = refused(&mut desk, &three, END, Key::ArrowLeft);
+    assert!(why.ends_with("it is on until the scene ends: no camera takes over from it"), "{why}");
+    let why = refused(&mut desk, &one, Modifiers::ALT, Key::ArrowRight);
+    assert!(why.contains("the first camera is on from the start"), "{why}");
+}
+
+/// A clip that follows another moves with its own end, as it does when it is dragged, and says what went along.
+#[test]
+fn a_clip_that_follows_another_moves_as_a_whole() {
+    let mut desk = desk();
+    let wave = Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 };
+    let (text, why) = press(&mut desk, &wave, Modifiers::ALT, Key::ArrowRight);
+    let moved = SCRIPT.replace(".until(2.0)\n", ".until(2.04)\n").replace(".until(4.0)", ".until(4.04)");
+    assert_eq!((text.as_str(), why), (moved.as_str(), None));
+    let note = desk.state().viewer.note.clone();
+    assert_eq!(note.as_deref(), Some("Walk, which it follows, now ends at 2.040 s"));
+    desk.state_mut().reload_with(SCRIPT);
+    desk.state_mut().viewer.move_cue(&wave, 2.04, false).unwrap();
+    assert_eq!(desk.state().text(), moved);
+    // One that states its start, too; nothing begins before the scene.
+    let walk = |actor: &str| Selected::Cue { actor: actor.into(), layer: 0, cue: 0 };
+    let (text, _) = press(&mut desk, &walk("bob"), Modifiers::ALT, Key::ArrowLeft);
+    assert_eq!(text, SCRIPT.replace(".from(1.0).until(2.0)", ".from(0.96).until(1.96)"));
+    assert_eq!(press(&mut desk, &walk("ada"), Modifiers::ALT, Key::ArrowLeft), (SCRIPT.to_string(), None));
+    // An end is not moved to where another clip plays.
+    let why = refused(&mut desk, &walk("bob"), END, Key::ArrowRight);
+    assert!(why.contains("Wave takes over from it at 2.000 s"), "{why}");
+}
