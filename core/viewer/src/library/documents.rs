@@ -1,7 +1,7 @@
 //! The files that the window shows and could show next.
 
 use super::file_dialog::{FileDialog, Purpose};
-use super::folder::model_endings;
+use super::folder::{Entry, built_in, model_endings};
 use super::lessons::Lesson;
 use super::thumbnails::Thumbnails;
 use choreo_plugin::Registry;
@@ -26,13 +26,15 @@ pub struct Documents {
     pub thumbnails: Thumbnails,
     /// Endings of files that importers read.
     pub models: Vec<String>,
+    /// Models that are made by importers and are no files.
+    pub built_in: Vec<Entry>,
     /// Files that were read for the version that is shown, canonical.
     pub read: Vec<PathBuf>,
 }
 
 impl Documents {
     pub fn new(registry: &Registry) -> Documents {
-        Documents { models: model_endings(registry), ..Documents::default() }
+        Documents { models: model_endings(registry), built_in: built_in(registry), ..Documents::default() }
     }
 
     /// A file that is shown becomes the newest of the recent ones.
