@@ -492,10 +492,15 @@ impl Viewer {
         let (scene, shown) = (self.scene.as_ref()?, self.shown()?);
         let selected = self.selection.as_ref().and_then(Selected::actor);
         let selected = selected.and_then(|name| selection::actor(&scene.stage, name));
+        let mut actors = scene.stage.actors.iter().zip(&shown.snapshot.actors);
+        let own = selected.and_then(|index| actors.nth(index));
+        own.map(|(actor, state)| picking::middle(&actor.asset, state)).or_else(|| self.middle_of_actors())
+    }
+
+    /// The middle of all visible actors, whatever is selected.
+    pub(crate) fn middle_of_actors(&self) -> Option<DVec3> {
+        let (scene, shown) = (self.scene.as_ref()?, self.shown()?);
         let actors = || scene.stage.actors.iter().zip(&shown.snapshot.actors);
-        if let Some((actor, state)) = selected.and_then(|a| actors().nth(a)) {
-            return Some(picking::middle(&actor.asset, state));
-        }
         let middles = || actors().filter(|(_, s)| s.visible).map(|(a, s)| picking::middle(&a.asset, s));
         let count = middles().count();
         (count > 0).then(|| middles().sum::<DVec3>() / count as f64)
