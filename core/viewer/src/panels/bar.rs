@@ -32,6 +32,7 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             bar.menu("Add", "", |ui, window| super::add_menu::entries(ui, window.viewer));
             bar.enabled(super::add_menu::is_possible(viewer));
             bar.menu("Panels", "", |ui, window| panel_entries(ui, window.panels));
+            bar.stays_open();
             bar.menu("Look", "", |ui, window| look_entries(ui, window.panels));
             bar.toggle(panels.help, "Keys", "", |window| window.panels.help ^= true);
             // The name stands behind the menus, so that they stay where they are however long it is.
@@ -73,6 +74,7 @@ fn panel_entries(ui: &mut Ui, panels: &mut Panels) {
     for preset in Preset::ALL {
         if ui.button(preset.name()).clicked() {
             panels.dock = preset.dock();
+            ui.close();
         }
     }
 }
