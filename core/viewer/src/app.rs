@@ -35,7 +35,7 @@ use choreo_session::{
 };
 use glam::DVec3;
 use std::collections::{BTreeSet, HashMap};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -262,6 +262,12 @@ impl Viewer {
             }],
             ..Viewer::new(name)
         }
+    }
+
+    /// Notes the file that is shown: the newest of the recent ones, with the tempo that was set for it.
+    pub fn shows(&mut self, file: &Path) {
+        self.documents.shows(file);
+        self.tempo = self.documents.tempo_of(file);
     }
 
     /// The next version: swapped in whole where it is good; playhead, selection, cameras and whether it plays stay.

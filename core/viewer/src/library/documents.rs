@@ -4,7 +4,9 @@ use super::file_dialog::{FileDialog, Purpose};
 use super::folder::{Entry, built_in, model_endings};
 use super::lessons::Lesson;
 use super::thumbnails::Thumbnails;
+use crate::state::tempo::Tempo;
 use choreo_plugin::Registry;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Recent files that are kept.
@@ -16,6 +18,8 @@ pub struct Documents {
     pub start: bool,
     /// Files that were shown last, the newest first.
     pub recent: Vec<PathBuf>,
+    /// Tempos of recent scripts, by canonical path.
+    pub tempos: BTreeMap<PathBuf, Tempo>,
     pub lessons: Vec<Lesson>,
     /// The file that the window is to show next.
     pub open: Option<PathBuf>,
@@ -43,6 +47,22 @@ impl Documents {
         self.recent.retain(|other| *other != file);
         self.recent.insert(0, file);
         self.recent.truncate(MOST_RECENT);
+        self.tempos.retain(|script, _| self.recent.contains(script));
+    }
+
+    /// Keeps the tempo of a script until it is shown again.
+    pub fn keep_tempo(&mut self, script: &Path, tempo: Tempo) {
+        let Ok(script) = script.canonicalize() else { return };
+        match tempo.beat() {
+            Some(_) => drop(self.tempos.insert(script, tempo)),
+            None => drop(self.tempos.remove(&script)),
+        }
+    }
+
+    /// The tempo that was kept of a script.
+    pub fn tempo_of(&self, script: &Path) -> Tempo {
+        let kept = script.canonicalize().ok().and_then(|script| self.tempos.get(&script).copied());
+        kept.unwrap_or_default()
     }
 
     /// Opens the list of files: in the folder of a file, else of the newest recent one, else the working folder.

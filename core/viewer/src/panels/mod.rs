@@ -212,7 +212,8 @@ impl Panels {
 
     pub fn settings(&self) -> Settings {
         let layout = Some(self.splits.write(&self.dock));
-        Settings { light: self.light, scale: self.scale, layout, recent: Vec::new(), overlays: self.overlays }
+        let Panels { light, scale, overlays, .. } = *self;
+        Settings { light, scale, layout, overlays, ..Settings::default() }
     }
 
     /// `pictures`: by view, the texture with the frame that is shown; `now`: the clock, seconds.

@@ -26,6 +26,7 @@ mod termination;
 
 use crate::app::{Viewer, add_messages};
 use crate::args::{FileOptions, ViewerOptions};
+use crate::library::documents::Documents;
 use crate::panels::Panels;
 use crate::state::dropped_models::DroppedModels;
 use crate::state::settings::{Due, Settings, Writing};
@@ -256,7 +257,8 @@ impl ViewerWindow {
     }
 
     fn present_settings(&self) -> Settings {
-        Settings { recent: self.viewer.documents.recent.clone(), ..self.panels.settings() }
+        let Documents { recent, tempos, .. } = &self.viewer.documents;
+        Settings { recent: recent.clone(), tempos: tempos.clone(), ..self.panels.settings() }
     }
 
     /// Writes the layout once it has rested, so that it is not lost with a program that is killed.
