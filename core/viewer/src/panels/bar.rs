@@ -4,7 +4,7 @@ use super::actions::{self, Context};
 use super::hint::Hint;
 use super::presets::Preset;
 use super::toolbar::{self, Toolbar};
-use super::{Panels, Tab};
+use super::{Panels, Tab, dialog};
 use crate::app::Viewer;
 use crate::state::settings::SCALES;
 use choreo_script::Severity;
@@ -234,13 +234,17 @@ fn note(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// A change that needs a word first, with the difference.
-pub fn offer(ui: &mut Ui, viewer: &mut Viewer) {
+pub fn offer(ui: &Ui, viewer: &mut Viewer) {
     let Some(offer) = &viewer.offer else { return };
     let mut agreed = None;
-    let window = egui::Window::new("Change the script?").resizable(false).collapsible(false);
-    window.anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]).show(ui.ctx(), |ui| {
+    let is_left = dialog::show(ui, "Change the script?", |ui| {
         ui.set_max_width(640.0);
         ui.label(&offer.why);
+        if let Some(line) = viewer.message_line
+            && ui.link(format!("go to line {line}")).clicked()
+        {
+            agreed = Some(Agreed::GoTo(line));
+        }
         ui.add_space(6.0);
         lines(ui, &offer.difference);
         ui.add_space(6.0);
@@ -267,7 +271,7 @@ pub fn offer(ui: &mut Ui, viewer: &mut Viewer) {
             });
         }
     });
-    match agreed {
+    match agreed.or(is_left.then_some(Agreed::None)) {
         Some(Agreed::First) => viewer.edit(|v| v.accept_offer()),
         Some(Agreed::Other) => {
             if let Some(offer) = &mut viewer.offer
@@ -277,6 +281,7 @@ pub fn offer(ui: &mut Ui, viewer: &mut Viewer) {
             }
             viewer.edit(|v| v.accept_offer());
         }
+        Some(Agreed::GoTo(line)) => (viewer.offer, viewer.go_to) = (None, Some(line)),
         Some(Agreed::None) => viewer.offer = None,
         None => {}
     }
@@ -286,6 +291,8 @@ pub fn offer(ui: &mut Ui, viewer: &mut Viewer) {
 enum Agreed {
     First,
     Other,
+    /// None of them: the line in the way is looked at.
+    GoTo(usize),
     None,
 }
 

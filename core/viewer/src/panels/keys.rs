@@ -19,13 +19,12 @@ pub fn handle(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
         return;
     }
     super::bar_menu::clipboard(ui, viewer);
-    // An open menu is closed first.
-    let is_free = !ui.ctx().egui_wants_keyboard_input() && !egui::Popup::is_any_open(ui.ctx());
+    // An open menu is closed first, and so is the question about a missing file.
+    let is_covered = egui::Popup::is_any_open(ui.ctx()) || viewer.documents.missing.is_some();
+    let is_free = !ui.ctx().egui_wants_keyboard_input() && !is_covered;
     if is_free && ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Escape)) {
-        match (std::mem::take(&mut panels.help), viewer.offer.is_some()) {
-            (true, _) => {}
-            (false, true) => viewer.offer = None,
-            (false, false) => viewer.selection = None,
+        if !std::mem::take(&mut panels.help) {
+            viewer.selection = None;
         }
         viewer.message = None;
         viewer.note = None;

@@ -11,6 +11,7 @@ mod camera_fields;
 #[cfg(test)]
 mod contrast;
 mod curves;
+mod dialog;
 mod drop;
 mod explain;
 mod fields;
@@ -231,6 +232,10 @@ impl Panels {
         bar::offer(ui, viewer);
         files::dialogs(ui, viewer);
         palette::show(self, ui, viewer, now);
+        if self.is_asking(viewer) {
+            // The rest of the wheel is for no panel below the question.
+            ui.input_mut(|i| i.smooth_scroll_delta = egui::Vec2::ZERO);
+        }
         if self.help {
             keys::help(ui, &mut self.help, viewer);
         }
@@ -269,7 +274,7 @@ impl Panels {
 
     /// Whether a question or the palette has the keyboard.
     fn is_asking(&self, viewer: &Viewer) -> bool {
-        self.palette.is_open() || viewer.documents.dialog.is_some()
+        self.palette.is_open() || viewer.documents.dialog.is_some() || viewer.offer.is_some()
     }
 
     fn is_open(&self, tab: Tab) -> bool {
