@@ -140,6 +140,8 @@ pub struct Viewer {
     pub snap: bool,
     /// Beats to which they snap before that.
     pub tempo: Tempo,
+    /// The script panel has the pointer or the keyboard: what is typed is not meant for the selection.
+    pub(crate) over_script: bool,
     /// The script panel goes to this line.
     pub go_to: Option<usize>,
     /// Files that were dropped on the window together, shown in place of the script.
@@ -215,6 +217,7 @@ impl Viewer {
             in_seconds: true,
             snap: true,
             tempo: Tempo::default(),
+            over_script: false,
             go_to: None,
             guests: Vec::new(),
             dropped: Vec::new(),

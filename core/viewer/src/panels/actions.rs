@@ -1,7 +1,7 @@
 //! Everything that a key or the command palette does, with its usual keys.
 
 use super::key_menu::{KeyAct, KeyCommand};
-use super::{Panels, Tab, bar_menu, headers, key_menu, keys, rename, viewport};
+use super::{Panels, Tab, bar_menu, headers, key_menu, keys, rename, script, viewport};
 use crate::app::Viewer;
 use crate::editing::EditError;
 use crate::geometry::gizmo::Tool;
@@ -28,6 +28,8 @@ pub enum Scope {
     Always,
     /// Not in a text field.
     Outside,
+    /// Not in a text field, and refused over the panel Script, where it looks like typing: changes of what is selected.
+    Change,
     /// Not in a text field, nor where a button or bar has the focus.
     Free,
 }
@@ -48,6 +50,10 @@ const fn always(id: &'static str, title: &'static str, keys: &'static str, run: 
 
 const fn outside(id: &'static str, title: &'static str, keys: &'static str, run: fn(&mut Context)) -> Action {
     Action { id, title, keys, scope: Scope::Outside, run }
+}
+
+const fn change(id: &'static str, title: &'static str, keys: &'static str, run: fn(&mut Context)) -> Action {
+    Action { id, title, keys, scope: Scope::Change, run }
 }
 
 const fn free(id: &'static str, title: &'static str, keys: &'static str, run: fn(&mut Context)) -> Action {
@@ -100,8 +106,8 @@ pub(crate) const ACTIONS: &[Action] = &[
     outside("paste", "paste clips on the row of the selected actor, or keys, at the playhead", "", |c| {
         clipboard(c, bar_menu::Command::Paste);
     }),
-    outside("delete", "delete the selected clips and keys from the script", "Delete", delete),
-    outside(
+    change("delete", "delete the selected clips and keys from the script", "Delete", delete),
+    change(
         "set_keys",
         "set keys of the selection at the playhead: of what has keys, else of its position",
         "K",
@@ -109,9 +115,9 @@ pub(crate) const ACTIONS: &[Action] = &[
             c.viewer.edit(Viewer::set_keys_of_selection);
         },
     ),
-    outside("split", "split the selected clips at the playhead", "Y", |c| bars(c, bar_menu::Command::Split)),
-    outside("disable", "disable or enable the selected clips", "M", |c| bars(c, bar_menu::Command::Disable)),
-    outside(
+    change("split", "split the selected clips at the playhead", "Y", |c| bars(c, bar_menu::Command::Split)),
+    change("disable", "disable or enable the selected clips", "M", |c| bars(c, bar_menu::Command::Disable)),
+    change(
         "duplicate",
         "the selected clip once more after it, the selected actor, camera, light or title once more; keys at the playhead",
         "Ctrl+D",
@@ -238,7 +244,7 @@ pub fn handle(c: &mut Context) {
     let in_widget = in_text || c.ui.ctx().egui_wants_keyboard_input();
     let is_on = |scope: Scope| match scope {
         Scope::Always => true,
-        Scope::Outside => !in_text,
+        Scope::Outside | Scope::Change => !in_text,
         Scope::Free => !in_widget,
     };
     if !c.ui.input(|i| i.events.iter().any(|event| matches!(event, egui::Event::Key { pressed: true, .. }))) {
@@ -261,6 +267,7 @@ pub fn handle(c: &mut Context) {
             continue;
         }
         match bound {
+            Bound::Action(action) if action.scope == Scope::Change && script::refuses_keys(c.viewer) => {}
             Bound::Action(action) => (action.run)(c),
             Bound::Panel(tab) => c.panels.bring(tab),
         }

@@ -18,7 +18,10 @@ pub fn handle(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     if ui.ctx().text_edit_focused() {
         return;
     }
-    super::bar_menu::clipboard(ui, viewer);
+    let pastes = |event: &egui::Event| matches!(event, egui::Event::Cut | egui::Event::Paste(_));
+    if !(ui.input(|i| i.events.iter().any(pastes)) && super::script::refuses_keys(viewer)) {
+        super::bar_menu::clipboard(ui, viewer);
+    }
     // An open menu is closed first, and so is the question about a missing file.
     let is_covered = egui::Popup::is_any_open(ui.ctx()) || viewer.documents.missing.is_some();
     let is_free = !ui.ctx().egui_wants_keyboard_input() && !is_covered;

@@ -243,6 +243,7 @@ impl Panels {
             self.bring(Tab::Script);
         }
         viewer.views.iter_mut().for_each(|view| view.seen = false);
+        viewer.over_script = false;
         if viewer.documents.start {
             return start::show(self, ui, viewer);
         }

@@ -82,6 +82,42 @@ fn arrows_choose_in_the_palette_and_a_click_takes() {
     assert_eq!(desk.state().viewer.playhead.frame(), 0);
 }
 
+/// The text of the script looks as if it could be typed into: there a key neither deletes nor splits what is selected.
+#[test]
+fn over_the_script_keys_do_not_change_the_selection() {
+    let mut desk = desk();
+    desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
+    desk.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(1.0));
+    desk.get_by_label("Script tab").click();
+    desk.run();
+    let line = desk.get_by_label_contains("// The last line of all.").rect();
+    desk.get_by_label("read only");
+    desk.hover_at(line.left_center() + vec2(20.0, 0.0));
+    desk.run();
+    assert_eq!(desk.output().platform_output.cursor_icon, egui::CursorIcon::PointingHand);
+    let why = |desk: &Desk| desk.state().viewer.message.clone().unwrap_or_default();
+    let events = [egui::Event::Cut, egui::Event::Paste("ada.play(moves.clip(\"Walk\"));".into())];
+    for key in [Key::Delete, Key::Y, Key::M, Key::K] {
+        desk.key_press(key);
+        desk.run();
+        assert!(why(&desk).starts_with("the script is read only here"), "{key:?}: {}", why(&desk));
+        desk.state_mut().viewer.message = None;
+    }
+    for event in events {
+        desk.event(event.clone());
+        desk.run();
+        assert!(why(&desk).starts_with("the script is read only here"), "{event:?}: {}", why(&desk));
+        desk.state_mut().viewer.message = None;
+    }
+    assert_eq!(desk.state().text(), SCRIPT);
+    // Elsewhere they do.
+    desk.hover_at(desk.get_by_label("picture").rect().center());
+    desk.run();
+    desk.key_press(Key::Y);
+    desk.run();
+    assert_eq!((desk.state().viewer.message.as_deref(), desk.state().text() == SCRIPT), (None, false));
+}
+
 #[test]
 fn keys_follow_the_preset_and_own_ones() {
     let mut desk = desk();
