@@ -154,7 +154,7 @@ pub(crate) const ACTIONS: &[Action] = &[
             ask(c, Purpose::SaveAs);
         }
     }),
-    always("help", "this list", "F1", |c| c.panels.help ^= true),
+    always("help", "this list", "F1", |c| c.panels.key_list.open ^= true),
     always("close", "close", "Ctrl+Q", |c| c.viewer.quit = true),
 ];
 
@@ -182,6 +182,27 @@ pub(crate) fn panel_keys(viewer: &Viewer, tab: Tab) -> Vec<Chord> {
     let number = Tab::ALL.iter().position(|other| *other == tab);
     let usual = number.and_then(|number| PANEL_KEYS.get(number)).unwrap_or(&"");
     viewer.shortcuts.of(&panel_id(tab), usual)
+}
+
+/// An action or a panel that keys can be given to.
+pub(crate) struct Keyed {
+    /// Name in the file of shortcuts.
+    pub id: String,
+    pub title: String,
+    pub chords: Vec<Chord>,
+}
+
+/// All of them, in the order of the list of keys.
+pub(crate) fn all_keyed(viewer: &Viewer) -> Vec<Keyed> {
+    let actions = ACTIONS.iter().map(|action| {
+        let (id, title) = (action.id.to_string(), action.title.to_string());
+        Keyed { id, title, chords: viewer.shortcuts.of(action.id, action.keys) }
+    });
+    let panels = Tab::ALL.into_iter().map(|tab| {
+        let (id, title) = (panel_id(tab), format!("panel {}", tab.title()));
+        Keyed { id, title, chords: panel_keys(viewer, tab) }
+    });
+    actions.chain(panels).collect()
 }
 
 fn bars(c: &mut Context, command: bar_menu::Command) {
@@ -310,9 +331,7 @@ mod tests {
             let mut viewer = Viewer::new("x");
             viewer.shortcuts = Shortcuts { preset: preset.to_string(), ..Shortcuts::default() };
             let mut taken: BTreeMap<Chord, String> = BTreeMap::new();
-            let actions = ACTIONS.iter().map(|a| (a.id.to_string(), viewer.shortcuts.of(a.id, a.keys)));
-            let panels = Tab::ALL.into_iter().map(|tab| (panel_id(tab), panel_keys(&viewer, tab)));
-            for (id, chords) in actions.chain(panels) {
+            for Keyed { id, chords, .. } in all_keyed(&viewer) {
                 for chord in chords {
                     assert!(pressed(&chord).is_some(), "{preset}, {id}: {chord}");
                     let other = taken.insert(chord.clone(), id.clone());

@@ -23,6 +23,7 @@ mod hint;
 mod icons;
 mod inspected;
 mod inspector;
+mod key_list;
 mod key_menu;
 mod keys;
 mod layout;
@@ -159,7 +160,7 @@ pub fn set_colors(context: &egui::Context, light: bool) {
 pub struct Panels {
     dock: DockState<Tab>,
     splits: layout::SplitFractions,
-    help: bool,
+    key_list: key_list::KeyList,
     waiting: drop::Waiting,
     pictures: pictures::Pictures,
     browser: assets::Browser,
@@ -180,7 +181,7 @@ impl Default for Panels {
         Panels {
             dock: presets::Preset::General.dock(),
             splits: Default::default(),
-            help: false,
+            key_list: Default::default(),
             waiting: Default::default(),
             pictures: Default::default(),
             browser: Default::default(),
@@ -236,8 +237,8 @@ impl Panels {
             // The rest of the wheel is for no panel below the question.
             ui.input_mut(|i| i.smooth_scroll_delta = egui::Vec2::ZERO);
         }
-        if self.help {
-            keys::help(ui, &mut self.help, viewer);
+        if self.key_list.open {
+            key_list::show(ui, &mut self.key_list, viewer);
         }
         if viewer.go_to.is_some() {
             self.bring(Tab::Script);

@@ -244,15 +244,25 @@ impl ViewerWindow {
 
     /// Remembers the layout of the panels for the next window.
     fn remember(&mut self) {
-        if let Some(file) = &self.settings_file
-            && self.viewer.shortcuts.preset != self.written_preset
-        {
-            self.viewer.shortcuts.write_preset(&file.with_file_name(Shortcuts::FILE));
-            self.written_preset.clone_from(&self.viewer.shortcuts.preset);
-        }
+        self.keep_shortcuts();
         let now = self.present_settings();
         if let Some(file) = &self.settings_file {
             self.settings.write(now, file);
+        }
+    }
+
+    /// Writes keys that were chosen, each at once.
+    fn keep_shortcuts(&mut self) {
+        let Some(file) = &self.settings_file else { return };
+        let shortcuts = &mut self.viewer.shortcuts;
+        if shortcuts.preset == self.written_preset && shortcuts.changed.is_empty() {
+            return;
+        }
+        let problem = shortcuts.write(&file.with_file_name(Shortcuts::FILE));
+        self.written_preset.clone_from(&shortcuts.preset);
+        if let Some(problem) = problem {
+            self.viewer.message = Some(format!("the keys are not written: {problem}"));
+            self.redraw();
         }
     }
 
@@ -266,6 +276,7 @@ impl ViewerWindow {
         if self.settings_file.is_none() {
             return;
         }
+        self.keep_shortcuts();
         let (settings, now) = (self.present_settings(), self.now());
         match self.settings.due(&settings, now) {
             Due::Now => self.remember(),
