@@ -4,7 +4,9 @@
 use crate::Project;
 use choreo_asset::Asset;
 use choreo_plugin::ImportScope;
-use choreo_script::{AssetCache, BUILT_IN, Folders, Import, ImportChoice, LoadError, Loader};
+use choreo_script::{
+    AssetCache, BUILT_IN, Folders, Import, ImportChoice, LoadError, Loader, built_in_assets,
+};
 use std::collections::BTreeMap;
 use std::io::Read as _;
 use std::path::{Component, Path, PathBuf};
@@ -164,9 +166,7 @@ fn slashes(path: &Path) -> Option<String> {
 
 /// The built-in assets: `choreo:mannequin`.
 pub fn built_in(project: &Project) -> Vec<String> {
-    let importers = project.registry.importers().iter();
-    let made = importers.filter(|i| i.manifest().extensions.is_empty() && i.manifest().magic.is_empty());
-    made.map(|i| format!("{BUILT_IN}{}", i.manifest().name)).collect()
+    built_in_assets(&project.registry).map(|(name, _)| name).collect()
 }
 
 #[cfg(test)]

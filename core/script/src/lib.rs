@@ -62,7 +62,7 @@ pub use folding::constant_expressions;
 pub use import::{Import, ImportProgress, Imports, Phase};
 pub use limits::{LimitError, Limits, raise_hint};
 pub use lint::{ClipMarkers, Places};
-pub use loader::{BUILT_IN, ImportChoice, Loader, PlayedClips};
+pub use loader::{BUILT_IN, ImportChoice, Loader, PlayedClips, built_in_assets};
 pub use reference::reference;
 pub use run::{NO_THREAD, Script, ScriptOptions, Touched, run_file, run_file_touching, run_text};
 pub use tokens::{InnerCode, comments, is_name, token_ranges, tokens_with_inner};

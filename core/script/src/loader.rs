@@ -390,17 +390,11 @@ impl Loader {
     }
 
     fn built_in(&self, name: &str) -> Result<&Arc<dyn Importer>, LoadError> {
-        let is_built_in = |i: &&Arc<dyn Importer>| {
-            let name = format!("{BUILT_IN}{}", i.manifest().name);
-            i.claim(&Source { name, bytes: Arc::default() }) > Claim::NotMine
-        };
-        let plain = name.strip_prefix(BUILT_IN).unwrap_or(name);
-        let mut known = self.registry.importers().iter().filter(is_built_in);
-        if let Some(importer) = known.clone().find(|i| i.manifest().name == plain) {
+        let known: Vec<(String, &Arc<dyn Importer>)> = built_in_assets(&self.registry).collect();
+        if let Some((_, importer)) = known.iter().find(|(known, _)| known == name) {
             return Ok(importer);
         }
-        let names: Vec<String> = known.by_ref().map(|i| format!("{BUILT_IN}{}", i.manifest().name)).collect();
-        let names = || names.iter().map(String::as_str);
+        let names = || known.iter().map(|(name, _)| name.as_str());
         let error =
             LoadError::new(format!("unknown built-in asset \"{name}\"{}", did_you_mean(name, names())));
         Err(error.hint(match names().next() {
@@ -408,6 +402,15 @@ impl Loader {
             Some(_) => format!("built-in assets: {}", list(names(), 20)),
         }))
     }
+}
+
+/// The built-in assets: their names, as `load` takes them, and the importers that make them.
+pub fn built_in_assets(registry: &Registry) -> impl Iterator<Item = (String, &Arc<dyn Importer>)> {
+    registry.importers().iter().filter_map(|importer| {
+        let name = format!("{BUILT_IN}{}", importer.manifest().name);
+        let source = Source { name, bytes: Arc::default() };
+        (importer.claim(&source) > Claim::NotMine).then_some((source.name, importer))
+    })
 }
 
 /// How a file's asset is made.

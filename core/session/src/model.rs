@@ -2,7 +2,7 @@
 
 use choreo_asset::{Aabb, Asset};
 use choreo_motion::{Clip, Time};
-use choreo_script::did_you_mean;
+use choreo_script::{BUILT_IN, did_you_mean};
 use choreo_stage::{Cue, Repeat, Stage};
 use std::path::Path;
 use std::sync::Arc;
@@ -75,6 +75,11 @@ fn bounds(asset: &Asset) -> Aabb {
     }
     let joints = Aabb::of(asset.rest_model_from_joint().iter().map(|j| j.translation.into()));
     if joints.is_empty() { Aabb::of([Default::default()]) } else { joints }
+}
+
+/// Whether the input is made by the program ("choreo:mannequin") and no file.
+pub fn is_built_in(path: &Path) -> bool {
+    path.to_str().is_some_and(|p| p.starts_with(BUILT_IN))
 }
 
 /// A file's name without its ending.

@@ -8,8 +8,8 @@ use choreo_asset::Asset;
 use choreo_plugin::{PluginPanic, Registry};
 use choreo_render::SceneResources;
 use choreo_script::{
-    AssetCache, BUILT_IN, Diagnostic, Folders, Imports, Loader, Parameter, Place, Places, ScriptOptions,
-    Severity, Touched, content_of, run_file_touching,
+    AssetCache, Diagnostic, Folders, Imports, Loader, Parameter, Place, Places, ScriptOptions, Severity,
+    Touched, content_of, run_file_touching,
 };
 use choreo_stage::{Evaluator, Stage, StageError};
 use std::collections::BTreeSet;
@@ -302,7 +302,7 @@ impl Session {
     }
 
     fn asset(&self, registry: &Registry, path: &Path, touched: &mut Touched) -> Result<Arc<Asset>, Problem> {
-        let built_in = path.to_str().filter(|p| p.starts_with(BUILT_IN));
+        let built_in = path.to_str().filter(|_| model::is_built_in(path));
         let base = if built_in.is_some() { Path::new("choreo.rhai") } else { path };
         let folder = base.parent().unwrap_or(Path::new(""));
         let folders = Folders::new(folder, &self.source.search, self.source.limits.file);

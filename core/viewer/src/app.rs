@@ -35,7 +35,7 @@ use choreo_session::{
 };
 use glam::DVec3;
 use std::collections::{BTreeSet, HashMap};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -140,6 +140,8 @@ pub struct Viewer {
     pub snap: bool,
     /// Beats to which they snap before that.
     pub tempo: Tempo,
+    /// The script panel has the pointer or the keyboard: what is typed is not meant for the selection.
+    pub(crate) over_script: bool,
     /// The script panel goes to this line.
     pub go_to: Option<usize>,
     /// Files that were dropped on the window together, shown in place of the script.
@@ -215,6 +217,7 @@ impl Viewer {
             in_seconds: true,
             snap: true,
             tempo: Tempo::default(),
+            over_script: false,
             go_to: None,
             guests: Vec::new(),
             dropped: Vec::new(),
@@ -262,6 +265,12 @@ impl Viewer {
             }],
             ..Viewer::new(name)
         }
+    }
+
+    /// Notes the file that is shown: the newest of the recent ones, with the tempo that was set for it.
+    pub fn shows(&mut self, file: &Path) {
+        self.documents.shows(file);
+        self.tempo = self.documents.tempo_of(file);
     }
 
     /// The next version: swapped in whole where it is good; playhead, selection, cameras and whether it plays stay.
@@ -492,10 +501,15 @@ impl Viewer {
         let (scene, shown) = (self.scene.as_ref()?, self.shown()?);
         let selected = self.selection.as_ref().and_then(Selected::actor);
         let selected = selected.and_then(|name| selection::actor(&scene.stage, name));
+        let mut actors = scene.stage.actors.iter().zip(&shown.snapshot.actors);
+        let own = selected.and_then(|index| actors.nth(index));
+        own.map(|(actor, state)| picking::middle(&actor.asset, state)).or_else(|| self.middle_of_actors())
+    }
+
+    /// The middle of all visible actors, whatever is selected.
+    pub(crate) fn middle_of_actors(&self) -> Option<DVec3> {
+        let (scene, shown) = (self.scene.as_ref()?, self.shown()?);
         let actors = || scene.stage.actors.iter().zip(&shown.snapshot.actors);
-        if let Some((actor, state)) = selected.and_then(|a| actors().nth(a)) {
-            return Some(picking::middle(&actor.asset, state));
-        }
         let middles = || actors().filter(|(_, s)| s.visible).map(|(a, s)| picking::middle(&a.asset, s));
         let count = middles().count();
         (count > 0).then(|| middles().sum::<DVec3>() / count as f64)

@@ -8,17 +8,12 @@ use crate::terminal::import_bar::Bar;
 use choreo_asset::Asset;
 use choreo_files::FileError;
 use choreo_plugin::Registry;
-use choreo_script::{BUILT_IN, ImportChoice, Imports, Limits, LoadError, Loader, Touched, did_you_mean};
-pub use choreo_session::model::list;
+use choreo_script::{ImportChoice, Imports, Limits, LoadError, Loader, Touched, did_you_mean};
+pub use choreo_session::model::{is_built_in, list};
 use choreo_stage::Stage;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-
-/// Whether the input is made by the program ("choreo:mannequin") and no file.
-pub fn is_built_in(path: &Path) -> bool {
-    path.to_str().is_some_and(|p| p.starts_with(BUILT_IN))
-}
 
 /// Says now, in one way for scripts and models, that there is no such file or that it is a folder.
 pub(crate) fn must_be_file(path: &Path) -> Result<(), Failure> {

@@ -16,7 +16,8 @@ use glam::DVec3;
 ///
 /// A file that the script has loaded goes by the script's name of it. `file`: as `load` takes it.
 pub fn cast_lines(text: &str, file: &str, at: DVec3, clip: Option<&str>) -> (String, String) {
-    let stem = file.rsplit('/').next().unwrap_or(file);
+    // A built-in one is written as `choreo:mannequin`.
+    let stem = file.rsplit(['/', ':']).next().unwrap_or(file);
     let stem = stem.rsplit_once('.').map_or(stem, |(stem, _)| stem);
     let name = free_name(text, stem);
     let loaded = quoted(file);

@@ -216,6 +216,10 @@ impl<'a> Strip<'a> {
     }
 }
 
+fn numbers(values: &[f64]) -> String {
+    values.iter().map(|value| format_number(*value)).collect::<Vec<_>>().join(", ")
+}
+
 /// Plays another part of the clip, in seconds of the clip; `fps`: frames a second of the stage, for ends that are stated in frames.
 ///
 /// # Errors

@@ -17,6 +17,7 @@ use choreo_motion::retarget::bind_or_retarget;
 use choreo_script::Place;
 use choreo_session::SceneVersion;
 use choreo_session::edit::{AddedAt, Addition, Edit, ScriptObject, Subject, added_lines, cast_lines};
+use choreo_session::model::is_built_in;
 use choreo_stage::Actor;
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -39,7 +40,7 @@ struct Framing {
 pub enum ClipOf {
     /// That of an actor, by its name.
     Actor(String),
-    /// A file of the script's folder.
+    /// A file of the script's folder, or a built-in asset.
     File(PathBuf),
 }
 
@@ -124,8 +125,7 @@ impl Viewer {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let path = self.path.clone().ok_or(EditError::NoScript)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
-        let canonical = file.canonicalize().unwrap_or_else(|_| file.to_path_buf());
-        let inside = canonical.strip_prefix(folder_of(&path)).map(slashed).map_err(|_| {
+        let inside = loaded_as(file, &folder_of(&path)).ok_or_else(|| {
             let why = "it lies outside the script's folder, where load(…) may not read; put it there first";
             EditError::refused(format!("{}: {why}", file.display()))
         })?;
@@ -281,10 +281,8 @@ impl Viewer {
                 continue;
             };
             let file = file.canonicalize().unwrap_or_else(|_| file.clone());
-            let name = match file.strip_prefix(&folder) {
-                Ok(inside) => inside.to_path_buf(),
-                Err(_) => copied(&file, &folder, &read.read, &mut copies),
-            };
+            let name = loaded_as(&file, &folder)
+                .unwrap_or_else(|| slashed(&copied(&file, &folder, &read.read, &mut copies)));
             let along_x = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
             let own =
                 room::footprint(actor, None, Time::ZERO).unwrap_or(Footprint::around(0.5).moved(along_x));
@@ -296,7 +294,7 @@ impl Viewer {
             taken.push(own.moved(at));
             let at = at.map(|v| (v * 100.0).round() / 100.0);
             let clip = standing_clip(&actor.asset);
-            let (own, name) = cast_lines(&format!("{text}{lines}"), &slashed(&name), at, clip);
+            let (own, name) = cast_lines(&format!("{text}{lines}"), &name, at, clip);
             lines += &own;
             selects = Some(Selected::Actor(name));
         }
@@ -349,17 +347,16 @@ impl Viewer {
                 refused.push(format!("{}: it cannot be read", guest.display()));
                 continue;
             };
-            let file = guest.canonicalize().unwrap_or_else(|_| guest.clone());
             let at = DVec3::new(actor.transform.translation.x, 0.0, 0.0);
-            match file.strip_prefix(&folder) {
-                Ok(inside) => {
-                    let (lines, name) = cast_lines(&text, &slashed(inside), at, None);
+            match loaded_as(guest, &folder) {
+                Some(inside) => {
+                    let (lines, name) = cast_lines(&text, &inside, at, None);
                     text.push_str(&lines);
                     selects = Some(Selected::Actor(name));
                 }
-                Err(_) => refused.push(format!(
+                None => refused.push(format!(
                     "{}: it lies outside the script's folder, where load(…) may not read; put it there first",
-                    file.display()
+                    guest.display()
                 )),
             }
         }
@@ -375,6 +372,15 @@ impl Viewer {
 
 fn folder_of(script: &Path) -> PathBuf {
     script.canonicalize().ok().and_then(|p| Some(p.parent()?.to_path_buf())).unwrap_or_default()
+}
+
+/// A file of a folder, or a built-in asset, as `load` takes it; `None` for a file from outside.
+fn loaded_as(file: &Path, folder: &Path) -> Option<String> {
+    if is_built_in(file) {
+        return Some(file.to_string_lossy().into_owned());
+    }
+    let file = file.canonicalize().unwrap_or_else(|_| file.to_path_buf());
+    file.strip_prefix(folder).ok().map(slashed)
 }
 
 /// A path as `load` takes it.

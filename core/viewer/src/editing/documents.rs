@@ -24,9 +24,11 @@ impl Viewer {
     }
 
     /// Writes the script under another name.
-    fn save_as(&self, to: &Path) -> Result<(), EditError> {
+    fn save_as(&mut self, to: &Path) -> Result<(), EditError> {
         let path = self.path.as_ref().ok_or(EditError::NoScript)?;
-        copy_script(path, &self.documents.read, to)
+        copy_script(path, &self.documents.read, to)?;
+        self.documents.keep_tempo(to, self.tempo);
+        Ok(())
     }
 
     /// Writes a copy of a lesson, so that the lesson itself stays as it is.

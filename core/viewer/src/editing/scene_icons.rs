@@ -37,7 +37,7 @@ impl Viewer {
 
     /// The direction in which a sun shines whose icon stands at a place.
     pub(crate) fn direction_from(&self, at: DVec3) -> DVec3 {
-        let middle = self.point_of_interest().unwrap_or(DVec3::ZERO);
+        let middle = self.middle_of_actors().unwrap_or(DVec3::ZERO);
         (middle - at).normalize_or(DVec3::NEG_Y)
     }
 

@@ -1,10 +1,12 @@
 //! The files that the window shows and could show next.
 
 use super::file_dialog::{FileDialog, Purpose};
-use super::folder::model_endings;
+use super::folder::{Entry, built_in, model_endings};
 use super::lessons::Lesson;
 use super::thumbnails::Thumbnails;
+use crate::state::tempo::Tempo;
 use choreo_plugin::Registry;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Recent files that are kept.
@@ -16,6 +18,8 @@ pub struct Documents {
     pub start: bool,
     /// Files that were shown last, the newest first.
     pub recent: Vec<PathBuf>,
+    /// Tempos of recent scripts, by canonical path.
+    pub tempos: BTreeMap<PathBuf, Tempo>,
     pub lessons: Vec<Lesson>,
     /// The file that the window is to show next.
     pub open: Option<PathBuf>,
@@ -26,13 +30,15 @@ pub struct Documents {
     pub thumbnails: Thumbnails,
     /// Endings of files that importers read.
     pub models: Vec<String>,
+    /// Models that are made by importers and are no files.
+    pub built_in: Vec<Entry>,
     /// Files that were read for the version that is shown, canonical.
     pub read: Vec<PathBuf>,
 }
 
 impl Documents {
     pub fn new(registry: &Registry) -> Documents {
-        Documents { models: model_endings(registry), ..Documents::default() }
+        Documents { models: model_endings(registry), built_in: built_in(registry), ..Documents::default() }
     }
 
     /// A file that is shown becomes the newest of the recent ones.
@@ -41,6 +47,22 @@ impl Documents {
         self.recent.retain(|other| *other != file);
         self.recent.insert(0, file);
         self.recent.truncate(MOST_RECENT);
+        self.tempos.retain(|script, _| self.recent.contains(script));
+    }
+
+    /// Keeps the tempo of a script until it is shown again.
+    pub fn keep_tempo(&mut self, script: &Path, tempo: Tempo) {
+        let Ok(script) = script.canonicalize() else { return };
+        match tempo.beat() {
+            Some(_) => drop(self.tempos.insert(script, tempo)),
+            None => drop(self.tempos.remove(&script)),
+        }
+    }
+
+    /// The tempo that was kept of a script.
+    pub fn tempo_of(&self, script: &Path) -> Tempo {
+        let kept = script.canonicalize().ok().and_then(|script| self.tempos.get(&script).copied());
+        kept.unwrap_or_default()
     }
 
     /// Opens the list of files: in the folder of a file, else of the newest recent one, else the working folder.

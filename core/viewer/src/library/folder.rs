@@ -1,6 +1,7 @@
 //! The content of a folder, as file lists and the asset browser show it.
 
 use choreo_plugin::Registry;
+use choreo_script::built_in_assets;
 use choreo_session::package;
 use std::path::{Path, PathBuf};
 
@@ -11,7 +12,7 @@ const MOST_ENTRIES: usize = 2000;
 pub enum FileKind {
     Folder,
     Script,
-    /// A file that an importer reads: a model, or clips.
+    /// A file that an importer reads, or a built-in asset: a model, or clips.
     Model,
 }
 
@@ -29,6 +30,12 @@ pub fn model_endings(registry: &Registry) -> Vec<String> {
     endings.sort();
     endings.dedup();
     endings
+}
+
+/// The assets that the program makes itself, as models of a list.
+pub fn built_in(registry: &Registry) -> Vec<Entry> {
+    let made = built_in_assets(registry);
+    made.map(|(name, _)| Entry { path: PathBuf::from(&name), name, kind: FileKind::Model }).collect()
 }
 
 /// The folders, scripts and models of a folder, in this order and by name; hidden files and plugin files are left out.

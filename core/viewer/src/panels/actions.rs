@@ -1,7 +1,7 @@
 //! Everything that a key or the command palette does, with its usual keys.
 
 use super::key_menu::{KeyAct, KeyCommand};
-use super::{Panels, Tab, bar_menu, headers, key_menu, keys, rename, viewport};
+use super::{Panels, Tab, bar_menu, headers, key_menu, keys, rename, script, viewport};
 use crate::app::Viewer;
 use crate::editing::EditError;
 use crate::geometry::gizmo::Tool;
@@ -28,6 +28,8 @@ pub enum Scope {
     Always,
     /// Not in a text field.
     Outside,
+    /// Not in a text field, and refused over the panel Script, where it looks like typing: changes of what is selected.
+    Change,
     /// Not in a text field, nor where a button or bar has the focus.
     Free,
 }
@@ -48,6 +50,10 @@ const fn always(id: &'static str, title: &'static str, keys: &'static str, run: 
 
 const fn outside(id: &'static str, title: &'static str, keys: &'static str, run: fn(&mut Context)) -> Action {
     Action { id, title, keys, scope: Scope::Outside, run }
+}
+
+const fn change(id: &'static str, title: &'static str, keys: &'static str, run: fn(&mut Context)) -> Action {
+    Action { id, title, keys, scope: Scope::Change, run }
 }
 
 const fn free(id: &'static str, title: &'static str, keys: &'static str, run: fn(&mut Context)) -> Action {
@@ -110,8 +116,8 @@ pub(crate) const ACTIONS: &[Action] = &[
     outside("paste", "paste clips on the row of the selected actor, or keys, at the playhead", "", |c| {
         clipboard(c, bar_menu::Command::Paste);
     }),
-    outside("delete", "delete the selected clips and keys from the script", "Delete", delete),
-    outside(
+    change("delete", "delete the selected clips and keys from the script", "Delete", delete),
+    change(
         "set_keys",
         "set keys of the selection at the playhead: of what has keys, else of its position",
         "K",
@@ -119,9 +125,9 @@ pub(crate) const ACTIONS: &[Action] = &[
             c.viewer.edit(Viewer::set_keys_of_selection);
         },
     ),
-    outside("split", "split the selected clips at the playhead", "Y", |c| bars(c, bar_menu::Command::Split)),
-    outside("disable", "disable or enable the selected clips", "M", |c| bars(c, bar_menu::Command::Disable)),
-    outside(
+    change("split", "split the selected clips at the playhead", "Y", |c| bars(c, bar_menu::Command::Split)),
+    change("disable", "disable or enable the selected clips", "M", |c| bars(c, bar_menu::Command::Disable)),
+    change(
         "duplicate",
         "the selected clip once more after it, the selected actor, camera, light or title once more; keys at the playhead",
         "Ctrl+D",
@@ -158,7 +164,7 @@ pub(crate) const ACTIONS: &[Action] = &[
             ask(c, Purpose::SaveAs);
         }
     }),
-    always("help", "this list", "F1", |c| c.panels.help ^= true),
+    always("help", "this list", "F1", |c| c.panels.key_list.open ^= true),
     always("close", "close", "Ctrl+Q", |c| c.viewer.quit = true),
 ];
 
@@ -195,6 +201,27 @@ pub(crate) fn panel_keys(viewer: &Viewer, tab: Tab) -> Vec<Chord> {
     let number = Tab::ALL.iter().position(|other| *other == tab);
     let usual = number.and_then(|number| PANEL_KEYS.get(number)).unwrap_or(&"");
     viewer.shortcuts.of(&panel_id(tab), usual)
+}
+
+/// An action or a panel that keys can be given to.
+pub(crate) struct Keyed {
+    /// Name in the file of shortcuts.
+    pub id: String,
+    pub title: String,
+    pub chords: Vec<Chord>,
+}
+
+/// All of them, in the order of the list of keys.
+pub(crate) fn all_keyed(viewer: &Viewer) -> Vec<Keyed> {
+    let actions = ACTIONS.iter().map(|action| {
+        let (id, title) = (action.id.to_string(), action.title.to_string());
+        Keyed { id, title, chords: viewer.shortcuts.of(action.id, action.keys) }
+    });
+    let panels = Tab::ALL.into_iter().map(|tab| {
+        let (id, title) = (panel_id(tab), format!("panel {}", tab.title()));
+        Keyed { id, title, chords: panel_keys(viewer, tab) }
+    });
+    actions.chain(panels).collect()
 }
 
 fn bars(c: &mut Context, command: bar_menu::Command) {
@@ -257,7 +284,7 @@ pub fn handle(c: &mut Context) {
     let in_widget = in_text || c.ui.ctx().egui_wants_keyboard_input();
     let is_on = |scope: Scope| match scope {
         Scope::Always => true,
-        Scope::Outside => !in_text,
+        Scope::Outside | Scope::Change => !in_text,
         Scope::Free => !in_widget,
     };
     if !c.ui.input(|i| i.events.iter().any(|event| matches!(event, egui::Event::Key { pressed: true, .. }))) {
@@ -280,6 +307,7 @@ pub fn handle(c: &mut Context) {
             continue;
         }
         match bound {
+            Bound::Action(action) if action.scope == Scope::Change && script::refuses_keys(c.viewer) => {}
             Bound::Action(action) => (action.run)(c),
             Bound::Panel(tab) => c.panels.bring(tab),
         }
@@ -345,9 +373,7 @@ mod tests {
             let mut viewer = Viewer::new("x");
             viewer.shortcuts = Shortcuts { preset: preset.to_string(), ..Shortcuts::default() };
             let mut taken: BTreeMap<Chord, String> = BTreeMap::new();
-            let actions = ACTIONS.iter().map(|a| (a.id.to_string(), viewer.shortcuts.of(a.id, a.keys)));
-            let panels = Tab::ALL.into_iter().map(|tab| (panel_id(tab), panel_keys(&viewer, tab)));
-            for (id, chords) in actions.chain(panels) {
+            for Keyed { id, chords, .. } in all_keyed(&viewer) {
                 for chord in chords {
                     assert!(pressed(&chord).is_some(), "{preset}, {id}: {chord}");
                     let other = taken.insert(chord.clone(), id.clone());

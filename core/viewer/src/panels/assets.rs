@@ -1,4 +1,4 @@
-//! The asset browser: the models and clips of the script's folder as images. A model is dragged onto the image, a clip onto a row; a double
+//! The asset browser: the built-in character, and the models and clips of the script's folder, as images. A model is dragged onto the image, a clip onto a row; a double
 //! click adds one to the scene. What is chosen is previewed on the selected character.
 
 use super::hint::Hint;
@@ -12,6 +12,7 @@ use crate::library::thumbnails::{ClipEntry, Made, Subject};
 use crate::state::dropped_models::DroppedModels;
 use crate::state::selection::{Selected, actor};
 use choreo_asset::Asset;
+use choreo_session::model::is_built_in;
 use egui::{Align2, FontId, Rect, RichText, ScrollArea, Sense, Ui, vec2};
 use glam::DVec3;
 use std::path::{Path, PathBuf};
@@ -126,9 +127,11 @@ fn tiles(
     let wanted = browser.search.to_lowercase();
     let matches =
         |entry: &&Entry| entry.kind != FileKind::Script && entry.name.to_lowercase().contains(&wanted);
-    let entries: Vec<Entry> = browser.entries.iter().filter(matches).cloned().collect();
-    if entries.is_empty() {
-        ui.weak("no models here; drop files on the image to copy them into assets/");
+    // What the program makes itself goes with the script's own folder.
+    let built_in = viewer.documents.built_in.iter().filter(|_| browser.folder == browser.root);
+    let entries: Vec<Entry> = built_in.chain(&browser.entries).filter(matches).cloned().collect();
+    if entries.iter().all(|entry| is_built_in(&entry.path)) {
+        ui.weak("no files here; drop files on the image to copy them into assets/");
     }
     ui.horizontal_wrapped(|ui| {
         for entry in entries {

@@ -4,7 +4,7 @@ use super::actions::{self, Context};
 use super::hint::Hint;
 use super::presets::Preset;
 use super::toolbar::{self, Toolbar};
-use super::{Panels, Tab};
+use super::{Panels, Tab, dialog};
 use crate::app::Viewer;
 use crate::state::settings::SCALES;
 use choreo_script::Severity;
@@ -32,8 +32,9 @@ pub fn show(panels: &mut Panels, ui: &mut Ui, viewer: &mut Viewer, now: f64) {
             bar.menu("Add", "", |ui, window| super::add_menu::entries(ui, window.viewer));
             bar.enabled(super::add_menu::is_possible(viewer));
             bar.menu("Panels", "", |ui, window| panel_entries(ui, window.panels));
+            bar.stays_open();
             bar.menu("Look", "", |ui, window| look_entries(ui, window.panels));
-            bar.toggle(panels.help, "Keys", "", |window| window.panels.help ^= true);
+            bar.toggle(panels.key_list.open, "Keys", "", |window| window.panels.key_list.open ^= true);
             // The name stands behind the menus, so that they stay where they are however long it is.
             let name = viewer.name.clone();
             bar.widget("name", true, move |ui, _| short(ui, RichText::new(&name).strong(), &name));
@@ -73,6 +74,7 @@ fn panel_entries(ui: &mut Ui, panels: &mut Panels) {
     for preset in Preset::ALL {
         if ui.button(preset.name()).clicked() {
             panels.dock = preset.dock();
+            ui.close();
         }
     }
 }
@@ -232,13 +234,17 @@ fn note(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// A change that needs a word first, with the difference.
-pub fn offer(ui: &mut Ui, viewer: &mut Viewer) {
+pub fn offer(ui: &Ui, viewer: &mut Viewer) {
     let Some(offer) = &viewer.offer else { return };
     let mut agreed = None;
-    let window = egui::Window::new("Change the script?").resizable(false).collapsible(false);
-    window.anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]).show(ui.ctx(), |ui| {
+    let is_left = dialog::show(ui, "Change the script?", |ui| {
         ui.set_max_width(640.0);
         ui.label(&offer.why);
+        if let Some(line) = viewer.message_line
+            && ui.link(format!("go to line {line}")).clicked()
+        {
+            agreed = Some(Agreed::GoTo(line));
+        }
         ui.add_space(6.0);
         lines(ui, &offer.difference);
         ui.add_space(6.0);
@@ -265,7 +271,7 @@ pub fn offer(ui: &mut Ui, viewer: &mut Viewer) {
             });
         }
     });
-    match agreed {
+    match agreed.or(is_left.then_some(Agreed::None)) {
         Some(Agreed::First) => viewer.edit(|v| v.accept_offer()),
         Some(Agreed::Other) => {
             if let Some(offer) = &mut viewer.offer
@@ -275,6 +281,7 @@ pub fn offer(ui: &mut Ui, viewer: &mut Viewer) {
             }
             viewer.edit(|v| v.accept_offer());
         }
+        Some(Agreed::GoTo(line)) => (viewer.offer, viewer.go_to) = (None, Some(line)),
         Some(Agreed::None) => viewer.offer = None,
         None => {}
     }
@@ -284,6 +291,8 @@ pub fn offer(ui: &mut Ui, viewer: &mut Viewer) {
 enum Agreed {
     First,
     Other,
+    /// None of them: the line in the way is looked at.
+    GoTo(usize),
     None,
 }
 

@@ -1,11 +1,12 @@
 //! The menu of files, the list from which one is chosen, and the question about a script that is not there.
 
+use super::dialog;
 use super::hint::Hint;
 use crate::app::Viewer;
 use crate::library::file_dialog::{FileDialog, Purpose};
 use crate::library::folder::{Entry, FileKind};
 use crate::library::templates::TEMPLATES;
-use egui::{Align2, Key, RichText, ScrollArea, TextEdit, Ui, Window};
+use egui::{Key, RichText, ScrollArea, TextEdit, Ui};
 
 /// The entries of the menu.
 pub fn entries(ui: &mut Ui, viewer: &mut Viewer) {
@@ -80,8 +81,7 @@ fn list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
         Purpose::Lesson(_) => ("Open a copy of the lesson".to_string(), "Create"),
         Purpose::SaveAs => ("Save as".to_string(), "Save"),
     };
-    let window = Window::new(title).id(egui::Id::new("files")).resizable(false).collapsible(false);
-    window.anchor(Align2::CENTER_CENTER, [0.0, 0.0]).show(ui.ctx(), |ui| {
+    let is_left = dialog::show(ui, &title, |ui| {
         ui.set_width(560.0);
         ui.horizontal(|ui| {
             let above = dialog.folder.parent().map(std::path::Path::to_path_buf);
@@ -136,12 +136,12 @@ fn list(ui: &Ui, dialog: &mut FileDialog) -> Answer {
             if ui.button(button).clicked() {
                 answer = Answer::Take;
             }
-            if ui.button("Cancel").clicked() || ui.input(|i| i.key_pressed(Key::Escape)) {
+            if ui.button("Cancel").clicked() {
                 answer = Answer::Cancel;
             }
         });
     });
-    answer
+    if is_left { Answer::Cancel } else { answer }
 }
 
 /// Offers to create the script that was to be shown.
@@ -153,8 +153,7 @@ fn missing(ui: &Ui, viewer: &mut Viewer) {
         return;
     }
     let mut made = None;
-    let window = Window::new("There is no such file").resizable(false).collapsible(false);
-    window.anchor(Align2::CENTER_CENTER, [0.0, 0.0]).show(ui.ctx(), |ui| {
+    let is_left = dialog::show(ui, "There is no such file", |ui| {
         ui.label(RichText::new(path.display().to_string()).monospace());
         ui.label("Create it from:");
         ui.horizontal(|ui| {
@@ -175,6 +174,9 @@ fn missing(ui: &Ui, viewer: &mut Viewer) {
             }
         });
     });
+    if is_left {
+        viewer.documents.missing = None;
+    }
     if let Some(template) = made {
         viewer.edit(|v| v.take_file(Purpose::New(template), &path));
     }

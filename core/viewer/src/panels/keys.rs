@@ -1,32 +1,33 @@
-//! Keys that hold everywhere, and the list of them.
+//! Keys that hold everywhere.
 
 use super::Panels;
-use super::actions::{self, ACTIONS, Context};
+use super::actions::{self, Context};
 use super::bars::Drag;
-use super::hint::Hint;
+use super::key_list;
 use crate::app::Viewer;
 use crate::state::selection::Selected;
-use crate::state::shortcuts::PRESETS;
 use choreo_session::edit::CueTime;
 use egui::{Key, Modifiers, Ui};
 
 /// Acts on the keys that were pressed: some always, others unless a text field or a widget takes them.
 pub fn handle(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
-    if panels.is_asking(viewer) {
+    if panels.is_asking(viewer) || key_list::takes_key(&mut panels.key_list, ui, viewer) {
         return;
     }
     actions::handle(&mut Context { panels, ui, viewer, now });
     if ui.ctx().text_edit_focused() {
         return;
     }
-    super::bar_menu::clipboard(ui, viewer);
-    // An open menu is closed first.
-    let is_free = !ui.ctx().egui_wants_keyboard_input() && !egui::Popup::is_any_open(ui.ctx());
+    let pastes = |event: &egui::Event| matches!(event, egui::Event::Cut | egui::Event::Paste(_));
+    if !(ui.input(|i| i.events.iter().any(pastes)) && super::script::refuses_keys(viewer)) {
+        super::bar_menu::clipboard(ui, viewer);
+    }
+    // An open menu is closed first, and so is the question about a missing file.
+    let is_covered = egui::Popup::is_any_open(ui.ctx()) || viewer.documents.missing.is_some();
+    let is_free = !ui.ctx().egui_wants_keyboard_input() && !is_covered;
     if is_free && ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Escape)) {
-        match (std::mem::take(&mut panels.help), viewer.offer.is_some()) {
-            (true, _) => {}
-            (false, true) => viewer.offer = None,
-            (false, false) => viewer.selection = None,
+        if !std::mem::take(&mut panels.key_list.open) {
+            viewer.selection = None;
         }
         viewer.message = None;
         viewer.note = None;
@@ -94,76 +95,4 @@ pub(crate) fn next_selection(viewer: &mut Viewer, back: bool) {
         (Some(at), true) => (at + all.len() - 1) % all.len(),
     };
     viewer.selection = all.get(next).cloned();
-}
-
-/// Rows of the list that are no actions: keys of the toolkit, and the mouse.
-const MOUSE: [(&str, &str); 23] = [
-    ("Ctrl C X V", "copy, cut, paste clips or keys"),
-    ("Ctrl click", "selects one more clip or key, as with Shift; a drag over free rows selects a box"),
-    ("Esc", "select nothing; close a question"),
-    ("Tab Enter", "go through buttons and bars; press"),
-    ("", ""),
-    ("click", "viewport: select; script, messages: go there"),
-    ("drag", "viewport: turn around; with Shift or the middle button: pan"),
-    ("drag right", "viewport: look around"),
-    ("W A S D Q E", "viewport, mouse over it: walk; with Shift: run"),
-    ("drag", "an arrow, ring or box: changes the script; with Ctrl: in steps"),
-    ("drag", "a clip's bar: moves it, onto another actor's row, too; with Shift: and all after it"),
-    ("Ctrl drag", "a clip's bar over the one before it: they crossfade"),
-    ("Alt drag", "a clip's bar: slips its content; its ends: trim it, or roll it where two meet"),
-    ("drag", "the corner or the line of the selected clip: speed, weight"),
-    ("drag", "a bar's end or fade, a key, a cut, a marker: changes the script"),
-    (
-        "drag",
-        "curves: a key in time and value, with Shift along one of them; a handle of its tangent (Alt: one side, Ctrl: its length) or easing",
-    ),
-    ("double click", "curves: sets a key on a curve"),
-    ("right click", "a bar, a key: all commands; of a key its time, value and easing"),
-    ("drag", "a clip from the inspector onto a row: adds a line"),
-    ("click", "an event or a foot's strip: the playhead goes there"),
-    ("Shift drag", "ruler: the part that is played"),
-    (
-        "wheel",
-        "viewport: nearer; sequencer, curves: zoom, with Shift: pan; over names: other rows; curves with Ctrl: values",
-    ),
-    ("drop", "a model or clip from a file manager: shows it"),
-];
-
-pub fn help(ui: &mut Ui, open: &mut bool, viewer: &mut Viewer) {
-    // All of them where there is room; egui would give a window 400 points.
-    let room = ui.ctx().content_rect().height() - 80.0;
-    let window = egui::Window::new("Keys").open(open).resizable(false).collapsible(false);
-    let window = window.default_height(room).anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]);
-    window.show(ui.ctx(), |ui| {
-        ui.horizontal(|ui| {
-            ui.label("Keys like those of");
-            for (name, title, _) in PRESETS {
-                let is_on = viewer.shortcuts.preset == name;
-                if ui.radio(is_on, title).clicked() {
-                    viewer.shortcuts.preset = name.to_string();
-                }
-            }
-        });
-        ui.weak("Your own keys: shortcuts.json beside the settings of the window.");
-        ui.separator();
-        let all: Vec<(String, &str, &str)> = ACTIONS
-            .iter()
-            .filter(|a| !a.keys.is_empty())
-            .map(|a| (actions::keys_of(viewer, a.id), a.title, a.id))
-            .chain([("Ctrl 1 … 9".to_string(), "open a panel and go there", "panel_curves")])
-            .chain(MOUSE.map(|(keys, what)| (keys.to_string(), what, "")))
-            .collect();
-        egui::ScrollArea::vertical().max_height(room - 60.0).show(ui, |ui| {
-            egui::Grid::new("keys").num_columns(2).spacing([16.0, 4.0]).show(ui, |ui| {
-                for (keys, what, id) in all {
-                    ui.monospace(keys);
-                    let label = ui.label(what);
-                    if !id.is_empty() {
-                        label.hint(format!("in shortcuts.json: \"{id}\""));
-                    }
-                    ui.end_row();
-                }
-            });
-        });
-    });
 }

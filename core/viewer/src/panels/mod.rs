@@ -11,6 +11,7 @@ mod camera_fields;
 #[cfg(test)]
 mod contrast;
 mod curves;
+mod dialog;
 mod drop;
 mod explain;
 mod fields;
@@ -22,6 +23,7 @@ mod hint;
 mod icons;
 mod inspected;
 mod inspector;
+mod key_list;
 mod key_menu;
 mod keys;
 mod layout;
@@ -158,7 +160,7 @@ pub fn set_colors(context: &egui::Context, light: bool) {
 pub struct Panels {
     dock: DockState<Tab>,
     splits: layout::SplitFractions,
-    help: bool,
+    key_list: key_list::KeyList,
     waiting: drop::Waiting,
     pictures: pictures::Pictures,
     browser: assets::Browser,
@@ -179,7 +181,7 @@ impl Default for Panels {
         Panels {
             dock: presets::Preset::General.dock(),
             splits: Default::default(),
-            help: false,
+            key_list: Default::default(),
             waiting: Default::default(),
             pictures: Default::default(),
             browser: Default::default(),
@@ -212,7 +214,8 @@ impl Panels {
 
     pub fn settings(&self) -> Settings {
         let layout = Some(self.splits.write(&self.dock));
-        Settings { light: self.light, scale: self.scale, layout, recent: Vec::new(), overlays: self.overlays }
+        let Panels { light, scale, overlays, .. } = *self;
+        Settings { light, scale, layout, overlays, ..Settings::default() }
     }
 
     /// `pictures`: by view, the texture with the frame that is shown; `now`: the clock, seconds.
@@ -234,13 +237,18 @@ impl Panels {
         bar::offer(ui, viewer);
         files::dialogs(ui, viewer);
         palette::show(self, ui, viewer, now);
-        if self.help {
-            keys::help(ui, &mut self.help, viewer);
+        if self.is_asking(viewer) {
+            // The rest of the wheel is for no panel below the question.
+            ui.input_mut(|i| i.smooth_scroll_delta = egui::Vec2::ZERO);
+        }
+        if self.key_list.open {
+            key_list::show(ui, &mut self.key_list, viewer);
         }
         if viewer.go_to.is_some() {
             self.bring(Tab::Script);
         }
         viewer.views.iter_mut().for_each(|view| view.seen = false);
+        viewer.over_script = false;
         if viewer.documents.start {
             return start::show(self, ui, viewer);
         }
@@ -275,7 +283,7 @@ impl Panels {
 
     /// Whether a question or the palette has the keyboard.
     fn is_asking(&self, viewer: &Viewer) -> bool {
-        self.palette.is_open() || viewer.documents.dialog.is_some()
+        self.palette.is_open() || viewer.documents.dialog.is_some() || viewer.offer.is_some()
     }
 
     fn is_open(&self, tab: Tab) -> bool {

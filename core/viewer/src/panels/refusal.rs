@@ -1,4 +1,4 @@
-//! Why a change was not made, beside the pointer that made it, with the line that decides as a link.
+//! Why a change was not made, beside the pointer that made it, with the line that decides as a link. A dialog says it itself.
 
 use super::hint;
 use crate::app::Viewer;
@@ -22,6 +22,9 @@ pub fn show(refusals: &mut Refusals, ui: &Ui, viewer: &mut Viewer) {
         refusals.seen = viewer.refusals;
         let pointer = ui.input(|i| i.pointer.latest_pos());
         refusals.at = Some(pointer.unwrap_or_else(|| ui.ctx().content_rect().center()));
+    }
+    if viewer.offer.is_some() || viewer.documents.dialog.is_some() {
+        refusals.at = None;
     }
     let shown = refusals.at.zip(viewer.message.clone());
     // A hint at the mouse would cover the text.

@@ -2,10 +2,10 @@
 
 use super::hint::Hint;
 use crate::app::Viewer;
-use crate::editing::read;
+use crate::editing::{EditError, read};
 use crate::state::selection::Selected;
 use choreo_script::Severity;
-use egui::{Color32, FontId, RichText, ScrollArea, Sense, TextStyle, Ui};
+use egui::{Color32, CursorIcon, FontId, RichText, ScrollArea, Sense, TextStyle, Ui};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -18,7 +18,9 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         ui.label("there is no script");
         return;
     };
+    viewer.over_script = ui.rect_contains_pointer(ui.max_rect());
     ui.horizontal(|ui| {
+        ui.label(RichText::new("read only").small().weak()).hint("a click on a line selects what it makes");
         let line = viewer.selection.as_ref().and_then(|s| line_of(viewer, s)).unwrap_or(1);
         let hint = "starts $VISUAL at this line; so does Ctrl and a click on a line";
         if viewer.path.is_some() && ui.small_button("open in editor").hint(hint).clicked() {
@@ -54,7 +56,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         let middle = ui.available_height() / 2.0;
         area = area.vertical_scroll_offset(((line.max(1) - 1) as f32 * row_height - middle).max(0.0));
     }
-    let mut clicked = None;
+    let (mut clicked, mut has_focus) = (None, false);
     area.show_rows(ui, height, lines.len(), |ui, rows| {
         for row in rows {
             let line = row + 1;
@@ -72,6 +74,9 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             let text =
                 RichText::new(format!("{line:4} {}", lines[row])).font(font.clone()).background_color(back);
             let label = ui.add(egui::Label::new(text).extend().sense(Sense::click()));
+            // No text cursor, which stands for a text that can be typed into.
+            let label = label.on_hover_cursor(CursorIcon::PointingHand);
+            has_focus |= label.has_focus();
             if label.clicked() {
                 // Only where it is meant: a double click selects, as elsewhere.
                 clicked = Some((line, super::held::modifiers(ui).command));
@@ -84,11 +89,22 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             });
         }
     });
+    viewer.over_script |= has_focus;
     match clicked {
         Some((line, true)) => open_in_editor(viewer, line),
         Some((line, false)) => select_line(viewer, line),
         None => {}
     }
+}
+
+/// Refuses a change of the selection by a key while the panel has the pointer or the keyboard; gives whether it does.
+pub(super) fn refuses_keys(viewer: &mut Viewer) -> bool {
+    const WHY: &str = "the script is read only here: open it in the editor to type; \
+        with the pointer elsewhere, the key changes what is selected";
+    if viewer.over_script {
+        viewer.edit(|_| Err(EditError::refused(WHY)));
+    }
+    viewer.over_script
 }
 
 pub(crate) fn open_in_editor(viewer: &mut Viewer, line: usize) {

@@ -121,14 +121,21 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
 }
 
 /// The tempo of the music, to whose beats dragged times snap.
-fn beats(ui: &mut Ui, tempo: &mut Tempo) {
+fn beats(ui: &mut Ui, viewer: &mut Viewer) {
+    let mut tempo = viewer.tempo;
     let set = values::number(ui, "beats a minute", tempo.per_minute, 0.5, 0.0..=Tempo::FASTEST);
     tempo.per_minute = set.unwrap_or(tempo.per_minute);
     ui.weak("bpm").hint("beats a minute of the music; dragged times snap to beats. 0: none");
     if tempo.per_minute > 0.0 {
-        let set = values::time(ui, "first beat", tempo.first, 0.01, 0.0..=1e4);
+        let set = values::time(ui, "first beat", tempo.first, 0.01, 0.0..=Tempo::LATEST);
         tempo.first = set.unwrap_or(tempo.first);
         ui.weak("s").hint("when the first beat is");
+    }
+    if tempo != viewer.tempo {
+        viewer.tempo = tempo;
+        if let Some(script) = &viewer.path {
+            viewer.documents.keep_tempo(script, tempo);
+        }
     }
 }
 
@@ -160,7 +167,7 @@ fn moves(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     }
     let hint = "dragged times are whole frames (N)";
     bar.icon_toggle(icons::MAGNET, viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
-    bar.widget("tempo", true, |ui, viewer| beats(ui, &mut viewer.tempo));
+    bar.widget("tempo", true, beats);
 }
 
 /// The time of the frame that is nearest to a time, seconds.

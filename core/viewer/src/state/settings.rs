@@ -1,9 +1,11 @@
 //! Settings that the window keeps between runs: where its panels lie, light or dark, how large. A small JSON file in the user's state
 //! folder; one that cannot be read counts as none.
 
+use crate::state::tempo::Tempo;
 use crate::state::view::Overlays;
 use choreo_files::write_whole_beneath;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub(crate) const SCALES: (f32, f32) = (1.0, 2.0);
@@ -19,11 +21,14 @@ pub struct Settings {
     pub recent: Vec<PathBuf>,
     /// Overlays of new viewports.
     pub overlays: Overlays,
+    /// Tempos of recent scripts, by canonical path.
+    pub tempos: BTreeMap<PathBuf, Tempo>,
 }
 
 impl Default for Settings {
     fn default() -> Settings {
-        Settings { light: false, scale: 1.0, layout: None, recent: Vec::new(), overlays: Overlays::default() }
+        let (recent, overlays, tempos) = Default::default();
+        Settings { light: false, scale: 1.0, layout: None, recent, overlays, tempos }
     }
 }
 
@@ -51,12 +56,16 @@ impl Settings {
         for (name, _, shown) in overlays.all() {
             *shown = value["overlays"][name].as_bool().unwrap_or(*shown);
         }
+        let tempos = value["tempos"].as_object().into_iter().flatten();
         Settings {
             light: value["light"].as_bool().unwrap_or(false),
             scale: if scale.is_finite() { scale.clamp(SCALES.0, SCALES.1) } else { 1.0 },
             layout: value.get("layout").filter(|l| l.is_object()).cloned(),
             recent: recent.filter_map(|file| Some(PathBuf::from(file.as_str()?))).collect(),
             overlays,
+            tempos: tempos
+                .filter_map(|(script, tempo)| Some((PathBuf::from(script), Tempo::from_json(tempo)?)))
+                .collect(),
         }
     }
 
@@ -66,8 +75,13 @@ impl Settings {
         let mut overlays = self.overlays;
         let overlays: serde_json::Map<String, Value> =
             overlays.all().into_iter().map(|(name, _, shown)| (name.to_string(), json!(*shown))).collect();
+        let tempos = self.tempos.iter();
+        let tempos: serde_json::Map<String, Value> = tempos
+            .filter_map(|(script, tempo)| Some((script.to_str()?.to_string(), tempo.to_json())))
+            .collect();
         let value = json!({
             "light": self.light, "scale": self.scale, "layout": self.layout, "recent": recent, "overlays": overlays,
+            "tempos": tempos,
         });
         if let (Some(folder), Some(name)) = (file.parent(), file.file_name()) {
             let _ = write_whole_beneath(folder, name.as_ref(), format!("{value:#}\n").as_bytes());
@@ -140,12 +154,18 @@ mod tests {
             layout: Some(json!({ "tabs": [1] })),
             recent: vec!["/a/b.rhai".into()],
             overlays,
+            tempos: BTreeMap::from([("/a/b.rhai".into(), Tempo { per_minute: 97.5, first: 0.25 })]),
         };
         settings.write(&file);
         assert_eq!(Settings::read(&file), settings);
-        for garbage in
-            ["", "[]", "{\"scale\": 1e99, \"light\": 3, \"layout\": 5}", "\u{0}", "{\"scale\": -1}"]
-        {
+        for garbage in [
+            "",
+            "[]",
+            "{\"scale\": 1e99, \"light\": 3, \"layout\": 5}",
+            "\u{0}",
+            "{\"scale\": -1}",
+            "{\"tempos\": { \"a\": 3, \"b\": { \"bpm\": -1, \"first\": 0 } } }",
+        ] {
             std::fs::write(&file, garbage).unwrap();
             assert_eq!(Settings::read(&file), Settings::default(), "{garbage}");
         }

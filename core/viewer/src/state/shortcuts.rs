@@ -7,7 +7,7 @@
 
 use choreo_files::write_whole_beneath;
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::path::Path;
 
@@ -37,6 +37,13 @@ impl Chord {
         }
         chord.key = key.trim().to_string();
         (!chord.key.is_empty()).then_some(chord)
+    }
+
+    /// The text that [`Chord::read`] reads.
+    pub fn written(&self) -> String {
+        let held = [(self.ctrl, "Ctrl+"), (self.alt, "Alt+"), (self.shift, "Shift+")];
+        let held: String = held.into_iter().filter(|(is_held, _)| *is_held).map(|(_, name)| name).collect();
+        held + self.key.as_str()
     }
 
     /// How many keys are held with it.
@@ -123,11 +130,14 @@ pub struct Shortcuts {
     pub preset: String,
     /// The user's own keys, by action, as they are written.
     pub own: BTreeMap<String, String>,
+    /// Actions whose keys were changed here and are not in the file yet.
+    pub changed: BTreeSet<String>,
 }
 
 impl Default for Shortcuts {
     fn default() -> Shortcuts {
-        Shortcuts { preset: PRESETS[0].0.to_string(), own: BTreeMap::new() }
+        let (own, changed) = Default::default();
+        Shortcuts { preset: PRESETS[0].0.to_string(), own, changed }
     }
 }
 
@@ -141,6 +151,15 @@ impl Shortcuts {
         let preset = preset.and_then(|(.., keys)| keys.iter().find(|(name, _)| *name == action));
         let preset = preset.map_or(usual, |(_, keys)| keys);
         chords(self.own.get(action).map_or(preset, String::as_str))
+    }
+
+    /// Gives an action keys of the user's own, as they are written; `None`: those of the preset again.
+    pub fn set(&mut self, action: &str, keys: Option<String>) {
+        match keys {
+            Some(keys) => drop(self.own.insert(action.to_string(), keys)),
+            None => drop(self.own.remove(action)),
+        }
+        self.changed.insert(action.to_string());
     }
 
     /// The keys of an action, to be read.
@@ -185,18 +204,28 @@ impl Shortcuts {
         (shortcuts, problem)
     }
 
-    /// Writes another preset into the file, whose own keys may have been edited since it was read: those count. A file with an error stays as
-    /// it is. Failure is no reason to stop: the next window has the keys of before.
-    pub fn write_preset(&mut self, file: &Path) {
+    /// Writes the preset and the keys that were changed here into the file, whose other keys may have been edited since it was read: those
+    /// count. A file with an error stays as it is; gives the error. Failure to write is no reason to stop: the next window has the keys of
+    /// before.
+    pub fn write(&mut self, file: &Path) -> Option<String> {
+        let changed = std::mem::take(&mut self.changed);
         let (in_file, problem) = Shortcuts::read(file);
         if problem.is_some() {
-            return;
+            return problem;
         }
-        self.own = in_file.own;
+        let mut own = in_file.own;
+        for action in changed {
+            match self.own.get(&action) {
+                Some(keys) => drop(own.insert(action, keys.clone())),
+                None => drop(own.remove(&action)),
+            }
+        }
+        self.own = own;
         let value = json!({ "preset": self.preset, "keys": self.own });
         if let (Some(folder), Some(name)) = (file.parent(), file.file_name()) {
             let _ = write_whole_beneath(folder, name.as_ref(), format!("{value:#}\n").as_bytes());
         }
+        None
     }
 }
 
@@ -204,9 +233,9 @@ impl Shortcuts {
 mod tests {
     use super::*;
 
-    /// The user edits the file while a window is open; the window changes its preset alone.
+    /// The user edits the file while a window is open; the window changes its preset and the keys that were chosen in it alone.
     #[test]
-    fn own_keys_in_the_file_stay_when_another_preset_is_chosen() {
+    fn own_keys_in_the_file_stay_when_others_are_chosen() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join(Shortcuts::FILE);
         std::fs::write(&file, r#"{ "preset": "choreo", "keys": { "split": "Shift+Y" } }"#).unwrap();
@@ -214,13 +243,27 @@ mod tests {
         assert_eq!(problem, None);
         std::fs::write(&file, r#"{ "preset": "choreo", "keys": { "split": "Shift+U" } }"#).unwrap();
         shortcuts.preset = "blender".to_string();
-        shortcuts.write_preset(&file);
+        assert_eq!(shortcuts.write(&file), None);
         let (kept, problem) = Shortcuts::read(&file);
         assert_eq!((kept.preset.as_str(), kept.own["split"].as_str(), problem), ("blender", "Shift+U", None));
         assert_eq!(shortcuts, kept);
+        // One is chosen, another goes back to those of the preset, and a third is edited in the file.
+        std::fs::write(&file, r#"{ "keys": { "split": "Shift+U", "hide": "F7", "turn": "F8" } }"#).unwrap();
+        let (mut shortcuts, _) = Shortcuts::read(&file);
+        let chord = Chord::read("shift+alt+ctrl+Z").unwrap();
+        assert_eq!(Chord::read(&chord.written()), Some(chord.clone()));
+        shortcuts.set("hide", Some(chord.written()));
+        shortcuts.set("turn", None);
+        std::fs::write(&file, r#"{ "keys": { "split": "Y", "hide": "F7", "turn": "F8" } }"#).unwrap();
+        assert_eq!(shortcuts.write(&file), None);
+        let own =
+            [("hide", "Ctrl+Alt+Shift+Z"), ("split", "Y")].map(|(a, keys)| (a.to_string(), keys.to_string()));
+        assert_eq!(Shortcuts::read(&file).0.own, BTreeMap::from(own));
+        assert_eq!(shortcuts, Shortcuts::read(&file).0);
         // What cannot be read is not written over.
         std::fs::write(&file, "{ half").unwrap();
-        shortcuts.write_preset(&file);
+        shortcuts.set("hide", None);
+        assert!(shortcuts.write(&file).is_some());
         assert_eq!(std::fs::read_to_string(&file).unwrap(), "{ half");
     }
 }

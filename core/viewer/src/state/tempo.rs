@@ -1,5 +1,7 @@
 //! Beats of the music that a scene is made for, to which dragged times snap.
 
+use serde_json::{Value, json};
+
 /// Beats a minute; 0 for a scene without music.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tempo {
@@ -11,6 +13,21 @@ pub struct Tempo {
 impl Tempo {
     /// Beats a minute at most.
     pub const FASTEST: f64 = 1000.0;
+
+    /// Seconds at which the first beat is at most.
+    pub const LATEST: f64 = 1e4;
+
+    /// Reads what [`Tempo::to_json`] writes; `None` without beats.
+    pub fn from_json(value: &Value) -> Option<Tempo> {
+        let number = |name: &str, most: f64| value[name].as_f64().filter(|n| (0.0..=most).contains(n));
+        let tempo =
+            Tempo { per_minute: number("bpm", Tempo::FASTEST)?, first: number("first", Tempo::LATEST)? };
+        tempo.beat().map(|_| tempo)
+    }
+
+    pub fn to_json(&self) -> Value {
+        json!({ "bpm": self.per_minute, "first": self.first })
+    }
 
     /// Seconds from one beat to the next; `None` without beats.
     pub fn beat(&self) -> Option<f64> {

@@ -21,13 +21,14 @@ pub(crate) fn first_viewer(
 ) -> Viewer {
     let mut viewer = Viewer::new(source.map_or("start".to_string(), name_of));
     let thumbnails = Thumbnails::new(registry, options.like(), choreo_command_line::cache_dir());
-    let (recent, lessons) = (settings.recent.clone(), lessons::find());
-    viewer.documents = Documents { recent, lessons, thumbnails, ..Documents::new(registry) };
+    let (recent, tempos) = (settings.recent.clone(), settings.tempos.clone());
+    let lessons = lessons::find();
+    viewer.documents = Documents { recent, tempos, lessons, thumbnails, ..Documents::new(registry) };
     match source {
         Some(source) => {
             viewer.path = source.is_script().then(|| source.input.clone());
             viewer.documents.missing = viewer.path.clone().filter(|path| !path.exists());
-            viewer.documents.shows(&source.input);
+            viewer.shows(&source.input);
         }
         None => viewer.documents.start = true,
     }
@@ -78,8 +79,8 @@ impl ViewerWindow {
         let documents = &mut self.viewer.documents;
         documents.start = false;
         documents.missing = (source.is_script() && !source.input.exists()).then(|| source.input.clone());
-        documents.shows(&source.input);
         documents.thumbnails.forget();
+        self.viewer.shows(&source.input);
         self.source = source;
         if let Some(open) = &self.open {
             open.window.set_title(&format!("{} – {}", self.viewer.name, self.program));

@@ -26,6 +26,7 @@ mod termination;
 
 use crate::app::{Viewer, add_messages};
 use crate::args::{FileOptions, ViewerOptions};
+use crate::library::documents::Documents;
 use crate::panels::Panels;
 use crate::state::dropped_models::DroppedModels;
 use crate::state::settings::{Due, Settings, Writing};
@@ -243,20 +244,31 @@ impl ViewerWindow {
 
     /// Remembers the layout of the panels for the next window.
     fn remember(&mut self) {
-        if let Some(file) = &self.settings_file
-            && self.viewer.shortcuts.preset != self.written_preset
-        {
-            self.viewer.shortcuts.write_preset(&file.with_file_name(Shortcuts::FILE));
-            self.written_preset.clone_from(&self.viewer.shortcuts.preset);
-        }
+        self.keep_shortcuts();
         let now = self.present_settings();
         if let Some(file) = &self.settings_file {
             self.settings.write(now, file);
         }
     }
 
+    /// Writes keys that were chosen, each at once.
+    fn keep_shortcuts(&mut self) {
+        let Some(file) = &self.settings_file else { return };
+        let shortcuts = &mut self.viewer.shortcuts;
+        if shortcuts.preset == self.written_preset && shortcuts.changed.is_empty() {
+            return;
+        }
+        let problem = shortcuts.write(&file.with_file_name(Shortcuts::FILE));
+        self.written_preset.clone_from(&shortcuts.preset);
+        if let Some(problem) = problem {
+            self.viewer.message = Some(format!("the keys are not written: {problem}"));
+            self.redraw();
+        }
+    }
+
     fn present_settings(&self) -> Settings {
-        Settings { recent: self.viewer.documents.recent.clone(), ..self.panels.settings() }
+        let Documents { recent, tempos, .. } = &self.viewer.documents;
+        Settings { recent: recent.clone(), tempos: tempos.clone(), ..self.panels.settings() }
     }
 
     /// Writes the layout once it has rested, so that it is not lost with a program that is killed.
@@ -264,6 +276,7 @@ impl ViewerWindow {
         if self.settings_file.is_none() {
             return;
         }
+        self.keep_shortcuts();
         let (settings, now) = (self.present_settings(), self.now());
         match self.settings.due(&settings, now) {
             Due::Now => self.remember(),

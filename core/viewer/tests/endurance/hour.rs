@@ -71,6 +71,10 @@ impl Person<'_> {
             "mouseup",
             button,
         ]);
+        // A dialog, which a drag can open, takes everything else.
+        if self.chance.next(4) == 0 {
+            self.screen.key(self.window, "Escape");
+        }
     }
 
     /// Something that people do.
@@ -108,6 +112,7 @@ impl Person<'_> {
                 self.screen.xdotool(&["windowsize", self.window, &width, &height]);
             }
             _ => {
+                // Without F1: a click in the list of keys takes the next one for an action.
                 let keys = [
                     "space",
                     "space",
@@ -129,7 +134,6 @@ impl Person<'_> {
                     "Prior",
                     "Next",
                     "Escape",
-                    "F1",
                     "ctrl+z",
                     "ctrl+z",
                     "ctrl+y",

@@ -47,24 +47,71 @@ fn a_dragged_key_moves_and_the_cut_below_it_stays() {
 
 #[test]
 fn a_refusal_is_read_beside_the_pointer_with_its_line_as_a_link() {
-    let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
-    let marks: Vec<Pos2> =
-        desk.query_all_by_label("event scale on ada").map(|node| node.rect().center()).collect();
-    let (from, by) = (marks[1], second(&desk));
+    let script = SCRIPT.replace(".until(2.0)", ".until(2.0 * 1.0)");
+    let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
+    let (from, by) = (desk.get_by_label("Walk on ada").rect().center(), second(&desk));
     let to = from + vec2(by * 0.5, 0.0);
     drag(&mut desk, from, to);
-    assert_eq!(desk.state().text(), SCRIPT);
-    let link = desk.get_by_label("go to line 7").rect();
+    assert_eq!(desk.state().text(), script);
+    let link = desk.get_by_label("go to line 4").rect();
     assert!((link.left_top() - to).length() < 80.0, "{link:?} is not beside {to:?}");
     // The line takes a click, and the words above it leave one to what they cover.
     let taken_by = |at| desk.ctx.layer_id_at(at).map(|layer| layer.order);
     assert_eq!(taken_by(link.center()), Some(Order::Foreground));
     assert_eq!(taken_by(link.center() - vec2(0.0, link.height())), Some(Order::Background));
+    desk.get_by_label("go to line 4").click();
+    desk.run();
+    assert!(desk.query_by_label("go to line 4").is_none());
+    let shown = |desk: &Desk| desk.query_all_by_label_contains("   4 ada.play").next().is_some();
+    assert!(shown(&desk), "the script's panel is in front");
+}
+
+/// Where a line would do it, a dialog says why in place of the text at the pointer, and nothing else takes clicks, keys or the wheel.
+#[test]
+fn a_dialog_is_read_alone_and_takes_all_input() {
+    let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
+    let refused = |desk: &mut Desk| {
+        let marks: Vec<Pos2> =
+            desk.query_all_by_label("event scale on ada").map(|node| node.rect().center()).collect();
+        let by = second(desk);
+        drag(desk, marks[1], marks[1] + vec2(by * 0.5, 0.0));
+        desk.get_by_label("Change the script?");
+        // One alone, that of the dialog.
+        desk.get_by_label("go to line 7");
+    };
+    refused(&mut desk);
+    desk.state_mut().viewer.selection = None;
+    desk.run();
+    let (row, ruler) = (desk.get_by_label("row hat").rect().center(), desk.get_by_label("time").rect());
+    let span = desk.state().viewer.span;
+    desk.hover_at(row);
+    desk.run();
+    desk.drag_at(row);
+    desk.drop_at(row);
+    desk.run();
+    desk.key_press(egui::Key::Space);
+    desk.run();
+    desk.hover_at(ruler.center() + vec2(0.0, 40.0));
+    desk.run();
+    let (unit, delta) = (egui::MouseWheelUnit::Point, vec2(0.0, 50.0));
+    let (phase, modifiers) = (egui::TouchPhase::Move, egui::Modifiers::NONE);
+    desk.event(egui::Event::MouseWheel { unit, delta, phase, modifiers });
+    desk.run_steps(8);
+    let viewer = &desk.state().viewer;
+    assert_eq!((viewer.selection.clone(), viewer.playhead.is_playing(), viewer.span), (None, false, span));
+    desk.key_press(egui::Key::Escape);
+    desk.run();
+    assert!(desk.state().viewer.offer.is_none());
+    assert!(desk.query_by_label("go to line 7").is_none(), "the text at the pointer does not come after it");
+    desk.get_by_label("row hat").click();
+    desk.run();
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("hat".into())));
+    refused(&mut desk);
     desk.get_by_label("go to line 7").click();
     desk.run();
-    assert!(desk.query_by_label("go to line 7").is_none());
-    let shown = |desk: &Desk| desk.query_all_by_label_contains("   7 ada.key").next().is_some();
-    assert!(shown(&desk), "the script's panel is in front");
+    assert!(desk.state().viewer.offer.is_none());
+    assert!(desk.query_all_by_label_contains("   7 ada.key").next().is_some());
+    assert_eq!(desk.state().text(), SCRIPT);
 }
 
 /// Whether a shape is drawn over a point.

@@ -112,7 +112,7 @@ fn own_keys_come_before_those_of_the_preset_and_the_usual_ones() {
     std::fs::create_dir(file.parent().unwrap()).unwrap();
     let own = r#"{ "keys": { "delete": "Ctrl+Shift+Backspace, alt+D", "play": "" } }"#;
     std::fs::write(&file, own).unwrap();
-    keys.write_preset(&file);
+    assert_eq!(keys.write(&file), None);
     assert_eq!(Shortcuts::read(&file), (keys, None));
     for (text, wrong) in [
         ("[", "EOF"),

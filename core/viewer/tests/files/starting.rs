@@ -9,7 +9,9 @@ use choreo_viewer::library::lessons;
 use choreo_viewer::library::templates::TEMPLATES;
 use choreo_viewer::library::thumbnails::{Made, SIZE, Subject, Thumbnail, Thumbnails};
 use choreo_viewer::panels::Panels;
+use choreo_viewer::state::dropped_models::DroppedModels;
 use choreo_viewer::state::selection::Selected;
+use egui::accesskit::Role;
 use egui::{Key, Modifiers, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -356,6 +358,72 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
     harness.state_mut().reload();
     let stage = &harness.state().viewer.scene.as_ref().unwrap().stage;
     assert_eq!(stage.actors[0].layers[0].cues.len(), 2);
+}
+
+/// The built-in character is in the list as a model file is: its clips are previewed, played, dragged, and it is put on stage.
+#[test]
+fn the_browser_lists_the_built_in_character_and_its_clips() {
+    const BUILT_IN: &str = "choreo:mannequin";
+    const SCRIPT: &str = "stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
+";
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("moves")).unwrap();
+    let root = folder.path().canonicalize().unwrap();
+    let mut place = Place::within(folder, SCRIPT);
+    place.viewer.documents = documents(&root, None);
+    place.viewer.selection = Some(Selected::Actor("ada".into()));
+    let mut harness = place.harness(vec2(1500.0, 1000.0));
+    open_assets(&mut harness);
+    // A folder beneath has its own files alone.
+    harness.get_by_role_and_label(Role::Button, "moves").click();
+    harness.run();
+    assert!(harness.query_by_role_and_label(Role::Button, BUILT_IN).is_none());
+    harness.get_by_label("Up").click();
+    harness.run();
+    harness.get_by_role_and_label(Role::Button, BUILT_IN).click();
+    harness.run();
+    let scene = harness.state().viewer.scene.clone().unwrap();
+    let asset = scene.stage.actors[0].asset.clone();
+    let thumbnails = &mut harness.state_mut().viewer.documents.thumbnails;
+    let shown = made(thumbnails, &Subject::file(BUILT_IN.into()), None);
+    let names: Vec<&str> = shown.clips.iter().map(|clip| clip.name.as_str()).collect();
+    assert_eq!(names, asset.clips.iter().map(|clip| clip.name.as_str()).collect::<Vec<_>>());
+    harness.run();
+    let clip = &shown.clips[0];
+    let entry = format!("{}  {:.2} s", clip.name, clip.secs);
+    // The inspector has the same words as a text.
+    let from = harness.get_by_role_and_label(Role::Button, &entry).rect().center();
+    let row = harness.get_by_label("row ada").rect().center();
+    let ruler = harness.get_by_label("time").rect();
+    drag(&mut harness, from, egui::pos2(ruler.left() + ruler.width() * 0.5, row.y));
+    assert_eq!(harness.state().viewer.message, None);
+    let line = format!("ada.play(moves.clip(\"{}\")).from(2.0);\n", clip.name);
+    assert_eq!(harness.state().text(), SCRIPT.replace("camera(", &format!("{line}camera(")));
+    harness.state_mut().reload_with(SCRIPT);
+    harness.run();
+    harness.get_by_role_and_label(Role::Button, &entry).click();
+    harness.run();
+    let number = harness.state().viewer.scene.as_ref().unwrap().number;
+    let on = Some(("ada".to_string(), number));
+    let subject = Subject { file: BUILT_IN.into(), clip: Some(clip.name.clone()), on };
+    let preview = made(&mut harness.state_mut().viewer.documents.thumbnails, &subject, Some(&asset));
+    assert!((preview.secs - clip.secs).abs() < 1e-6, "{} {}", preview.secs, clip.secs);
+    harness.step();
+    harness.get_by_label(&format!("play {} of the file", clip.name)).click();
+    harness.step();
+    assert!(harness.state().text().contains("ada.play(moves.clip("), "{}", harness.state().text());
+    // Put on stage, it goes by a name that a person would choose.
+    let dropped = DroppedModels { files: vec![BUILT_IN.into()], at: glam::DVec3::X, beside: false };
+    let read =
+        Session::new(SceneSource::new(BUILT_IN), &choreo::registry(), false).unwrap().build(BTreeSet::new());
+    harness.state_mut().reload_with(PLAIN);
+    harness.state_mut().viewer.edit(|v| v.add_models(&dropped, &read));
+    assert_eq!(harness.state().viewer.message, None);
+    let added = "let mannequin_model = load(\"choreo:mannequin\");\nlet mannequin = cast(\"mannequin\", mannequin_model).at(1.0, 0.0, 0.0);\n";
+    assert!(harness.state().text().contains(added), "{}", harness.state().text());
 }
 
 #[test]

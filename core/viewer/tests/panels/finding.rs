@@ -82,6 +82,90 @@ fn arrows_choose_in_the_palette_and_a_click_takes() {
     assert_eq!(desk.state().viewer.playhead.frame(), 0);
 }
 
+/// In the list a click on a key waits for another, which does nothing else; actions with the same key name each other.
+#[test]
+fn keys_are_chosen_in_the_list() {
+    const SPLIT: &str = "split the selected clips at the playhead";
+    let mut desk = desk();
+    desk.key_press(Key::F1);
+    desk.run();
+    let choose = |desk: &mut Desk, modifiers: Modifiers, key: Key| {
+        desk.get_by_label(&format!("key of {SPLIT}")).click();
+        desk.run();
+        desk.get_by_label_contains("press a key");
+        desk.key_press_modifiers(modifiers, key);
+        desk.run();
+        let own = desk.state().viewer.shortcuts.own.get("split").cloned();
+        (own, desk.query_by_label_contains("press a key").is_none())
+    };
+    let own = |keys: &str| (Some(keys.to_string()), true);
+    assert_eq!(choose(&mut desk, Modifiers::NONE, Key::Escape), (None, true), "left as it was");
+    let held = Modifiers::COMMAND | Modifiers::SHIFT;
+    assert_eq!(choose(&mut desk, held, Key::U), own("Ctrl+Shift+U"));
+    assert!(desk.state().viewer.shortcuts.changed.contains("split"), "to be written");
+    assert!(desk.query_by_label_contains("also: ").is_none());
+    // It would hide what is selected, and turn into a conflict with that.
+    desk.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
+    assert_eq!(choose(&mut desk, Modifiers::NONE, Key::H), own("H"));
+    assert!(desk.state().viewer.toggles.hidden.is_empty());
+    desk.get_by_label("also: hide or show what is selected");
+    desk.get_by_label(&format!("also: {SPLIT}"));
+    assert_eq!(choose(&mut desk, Modifiers::NONE, Key::Delete), own(""));
+    assert!(desk.query_by_label_contains("also: ").is_none());
+    desk.get_by_label(&format!("usual key of {SPLIT}")).click();
+    desk.run();
+    assert!(desk.state().viewer.shortcuts.own.is_empty());
+    // A panel has keys, too; Escape closes the list where no key is waited for.
+    desk.get_by_label("key of panel Sequencer");
+    assert_eq!(choose(&mut desk, Modifiers::NONE, Key::J), own("J"));
+    desk.key_press(Key::Escape);
+    desk.run();
+    assert!(desk.query_by_label_contains("key of ").is_none());
+    let cue = Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 };
+    desk.state_mut().viewer.selection = Some(cue);
+    desk.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(1.0));
+    desk.run();
+    desk.key_press(Key::J);
+    desk.run();
+    assert_ne!(desk.state().text(), SCRIPT, "it splits");
+}
+
+/// The text of the script looks as if it could be typed into: there a key neither deletes nor splits what is selected.
+#[test]
+fn over_the_script_keys_do_not_change_the_selection() {
+    let mut desk = desk();
+    desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 });
+    desk.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(1.0));
+    desk.get_by_label("Script tab").click();
+    desk.run();
+    let line = desk.get_by_label_contains("// The last line of all.").rect();
+    desk.get_by_label("read only");
+    desk.hover_at(line.left_center() + vec2(20.0, 0.0));
+    desk.run();
+    assert_eq!(desk.output().platform_output.cursor_icon, egui::CursorIcon::PointingHand);
+    let why = |desk: &Desk| desk.state().viewer.message.clone().unwrap_or_default();
+    let events = [egui::Event::Cut, egui::Event::Paste("ada.play(moves.clip(\"Walk\"));".into())];
+    for key in [Key::Delete, Key::Y, Key::M, Key::K] {
+        desk.key_press(key);
+        desk.run();
+        assert!(why(&desk).starts_with("the script is read only here"), "{key:?}: {}", why(&desk));
+        desk.state_mut().viewer.message = None;
+    }
+    for event in events {
+        desk.event(event.clone());
+        desk.run();
+        assert!(why(&desk).starts_with("the script is read only here"), "{event:?}: {}", why(&desk));
+        desk.state_mut().viewer.message = None;
+    }
+    assert_eq!(desk.state().text(), SCRIPT);
+    // Elsewhere they do.
+    desk.hover_at(desk.get_by_label("picture").rect().center());
+    desk.run();
+    desk.key_press(Key::Y);
+    desk.run();
+    assert_eq!((desk.state().viewer.message.as_deref(), desk.state().text() == SCRIPT), (None, false));
+}
+
 #[test]
 fn keys_follow_the_preset_and_own_ones() {
     let mut desk = desk();

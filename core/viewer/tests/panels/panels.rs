@@ -8,7 +8,7 @@ use choreo_viewer::app::Viewer;
 use choreo_viewer::panels::Panels;
 use choreo_viewer::state::selection::Selected;
 use choreo_viewer::state::view::ViewCamera;
-use egui::{Key, Modifiers, TextureId, pos2, vec2};
+use egui::{Key, TextureId, pos2, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use std::collections::BTreeSet;
@@ -262,11 +262,18 @@ fn the_tree_finds_by_name_and_panels_close_and_come_back() {
     assert_eq!(harness.state().viewer.selection, Some(Selected::Camera("near".into())));
     harness.get_by_label("Panels").click();
     harness.run();
-    harness.get_by_role_and_label(egui::accesskit::Role::CheckBox, "Sequencer").click();
+    let check = egui::accesskit::Role::CheckBox;
+    harness.get_by_role_and_label(check, "Sequencer").click();
     harness.run();
     assert!(harness.query_by_label("time").is_none(), "the sequencer is closed");
-    harness.key_press_modifiers(Modifiers::NONE, Key::Escape);
+    // The menu stays open for the next panel; a layout closes it.
+    harness.get_by_role_and_label(check, "Sequencer").click();
     harness.run();
+    harness.get_by_label("time");
+    harness.get_by_role_and_label(egui::accesskit::Role::Button, "Lighting").click();
+    harness.run();
+    assert!(harness.query_by_role_and_label(check, "Sequencer").is_none(), "the menu is closed");
+    harness.get_by_label("Viewport 2 tab");
 }
 
 /// A window that is moved to a screen of another scale: the panels are as large as before, the image has more pixels.

@@ -3,6 +3,8 @@
 
 use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
+use choreo_viewer::app::Viewer;
+use choreo_viewer::library::file_dialog::Purpose;
 use choreo_viewer::state::selection::Selected;
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, pos2, vec2};
 use egui_kittest::kittest::Queryable;
@@ -381,6 +383,17 @@ fn bars_snap_to_beats() {
     desk.key_press(egui::Key::Enter);
     desk.run();
     assert_eq!(desk.state().viewer.tempo.per_minute, 80.0);
+    // It is there when the script is shown again, and with its copy.
+    let Place { folder, viewer, .. } = desk.state_mut();
+    let (script, copy) = (folder.path().join("a.rhai"), folder.path().join("b.rhai"));
+    viewer.take_file(Purpose::SaveAs, &copy).unwrap();
+    let tempos = viewer.documents.tempos.clone();
+    for (file, bpm) in [(&copy, 80.0), (&script, 80.0), (&folder.path().join("c.rhai"), 0.0)] {
+        let mut again = Viewer::new("again");
+        (again.documents.recent, again.documents.tempos) = (vec![script.clone()], tempos.clone());
+        again.shows(file);
+        assert_eq!(again.tempo.per_minute, bpm, "{}", file.display());
+    }
     for (layer, label, from) in [(1, "Bow on ada +1", 1.0), (0, "Run on ada", 2.0)] {
         let bar = desk.get_by_label(label).rect();
         // A beat is every 0.75 s; 0.03 s beside one.

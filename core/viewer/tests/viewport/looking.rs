@@ -2,6 +2,7 @@
 
 use crate::place::{Desk, Place, drag};
 use choreo_asset::Projection;
+use choreo_viewer::geometry::picking::middle;
 use choreo_viewer::geometry::projection::Lens;
 use choreo_viewer::panels::Panels;
 use choreo_viewer::state::selection::Selected;
@@ -116,6 +117,32 @@ fn a_light_and_a_camera_are_picked_and_dragged_by_their_icons() {
     let height = line.split("1.2, ").nth(1).and_then(|rest| rest.split(',').next());
     let height: f64 = height.unwrap_or_else(|| panic!("{line}")).parse().unwrap();
     assert!((height - 2.0).abs() < 0.01 && line.ends_with(".look_at(ada);"), "{line}");
+}
+
+/// The icon of a sun stands for its direction: a selected actor does not take it along.
+#[test]
+fn the_icon_of_a_sun_stays_where_it_is_whatever_is_selected() {
+    let script = SCRIPT.replace(
+        "let lamp = point(",
+        "let bob = cast(\"bob\", shape(\"box\")).at(1.5, 0.0, 0.0);\nlet lamp = point(",
+    );
+    let script = format!("{script}sun(#{{ direction: [0.4, -0.3, 0.0] }});\n");
+    let mut place = Place::new(&script);
+    place.paint();
+    place.viewer.free_camera(0);
+    let mut desk = place.harness(vec2(1280.0, 860.0));
+    painted(&mut desk);
+    let viewer = &desk.state().viewer;
+    let (stage, shown) = (viewer.scene.as_ref().unwrap().stage.clone(), viewer.shown().unwrap());
+    let actors = stage.actors.iter().zip(&shown.snapshot.actors);
+    let middle = actors.map(|(actor, state)| middle(&actor.asset, state)).sum::<DVec3>() / 2.0;
+    let at = on_screen(&desk, middle - DVec3::new(0.4, -0.3, 0.0).normalize() * 3.0);
+    for selected in [None, Some("ada"), Some("bob")] {
+        desk.state_mut().viewer.selection = selected.map(|name| Selected::Actor(name.into()));
+        desk.run();
+        click_at(&mut desk, at);
+        assert_eq!(desk.state().viewer.selection, Some(Selected::Light(1)), "after {selected:?}");
+    }
 }
 
 #[test]

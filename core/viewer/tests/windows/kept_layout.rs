@@ -11,15 +11,17 @@ fn the_layout_outlives_a_window_that_is_ended() {
     let folder = tempfile::tempdir().unwrap();
     let script = folder.path().join("a.rhai");
     fs::write(&script, "stage(#{ size: [64, 36], length: 1.0 });\ncast(\"box\", shape(\"box\"));\n").unwrap();
+    // What was kept of the script before is kept on.
+    let tempos = serde_json::json!({ script.canonicalize().unwrap().to_str().unwrap(): { "bpm": 90.0, "first": 0.5 } });
+    fs::create_dir_all(folder.path().join("state/choreo")).unwrap();
+    let settings = folder.path().join("state/choreo/view.json");
+    fs::write(&settings, serde_json::json!({ "tempos": tempos }).to_string()).unwrap();
     let mut viewer = screen.view(&[script.to_str().unwrap()], folder.path());
     let window = screen.window();
     screen.rest(viewer.0.id());
-    let scale = || -> f64 {
-        let text = fs::read_to_string(folder.path().join("state/choreo/view.json")).unwrap();
-        // It is complete at any time.
-        let settings: Value = serde_json::from_str(&text).unwrap();
-        settings["scale"].as_f64().unwrap_or(1.0)
-    };
+    // It is complete at any time.
+    let kept = || -> Value { serde_json::from_str(&fs::read_to_string(&settings).unwrap()).unwrap() };
+    let scale = || kept()["scale"].as_f64().unwrap_or(1.0);
     screen.key(&window, "ctrl+equal");
     until("the layout", || ((scale() - 1.1).abs() < 1e-6).then_some(()));
     assert!(viewer.0.try_wait().unwrap().is_none(), "it is still there");
@@ -30,5 +32,6 @@ fn the_layout_outlives_a_window_that_is_ended() {
     let status = until("the end", || viewer.0.try_wait().unwrap());
     assert_eq!(status.code(), Some(0), "closed as by Quit");
     assert!((scale() - 1.2).abs() < 1e-6, "{}", scale());
+    assert_eq!(kept()["tempos"], tempos);
     assert_quiet(folder.path());
 }

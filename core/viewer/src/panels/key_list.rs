@@ -1,0 +1,160 @@
+//! The list of keys, in which those of each action can be chosen.
+
+use super::actions::{self, Keyed};
+use super::hint::Hint;
+use super::{icons, values};
+use crate::app::Viewer;
+use crate::state::shortcuts::{Chord, PRESETS};
+use egui::{Event, Grid, Key, Modifiers, RichText, ScrollArea, Ui, WidgetType};
+
+/// State of the list.
+#[derive(Default)]
+pub struct KeyList {
+    pub open: bool,
+    /// The action whose next keys are pressed, by its name in the file.
+    choosing: Option<String>,
+}
+
+/// Rows that are no actions: keys of the toolkit, and the mouse.
+const MOUSE: [(&str, &str); 23] = [
+    ("Ctrl C X V", "copy, cut, paste clips or keys"),
+    ("Ctrl click", "selects one more clip or key, as with Shift; a drag over free rows selects a box"),
+    ("Esc", "select nothing; close a question"),
+    ("Tab Enter", "go through buttons and bars; press"),
+    ("", ""),
+    ("click", "viewport: select; script, messages: go there"),
+    ("drag", "viewport: turn around; with Shift or the middle button: pan"),
+    ("drag right", "viewport: look around"),
+    ("W A S D Q E", "viewport, mouse over it: walk; with Shift: run"),
+    ("drag", "an arrow, ring or box: changes the script; with Ctrl: in steps"),
+    ("drag", "a clip's bar: moves it, onto another actor's row, too; with Shift: and all after it"),
+    ("Ctrl drag", "a clip's bar over the one before it: they crossfade"),
+    ("Alt drag", "a clip's bar: slips its content; its ends: trim it, or roll it where two meet"),
+    ("drag", "the corner or the line of the selected clip: speed, weight"),
+    ("drag", "a bar's end or fade, a key, a cut, a marker: changes the script"),
+    (
+        "drag",
+        "curves: a key in time and value, with Shift along one of them; a handle of its tangent (Alt: one side, Ctrl: its length) or easing",
+    ),
+    ("double click", "curves: sets a key on a curve"),
+    ("right click", "a bar, a key: all commands; of a key its time, value and easing"),
+    ("drag", "a clip from the inspector onto a row: adds a line"),
+    ("click", "an event or a foot's strip: the playhead goes there"),
+    ("Shift drag", "ruler: the part that is played"),
+    (
+        "wheel",
+        "viewport: nearer; sequencer, curves: zoom, with Shift: pan; over names: other rows; curves with Ctrl: values",
+    ),
+    ("drop", "a model or clip from a file manager: shows it"),
+];
+
+/// Takes a key that is pressed for an action of the list; gives whether one is waited for.
+pub(super) fn takes_key(list: &mut KeyList, ui: &Ui, viewer: &mut Viewer) -> bool {
+    let Some(action) = list.choosing.take().filter(|_| list.open) else { return false };
+    let mut pressed = None;
+    ui.input_mut(|i| {
+        i.events.retain(|event| match event {
+            Event::Key { key, pressed: true, repeat: false, modifiers, .. } => {
+                pressed = pressed.or(Some((*key, *modifiers)).filter(|(key, _)| !is_held(*key)));
+                false
+            }
+            Event::Key { pressed, .. } => !pressed,
+            Event::Text(_) | Event::Copy | Event::Cut | Event::Paste(_) => false,
+            _ => true,
+        });
+    });
+    match pressed {
+        None => list.choosing = Some(action),
+        Some((Key::Escape, Modifiers::NONE)) => {}
+        Some((Key::Delete | Key::Backspace, Modifiers::NONE)) => {
+            viewer.shortcuts.set(&action, Some(String::new()));
+        }
+        Some((key, held)) => {
+            let (ctrl, shift, alt) = (held.command, held.shift, held.alt);
+            let chord = Chord { ctrl, shift, alt, key: key.name().to_string() };
+            viewer.shortcuts.set(&action, Some(chord.written()));
+        }
+    }
+    true
+}
+
+/// Whether a key is one that is held with others.
+fn is_held(key: Key) -> bool {
+    use Key::{AltLeft, AltRight, ControlLeft, ControlRight, ShiftLeft, ShiftRight, SuperLeft, SuperRight};
+    let held = [AltLeft, AltRight, ControlLeft, ControlRight, ShiftLeft, ShiftRight, SuperLeft, SuperRight];
+    held.contains(&key)
+}
+
+pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
+    // All of them where there is room; egui would give a window 400 points.
+    let room = ui.ctx().content_rect().height() - 80.0;
+    let KeyList { open, choosing } = list;
+    let window = egui::Window::new("Keys").open(open).resizable(false).collapsible(false);
+    let window = window.default_height(room).anchor(egui::Align2::CENTER_CENTER, [0.0, 0.0]);
+    window.show(ui.ctx(), |ui| {
+        ui.horizontal(|ui| {
+            ui.label("Keys like those of");
+            for (name, title, _) in PRESETS {
+                let is_on = viewer.shortcuts.preset == name;
+                if ui.radio(is_on, title).clicked() {
+                    viewer.shortcuts.preset = name.to_string();
+                }
+            }
+        });
+        ui.weak("Click a key and press another one: Escape leaves it, Delete takes it away.");
+        ui.separator();
+        let all = actions::all_keyed(viewer);
+        ScrollArea::vertical().max_height(room - 60.0).show(ui, |ui| {
+            Grid::new("keys").num_columns(2).spacing([16.0, 4.0]).show(ui, |ui| {
+                for keyed in &all {
+                    ui.horizontal(|ui| key(ui, choosing, keyed, viewer));
+                    ui.vertical(|ui| {
+                        ui.label(&keyed.title).hint(format!("in shortcuts.json: \"{}\"", keyed.id));
+                        if let Some(others) = others(keyed, &all) {
+                            ui.label(RichText::new(others).small().color(ui.visuals().warn_fg_color));
+                        }
+                    });
+                    ui.end_row();
+                }
+                for (keys, what) in MOUSE {
+                    ui.monospace(keys);
+                    ui.label(what);
+                    ui.end_row();
+                }
+            });
+        });
+    });
+    if !*open {
+        *choosing = None;
+    }
+}
+
+/// The keys of an action, which a click chooses anew, and a way back to the usual ones where they are the user's own.
+fn key(ui: &mut Ui, choosing: &mut Option<String>, keyed: &Keyed, viewer: &mut Viewer) {
+    let Keyed { id, title, chords } = keyed;
+    let is_chosen = choosing.as_ref() == Some(id);
+    let keys = chords.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    let name = if is_chosen { format!("press a key for {title}") } else { format!("key of {title}") };
+    let face = match (is_chosen, keys.is_empty()) {
+        (true, _) => "press a key…",
+        (false, true) => "none",
+        (false, false) => keys.as_str(),
+    };
+    let button = ui.add(egui::Button::selectable(is_chosen, RichText::new(face).monospace()));
+    if values::named(button, WidgetType::Button, &name).clicked() {
+        *choosing = Some(id.clone()).filter(|_| !is_chosen);
+    }
+    let name = format!("usual key of {title}");
+    let is_own = viewer.shortcuts.own.contains_key(id);
+    if is_own && icons::small(ui, icons::ARROWS_CLOCKWISE, &name, "").clicked() {
+        viewer.shortcuts.set(id, None);
+    }
+}
+
+/// The other actions that have a key of this one.
+fn others(keyed: &Keyed, all: &[Keyed]) -> Option<String> {
+    let has_one =
+        |other: &&Keyed| other.id != keyed.id && other.chords.iter().any(|c| keyed.chords.contains(c));
+    let titles: Vec<&str> = all.iter().filter(has_one).map(|other| other.title.as_str()).collect();
+    (!titles.is_empty()).then(|| format!("also: {}", titles.join("; ")))
+}
