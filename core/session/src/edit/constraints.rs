@@ -14,12 +14,12 @@ impl ScriptObject<'_> {
     /// # Errors
     /// The object has no name in the script, or the target is known only elsewhere.
     pub fn constrain(&self, call: &str, target: Option<&ScriptObject>) -> Result<Edit, EditRefused> {
-        let depth = |object: &ScriptObject| self.text.depth_to(object.made.name.start);
-        if let Some(target) = target.filter(|target| depth(target) != 0 && depth(target) != depth(self)) {
+        if let Some(target) = target.filter(|target| target.depth() != 0 && target.depth() != self.depth()) {
             let why = "it is made within a block, where alone its name is known; write the constraint there";
             return Err(EditRefused::at(target.line, why));
         }
-        self.add_call(call, self.last_at.max(target.map_or(0, |target| target.made.end)))
+        let needs = target.and_then(|target| Some((target.variable.as_deref()?, target.made.end)));
+        self.add_call(call, needs)
     }
 
     /// The script's variable for it.
@@ -60,6 +60,26 @@ impl ScriptObject<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// One after the other, of two actors, at a target that is made behind both.
+    #[test]
+    fn constraints_stand_in_the_order_in_which_they_are_made() {
+        let mut text =
+            "let a = cast(\"a\", m);\nlet b = cast(\"b\", m);\nlet ball = cast(\"ball\", s); // it\nsun();\n"
+                .to_string();
+        for (line, call) in [(1, "aim(\"x\", ball)"), (2, "reach(\"x\", ball)"), (1, "look_at([0, 1, 0])")] {
+            let object = ScriptObject::at(&text, line, 9).unwrap();
+            let ball = ScriptObject::at(&text, 3, 12).unwrap();
+            let target = Some(&ball).filter(|_| call.contains("ball"));
+            text = object.constrain(call, target).unwrap().apply(&text);
+        }
+        let added = "// it\na.aim(\"x\", ball);\na.look_at([0, 1, 0]);\nb.reach(\"x\", ball);\nsun();\n";
+        assert!(text.ends_with(added), "{text}");
+        // Without a name there is room for one.
+        let one = "cast(\"a\", m).at(1, 0, 0).reach(\"x\", [0, 1, 0]);";
+        let refused = ScriptObject::at(one, 1, 1).unwrap().constrain("look_at([0, 1, 0])", None).unwrap_err();
+        assert_eq!(refused.why, "line 1: it has no name in the script; write let NAME = cast(…)");
+    }
 
     #[test]
     fn the_target_that_has_the_point_is_rewritten() {

@@ -169,8 +169,8 @@ pub fn paste_cue(
         new.replace_range(range, &own);
     }
     // Variables that it names are made before it.
-    let declared_at = text.find(&format!("let {uses} ")).unwrap_or(0);
-    let added = object.add_call(&new, object.last_at().max(declared_at))?;
+    let declared_at = text.find(&format!("let {uses} "));
+    let added = object.add_call(&new, declared_at.map(|at| (uses.as_str(), at)))?;
     Ok(with_comment(text, added, comment))
 }
 

@@ -8,8 +8,6 @@ pub(super) struct HandedCall {
     pub call: Call,
     /// How many calls of the function the script has.
     pub uses: usize,
-    /// The byte behind the call that hands the object over.
-    pub until: usize,
 }
 
 /// The calls of methods on an object of this variable in functions that it is handed to behind a byte, as deep in brackets as `like`; in the
@@ -19,7 +17,7 @@ pub(super) fn handed_calls(text: &Source, variable: &str, like: usize) -> Vec<Ha
     let mut all = Vec::new();
     for at in text.uses_of(variable).filter(|at| *at > like) {
         let Some((given, number)) = text.argument_at(at) else { continue };
-        let (function, until) = (&text[given.name], given.end);
+        let function = &text[given.name];
         let Some((parameter, body)) = text.parameter(function, number) else { continue };
         if text.depth_to(at) != wanted {
             continue;
@@ -28,7 +26,7 @@ pub(super) fn handed_calls(text: &Source, variable: &str, like: usize) -> Vec<Ha
         let uses = text.calls_of(function).count() - 1;
         let chains = text.chains_of(parameter, body.start).into_iter();
         let chains = chains.filter(|(at, _)| body.contains(at));
-        all.extend(chains.flat_map(|(_, chain)| chain).map(|call| HandedCall { call, uses, until }));
+        all.extend(chains.flat_map(|(_, chain)| chain).map(|call| HandedCall { call, uses }));
     }
     all
 }

@@ -259,8 +259,7 @@ impl ScriptObject<'_> {
             .map(|(time, value)| format!("[{}, {}]", time.anew(&self.text), written_like(&[], value)));
         let all = all.collect::<Vec<_>>().join(", ");
         let line = format!("{}[{all}]{how})", KeyName::of(property).opening());
-        let handed = self.handed.last().map_or(0, |handed| handed.until);
-        self.new_line_after(&line, self.last_at.max(handed))
+        self.new_line(&line)
     }
 
     /// The line and column of the `.key(…)` of a property, from 1, and how many times its function is called where it stands in one that the
@@ -315,7 +314,7 @@ impl ScriptObject<'_> {
     fn add_key_call(&self, name: KeyName, call: &str) -> Result<Edit, EditRefused> {
         match name {
             KeyName::Method(_) if self.variable.is_none() => Ok(self.behind(self.made.end, call)),
-            _ => self.add_call(call, self.last_at()),
+            _ => self.add_call(call, None),
         }
     }
 

@@ -28,7 +28,7 @@ pub struct ScriptObject<'a> {
     pub(super) handed: Vec<HandedCall>,
     /// Whether changes of those may change other objects, too.
     pub(super) changes_all: bool,
-    /// Position of its last mention.
+    /// Position of its last mention outside of deeper blocks.
     pub(super) last_at: usize,
 }
 
@@ -137,12 +137,42 @@ impl<'a> ScriptObject<'a> {
 
     /// `variable.call;` after the last statement about it.
     pub(super) fn new_line(&self, call: &str) -> Option<Edit> {
-        self.new_line_after(call, self.last_at)
+        self.new_line_after(call, self.last_mention())
     }
 
-    pub(super) fn new_line_after(&self, call: &str, last_at: usize) -> Option<Edit> {
+    /// A byte in the last statement about it: one that calls its methods, in a block, too, or hands it to a function of the script.
+    fn last_mention(&self) -> usize {
+        let (text, depth) = (&self.text, self.depth());
+        let Some(name) = self.variable.as_deref() else { return self.last_at };
+        // The name may be that of something else in another block.
+        let is_called = |at: usize| {
+            depth == 0
+                && text[text.skip(at + name.len())..].starts_with('.')
+                && text.begins_statement(text.statement_start(at))
+        };
+        let is_handed = |at: usize| {
+            let given = text.argument_at(at).filter(|_| depth == 0 || text.depth_to(at) == depth + 1);
+            given.is_some_and(|(call, number)| text.parameter(&text[call.name], number).is_some())
+        };
+        let uses = text.uses_of(name).filter(|at| *at > self.last_at && (is_called(*at) || is_handed(*at)));
+        uses.filter(|at| depth > 0 || !text.is_in_function(*at)).last().unwrap_or(self.last_at)
+    }
+
+    /// The last byte at which a name stands in the statements of the script, else the byte behind what makes it.
+    fn last_use(&self, name: &str, made: usize) -> usize {
+        let uses = self.text.uses_of(name).filter(|at| *at > made && self.depth() == 0);
+        uses.filter(|at| !self.text.is_in_function(*at)).last().unwrap_or(made)
+    }
+
+    /// How many brackets are open where it is made.
+    pub(super) fn depth(&self) -> usize {
+        self.text.depth_to(self.made.name.start)
+    }
+
+    /// `variable.call;` after the statement around a byte.
+    fn new_line_after(&self, call: &str, at: usize) -> Option<Edit> {
         let name = self.variable.as_ref()?;
-        let mut end = self.text.statement_end(last_at);
+        let mut end = self.text.statement_around(at, self.depth()).end;
         // After a comment on the same line.
         let rest = self.text[end..].find('\n').map_or(&self.text[end..], |n| &self.text[end..end + n]);
         if rest.trim().is_empty() || rest.trim_start().starts_with("//") {
@@ -293,9 +323,7 @@ impl<'a> ScriptObject<'a> {
     ) -> Result<Edit, EditRefused> {
         let asset = of.unwrap_or(self).asset()?;
         let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), from.anew(&self.text));
-        // Variables that the line names are made before it.
-        let last_at = self.last_at.max(of.map_or(0, |of| of.made.end));
-        self.add_call(&call, last_at)
+        self.add_call(&call, of.map(|of| (asset.as_str(), of.made.end)))
     }
 
     /// The same for a clip of a file, as `load` takes it, by the script's own name of it if there is one.
@@ -313,25 +341,28 @@ impl<'a> ScriptObject<'a> {
         let asset = loaded_as(&self.text, &file, self.last_at).map(str::to_string);
         let asset = asset.unwrap_or_else(|| format!("load({file})"));
         let call = format!("play({asset}.clip({}){options}).from({})", quoted(clip), from.anew(&self.text));
-        self.add_call(&call, self.last_at)
+        self.add_call(&call, None)
     }
 
-    /// Adds a call as a line of its own after its last statement and after a byte; where it has no name, behind what made it.
-    pub(super) fn add_call(&self, call: &str, last_at: usize) -> Result<Edit, EditRefused> {
-        if let Some(line) = self.new_line_after(call, last_at) {
-            // The line comes after the cues that it plays already, so that they stand in their order.
+    /// Adds a call as a line of its own after the last statement about it. `needs`: a name that the line uses, and the byte behind what makes
+    /// it; where that comes later, the line stands after the last statement with the name. An object without a name has the call behind what
+    /// made it.
+    pub(super) fn add_call(&self, call: &str, needs: Option<(&str, usize)>) -> Result<Edit, EditRefused> {
+        let own = self.last_mention();
+        let needs = needs.filter(|(_, made)| *made > own);
+        let at = needs.map_or(own, |(name, made)| self.last_use(name, made));
+        if let Some(line) = self.new_line_after(call, at) {
             return Ok(line);
         }
         let end = self.calls.last().map_or(self.made.end, |c| c.end);
-        if self.text[self.text.skip(end)..].starts_with('.') || last_at > end {
+        let is_later = needs.is_some_and(|(_, made)| made > end);
+        // What is behind a constraint of an actor is about the constraint.
+        let is_constrained =
+            self.text[self.made.name.clone()] == *"cast" && self.last(&["reach", "aim", "look_at"]).is_some();
+        if self.text[self.text.skip(end)..].starts_with('.') || is_later || is_constrained {
             return Err(EditRefused::at(self.line, "it has no name in the script; write let NAME = cast(…)"));
         }
         Ok(self.behind(end, call))
-    }
-
-    /// Position of its last mention.
-    pub(super) fn last_at(&self) -> usize {
-        self.last_at
     }
 
     /// The file that it is cast from, as the script writes it; by the script's own name of it, if there is one.
@@ -563,6 +594,23 @@ mod tests {
         );
         let after = played("\"ada\"", "\"eve\"").unwrap();
         assert!(after.ends_with("\nada.play(load(\"e.glb\").clip(\"Walk\")).from(1.0);\n"), "{after}");
+    }
+
+    /// Loops and functions in which it plays are behind it, lines about other things are not.
+    #[test]
+    fn a_new_clip_stands_behind_all_that_is_played() {
+        for last in [
+            "for t in [1.0, 2.0] {\n    a.play(c).from(t);\n}",
+            "dance(a, 2);",
+            "if x { let w = a.play(c); w.once(); }",
+        ] {
+            let text = format!(
+                "fn dance(a, n) {{ a.play(n); }}\nlet a = cast(\"a\", m);\n{last} // so\ncamera(\"c\").look_at(a.joint(\"Head\"));\n"
+            );
+            let object = ScriptObject::at(&text, 2, 9).unwrap();
+            let after = object.play("x", at(3.0), "", None).unwrap().apply(&text);
+            assert_eq!(after, text.replace("// so\n", "// so\na.play(m.clip(\"x\")).from(3.0);\n"));
+        }
     }
 
     #[test]

@@ -33,8 +33,8 @@ pub fn reorder(
     if source.depth_to(source.statement_start(from)) > 0 {
         return Err(EditRefused::at(moved.0, "it stands in a function or a block; move it there"));
     }
-    let other = outermost(source, to);
-    if ["fn", "private"].contains(&source.word_at(other.start)) {
+    let other = source.statement_around(to, 0);
+    if source.is_in_function(to) {
         let why = "a function makes it, so that the calls of the function decide the order";
         return Err(EditRefused::at(target.0, why));
     }
@@ -58,15 +58,6 @@ pub fn reorder(
         }
     }
     Err(refused.unwrap_or_else(|| EditRefused::at(moved.0, "it cannot be moved")))
-}
-
-/// The statement of the script, outside all blocks, around a byte.
-fn outermost(source: &Source, at: usize) -> Range<usize> {
-    let mut start = source.statement_start(at);
-    while source.depth_to(start) > 0 {
-        start = source.statement_start(source.token_before(start));
-    }
-    start..source.end_of_statement_from(start)
 }
 
 /// The end of the lines of the statements that follow whole lines directly and begin with the variable that these make.

@@ -185,6 +185,20 @@ impl<'a> Source<'a> {
         self.start(index)
     }
 
+    /// The statement around a byte of which the brackets around it are this number.
+    pub(super) fn statement_around(&self, at: usize, depth: usize) -> Range<usize> {
+        let mut start = self.statement_start(at);
+        while self.depth_to(start) > depth {
+            start = self.statement_start(self.token_before(start));
+        }
+        start..self.end_of_statement_from(start)
+    }
+
+    /// Whether a byte stands in a function that the script defines, or among its parameters.
+    pub(super) fn is_in_function(&self, at: usize) -> bool {
+        matches!(self.word_at(self.statement_around(at, 0).start), "fn" | "private")
+    }
+
     /// First byte of the token before a byte; 0 before the first.
     pub(super) fn token_before(&self, at: usize) -> usize {
         self.index(at).checked_sub(1).map_or(0, |before| self.start(before))

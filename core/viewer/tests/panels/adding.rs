@@ -81,6 +81,40 @@ fn everything_that_is_added_is_good() {
     );
 }
 
+/// Twice of each kind: what is added later stands behind.
+#[test]
+fn additions_stand_in_the_order_in_which_they_are_made() {
+    let mut place = Place::new(SCRIPT);
+    place.paint();
+    let kinds = [
+        Addition::Character,
+        Addition::Shape("box"),
+        Addition::Orbit(None),
+        Addition::Orbit(Some("ada".into())),
+        Addition::Follow("ada".into()),
+        Addition::Sun,
+        Addition::Point,
+        Addition::Spot,
+        Addition::Title,
+        Addition::Effect("vignette".into()),
+        Addition::Marker,
+    ];
+    for kind in kinds.iter().flat_map(|kind| [kind, kind]) {
+        let before = place.text();
+        place.viewer.add(kind).unwrap();
+        assert!(place.text().starts_with(&before), "{kind:?} in {}", place.text());
+        place.reload();
+    }
+    place.viewer.selection = Some(Selected::Actor("ada".into()));
+    for call in [ConstraintCall::LookAt, ConstraintCall::Reach] {
+        place.viewer.add_constraint(&NewConstraint { call, target: None }).unwrap();
+        place.reload();
+    }
+    let text = place.text();
+    let at = |call: &str| text.find(call).unwrap_or_else(|| panic!("no {call} in {text}"));
+    assert!(at("ada.look_at(") < at("ada.reach("), "{text}");
+}
+
 #[test]
 fn characters_come_from_the_menu_in_their_own_colors_beside_each_other() {
     let mut desk = desk(SCRIPT);

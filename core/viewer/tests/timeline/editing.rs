@@ -74,6 +74,18 @@ fn a_bar_moves_with_its_end_and_leaves_when_deleted() {
     assert!(place.viewer.delete_cue(&in_loop).unwrap_err().to_string().contains("2"));
 }
 
+/// The last line about her is a loop in which she plays.
+#[test]
+fn added_clips_stand_behind_all_others_in_their_order() {
+    let mut place = Place::new(SCRIPT);
+    for (clip, secs) in [("Run", 3.4), ("Bow", 3.0)] {
+        place.viewer.add_clip("ada", "ada", clip, secs).unwrap();
+        place.reload();
+    }
+    let play = |clip, from| format!("ada.play(moves.clip(\"{clip}\"), #{{ fade: 0.3 }}).from({from});\n");
+    assert_eq!(place.text(), format!("{SCRIPT}{}{}", play("Run", "3.4"), play("Bow", "3.0")));
+}
+
 #[test]
 fn where_two_clips_meet_is_the_end_of_the_first() {
     let mut place = Place::new(SCRIPT);
