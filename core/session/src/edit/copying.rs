@@ -1,5 +1,6 @@
 //! Cues that are copied as text and pasted on another row or into another script, as a person would move their lines.
 
+use super::indenting::indented;
 use super::object::{ScriptObject, loaded_as, quoted};
 use super::scan::{Call, Source};
 use super::strips::{LAYER, Strip, TIMES, shift_cue};
@@ -171,7 +172,7 @@ pub fn paste_cue(
     // Variables that it names are made before it.
     let declared_at = text.find(&format!("let {uses} "));
     let added = object.add_call(&new, declared_at.map(|at| (uses.as_str(), at)))?;
-    Ok(with_comment(text, added, comment))
+    Ok(indented(text, with_comment(text, added, comment)))
 }
 
 /// The cues in the text of a clipboard, each as [`copy_cue`] has it.

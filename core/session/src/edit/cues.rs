@@ -1,5 +1,6 @@
 //! Whole cues: moved with their ends, or deleted.
 
+use super::indenting::indented;
 use super::scan::{Call, Source};
 use super::times::{CueTime, EditTime, TimeLiteral, set_time, stated_time};
 use super::{Edit, EditRefused};
@@ -65,7 +66,8 @@ pub fn delete_cue(
         let from = next.map(|next| format!(".from({})", next.like(in_frames, source)));
         let kept = &text[follower.name.end..follower.end];
         let range = call.name.start..follower.end;
-        return Ok(Edit { range, text: format!("play{kept}{}", from.unwrap_or_default()) });
+        let edit = Edit { range, text: format!("play{kept}{}", from.unwrap_or_default()) };
+        return Ok(indented(text, edit));
     }
     match whole_statement(source, &call, end) {
         Some(range) => Ok(Edit { range, text: String::new() }),

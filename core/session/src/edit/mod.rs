@@ -9,6 +9,7 @@ mod cues;
 mod deleting;
 mod duplicating;
 mod handed;
+mod indenting;
 mod key_easing;
 mod key_list;
 mod key_name;

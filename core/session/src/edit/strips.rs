@@ -1,6 +1,7 @@
 //! Cues as strips of a timeline: trimmed, slipped, split, duplicated, disabled.
 
 use super::cues::{CueChange, comment_behind, set_times};
+use super::indenting::indented;
 use super::keys::shifted_keys;
 use super::object::ScriptObject;
 use super::scan::{Call, Source};
@@ -298,7 +299,7 @@ pub fn split_cue(
     if fade_out.is_some() {
         after = set_number(&after, line, column, "fade_out", 0.0)?.apply(&after);
     }
-    Ok(Edit::between(text, &after))
+    Ok(indented(text, Edit::between(text, &after)))
 }
 
 /// A `.then(…)` with a number that it does not state yet: behind it, or as an option.
@@ -331,7 +332,7 @@ pub fn duplicate_cue(
     let blanks = &second[..second.len() - then.len()];
     let until = until.map(|until| format!(".until({})", until.like(strip.in_frames(), &strip.text)));
     let second = format!("{blanks}{}{}", shifted.apply(then), until.unwrap_or_default());
-    Ok(Edit::between(text, &strip.followed_by(&second)))
+    Ok(indented(text, Edit::between(text, &strip.followed_by(&second))))
 }
 
 /// Shifts all times of the stage in a cue: its start and end, and those of its keys and freezes.

@@ -1,8 +1,8 @@
 //! Clips as strips in a script's text: trimmed, split, duplicated, copied, pasted, disabled.
 
 use choreo_session::edit::{
-    Anew, CueTime, Edit, EditRefused, EditTime, Rest, ScriptObject, copied_cues, copy_cue, duplicate_cue,
-    paste_cue, set_disabled, set_number, set_time, set_trim, shift_cue, shift_keys, split_cue,
+    Anew, CueTime, Edit, EditRefused, EditTime, Rest, ScriptObject, copied_cues, copy_cue, delete_cue,
+    duplicate_cue, paste_cue, set_disabled, set_number, set_time, set_trim, shift_cue, shift_keys, split_cue,
 };
 
 /// The text without the mark `|`, and where it stands.
@@ -206,6 +206,25 @@ fn a_copy_has_all_options_wherever_they_stand() {
     assert_eq!(copied_cues("say(play(c));"), Vec::<&str>::new());
     let pasted = paste_cue(&text, 10, 9, &copied, at(3.0)).unwrap().apply(&text);
     assert!(pasted.ends_with("\nb.play(m.clip(\"x\"), #{\n    fade: 0.2, // in\n}).from(3.0).until(4.0)\n    .speed(2) // fast\n    .reverse().ease(\"smooth\");\n"), "{pasted}");
+}
+
+/// What stood below a `.then` is as deep below what it becomes.
+#[test]
+fn a_clip_over_several_lines_is_indented_where_it_goes() {
+    let text = "let m = load(\"m.glb\");\nlet a = cast(\"a\", m);\na.play(m.clip(\"x\")).until(1.0)\n    .|then(m.clip(\"y\"), #{\n        fade: 0.2, // soft\n        speed: 2.0,\n    })\n    .until(2.0);\nlet b = cast(\"b\", m);\n";
+    let (text, line, column) = marked(text);
+    let play = "play(m.clip(\"y\"), #{\n    fade: 0.2, // soft\n    speed: 2.0,\n})";
+    let copied = copy_cue(&text, line, column, at(1.0), Some(at(2.0))).unwrap();
+    let pasted = paste_cue(&text, 9, 9, &copied, at(3.0)).unwrap().apply(&text);
+    assert!(pasted.ends_with(&format!("\nb.{play}.from(3.0)\n    .until(4.0);\n")), "{pasted}");
+    // It stands first where the clip before it goes.
+    let alone = delete_cue(&text, 3, 3, Some(at(1.0))).unwrap().apply(&text);
+    assert!(alone.contains(&format!("\na.{play}.from(1.0)\n    .until(2.0);\n")), "{alone}");
+    // A list of keys goes one level deeper with its duplicate.
+    let keyed = "a.|play(c).weight([\n    [1.0, 0],\n    [2.0, 1]\n]).until(2.0);";
+    let twice = changed(keyed, &|t, l, c| duplicate_cue(t, l, c, at(1.0), Some(at(3.0)))).unwrap();
+    let second = "\n    .then(c).weight([\n        [2.0, 0],\n        [3.0, 1]\n    ]).until(3.0);";
+    assert!(twice.ends_with(second), "{twice}");
 }
 
 /// Frames stay frames, and a comment goes with its line.
