@@ -2,6 +2,7 @@
 
 use super::cues::{CueChange, comment_behind, set_times};
 use super::indenting::indented;
+use super::key_list::parts;
 use super::keys::shifted_keys;
 use super::object::ScriptObject;
 use super::scan::{Call, Source};
@@ -91,17 +92,23 @@ impl<'a> Strip<'a> {
             return Ok(self.add(method, (name, values)));
         };
         let range = self.text.trimmed(&old);
-        if let ([value], true) = (values, is_calculation(&self.text, &range)) {
-            return Ok(Edit { range, text: format_number(*value) });
-        }
         let literals = literals(&self.text, &range).filter(|l| l.len() == values.len());
-        let changed = literals.and_then(|literals| rewritten(&self.text, &literals, values));
-        changed.ok_or_else(|| self.computed(name, &old))
+        if let Some(changed) = literals.and_then(|literals| rewritten(&self.text, &literals, values)) {
+            return Ok(changed);
+        }
+        // Calculations with literals that a person typed in place of numbers.
+        let array = self.text[range.clone()].strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
+        let list = array.map_or(range.clone(), |array| range.start + 1..range.start + 1 + array.len());
+        let parts: Vec<Range<usize>> = parts(&self.text, list.start, list.end).collect();
+        match parts.len() == values.len() && parts.iter().all(|part| is_calculation(&self.text, part)) {
+            true => Ok(Edit { range: list, text: numbers(values) }),
+            false => Err(self.computed(name, &old)),
+        }
     }
 
     /// Adds a value that is not stated yet as a method at a byte, else among the options; behind the call where those are computed.
     fn add(&self, method: Option<usize>, (name, values): (&str, &[f64])) -> Edit {
-        let numbers = values.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(", ");
+        let numbers = numbers(values);
         let value = if values.len() == 1 { numbers.clone() } else { format!("[{numbers}]") };
         let option = match method {
             Some(_) => None,
@@ -209,6 +216,10 @@ impl<'a> Strip<'a> {
     }
 }
 
+fn numbers(values: &[f64]) -> String {
+    values.iter().map(|value| format_number(*value)).collect::<Vec<_>>().join(", ")
+}
+
 /// Plays another part of the clip, in seconds of the clip.
 ///
 /// # Errors
@@ -247,9 +258,11 @@ pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result
     let blanks = value.start + (inside.len() - inside.trim_start().len());
     let range = blanks..blanks + inside.trim().len();
     if off {
-        let old = literals(&strip.text, &strip.text.trimmed(&value)).filter(|old| old.len() == 1);
-        let old = old.ok_or_else(|| strip.computed("weight", &value))?;
-        return Ok(Edit { text: format!("0.0 /* {} */", &strip.text[old[0].0.clone()]), range });
+        let old = strip.text.trimmed(&value);
+        if !is_calculation(&strip.text, &old) {
+            return Err(strip.computed("weight", &value));
+        }
+        return Ok(Edit { text: format!("0.0 /* {} */", &strip.text[old]), range });
     }
     if let Some(old) = inside.split_once("/*").and_then(|(_, rest)| rest.split_once("*/")) {
         return Ok(Edit { range, text: old.0.trim().to_string() });

@@ -41,6 +41,13 @@ fn numbers_are_written_where_the_script_states_them() {
     // A calculation that a person typed in place of a number.
     assert_eq!(speed("a.|play(c, #{ speed: 1.0 / 3.0 });"), "a.play(c, #{ speed: 1.25 });");
     assert_eq!(speed("a.|play(c).speed(-(1.0 + 2.0) / 3.0);"), "a.play(c).speed(1.25);");
+    assert_eq!(trim("a.|play(c).trim(1.0/3.0, 1.5);").unwrap(), "a.play(c).trim(0.5, 2.0);");
+    assert_eq!(
+        trim("a.|play(c, #{ trim: [0.0, 4.0 / 3.0] });").unwrap(),
+        "a.play(c, #{ trim: [0.5, 2.0] });"
+    );
+    let weight = changed("a.|play(c).weight(1.0/3.0);", &|t, l, c| set_number(t, l, c, "weight", 0.5));
+    assert_eq!(weight.unwrap(), "a.play(c).weight(0.5);");
     let computed = changed("a.|play(c).speed(1.0 / x);", &|t, l, c| set_number(t, l, c, "speed", 1.25));
     assert!(computed.unwrap_err().contains("computed"));
 }
@@ -80,7 +87,12 @@ fn a_new_value_is_written_as_the_others_are() {
 fn a_disabled_clip_remembers_its_weight() {
     let off = |text: &str| changed(text, &|t, l, c| set_disabled(t, l, c, true)).unwrap();
     let on = |text: &str| changed(text, &|t, l, c| set_disabled(t, l, c, false)).unwrap();
-    for text in ["a.|play(c).until(2.0);", "a.|play(c).weight(0.5);", "a.|play(c, #{ weight: 0.7 });"] {
+    for text in [
+        "a.|play(c).until(2.0);",
+        "a.|play(c).weight(0.5);",
+        "a.|play(c).weight(1.0 / 3.0);",
+        "a.|play(c, #{ weight: 0.7 });",
+    ] {
         let plain = text.replace('|', "");
         let disabled = off(text);
         assert!(disabled.contains("0.0"), "{disabled}");
