@@ -7,7 +7,7 @@ use super::handed::{HandedCall, handed_calls};
 use super::key_name::{JointKey, joint_keys};
 use super::refused::ADD;
 use super::scan::{Call, Source, Tokens, tokens_of};
-use super::times::{EditTime, restated};
+use super::times::{EditTime, TimeLiteral, restated};
 use super::values::{format_number, is_calculation, literals, option_of, rewritten, set_option};
 use super::{Edit, EditRefused};
 use glam::{DMat3, DQuat, DVec3};

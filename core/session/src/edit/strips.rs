@@ -286,9 +286,11 @@ pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result
     let blanks = value.start + (inside.len() - inside.trim_start().len());
     let range = blanks..blanks + inside.trim().len();
     if off {
-        let old = literals(&strip.text, &strip.text.trimmed(&value)).filter(|old| old.len() == 1);
-        let old = old.ok_or_else(|| strip.computed("weight", &value))?;
-        return Ok(Edit { text: format!("0.0 /* {} */", &strip.text[old[0].0.clone()]), range });
+        let old = strip.text.trimmed(&value);
+        if !is_calculation(&strip.text, &old) {
+            return Err(strip.computed("weight", &value));
+        }
+        return Ok(Edit { text: format!("0.0 /* {} */", &strip.text[old]), range });
     }
     if let Some(old) = inside.split_once("/*").and_then(|(_, rest)| rest.split_once("*/")) {
         return Ok(Edit { range, text: old.0.trim().to_string() });

@@ -90,7 +90,12 @@ fn a_new_value_is_written_as_the_others_are() {
 fn a_disabled_clip_remembers_its_weight() {
     let off = |text: &str| changed(text, &|t, l, c| set_disabled(t, l, c, true)).unwrap();
     let on = |text: &str| changed(text, &|t, l, c| set_disabled(t, l, c, false)).unwrap();
-    for text in ["a.|play(c).until(2.0);", "a.|play(c).weight(0.5);", "a.|play(c, #{ weight: 0.7 });"] {
+    for text in [
+        "a.|play(c).until(2.0);",
+        "a.|play(c).weight(0.5);",
+        "a.|play(c).weight(1.0 / 3.0);",
+        "a.|play(c, #{ weight: 0.7 });",
+    ] {
         let plain = text.replace('|', "");
         let disabled = off(text);
         assert!(disabled.contains("0.0"), "{disabled}");
