@@ -63,7 +63,8 @@ impl Typed {
         let after = edit.apply(text);
         let changed = Edit::between(text, &after);
         // Digits that stay the same are written, too.
-        let Edit { range, text: written } = if after == text { edit } else { &changed };
+        let stays = after == text;
+        let Edit { range, text: written } = if stays { edit } else { &changed };
         let written = range.start..range.start + written.len();
         let is_part = |c: char| c.is_alphanumeric() || matches!(c, '_' | '.');
         let is_it = |at: &usize| {
@@ -73,7 +74,8 @@ impl Typed {
             is_whole && *at <= written.end && end >= written.start
         };
         let mut found: Vec<usize> = after.match_indices(digits).map(|(at, _)| at).filter(is_it).collect();
-        if found.is_empty() {
+        // Which of several was typed is not seen where none has changed.
+        if found.is_empty() || stays && found.len() > 1 {
             return None;
         }
         let mut typed = after.clone();
@@ -109,8 +111,12 @@ mod tests {
         ] {
             assert_eq!(kept(&third(), before, after), wanted);
         }
-        let same = Edit { range: 3..8, text: "0.333".to_string() };
-        assert_eq!(third().keep("at(0.333)", Ok(same)).unwrap().apply("at(0.333)"), "at(1.0 / 3.0)");
+        for (text, wanted) in
+            [("at(0.333, 1.0)", "at(1.0 / 3.0, 1.0)"), ("at(0.333, 0.333)", "at(0.333, 0.333)")]
+        {
+            let same = Edit { range: 3..text.len() - 1, text: text[3..text.len() - 1].to_string() };
+            assert_eq!(third().keep(text, Ok(same)).unwrap().apply(text), wanted);
+        }
     }
 
     #[test]
