@@ -71,6 +71,8 @@ impl Viewer {
         layer: usize,
     ) -> Result<(), EditError> {
         let secs = secs.unwrap_or_else(|| self.after_last_clip(name));
+        let (place, _) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::Gone)?;
+        self.check_begins(&place, clip, secs)?;
         let takes_over = self.takes_over(name, clip, secs, layer);
         let follow = match of {
             ClipOf::Actor(of) => self.add_clip_of_actor(name, of, clip, secs)?,

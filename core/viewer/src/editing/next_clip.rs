@@ -89,10 +89,6 @@ impl Viewer {
         if over.is_some() || layer > 0 {
             parts.push("state a mask (on, in the inspector) to play it beside what plays".to_string());
         }
-        let length = self.playhead.length();
-        if at >= length {
-            parts.push(format!("it begins where the scene ends, at {}: make the stage longer", time(length)));
-        }
         (!parts.is_empty()).then(|| parts.join("; "))
     }
 }

@@ -427,3 +427,19 @@ fn later_cuts_follow_a_camera_that_is_dragged_with_shift() {
     drag_briefly(&mut desk, Modifiers::NONE, two, two + vec2(by, 0.0));
     assert_eq!(desk.state().text(), script.replace(".cut(2.0)", ".cut(3.0)"));
 }
+
+/// A clip that comes after all others is refused where the scene is over by then; at the beginning it states no start.
+#[test]
+fn an_added_clip_begins_within_the_scene() {
+    let script = SCRIPT.replace("clip(\"Wave\")).until(1.0);", "clip(\"Wave\")).until(8.5);");
+    let mut place = Place::new(&script);
+    let refused = place.viewer.add_clip("bob", "bob", "Bow", 0.0).unwrap_err().to_string();
+    assert!(
+        refused.contains("Bow would begin at 8.500 s, and the scene ends at 8.000 s: make the stage longer")
+    );
+    assert_eq!(place.text(), script);
+    let script = SCRIPT.replace("bob.play(moves.clip(\"Wave\")).until(1.0);\n", "");
+    let mut place = Place::new(&script);
+    place.viewer.add_clip("bob", "bob", "Bow", 0.0).unwrap();
+    assert!(place.text().contains("\nbob.play(moves.clip(\"Bow\"));\n"), "{}", place.text());
+}
