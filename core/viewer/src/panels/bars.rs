@@ -259,7 +259,8 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
     let painter = ui.painter_at(lane.rect);
     if let (true, Some(strip)) = (alt, bar.strip) {
         // The content goes with the pointer, so that an earlier part of it is seen where it is dragged later.
-        let by = (bar.start.as_secs() - lane.secs(viewer, pointer)) * strip.speed.abs();
+        let moved = bar.start.as_secs() - lane.secs(viewer, pointer);
+        let by = moved.signum() * lane.on_frame(viewer, moved.abs()) * strip.speed.abs();
         let start = bar.start.as_secs() - (strip.before() + by) / strip.speed.abs();
         let ghost = lane.place(viewer, start, start + strip.clip / strip.speed.abs());
         outline(&painter, ghost);

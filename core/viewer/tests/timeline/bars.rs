@@ -80,7 +80,7 @@ fn keys_that_are_let_go_with_the_button_count() {
     back(&mut desk);
     // Alt: the content slips.
     let wave = desk.get_by_label("Wave on bob").rect().center();
-    drag_briefly(&mut desk, Modifiers::ALT, wave, wave - vec2(by * 0.5, 0.0));
+    drag_briefly(&mut desk, Modifiers::ALT, wave, wave - vec2(by * 0.51, 0.0));
     let slipped =
         SCRIPT.replace("clip(\"Wave\")).until(1.0)", "clip(\"Wave\"), #{ trim: [0.5, 3.0] }).until(1.0)");
     assert_eq!(desk.state().text(), slipped);
