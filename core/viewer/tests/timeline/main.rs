@@ -8,5 +8,6 @@ mod editing;
 mod events;
 mod keys;
 mod nudging;
+mod property_rows;
 mod rows;
 mod strips;
