@@ -36,7 +36,7 @@ pub fn before(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
 }
 
 /// Seconds to the millisecond.
-fn shown(time: Time) -> f64 {
+pub(crate) fn shown(time: Time) -> f64 {
     libm::round(time.as_secs() * 1000.0) / 1000.0
 }
 

@@ -2,6 +2,7 @@
 
 use super::PlacedFinding;
 use crate::build::{Build, CueDraft};
+use crate::check::shown;
 use crate::cue_times::all_times;
 use choreo_motion::Time;
 use choreo_stage::{LayerMode, Repeat, Subject};
@@ -79,7 +80,7 @@ fn base_layer(
         let text = format!(
             "\"{actor}\" holds the first pose of \"{}\" until {} s",
             first.name(),
-            first.start.as_secs()
+            shown(first.start)
         );
         found.push(PlacedFinding::note("starts_late", &first.draft.at, text).on(subject, Time::ZERO));
     }
@@ -89,8 +90,8 @@ fn base_layer(
         if end + frame <= b.start && end < length && !a.asked_to_hold() {
             let text = format!(
                 "nothing plays on \"{actor}\" from {} s to {} s: the last pose of \"{}\" is held",
-                end.as_secs(),
-                b.start.min(length).as_secs(),
+                shown(end),
+                shown(b.start.min(length)),
                 a.name()
             );
             let finding = PlacedFinding::warning("gap", &a.draft.at, text).on(subject, end);
@@ -102,9 +103,9 @@ fn base_layer(
             let text = format!(
                 "clip \"{}\" is to play until {} s, but \"{}\" takes over at {} s",
                 a.name(),
-                end.as_secs(),
+                shown(end),
                 b.name(),
-                b.start.as_secs()
+                shown(b.start)
             );
             let finding = PlacedFinding::warning("cues_overlap", &b.draft.at, text).on(subject, b.start);
             found.push(finding.hint("begin later with .from, or add .on(\"Spine..\") to play both at once"));
@@ -119,8 +120,8 @@ fn base_layer(
         let text = format!(
             "nothing follows \"{}\" after {} s: \"{actor}\" holds its last pose until the end of the stage, {} s",
             last.name(),
-            end.as_secs(),
-            length.as_secs()
+            shown(end),
+            shown(length)
         );
         let finding = PlacedFinding::warning("frozen_at_end", &last.draft.at, text).on(subject, end);
         found.push(
@@ -154,8 +155,8 @@ fn layers(build: &Build, upper: &[&Timed], found: &mut Vec<PlacedFinding>) {
                     "\"{}\" and \"{}\" both move {shared} joints from {} s to {} s: the {} layer wins",
                     a.name(),
                     b.name(),
-                    from.as_secs(),
-                    to.as_secs(),
+                    shown(from),
+                    shown(to),
                     if chains[0].priority == chains[1].priority { "later" } else { "higher" },
                 );
                 found.push(PlacedFinding::note("layers_overlap", &b.draft.at, text));
@@ -174,10 +175,8 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Plac
     }
     let Some(end) = *end else { return };
     if end <= Time::ZERO && (*layer || next.is_some()) {
-        let text = format!(
-            "clip \"{name}\" is never seen: it is over at {} s, before the stage begins",
-            end.as_secs()
-        );
+        let text =
+            format!("clip \"{name}\" is never seen: it is over at {} s, before the stage begins", shown(end));
         found.push(PlacedFinding::warning("before_start", place, text).on(subject, *start));
         return;
     }
@@ -186,9 +185,9 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Plac
     if *layer && next.is_none() && draft.cue.fade_in <= slot && draft.cue.fade_in + fade_out > slot {
         let text = format!(
             "clip \"{name}\" fades in over {} s and out over {} s, but its cue lasts {} s: it is never fully seen",
-            draft.cue.fade_in.as_secs(),
-            fade_out.as_secs(),
-            slot.as_secs()
+            shown(draft.cue.fade_in),
+            shown(fade_out),
+            shown(slot)
         );
         found.push(PlacedFinding::warning("fades_meet", place, text).on(subject, *start));
     }
@@ -197,8 +196,8 @@ fn one(cue: &Timed, subject: Subject, next: Option<&Timed>, found: &mut Vec<Plac
     if draft.until.is_some() && slot > Time::ZERO && active < length && draft.trim.is_none() {
         let text = format!(
             "clip \"{name}\" takes {} s, its cue {} s: its end is cut off",
-            length.as_secs(),
-            slot.as_secs()
+            shown(length),
+            shown(slot)
         );
         found.push(PlacedFinding::note("cut_off", place, text));
     }

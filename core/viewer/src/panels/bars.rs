@@ -99,7 +99,7 @@ impl Lane {
 
 /// Draws the bars of a row; gives what the user does.
 pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, locked: bool) -> Option<Act> {
-    let mut act = None;
+    let (mut act, mut pointed) = (None, None);
     for (number, bar) in bars.iter().enumerate() {
         let place = lane.place(viewer, bar.start.as_secs(), bar.end.as_secs()).intersect(lane.rect);
         if place.width() <= 0.0 {
@@ -121,7 +121,9 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
             false => carried(ui, viewer, bar, &response, lane).or(act),
         };
         act = bar_menu::show(&response, viewer, bar).or(act);
-        response.hint(hover(viewer, bar));
+        if response.hint(hover(viewer, bar)).hovered() {
+            pointed = Some(number);
+        }
         if locked {
             continue;
         }
@@ -134,7 +136,12 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
         }
     }
     let painter = ui.painter_at(lane.rect);
-    bars.iter().for_each(|bar| whole_clip(&painter, viewer, bar, lane));
+    let is_of_interest =
+        |(number, bar): &(usize, &Bar)| pointed == Some(*number) || viewer.is_selected(&bar.what);
+    bars.iter()
+        .enumerate()
+        .filter(is_of_interest)
+        .for_each(|(_, bar)| whole_clip(&painter, viewer, bar, lane));
     act
 }
 
@@ -566,7 +573,8 @@ fn outline(painter: &Painter, place: Rect) {
     line(place, 2.0, 3, outer);
 }
 
-/// The outline of a whole clip that is cut short, over the bars that follow it.
+/// The outline of a whole clip that is cut short, over the bars that follow it: of a selected bar and of the one under the mouse, since it
+/// would read as part of the next one.
 fn whole_clip(painter: &Painter, viewer: &Viewer, bar: &Bar, lane: &Lane) {
     let Some(strip) = bar.strip.filter(|strip| !strip.is_keyed && strip.length() > 1e-3) else { return };
     let (start, end) = (bar.start.as_secs(), bar.end.as_secs());

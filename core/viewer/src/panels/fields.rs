@@ -300,7 +300,8 @@ fn clip(
             .or(wanted.take());
         }
         wanted = trim(ui, stated, played).or(wanted.take());
-        ui.label("repeat");
+        let is_stated = ["repeat", "once", "loop", "ping_pong"].iter().any(|name| stated.contains_key(*name));
+        ui.label(name_text("repeat", is_stated));
         let how = match played.repeat {
             Repeat::Once => "once",
             Repeat::Loop => "loop",
@@ -315,7 +316,8 @@ fn clip(
         wanted = match layer {
             _ if own.is_none() => wanted.take(),
             0 => {
-                ui.label("on").hint("joints on which it plays: it becomes a layer with those that follow it");
+                ui.label(name_text("on", false))
+                    .hint("joints on which it plays: it becomes a layer with those that follow it");
                 own.and_then(|asset| mask(ui, "", asset)).or(wanted.take())
             }
             _ => own.and_then(|asset| layer_fields(ui, stated, asset)).or(wanted.take()),

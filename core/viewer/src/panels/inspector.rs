@@ -96,7 +96,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let known = known.unwrap_or_default();
     let keyable: Keyable = &known;
     match &selection {
-        Selected::Actor(name) => wanted = transform(ui, viewer, &scene.stage, name, keyable),
+        Selected::Actor(name) => wanted = transform(ui, viewer, &scene.stage, (name, &written), keyable),
         Selected::Light(index) => wanted = light(ui, viewer, (&scene.stage, *index), keyable, &written),
         Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, *index, keyable),
         Selected::Camera(name) => {
@@ -213,11 +213,17 @@ fn field(name: &str, value: f64, speed: f64, range: RangeInclusive<f64>, default
 }
 
 /// The transform as the script places it, relative to its parent, at the playhead if it is keyed.
-fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: Keyable) -> Option<Wanted> {
+fn transform(
+    ui: &mut Ui,
+    viewer: &Viewer,
+    stage: &Stage,
+    (name, written): (&str, &stated::Stated),
+    keyable: Keyable,
+) -> Option<Wanted> {
     let placed = placement(stage.actors.get(actor(stage, name)?)?, viewer.playhead.time());
     let mut wanted = None;
     Grid::new("transform").num_columns(5).show(ui, |ui| {
-        ui.label("placed at");
+        wanted = name_with_menu(ui, written, ["placed at", ""], &["at", "move_by"]);
         for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
             let value = placed.translation[axis];
             if let Some(to) = field(letter, value, 0.01, -1e9..=1e9, 0.0).show(ui) {
@@ -228,7 +234,7 @@ fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: K
         }
         wanted = key_button(ui, viewer, keyable, "position").or(wanted.take());
         ui.end_row();
-        ui.label("turned");
+        wanted = name_with_menu(ui, written, ["turned", ""], &["turn", "rotate"]).or(wanted.take());
         let z = placed.rotation * DVec3::Z;
         let degrees = libm::atan2(z.x, z.z).to_degrees();
         if let Some(to) = field("degrees", degrees, 0.5, -360.0..=360.0, 0.0).show(ui) {
@@ -239,8 +245,8 @@ fn transform(ui: &mut Ui, viewer: &Viewer, stage: &Stage, name: &str, keyable: K
         wanted = key_button(ui, viewer, keyable, "rotation").or(wanted.take());
         ui.end_row();
         let about =
-            "along its own axes; a negative number mirrors it. Shift while a number is entered: all three";
-        ui.label("scaled").hint(about);
+            "along its own axes; a negative number mirrors it. Shift while a number is entered: all three\n";
+        wanted = name_with_menu(ui, written, ["scaled", about], &["scale"]).or(wanted.take());
         for (axis, name) in ["scale x", "scale y", "scale z"].into_iter().enumerate() {
             if let Some(to) = field(name, placed.scale[axis], 0.01, -1e3..=1e3, 1.0).show(ui) {
                 // Nothing is left of a thing that is scaled by 0.
@@ -384,10 +390,9 @@ fn light(
         let stated = text.and_then(super::fields::point);
         let is_keyed = keyable.iter().any(|property| property.name == name && property.has_keys());
         let vector = stated.filter(|_| !is_keyed).unwrap_or(vector);
-        let menu = ui.add(egui::Label::new(label).sense(egui::Sense::click()));
         let resets: &[&'static str] =
             if name == "position" { &["position", "at"] } else { &["direction", "look_at"] };
-        wanted = stated::reset(&menu, resets).map(Wanted::Field).or(wanted.take());
+        wanted = name_with_menu(ui, written, [label, ""], resets).or(wanted.take());
         let set = vector_field(ui, ["light x", "light y", "light z"], vector, speed, text);
         wanted = set.map(|text| Wanted::Value(name, text)).or(wanted.take());
         wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
@@ -480,10 +485,20 @@ fn sky(ui: &mut Ui, viewer: &Viewer, stage: &Stage, keyable: Keyable) -> Option<
 /// The name of a light's field, with a menu that takes the script's value away; strong where there is one.
 fn default_menu(ui: &mut Ui, written: &stated::Stated, name: &'static str) -> Option<Wanted> {
     let names: &[&'static str] = if name == "color" { &["color", "kelvin"] } else { &[name] };
+    name_with_menu(ui, written, [name, ""], names)
+}
+
+/// A name with a menu that takes the script's values away; strong where there is one of them. `about`: lines before the hint.
+fn name_with_menu(
+    ui: &mut Ui,
+    written: &stated::Stated,
+    [label, about]: [&str; 2],
+    names: &[&'static str],
+) -> Option<Wanted> {
     let is_stated = names.iter().any(|name| written.contains_key(*name));
-    let response = ui.add(egui::Label::new(stated::name_text(name, is_stated)).sense(egui::Sense::click()));
+    let response = ui.add(egui::Label::new(stated::name_text(label, is_stated)).sense(egui::Sense::click()));
     let hint = if is_stated { "stated by the script; right click: reset to default" } else { "by default" };
-    stated::reset(&response.hint(hint), names).map(Wanted::Field)
+    stated::reset(&response.hint(format!("{about}{hint}")), names).map(Wanted::Field)
 }
 
 /// A slider each, as its manifest has it.

@@ -349,24 +349,33 @@ fn what_is_under_the_corner_goes_with_it() {
     }
 }
 
-/// The outline of a clip that is cut short is drawn over the bar that cuts it.
+/// The outline of a clip that is cut short is drawn over the bar that cuts it, where it is selected.
 #[test]
 fn the_rest_of_a_clip_is_seen_over_the_next_bar() {
     let script = SCRIPT.replace("clip(\"Walk\")).until(2.0)", "clip(\"Wave\")).until(2.0)");
-    let desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
+    let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
     let (by, time) = (second(&desk), desk.get_by_label("time").rect());
     let run = desk.get_by_label("Run on ada").rect();
-    let rects = desk.output().shapes.iter().filter_map(|shape| match &shape.shape {
-        egui::Shape::Rect(rect) if (rect.rect.center().y - run.center().y).abs() < 3.0 => Some(rect.clone()),
-        _ => None,
-    });
-    let rects: Vec<_> = rects.collect();
-    let filled =
-        rects.iter().rposition(|rect| (rect.rect.left() - run.left()).abs() < 1.0 && rect.fill.a() > 0);
-    // Wave runs for 3 s.
-    let end = time.left() + 3.0 * by;
-    let outline =
-        rects.iter().rposition(|rect| (rect.rect.right() - end).abs() < 1.0 && rect.stroke.width > 0.0);
+    // By number in the order of drawing: the bar of Run, and the outline of Wave, which runs for 3 s.
+    let drawn = |desk: &Desk| {
+        let rects = desk.output().shapes.iter().filter_map(|shape| match &shape.shape {
+            egui::Shape::Rect(rect) if (rect.rect.center().y - run.center().y).abs() < 3.0 => {
+                Some(rect.clone())
+            }
+            _ => None,
+        });
+        let rects: Vec<_> = rects.collect();
+        let end = time.left() + 3.0 * by;
+        let bar =
+            |rect: &egui::epaint::RectShape| (rect.rect.left() - run.left()).abs() < 1.0 && rect.fill.a() > 0;
+        let outline =
+            |rect: &egui::epaint::RectShape| (rect.rect.right() - end).abs() < 1.0 && rect.stroke.width > 0.0;
+        [rects.iter().rposition(bar), rects.iter().rposition(outline)]
+    };
+    assert_eq!(drawn(&desk)[1], None, "nobody looks at it");
+    desk.state_mut().viewer.selection = Some(cue(0, 0));
+    desk.run();
+    let [filled, outline] = drawn(&desk);
     assert!(outline > filled && filled.is_some(), "{outline:?} {filled:?}");
 }
 
