@@ -323,7 +323,7 @@ impl<'a> ScriptObject<'a> {
         of: Option<&ScriptObject>,
     ) -> Result<Edit, EditRefused> {
         let asset = of.unwrap_or(self).asset()?;
-        let call = format!("play({asset}.clip({}){options}){}", quoted(clip), self.from_call(from));
+        let call = format!("play({asset}.clip({}){options}){}", quoted(clip), self.start_call(from));
         self.add_call(&call, of.map(|of| (asset.as_str(), of.made.end)))
     }
 
@@ -341,12 +341,12 @@ impl<'a> ScriptObject<'a> {
         let file = quoted(file);
         let asset = loaded_as(&self.text, &file, self.last_at).map(str::to_string);
         let asset = asset.unwrap_or_else(|| format!("load({file})"));
-        let call = format!("play({asset}.clip({}){options}){}", quoted(clip), self.from_call(from));
+        let call = format!("play({asset}.clip({}){options}){}", quoted(clip), self.start_call(from));
         self.add_call(&call, None)
     }
 
     /// `.from(1.0)` in the style of the script; nothing at the beginning, where a clip starts by itself.
-    fn from_call(&self, from: EditTime) -> String {
+    fn start_call(&self, from: EditTime) -> String {
         if from.secs == 0.0 { String::new() } else { format!(".from({})", from.anew(&self.text)) }
     }
 
