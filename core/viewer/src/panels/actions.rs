@@ -119,11 +119,9 @@ pub(crate) const ACTIONS: &[Action] = &[
     change("delete", "delete the selected clips and keys from the script", "Delete", delete),
     change(
         "set_keys",
-        "set keys of the selection at the playhead: of what has keys, else of its position",
+        "set keys of the selection at the playhead: of what has keys and is not hidden in the open curve editor, else of its position",
         "K",
-        |c| {
-            c.viewer.edit(Viewer::set_keys_of_selection);
-        },
+        |c| key_menu::set_keys(c.viewer),
     ),
     change("split", "split the selected clips at the playhead", "Y", |c| bars(c, bar_menu::Command::Split)),
     change("disable", "disable or enable the selected clips", "M", |c| bars(c, bar_menu::Command::Disable)),

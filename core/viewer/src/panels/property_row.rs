@@ -11,7 +11,7 @@ use egui::{Rect, Sense, Ui, vec2};
 /// Points by which its name stands farther right than those of whole rows.
 const INDENT: f32 = 24.0;
 
-/// Draws it, and does what the user does there. A click on its name selects all of its keys.
+/// Draws the row, and does what the user does there. A click on its name selects all of its keys.
 pub fn show(ui: &mut Ui, viewer: &mut Viewer, number: RowNumber, ruler: Rect) {
     let (label, lane) = next_row(ui, number, ruler);
     let Some(row) = viewer.timeline.row(number) else { return };

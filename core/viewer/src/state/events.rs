@@ -196,7 +196,8 @@ pub(crate) fn by_property(events: &[Event]) -> Vec<(&KeyOf, Vec<Event>)> {
     for (event, key) in keys() {
         let is_visible = key.property == name(Property::Visible);
         let kind = if is_visible { EventKind::Entrance } else { EventKind::Key };
-        let one = Event { kind, label: key.label.clone(), keys: vec![key.clone()], ..event.clone() };
+        let (at, what, place) = (event.at, event.what.clone(), event.place.clone());
+        let one = Event { at, kind, label: key.label.clone(), what, place, keys: vec![key.clone()] };
         match all.iter_mut().find(|(of, _)| is_same(of, key)) {
             Some((_, events)) => events.push(one),
             None => all.push((key, vec![one])),
