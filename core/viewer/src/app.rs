@@ -23,7 +23,7 @@ use crate::state::selection::{self, Selected};
 use crate::state::shortcuts::Shortcuts;
 use crate::state::span::Span;
 use crate::state::tempo::Tempo;
-use crate::state::timeline::{Bar, Timeline};
+use crate::state::timeline::{Bar, Row, RowNumber, Timeline};
 use crate::state::trail::{JointRef, Trails};
 use crate::state::view::{Resolution, View, ViewCamera, Wish, fitted};
 use choreo_motion::Time;
@@ -52,6 +52,8 @@ pub struct Toggles {
     pub locked: BTreeSet<String>,
     /// Actors whose layers are not shown in the sequencer.
     pub collapsed: BTreeSet<String>,
+    /// Rows of the sequencer whose keyed properties have rows of their own: names of actors with the layer, else names of rows.
+    pub expanded: BTreeSet<(String, Option<usize>)>,
     /// Layers of actors that do not play.
     pub muted: BTreeSet<(String, usize)>,
 }
@@ -639,14 +641,26 @@ impl Viewer {
         self.keys.1 = found;
     }
 
-    /// The rows of the timeline that are not collapsed, by number.
-    pub(crate) fn shown_rows(&self) -> Vec<usize> {
+    /// Whether the keyed properties of a row have rows of their own.
+    pub(crate) fn is_expanded(&self, row: &Row) -> bool {
+        let expanded = &self.toggles.expanded;
+        !expanded.is_empty() && !row.parts.is_empty() && expanded.contains(&row.key())
+    }
+
+    /// The rows of the timeline that are not collapsed, and the parts of those that are expanded.
+    pub(crate) fn shown_rows(&self) -> Vec<RowNumber> {
         let is_shown = |index: &usize| {
             let row = &self.timeline.rows[*index];
             let actor = row.what.as_ref().and_then(Selected::actor);
             row.layer.unwrap_or(0) == 0 || actor.is_none_or(|name| !self.toggles.collapsed.contains(name))
         };
-        (0..self.timeline.rows.len()).filter(is_shown).collect()
+        let with_parts = |row: usize| {
+            let whole = &self.timeline.rows[row];
+            let count = if self.is_expanded(whole) { whole.parts.len() } else { 0 };
+            let parts = (0..count).map(move |part| RowNumber { row, part: Some(part) });
+            std::iter::once(RowNumber::whole(row)).chain(parts)
+        };
+        (0..self.timeline.rows.len()).filter(is_shown).flat_map(with_parts).collect()
     }
 
     /// The marker, the playhead or the edge of a bar that is nearest to a dragged time and within reach, in seconds, if times snap.

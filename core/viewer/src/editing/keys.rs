@@ -474,7 +474,7 @@ impl Viewer {
 impl Event {
     /// The keys of a mark.
     pub fn key_refs(&self) -> Vec<KeyRef> {
-        let key = |KeyOf { what, property }: &KeyOf| KeyRef {
+        let key = |KeyOf { what, property, .. }: &KeyOf| KeyRef {
             what: what.clone(),
             property: property.clone(),
             at: self.at,

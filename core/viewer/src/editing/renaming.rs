@@ -76,6 +76,10 @@ impl Viewer {
                 let muted = std::mem::take(&mut toggles.muted).into_iter();
                 let muted = muted.map(|(of, layer)| (if of == *name { to.to_string() } else { of }, layer));
                 toggles.muted = muted.collect();
+                let expanded = std::mem::take(&mut toggles.expanded).into_iter();
+                let is_of_it = |(of, layer): &(String, Option<usize>)| layer.is_some() && of == name;
+                let renamed = expanded.map(|row| if is_of_it(&row) { (to.to_string(), row.1) } else { row });
+                toggles.expanded = renamed.collect();
                 Selected::Actor(to.to_string())
             }
             Selected::Camera(_) => Selected::Camera(to.to_string()),

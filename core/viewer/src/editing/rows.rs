@@ -87,7 +87,7 @@ impl Viewer {
         Some((0..self.timeline.rows.len()).filter(is_of_it).collect())
     }
 
-    /// Gives the selection and the muted layers the numbers that they have after a move.
+    /// Gives the selection and the muted and expanded layers the numbers that they have after a move.
     fn renumber(&mut self, group: &Group, what: &Selected, target: &Selected, side: RowSide) {
         let number = |what: &Selected| match what {
             Selected::Light(index) => Some(*index),
@@ -120,6 +120,12 @@ impl Viewer {
                 (actor, layer)
             };
             self.toggles.muted = muted.map(of).collect::<BTreeSet<_>>();
+            let expanded = std::mem::take(&mut self.toggles.expanded).into_iter();
+            let of = |(actor, layer): (String, Option<usize>)| {
+                let layer = if actor == *name { layer.map(renumbered) } else { layer };
+                (actor, layer)
+            };
+            self.toggles.expanded = expanded.map(of).collect::<BTreeSet<_>>();
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Heads of the sequencer's rows: collapse, mute, solo, lock. They change what this window shows, never the script.
+//! Heads of the sequencer's rows: collapse, expand, mute, solo, lock. They change what this window shows, never the script.
 
 use super::bar_menu::{self, Command};
 use super::hint::Hint;
@@ -17,6 +17,8 @@ const FOLD: f32 = 13.0;
 /// A button of a row's head that was pressed.
 pub enum Toggle {
     Collapse(String),
+    /// The keyed properties of a row get rows of their own.
+    Expand((String, Option<usize>)),
     /// A layer of an actor's clips does not play.
     Mute(String, usize),
     Solo(String),
@@ -51,10 +53,21 @@ fn has_layers(timeline: &Timeline, index: usize) -> bool {
     row.layer == Some(0) && below.is_some_and(|next| next.what == row.what && next.layer > Some(0))
 }
 
+/// The triangle that opens a row for each keyed property: after that of the layers, if there is one.
+fn expand_place(timeline: &Timeline, index: usize, label: Rect) -> Rect {
+    let is_indented = has_layers(timeline, index) || timeline.rows[index].layer > Some(0);
+    let left = if is_indented { FOLD - 2.0 } else { 0.0 };
+    Rect::from_min_size(label.min + vec2(left, 0.0), vec2(FOLD, label.height()))
+}
+
 /// The room that is left for the name.
 pub(crate) fn name_place(timeline: &Timeline, index: usize, label: Rect) -> Rect {
     let row = &timeline.rows[index];
-    let left = if has_layers(timeline, index) || row.layer > Some(0) { FOLD - 4.0 } else { 0.0 };
+    let left = match row.parts.is_empty() {
+        false => expand_place(timeline, index, label).right() - label.left() - 4.0,
+        true if has_layers(timeline, index) || row.layer > Some(0) => FOLD - 4.0,
+        true => 0.0,
+    };
     let buttons = match (&row.what, row.layer) {
         (Some(Selected::Actor(_)), Some(1..)) => 1.0,
         (Some(Selected::Actor(_)), _) => 3.0,
@@ -65,9 +78,18 @@ pub(crate) fn name_place(timeline: &Timeline, index: usize, label: Rect) -> Rect
 
 pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<Toggle> {
     let row = &viewer.timeline.rows[index];
-    let Some(Selected::Actor(name)) = &row.what else { return None };
-    let toggles = &viewer.toggles;
     let mut toggled = None;
+    if !row.parts.is_empty() {
+        let place = expand_place(&viewer.timeline, index, label);
+        let open = viewer.is_expanded(row);
+        let icon = if open { icons::CARET_DOWN } else { icons::CARET_RIGHT };
+        let about = format!("keyed properties of {}", row.label);
+        if button(ui, place, icon, open, &about, "show or hide a row for each keyed property") {
+            toggled = Some(Toggle::Expand(row.key()));
+        }
+    }
+    let Some(Selected::Actor(name)) = &row.what else { return toggled };
+    let toggles = &viewer.toggles;
     if has_layers(&viewer.timeline, index) {
         let place = Rect::from_min_size(label.min, vec2(FOLD, label.height()));
         let closed = toggles.collapsed.contains(name);
@@ -115,6 +137,12 @@ pub(crate) fn toggle(viewer: &mut Viewer, toggle: Toggle) {
         Toggle::Mute(name, layer) => {
             if !toggles.muted.remove(&(name.clone(), layer)) {
                 toggles.muted.insert((name, layer));
+            }
+            return;
+        }
+        Toggle::Expand(key) => {
+            if !toggles.expanded.remove(&key) {
+                toggles.expanded.insert(key);
             }
             return;
         }

@@ -11,7 +11,7 @@ use crate::editing::file_name;
 use crate::state::events::{Event, EventKind};
 use crate::state::keyed::KeyRef;
 use crate::state::selection::{Selected, actor};
-use crate::state::timeline::Row;
+use crate::state::timeline::{Row, RowNumber};
 use choreo_motion::Time;
 use choreo_script::{Place, Severity};
 use egui::{Color32, Rect, Sense, Shape, Stroke, Ui, pos2, vec2};
@@ -43,7 +43,7 @@ fn dragged_id() -> egui::Id {
 }
 
 /// Draws the marks of a row; gives what the user does.
-pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, index: usize, lane: Rect) -> Option<MarkAct> {
+pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect) -> Option<MarkAct> {
     // Above the names of bars, where there are any.
     let y = key_height(row, lane);
     let painter = ui.painter_at(lane);
@@ -52,6 +52,7 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, index: usize, lane: Rect) -> 
     let mut acted = None;
     let mut count = 0;
     let carried: Option<f64> = ui.data(|d| d.get_temp(dragged_id()));
+    let of = viewer.timeline.row_name(number);
     for event in &row.events {
         let x = lane.left() + viewer.span.x_of(event.at.as_secs(), lane.width());
         if !(lane.left() - HALF..=lane.right() + HALF).contains(&x) || x - last < 2.0 || count >= MOST {
@@ -62,8 +63,8 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, index: usize, lane: Rect) -> 
         let place = Rect::from_center_size(pos2(x, y), vec2(2.0 * HALF + 2.0, 2.0 * HALF + 2.0));
         // A drag, too: else it would reach what lies below.
         let sense = Sense::click_and_drag();
-        let response = ui.interact(place.intersect(lane), ui.id().with(("event", index, count)), sense);
-        let label = format!("event {} on {}", event.label.replace('\n', ", "), row.label);
+        let response = ui.interact(place.intersect(lane), ui.id().with(("event", number, count)), sense);
+        let label = format!("event {} on {of}", event.label.replace('\n', ", "));
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, label.clone()));
         let keys = event.key_refs();
         let selected = keys.iter().any(|key| viewer.is_key_selected(key));
@@ -79,9 +80,10 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, index: usize, lane: Rect) -> 
         let to = pointer.map(|at| dragged_to(viewer, event, lane, at.x));
         let by = to.map(|secs| secs - event.at.as_secs());
         if let Some(by) = by {
-            ui.data_mut(|d| match response.drag_stopped() {
-                true => d.remove::<f64>(dragged_id()),
-                false => drop(d.insert_temp(dragged_id(), by)),
+            let carries = keys.iter().all(|key| viewer.is_key_selected(key));
+            ui.data_mut(|d| match carries && !response.drag_stopped() {
+                true => drop(d.insert_temp(dragged_id(), by)),
+                false => d.remove::<f64>(dragged_id()),
             });
         }
         let by = by.or(carried.filter(|_| selected));

@@ -33,6 +33,7 @@ mod palette;
 mod performance;
 mod pictures;
 mod presets;
+mod property_row;
 mod refusal;
 mod rename;
 mod render;

@@ -4,14 +4,16 @@ use super::hint::Hint;
 use super::inspector::ClipDrag;
 use super::marks::MarkAct;
 use super::toolbar::Toolbar;
-use super::{bar_menu, bars, headers, held, icons, key_menu, markers, marks, row_order, values};
+use super::{
+    bar_menu, bars, headers, held, icons, key_menu, markers, marks, property_row, row_order, values,
+};
 use crate::app::Viewer;
 use crate::editing::{ClipOf, EditError};
 use crate::state::keyed::KeyRef;
 use crate::state::selection::Selected;
 use crate::state::span::Span;
 use crate::state::tempo::Tempo;
-use crate::state::timeline::kind;
+use crate::state::timeline::{RowNumber, kind};
 use choreo_motion::Time;
 use choreo_script::Severity;
 use egui::{Color32, FontId, Rect, Sense, Stroke, StrokeKind, Ui, pos2, vec2};
@@ -65,14 +67,17 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
     let spacing = std::mem::replace(&mut ui.spacing_mut().item_spacing.y, 0.0);
     if let Some((camera, _)) = rows.split_first() {
         // The camera row stays where it is while the others scroll.
-        row(ui, viewer, *camera, ruler);
+        row(ui, viewer, camera.row, ruler);
     }
     let others = rows.get(1..).unwrap_or_default();
     let below = Rect::from_min_max(pos2(ruler.left(), ruler.bottom() + ROW), area.max);
     select_box(ui, viewer, below, others);
     egui::ScrollArea::vertical().auto_shrink([false, false]).show_rows(ui, ROW, others.len(), |ui, shown| {
         for index in shown {
-            row(ui, viewer, others[index], ruler);
+            match others[index] {
+                RowNumber { row: index, part: None } => row(ui, viewer, index, ruler),
+                part => property_row::show(ui, viewer, part, ruler),
+            }
         }
     });
     ui.spacing_mut().item_spacing.y = spacing;
@@ -213,18 +218,25 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span
     }
 }
 
-fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
+/// The place of the next row: its label's and its lane's.
+pub(super) fn next_row(ui: &mut Ui, number: RowNumber, ruler: Rect) -> (Rect, Rect) {
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), ROW), Sense::hover());
     let pass = ui.ctx().cumulative_pass_nr();
-    ui.data_mut(|d| d.insert_temp(row_id(index), (pass, rect)));
+    ui.data_mut(|d| d.insert_temp(row_id(number), (pass, rect)));
+    if number.row % 2 == 1 {
+        ui.painter().rect_filled(rect, 0.0, ui.visuals().faint_bg_color);
+    }
     let label = Rect::from_min_max(rect.min, pos2(ruler.left(), rect.bottom()));
     let lane = Rect::from_min_max(pos2(ruler.left(), rect.top()), pos2(ruler.right(), rect.bottom()));
+    (label, lane)
+}
+
+fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
+    let number = RowNumber::whole(index);
+    let (label, lane) = next_row(ui, number, ruler);
     let visuals = ui.visuals().clone();
     let row = &viewer.timeline.rows[index];
     let selected_actor = row.what.is_some() && row.what == viewer.selection;
-    if index % 2 == 1 {
-        ui.painter().rect_filled(rect, 0.0, visuals.faint_bg_color);
-    }
     let mut moment = None;
     if index > 0 && !row.bars.is_empty() {
         moment = marks::feet(ui, viewer, row, lane);
@@ -253,13 +265,13 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     let locked =
         row.what.as_ref().and_then(Selected::actor).is_some_and(|a| viewer.toggles.locked.contains(a));
     let act = bars::show(ui, viewer, &row.bars, &row.label, &lane_of, locked);
-    let marked = marks::events(ui, viewer, row, index, lane);
+    let marked = marks::events(ui, viewer, row, number, lane);
     if let Some(MarkAct::Click(event, _)) = &marked {
         moment = Some(event.at);
         let is_other = |what: &Selected| viewer.selection.as_ref() != Some(what);
         clicked = event.what.clone().filter(|what| event.keys.is_empty() && is_other(what));
     }
-    let dropped = dropped(ui, viewer, index, lane);
+    take_dropped(ui, viewer, number, lane);
     if let Some(toggle) = toggled {
         headers::toggle(viewer, toggle);
     }
@@ -282,17 +294,13 @@ fn row(ui: &mut Ui, viewer: &mut Viewer, index: usize, ruler: Rect) {
     if let Some(marked) = marked {
         run_mark(ui, viewer, marked);
     }
-    if let Some((clip, on, secs)) = dropped {
-        let layer = viewer.timeline.rows.get(index).and_then(|row| row.layer).unwrap_or(0);
-        viewer.edit(|v| v.add_clip_to_layer(&on, &clip.of, &clip.clip, Some(secs), layer));
-    }
     if let Some(what) = clicked {
         viewer.select_all(vec![what]);
     }
 }
 
 /// Does it to the script, or to the selection.
-fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
+pub(super) fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
     match act {
         MarkAct::Click(event, add) => match (event.key_refs(), add) {
             (keys, _) if keys.is_empty() => {}
@@ -310,7 +318,8 @@ fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
             if let Some(why) = locked.map(headers::is_locked) {
                 return viewer.edit(|_| Err(EditError::refused(why)));
             }
-            let is_selected = keys.iter().any(|key| viewer.is_key_selected(key));
+            // Where only some of its keys are selected, it moves all of its own.
+            let is_selected = keys.iter().all(|key| viewer.is_key_selected(key));
             match is_selected {
                 true => viewer.edit(|v| v.move_selected(by)),
                 false => viewer.edit(|v| v.drag_keys(&keys, by, None)),
@@ -321,7 +330,7 @@ fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
 }
 
 /// A drag over free places of the rows selects the bars and keys that it touches; with Shift, beside those that are selected.
-fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[usize]) {
+fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[RowNumber]) {
     let response = ui.interact(lanes, ui.id().with("box"), Sense::click_and_drag());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Other, true, "rows"));
     if response.clicked() {
@@ -346,14 +355,14 @@ fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[usize]) {
     }
     let secs = |x: f32| viewer.span.secs_at(x - lanes.left(), lanes.width());
     let (first, last) = (secs(area.left()), secs(area.right()));
-    let drawn: Vec<(usize, Rect)> =
-        row_places(ui, viewer).into_iter().filter(|(index, _)| rows.contains(index)).collect();
+    let drawn: Vec<(RowNumber, Rect)> =
+        rows.iter().filter_map(|number| Some((*number, drawn_at(ui, *number)?))).collect();
     let touched = drawn.iter().filter(|(_, rect)| rect.intersects(area));
-    let bars = touched.flat_map(|(index, _)| viewer.timeline.rows.get(*index)).flat_map(|row| &row.bars);
+    let bars = touched.flat_map(|(number, _)| viewer.timeline.row(*number)).flat_map(|row| &row.bars);
     let inside = bars.filter(|bar| bar.end.as_secs() > first && bar.start.as_secs() < last);
     let mut all: Vec<Selected> = inside.map(|bar| bar.what.clone()).collect();
     let lane = |rect: Rect| Rect::from_x_y_ranges(lanes.x_range(), rect.y_range());
-    let keys = drawn.iter().filter_map(|(index, rect)| Some((viewer.timeline.rows.get(*index)?, *rect)));
+    let keys = drawn.iter().filter_map(|(number, rect)| Some((viewer.timeline.row(*number)?, *rect)));
     let mut keys: Vec<KeyRef> =
         keys.flat_map(|(row, rect)| marks::keys_within(viewer, row, lane(rect), area)).collect();
     if held::modifiers(ui).shift {
@@ -364,17 +373,19 @@ fn select_box(ui: &Ui, viewer: &mut Viewer, lanes: Rect, rows: &[usize]) {
     viewer.select_bars_and_keys(all, keys);
 }
 
-fn row_id(index: usize) -> egui::Id {
-    egui::Id::new("sequencer row").with(index)
+fn row_id(number: RowNumber) -> egui::Id {
+    egui::Id::new("sequencer row").with(number)
+}
+
+/// The place of a row that is drawn in this frame or was in the last one.
+fn drawn_at(ui: &Ui, number: RowNumber) -> Option<Rect> {
+    let (drawn, rect): (u64, Rect) = ui.data(|d| d.get_temp(row_id(number)))?;
+    (drawn + 1 >= ui.ctx().cumulative_pass_nr()).then_some(rect)
 }
 
 /// The rows that are seen, by number, with their places: those that are drawn in this frame or were in the last one.
 pub(super) fn row_places(ui: &Ui, viewer: &Viewer) -> Vec<(usize, Rect)> {
-    let pass = ui.ctx().cumulative_pass_nr();
-    let place = |index: usize| {
-        let (drawn, rect): (u64, Rect) = ui.data(|d| d.get_temp(row_id(index)))?;
-        (drawn + 1 >= pass).then_some((index, rect))
-    };
+    let place = |index: usize| Some((index, drawn_at(ui, RowNumber::whole(index))?));
     (0..viewer.timeline.rows.len()).filter_map(place).collect()
 }
 
@@ -388,7 +399,7 @@ pub(super) fn place_of(ui: &Ui, viewer: &Viewer, what: &Selected) -> Option<Rect
 }
 
 /// The name of a row; which layer it is stays to be seen however long the actor's name is.
-fn name(ui: &Ui, name: &str, place: Rect, color: Color32) {
+pub(super) fn name(ui: &Ui, name: &str, place: Rect, color: Color32) {
     let painter = ui.painter_at(place);
     let (name, layer) = match name.rsplit_once(" +") {
         Some((name, layer)) if layer.bytes().all(|b| b.is_ascii_digit()) => (name, format!(" +{layer}")),
@@ -403,9 +414,17 @@ fn name(ui: &Ui, name: &str, place: Rect, color: Color32) {
     painter.galley(at(left + width, height), layer, color);
 }
 
+/// Adds a clip that was let go over a lane to the actor of its row.
+pub(super) fn take_dropped(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) {
+    let Some((clip, on, secs)) = dropped(ui, viewer, number, lane) else { return };
+    let layer = viewer.timeline.rows.get(number.row).and_then(|row| row.layer).unwrap_or(0);
+    viewer.edit(|v| v.add_clip_to_layer(&on, &clip.of, &clip.clip, Some(secs), layer));
+}
+
 /// A clip that was let go over a lane: the clip, the actor of the row, and when.
-fn dropped(ui: &Ui, viewer: &mut Viewer, index: usize, lane: Rect) -> Option<(ClipDrag, String, f64)> {
-    let response = ui.interact(lane, ui.id().with(("lane", index)), Sense::hover());
+fn dropped(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) -> Option<(ClipDrag, String, f64)> {
+    let response = ui.interact(lane, ui.id().with(("lane", number)), Sense::hover());
+    let index = number.row;
     let hovering = response.dnd_hover_payload::<ClipDrag>();
     let pointer = ui.ctx().pointer_interact_pos().filter(|p| lane.contains(*p))?;
     let secs = bars::Lane { rect: lane, row: index }.snapped(viewer, pointer.x, None);

@@ -42,6 +42,8 @@ pub struct Event {
 pub struct KeyOf {
     pub what: Selected,
     pub property: String,
+    /// Its name as it is read, after the name of what has it where a row has several.
+    pub label: String,
 }
 
 /// The events of one row, gathered: those of one time are one.
@@ -74,8 +76,9 @@ impl Gathered {
                 Property::Parameter | Property::Morph { .. } | Property::Expression { .. } => keyed.title(),
                 property => name(property).to_string(),
             };
-            let key = KeyOf { what: keyed.what.clone(), property: keyed.name.clone() };
-            keyed.keys.iter().for_each(|at| self.add_key(*at, &format!("{of}{label}"), Some(&key)));
+            let label = format!("{of}{label}");
+            let key = KeyOf { what: keyed.what.clone(), property: keyed.name.clone(), label: label.clone() };
+            keyed.keys.iter().for_each(|at| self.add_key(*at, &label, Some(&key)));
         }
     }
 
@@ -114,7 +117,8 @@ impl Gathered {
             for (at, value) in channel.times.iter().zip(&channel.values) {
                 let now = *value > 0.5;
                 if now != seen {
-                    let key = KeyOf { what: what.clone(), property: "visible".into() };
+                    let property = name(Property::Visible);
+                    let key = KeyOf { what: what.clone(), property: property.into(), label: property.into() };
                     let label = if now { "appears" } else { "goes" };
                     self.all.push((*at, EventKind::Entrance, label.to_string(), Some(key)));
                 }
@@ -178,6 +182,30 @@ impl Gathered {
         }
         events
     }
+}
+
+/// The keys among events by their properties, each with its label and its events, where there are several properties.
+pub(crate) fn by_property(events: &[Event]) -> Vec<(&KeyOf, Vec<Event>)> {
+    let is_same = |a: &KeyOf, b: &KeyOf| a.property == b.property && a.what == b.what;
+    let keys = || events.iter().flat_map(|event| event.keys.iter().map(move |key| (event, key)));
+    let first = keys().next();
+    if first.is_none_or(|(_, first)| keys().all(|(_, key)| is_same(first, key))) {
+        return Vec::new();
+    }
+    let mut all: Vec<(&KeyOf, Vec<Event>)> = Vec::new();
+    for (event, key) in keys() {
+        let is_visible = key.property == name(Property::Visible);
+        let kind = if is_visible { EventKind::Entrance } else { EventKind::Key };
+        let (at, what, place) = (event.at, event.what.clone(), event.place.clone());
+        let one = Event { at, kind, label: key.label.clone(), what, place, keys: vec![key.clone()] };
+        match all.iter_mut().find(|(of, _)| is_same(of, key)) {
+            Some((_, events)) => events.push(one),
+            None => all.push((key, vec![one])),
+        }
+    }
+    // In an order that stays while keys are dragged.
+    all.sort_by(|(a, _), (b, _)| a.label.cmp(&b.label));
+    all
 }
 
 /// Events of cameras, lights and effects: rows of things that have keys.

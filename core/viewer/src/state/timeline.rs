@@ -1,6 +1,6 @@
 //! The stage as rows of a sequencer: cues over time, active cameras.
 
-use crate::state::events::{self, Event, Gathered};
+use crate::state::events::{self, Event, Gathered, KeyOf};
 use crate::state::selection::Selected;
 use choreo_asset::LightKind;
 use choreo_motion::{FrameRate, Repeat, Time};
@@ -85,6 +85,47 @@ pub struct Row {
     /// Events sorted by time.
     pub events: Vec<Event>,
     pub place: Place,
+    /// A row for each keyed property, where this one has keys of several.
+    pub parts: Vec<Row>,
+}
+
+impl Row {
+    /// The name under which the window keeps whether its parts are shown: an actor's with the layer, else the row's own.
+    pub(crate) fn key(&self) -> (String, Option<usize>) {
+        match &self.what {
+            Some(Selected::Actor(name)) => (name.clone(), Some(self.layer.unwrap_or(0))),
+            _ => (self.label.clone(), None),
+        }
+    }
+
+    /// The row with a part for each of its keyed properties.
+    fn with_parts(self) -> Row {
+        let part = |(key, events): (&KeyOf, Vec<Event>)| Row {
+            label: key.label.clone(),
+            what: Some(key.what.clone()),
+            layer: self.layer,
+            bars: Vec::new(),
+            events,
+            place: self.place.clone(),
+            parts: Vec::new(),
+        };
+        let parts = events::by_property(&self.events).into_iter().map(part).collect();
+        Row { parts, ..self }
+    }
+}
+
+/// The number of a row, or of a part of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct RowNumber {
+    pub row: usize,
+    pub part: Option<usize>,
+}
+
+impl RowNumber {
+    /// The number of a whole row.
+    pub fn whole(row: usize) -> RowNumber {
+        RowNumber { row, part: None }
+    }
 }
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -107,6 +148,7 @@ impl Timeline {
             bars,
             events,
             place: Place::default(),
+            parts: Vec::new(),
         };
         let mut rows = vec![plain("camera", cameras(scene), events::of_cameras(scene))];
         for index in 0..stage.actors.len() {
@@ -123,20 +165,35 @@ impl Timeline {
             let label = light_name(scene, index, &place);
             lights.push(label.clone());
             let events = events::of_light(scene, index, &place);
-            rows.push(Row { label, what: Some(what), layer: None, bars: Vec::new(), events, place });
+            let (bars, parts) = (Vec::new(), Vec::new());
+            rows.push(Row { label, what: Some(what), layer: None, bars, events, place, parts });
         }
         let place = places.sky.clone().unwrap_or_default();
         let sky = events::of_sky(scene, &place);
         let what = Some(Selected::Sky);
-        let (label, bars) = ("sky".to_string(), Vec::new());
+        let (label, bars, parts) = ("sky".to_string(), Vec::new(), Vec::new());
         if !sky.is_empty() {
-            rows.push(Row { label, what, layer: None, bars, events: sky, place });
+            rows.push(Row { label, what, layer: None, bars, events: sky, place, parts });
         }
         if !stage.layers_2d.is_empty() {
             let bars = (0..stage.layers_2d.len()).map(|index| title(scene, index)).collect();
             rows.extend(lanes("titles", bars, |numbers| events::of_titles(scene, numbers)));
         }
+        let rows = rows.into_iter().map(Row::with_parts).collect();
         Timeline { rows, lights, markers: stage.markers.clone(), length }
+    }
+
+    /// A row or a part of one.
+    pub fn row(&self, number: RowNumber) -> Option<&Row> {
+        let row = self.rows.get(number.row)?;
+        number.part.map_or(Some(row), |part| row.parts.get(part))
+    }
+
+    /// The name of a row; that of a part follows its row's.
+    pub fn row_name(&self, number: RowNumber) -> String {
+        let label = |number| self.row(number).map_or("", |row| &row.label);
+        let whole = label(RowNumber::whole(number.row));
+        if number.part.is_none() { whole.to_string() } else { format!("{whole}: {}", label(number)) }
     }
 
     /// The time of the next thing that begins, ends or happens after the frame at `now`, or of the last one before it.
@@ -169,7 +226,8 @@ fn actor_rows(scene: &Scene, index: usize) -> Vec<Row> {
     gathered.actor(actor, scene);
     if actor.layers.is_empty() {
         let events = gathered.events(length, what.as_ref(), &place);
-        return vec![Row { label: actor.name.clone(), what, layer: None, bars: Vec::new(), events, place }];
+        let (label, bars, parts) = (actor.name.clone(), Vec::new(), Vec::new());
+        return vec![Row { label, what, layer: None, bars, events, place, parts }];
     }
     let mut rows = Vec::new();
     for (number, layer) in actor.layers.iter().enumerate() {
@@ -189,7 +247,8 @@ fn actor_rows(scene: &Scene, index: usize) -> Vec<Row> {
             gathered.cue((cue, &bar.what), scene, bar.end, &places.clip_markers);
         }
         let events = std::mem::take(&mut gathered).events(length, what.as_ref(), &place);
-        rows.push(Row { label, what: what.clone(), layer: Some(number), bars, events, place: place.clone() });
+        let (what, place, parts) = (what.clone(), place.clone(), Vec::new());
+        rows.push(Row { label, what, layer: Some(number), bars, events, place, parts });
     }
     rows
 }
@@ -234,6 +293,7 @@ fn lanes(label: &str, bars: Vec<Bar>, events: impl Fn(&[usize]) -> Vec<Event>) -
         bars,
         events: events(&numbers),
         place: Place::default(),
+        parts: Vec::new(),
     };
     rows.into_iter().enumerate().map(row).collect()
 }

@@ -7,5 +7,6 @@ mod bars;
 mod editing;
 mod events;
 mod keys;
+mod property_rows;
 mod rows;
 mod strips;

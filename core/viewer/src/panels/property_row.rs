@@ -1,0 +1,38 @@
+//! The row of one keyed property, below the row that has the keys of all: its diamonds are selected, moved and deleted by themselves.
+
+use super::hint::Hint;
+use super::marks::{self, MarkAct};
+use super::sequencer::{name, next_row, run_mark, take_dropped};
+use crate::app::Viewer;
+use crate::state::events::Event;
+use crate::state::timeline::RowNumber;
+use egui::{Rect, Sense, Ui, vec2};
+
+/// Points by which its name stands farther right than those of whole rows.
+const INDENT: f32 = 24.0;
+
+/// Draws the row, and does what the user does there. A click on its name selects all of its keys.
+pub fn show(ui: &mut Ui, viewer: &mut Viewer, number: RowNumber, ruler: Rect) {
+    let (label, lane) = next_row(ui, number, ruler);
+    let Some(row) = viewer.timeline.row(number) else { return };
+    let of = viewer.timeline.row_name(number);
+    let response = ui.interact(label, ui.id().with(("row", number)), Sense::click());
+    response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, format!("row {of}")));
+    let place = Rect::from_min_max(label.min + vec2(INDENT, 0.0), label.max);
+    name(ui, &row.label, place, ui.visuals().weak_text_color());
+    let keys = response
+        .hint(format!("{of}\na click selects its keys"))
+        .clicked()
+        .then(|| row.events.iter().flat_map(Event::key_refs).collect());
+    let marked = marks::events(ui, viewer, row, number, lane);
+    take_dropped(ui, viewer, number, lane);
+    if let Some(MarkAct::Click(event, _)) = &marked {
+        viewer.playhead.seek(event.at);
+    }
+    if let Some(keys) = keys {
+        viewer.select_keys(keys);
+    }
+    if let Some(marked) = marked {
+        run_mark(ui, viewer, marked);
+    }
+}
