@@ -624,7 +624,8 @@ impl Viewer {
         moved.or(there).map(|bar| bar.what.clone())
     }
 
-    /// Finds the selected keys in a new version, by what they animate and their times; those that are gone are selected no longer.
+    /// Finds the selected keys in a new version, by what they animate and their times; those that are gone are selected no longer. After an
+    /// undo, those come in their place that were selected before the change.
     fn find_keys_again(&mut self) {
         let near = Time(self.playhead.fps().time_of(1).0 / 4);
         let events = || self.timeline.rows.iter().flat_map(|row| &row.events);
@@ -636,9 +637,17 @@ impl Viewer {
             let event = events().filter(is_it).min_by_key(|event| (event.at - key.at).0.abs())?;
             Some(KeyRef { at: event.at, ..key.clone() })
         };
-        let mut found: Vec<KeyRef> = self.keys.1.iter().filter_map(found).collect();
-        found.sort();
-        self.keys.1 = found;
+        let all = |keys: &[KeyRef]| keys.iter().filter_map(found).collect::<Vec<KeyRef>>();
+        let known = self.scene.as_ref().and_then(|scene| scene.places.sources.get(&scene.places.main));
+        let restored =
+            self.history.restored.take_if(|(text, _)| known.is_some_and(|known| **known == **text));
+        let (mut now, before) = (all(&self.keys.1), restored.map_or(Vec::new(), |(_, keys)| all(&keys)));
+        if !before.is_empty() && (now.is_empty() || now.len() < self.keys.1.len()) {
+            self.keys.0.clone_from(&self.selection);
+            now = before;
+        }
+        now.sort();
+        self.keys.1 = now;
     }
 
     /// Whether the keyed properties of a row have rows of their own.

@@ -33,6 +33,7 @@ pub use keys::ValueDrag;
 
 use crate::app::Viewer;
 use crate::state::history::{Done, Offer};
+use crate::state::keyed::KeyRef;
 use crate::state::selection::Selected;
 use choreo_files::{WriteError, write_whole};
 use choreo_script::Place;
@@ -269,7 +270,8 @@ impl Viewer {
             return Ok(());
         }
         write(path, &after)?;
-        self.history.done.push(Done { back: edit.inverse(text), text: after });
+        let keys = self.keys_beside_selection();
+        self.history.done.push(Done { back: edit.inverse(text), text: after, keys });
         self.history.undone.clear();
         Ok(())
     }
@@ -298,7 +300,8 @@ impl Viewer {
     pub fn undo(&mut self) -> Result<(), EditError> {
         let last = self.history.done.last().ok_or(EditError::NothingToUndo)?;
         let again = self.take_back(&last.back, &last.text)?;
-        self.history.done.pop();
+        let undone = self.history.done.pop();
+        self.restore_keys(undone, &again);
         self.history.undone.push(again);
         Ok(())
     }
@@ -310,7 +313,8 @@ impl Viewer {
     pub fn redo(&mut self) -> Result<(), EditError> {
         let last = self.history.undone.last().ok_or(EditError::NothingToRedo)?;
         let again = self.take_back(&last.back, &last.text)?;
-        self.history.undone.pop();
+        let redone = self.history.undone.pop();
+        self.restore_keys(redone, &again);
         self.history.done.push(again);
         Ok(())
     }
@@ -323,7 +327,17 @@ impl Viewer {
             back.ok_or(EditError::Overtaken("the line has been changed since; take it back in the editor"))?;
         let after = back.apply(&now);
         write(&path, &after)?;
-        Ok(Done { back: back.inverse(&now), text: after })
+        Ok(Done { back: back.inverse(&now), text: after, keys: self.keys_beside_selection() })
+    }
+
+    fn keys_beside_selection(&self) -> (Option<Selected>, Vec<KeyRef>) {
+        (self.selection.clone(), self.selected_keys().to_vec())
+    }
+
+    /// The keys that were selected before a change are selected again once the text without it is shown, unless something else is selected.
+    fn restore_keys(&mut self, taken_back: Option<Done>, again: &Done) {
+        let keys = taken_back.map(|done| done.keys).filter(|(beside, _)| *beside == self.selection);
+        self.history.restored = keys.map(|(_, keys)| (again.text.clone(), keys));
     }
 }
 

@@ -1,5 +1,6 @@
 //! Edits of the script that can be undone and redone, and what is pending of them.
 
+use crate::state::keyed::KeyRef;
 use crate::state::selection::Selected;
 use choreo_motion::Time;
 use choreo_session::edit::Edit;
@@ -11,6 +12,8 @@ use std::path::PathBuf;
 pub struct History {
     pub(crate) done: Vec<Done>,
     pub(crate) undone: Vec<Done>,
+    /// The text that an undo has brought back, until it is shown, and the keys that were selected in it.
+    pub(crate) restored: Option<(String, Vec<KeyRef>)>,
     /// The placement that the next version must show, if the change had its effect.
     pub(crate) wanted: Option<ExpectedPlacement>,
 }
@@ -20,6 +23,8 @@ pub(crate) struct Done {
     pub(crate) back: Edit,
     /// The text that it takes back from.
     pub(crate) text: String,
+    /// The selection before the change, and the keys that were selected beside it.
+    pub(crate) keys: (Option<Selected>, Vec<KeyRef>),
 }
 
 /// A change that is made if the user agrees.

@@ -456,6 +456,39 @@ fn a_box_of_points_is_deleted_and_home_fits_them() {
     undone(&mut desk);
 }
 
+/// An undo or redo of a change of keys leaves them selected where they are then.
+#[test]
+fn keys_stay_selected_when_a_change_of_them_is_undone() {
+    let mut place = Place::new(SCRIPT);
+    let keys = [key(ball(), "position", 1.0), key(ball(), "rotation", 2.0)];
+    let moved = [key(ball(), "position", 1.4), key(ball(), "rotation", 2.4)];
+    place.viewer.select_keys(keys.to_vec());
+    place.viewer.edit(|v| v.drag_keys(&keys, 0.4, None));
+    place.reload();
+    for _ in 0..2 {
+        assert_eq!(place.viewer.selected_keys(), moved);
+        place.viewer.undo().unwrap();
+        place.reload();
+        assert_eq!(place.viewer.selected_keys(), keys);
+        place.viewer.redo().unwrap();
+        place.reload();
+    }
+    place.viewer.edit(|v| v.delete_keys(&moved));
+    place.reload();
+    assert!(place.viewer.selected_keys().is_empty());
+    place.viewer.undo().unwrap();
+    place.reload();
+    assert_eq!(place.viewer.selected_keys(), moved);
+    // What was selected since stays so.
+    place.viewer.edit(|v| v.delete_keys(&moved));
+    place.reload();
+    place.viewer.selection = Some(Selected::Light(0));
+    place.viewer.undo().unwrap();
+    place.reload();
+    assert_eq!(place.viewer.selection, Some(Selected::Light(0)));
+    assert!(place.viewer.selected_keys().is_empty());
+}
+
 /// An actor is not taken off by who means a key of it.
 #[test]
 fn delete_over_the_curves_takes_keys_alone() {
