@@ -268,7 +268,8 @@ impl Viewer {
         Ok(())
     }
 
-    /// Sets keys at the playhead: of all properties of the selection that have keys, else of the one that is keyed most.
+    /// Sets keys at the playhead: of all properties of the selection that have keys and are not hidden in the open curve editor, else of the one
+    /// that is keyed most.
     pub(crate) fn set_keys_of_selection(&mut self) -> Result<(), EditError> {
         let what = self.keyed_selection().ok_or_else(|| {
             EditError::refused(
@@ -276,9 +277,15 @@ impl Viewer {
             )
         })?;
         let all = self.keyed_properties(&what);
-        let keyed: Vec<&str> = all.iter().filter(|p| p.has_keys()).map(|p| p.name.as_str()).collect();
-        if !keyed.is_empty() {
-            return self.set_keys(&what, &keyed);
+        let (hidden, shown): (Vec<&KeyedProperty>, Vec<&KeyedProperty>) =
+            all.iter().filter(|p| p.has_keys()).partition(|p| self.curves.hides(p));
+        if !shown.is_empty() {
+            let names: Vec<&str> = shown.iter().map(|p| p.name.as_str()).collect();
+            return self.set_keys(&what, &names);
+        }
+        if !hidden.is_empty() {
+            let why = "all of its curves are hidden in the curve editor; show those that are to get keys";
+            return Err(EditError::refused(why));
         }
         let usual = ["intensity", "position", "fov", "opacity", "strength", ".weight"];
         let usual = usual.into_iter().find(|name| all.iter().any(|p| p.name == *name));

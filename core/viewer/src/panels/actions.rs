@@ -103,7 +103,7 @@ pub(crate) const ACTIONS: &[Action] = &[
     outside("delete", "delete the selected clips and keys from the script", "Delete", delete),
     outside(
         "set_keys",
-        "set keys of the selection at the playhead: of what has keys, else of its position",
+        "set keys of the selection at the playhead: of what has keys and is not hidden in the open curve editor, else of its position",
         "K",
         |c| {
             c.viewer.edit(Viewer::set_keys_of_selection);

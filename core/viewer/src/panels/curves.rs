@@ -74,6 +74,7 @@ impl Plot {
 }
 
 pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
+    viewer.curves.seen = true;
     let Some((what, all)) = shown(viewer) else {
         ui.label(
             "select an actor, a camera, a light, an effect or a title: its keys are seen here as curves",
@@ -188,7 +189,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
         });
         let hint = "dragged times are whole frames (N)";
         bar.toggle(viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
-        let hint = "keys at the playhead, of what has keys (K)";
+        let hint = "keys at the playhead, of the curves that are shown (K)";
         bar.button("Set key", hint, |viewer| viewer.edit(Viewer::set_keys_of_selection));
         let frame = viewer.playhead.frame();
         let time = format!("{:.3} s   frame {frame}", viewer.playhead.time().as_secs());

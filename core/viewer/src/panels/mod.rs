@@ -243,7 +243,7 @@ impl Panels {
         }
         self.overlays = viewer.views[0].overlays;
         viewer.scrubs = false;
-        viewer.curves.hovered = false;
+        (viewer.curves.hovered, viewer.curves.seen) = (false, false);
         // Between the rounded corners of the panels.
         ui.painter().rect_filled(ui.available_rect_before_wrap(), 0.0, ui.visuals().panel_fill);
         let style = Style::from_egui(ui.style());

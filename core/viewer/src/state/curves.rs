@@ -27,6 +27,8 @@ pub struct Curves {
     shown: Option<Selected>,
     /// The pointer was over it in the last frame: some keys are for it.
     pub hovered: bool,
+    /// It was drawn in the last frame.
+    pub seen: bool,
     pub drag: Option<KeyDrag>,
     known: Option<Known>,
 }
@@ -54,6 +56,7 @@ impl Default for Curves {
             fit: false,
             shown: None,
             hovered: false,
+            seen: false,
             drag: None,
             known: None,
         }
@@ -100,6 +103,11 @@ impl Curves {
 
     pub(crate) fn is_shown(&self, property: &KeyedProperty, part: usize) -> bool {
         !self.hidden.contains(&(property.name.clone(), part))
+    }
+
+    /// Whether all curves of a property are hidden in the curve editor, and that is open.
+    pub(crate) fn hides(&self, property: &KeyedProperty) -> bool {
+        self.seen && !(0..property.width()).any(|part| self.is_shown(property, part))
     }
 
     /// Fits the values to the curves from the first to the last key, or in a span of time.

@@ -647,6 +647,24 @@ fn k_and_the_inspector_s_diamonds_set_keys() {
     assert_eq!(desk.state().text(), replaced(&[("[2.0, 0.9]", "[1.0, 0.25], [2.0, 0.9]")]));
 }
 
+#[test]
+fn k_leaves_out_curves_that_are_hidden_in_the_open_curve_editor() {
+    let mut desk = curves();
+    desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
+    desk.run();
+    press(&mut desk, Modifiers::NONE, Key::K);
+    let inserted = "[0.48, [0.48, 0.0, 0.0]], [1.0, [1, 0, 0]]";
+    assert_eq!(desk.state().text(), replaced(&[("[1.0, [1, 0, 0]]", inserted)]));
+    undone(&mut desk);
+    let hidden = &mut desk.state_mut().viewer.curves.hidden;
+    hidden.extend((0..3).map(|part| ("position".to_string(), part)));
+    desk.run();
+    press(&mut desk, Modifiers::NONE, Key::K);
+    let message = desk.state().viewer.message.clone().unwrap_or_default();
+    assert!(message.starts_with("all of its curves are hidden"), "{message}");
+    assert_eq!(desk.state().text(), SCRIPT);
+}
+
 /// The script with keys of every kind, interpolated in every way, some with tangents and easings.
 fn shaped(how: &str) -> String {
     format!(
