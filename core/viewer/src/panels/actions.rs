@@ -105,9 +105,7 @@ pub(crate) const ACTIONS: &[Action] = &[
         "set_keys",
         "set keys of the selection at the playhead: of what has keys and is not hidden in the open curve editor, else of its position",
         "K",
-        |c| {
-            c.viewer.edit(Viewer::set_keys_of_selection);
-        },
+        |c| key_menu::set_keys(c.viewer),
     ),
     outside("split", "split the selected clips at the playhead", "Y", |c| bars(c, bar_menu::Command::Split)),
     outside("disable", "disable or enable the selected clips", "M", |c| bars(c, bar_menu::Command::Disable)),

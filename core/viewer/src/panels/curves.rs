@@ -1,6 +1,7 @@
 //! The curve editor: the keyed values of the selection over time, as the stage has them, with the keys as points to be dragged.
 
 use super::bars::beside;
+use super::headers;
 use super::held;
 use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
@@ -146,6 +147,9 @@ enum Act {
 }
 
 fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
+    if matches!(act, Act::Drop(_) | Act::Ease(..)) && headers::refuses_locked(viewer) {
+        return;
+    }
     match act {
         Act::Key(act) => key_menu::run(ui, viewer, act),
         Act::Click(key, true) => viewer.select_more_keys(&[key]),
@@ -190,7 +194,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
         let hint = "dragged times are whole frames (N)";
         bar.toggle(viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
         let hint = "keys at the playhead, of the curves that are shown (K)";
-        bar.button("Set key", hint, |viewer| viewer.edit(Viewer::set_keys_of_selection));
+        bar.button("Set key", hint, key_menu::set_keys);
         let frame = viewer.playhead.frame();
         let time = format!("{:.3} s   frame {frame}", viewer.playhead.time().as_secs());
         bar.text(&time, "", egui::TextStyle::Monospace);
@@ -401,7 +405,9 @@ fn background(ui: &Ui, viewer: &mut Viewer, plot: &Plot, what: &Selected, all: &
         if let Some(property) = curve_at(viewer, plot, all, at) {
             let time = Time::from_secs(viewer.snapped(plot.secs(at.x)));
             let name = property.name.clone();
-            viewer.edit(|v| v.set_keys_at(what, &[&name], time));
+            if !headers::refuses_locked(viewer) {
+                viewer.edit(|v| v.set_keys_at(what, &[&name], time));
+            }
         }
         return;
     }

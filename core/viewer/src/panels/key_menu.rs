@@ -1,6 +1,6 @@
 //! Commands for the selected keys: the menu of the right mouse button on a key, and their keys on the keyboard.
 
-use super::{tangents, values};
+use super::{headers, tangents, values};
 use crate::app::Viewer;
 use crate::editing::EditError;
 use crate::state::keyed::{KeyRef, KeyedProperty};
@@ -210,6 +210,10 @@ pub fn clipboard(ui: &Ui, viewer: &mut Viewer) {
 
 /// Does it to the script, or to the selection.
 pub fn run(ui: &Ui, viewer: &mut Viewer, act: KeyAct) {
+    let keeps = matches!(act, KeyAct::Select(_) | KeyAct::Run(KeyCommand::Copy | KeyCommand::GoToLine));
+    if !keeps && headers::refuses_locked(viewer) {
+        return;
+    }
     let keys = viewer.selected_keys().to_vec();
     match act {
         KeyAct::Select(keys) => viewer.select_keys(keys),
@@ -253,8 +257,18 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, command: KeyCommand, keys: &[KeyRef
     }
 }
 
+/// Sets keys of the selection at the playhead.
+pub fn set_keys(viewer: &mut Viewer) {
+    if !headers::refuses_locked(viewer) {
+        viewer.edit(Viewer::set_keys_of_selection);
+    }
+}
+
 /// Adds copied keys to the selection, at the playhead.
 pub(crate) fn paste(viewer: &mut Viewer, text: &str) {
+    if headers::refuses_locked(viewer) {
+        return;
+    }
     let at = viewer.playhead.time().as_secs();
     let of_cue = are_keys_of_cue(text);
     let what = match viewer.selection.clone() {

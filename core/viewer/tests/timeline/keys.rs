@@ -665,6 +665,56 @@ fn k_leaves_out_curves_that_are_hidden_in_the_open_curve_editor() {
     assert_eq!(desk.state().text(), SCRIPT);
 }
 
+/// Curves and menus of keys of a locked row show, but change nothing.
+#[test]
+fn keys_of_a_locked_row_are_changed_neither_as_curves_nor_by_menus() {
+    type Act = fn(&mut Desk, Pos2);
+    let acts: [(&str, Act); 6] = [
+        ("drag", |desk, at| drag(desk, at, at + vec2(40.0, 30.0))),
+        ("menu", |desk, at| {
+            secondary_click(desk, at);
+            desk.get_by_label_contains("Delete").click();
+            desk.run();
+        }),
+        ("duplicate", |desk, _| {
+            desk.state_mut().viewer.select_keys(vec![key(ball(), "position", 2.0)]);
+            press(desk, Modifiers::COMMAND, Key::D);
+        }),
+        ("set", |desk, _| press(desk, Modifiers::NONE, Key::K)),
+        ("paste", |desk, _| {
+            desk.event(Event::Paste(".key(\"position\", [[1.0, [1, 0, 0]]])".into()));
+            desk.run();
+        }),
+        ("double click", |desk, at| {
+            let pos = pos2(x_of(desk, 3.2), at.y);
+            desk.hover_at(pos);
+            desk.run();
+            let click = |pressed| {
+                let (button, modifiers) = (PointerButton::Primary, Modifiers::NONE);
+                Event::PointerButton { pos, button, pressed, modifiers }
+            };
+            // Both clicks within one frame: a frame of the harness takes longer than a double click.
+            desk.input_mut().events.extend([true, false, true, false].map(click));
+            desk.run();
+        }),
+    ];
+    for (name, act) in acts {
+        for locked in [true, false] {
+            let mut desk = curves();
+            desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
+            if locked {
+                desk.state_mut().viewer.toggles.locked.insert("ball".into());
+            }
+            desk.run();
+            let at = desk.get_by_label("key position y at 50").rect().center();
+            act(&mut desk, at);
+            let message = desk.state().viewer.message.clone().unwrap_or_default();
+            assert_eq!(message.contains("the row of ball is locked"), locked, "{name}: {message}");
+            assert_eq!(desk.state().text() == SCRIPT, locked, "{name}: {message}");
+        }
+    }
+}
+
 /// The script with keys of every kind, interpolated in every way, some with tangents and easings.
 fn shaped(how: &str) -> String {
     format!(
