@@ -54,6 +54,7 @@ fn the_row_s_menu_renames_an_actor_everywhere_it_is_meant() {
     let mut desk = desk();
     desk.state_mut().viewer.toggles.locked.insert("ada".into());
     desk.state_mut().viewer.toggles.muted.insert(("ada".into(), 0));
+    desk.state_mut().viewer.toggles.expanded.insert(("ada".into(), Some(0)));
     let head = desk.get_by_label("row ada").rect().left_center() + vec2(20.0, 0.0);
     secondary_click(&mut desk, head);
     desk.get_by_label_contains("Rename").click();
@@ -67,6 +68,7 @@ fn the_row_s_menu_renames_an_actor_everywhere_it_is_meant() {
     assert!(viewer.problems.is_empty(), "{:?}", viewer.problems);
     assert_eq!(viewer.selection, Some(Selected::Actor("Eve 2".into())));
     assert!(viewer.toggles.locked.contains("Eve 2") && viewer.toggles.muted.contains(&("Eve 2".into(), 0)));
+    assert!(viewer.toggles.expanded.contains(&("Eve 2".into(), Some(0))));
     desk.get_by_label("row Eve 2");
     desk.state_mut().viewer.undo().unwrap();
     assert_eq!(desk.state().text(), SCRIPT);

@@ -7,7 +7,6 @@ mod bars;
 mod editing;
 mod events;
 mod keys;
-mod nudging;
 mod property_rows;
 mod rows;
 mod strips;
