@@ -321,12 +321,12 @@ fn run_command(ui: &Ui, viewer: &mut Viewer, index: usize, command: bar_menu::Co
 }
 
 /// The menu of a row where nothing lies in it, for the thing whose row it is.
-fn menu_of_free_place(ui: &Ui, viewer: &mut Viewer, response: &Response, rows: &[usize]) {
+fn menu_of_free_place(ui: &Ui, viewer: &mut Viewer, response: &Response, rows: &[RowNumber]) {
     let id = response.id.with("menu of row");
     if let Some(at) = response.interact_pointer_pos().filter(|_| response.secondary_clicked()) {
-        let places = row_places(ui, viewer).into_iter();
-        let row = places.filter(|(index, rect)| rows.contains(index) && rect.y_range().contains(at.y));
-        let row = row.map(|(index, _)| index).next();
+        let is_there =
+            |number: &&RowNumber| drawn_at(ui, **number).is_some_and(|rect| rect.y_range().contains(at.y));
+        let row = rows.iter().find(is_there).map(|number| number.row);
         ui.data_mut(|d| d.insert_temp(id, row));
         viewer.selection = row.and_then(|row| viewer.timeline.rows[row].what.clone());
     }

@@ -7,6 +7,7 @@ mod bars;
 mod editing;
 mod events;
 mod keys;
+mod nudging;
 mod property_rows;
 mod rows;
 mod strips;
