@@ -72,7 +72,15 @@ impl Viewer {
     ) -> Result<(), EditError> {
         let secs = secs.unwrap_or_else(|| self.after_last_clip(name));
         let (place, _) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::Gone)?;
-        self.check_begins(&place, clip, secs)?;
+        if Time::from_secs(secs) >= self.timeline.length {
+            let [begins, ends] =
+                [Time::from_secs(secs), self.timeline.length].map(|time| self.shown_time(time));
+            let why = format!(
+                "{clip} would follow the last clip at {begins}, and the scene ends at {ends}: move the playhead to where it \
+                 is to begin, or make the stage longer"
+            );
+            return Err(EditError::refused_at(&place, &why));
+        }
         let takes_over = self.takes_over(name, clip, secs, layer);
         let follow = match of {
             ClipOf::Actor(of) => self.add_clip_of_actor(name, of, clip, secs)?,

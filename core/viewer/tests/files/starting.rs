@@ -344,15 +344,13 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
     // It is as high a sixteenth before the end as after the start.
     assert!(different(1, 15) < different(1, 8) / 20, "{} {}", different(1, 15), different(1, 8));
     assert_ne!(preview.frames[0], wave.frames[0], "it is another character");
+    harness.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(2.0));
     harness.step();
     harness.get_by_label(&format!("play {} of the file", clip.name)).click();
     harness.step();
-    // Idle goes on without end: it comes after one round of it.
-    let round = scene.stage.actors[0].layers[0].cues[0].clip.duration.as_secs();
-    let line = format!(
-        "ada.play(load(\"moves/wave.bvh\").clip(\"{}\"), #{{ fade: 0.3 }}).from({round:.1});\n",
-        clip.name
-    );
+    // Idle goes on without end: it begins at the playhead.
+    let line =
+        format!("ada.play(load(\"moves/wave.bvh\").clip(\"{}\"), #{{ fade: 0.3 }}).from(2.0);\n", clip.name);
     let expected = SCRIPT.replace("camera(", &format!("{line}camera("));
     assert_eq!(harness.state().text(), expected);
     harness.state_mut().reload();

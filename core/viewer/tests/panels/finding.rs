@@ -120,7 +120,7 @@ fn keys_are_chosen_in_the_list() {
     assert_eq!(choose(&mut desk, Modifiers::NONE, Key::J), own("J"));
     desk.key_press(Key::Escape);
     desk.run();
-    assert!(desk.query_by_label_contains("key of ").is_none());
+    assert!(desk.query_by_label("key of panel Sequencer").is_none());
     let cue = Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 };
     desk.state_mut().viewer.selection = Some(cue);
     desk.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(1.0));

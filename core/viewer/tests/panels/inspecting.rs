@@ -764,6 +764,17 @@ let b = cast(\"b\", cube).at(2.0, 0.0, 0.0);
     let mut place = Place::new(SCENE);
     place.viewer.selection = Some(Selected::Actor("b".into()));
     let mut desk = place.harness(vec2(1500.0, 1000.0));
+    // Without the reload that takes the question away.
+    let type_into = |desk: &mut Desk, label: &str, text: &str| {
+        desk.get_all_by_label(label).last().unwrap().click();
+        desk.run();
+        desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        desk.run();
+        desk.event(egui::Event::Text(text.into()));
+        desk.run();
+        desk.key_press(Key::Enter);
+        desk.run();
+    };
     type_into(&mut desk, "roughness", "0.25");
     assert_eq!(desk.state().text(), SCENE);
     desk.get_by_label("2 actors are made of cube. b alone would get one of its own:");

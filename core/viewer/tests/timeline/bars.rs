@@ -82,7 +82,7 @@ fn keys_that_are_let_go_with_the_button_count() {
     let wave = desk.get_by_label("Wave on bob").rect().center();
     drag_briefly(&mut desk, Modifiers::ALT, wave, wave - vec2(by * 0.51, 0.0));
     let slipped =
-        SCRIPT.replace("clip(\"Wave\")).until(1.0)", "clip(\"Wave\"), #{ trim: [0.5, 3.0] }).until(1.0)");
+        SCRIPT.replace("clip(\"Wave\")).until(1.0)", "clip(\"Wave\"), #{ trim: [0.52, 3.0] }).until(1.0)");
     assert_eq!(desk.state().text(), slipped);
     // A click with Ctrl selects one more.
     back(&mut desk);
@@ -443,9 +443,9 @@ fn an_added_clip_begins_within_the_scene() {
     let script = SCRIPT.replace("clip(\"Wave\")).until(1.0);", "clip(\"Wave\")).until(8.5);");
     let mut place = Place::new(&script);
     let refused = place.viewer.add_clip("bob", "bob", "Bow", 0.0).unwrap_err().to_string();
-    assert!(
-        refused.contains("Bow would begin at 8.500 s, and the scene ends at 8.000 s: make the stage longer")
-    );
+    assert!(refused.contains(
+        "Bow would follow the last clip at 8.500 s, and the scene ends at 8.000 s: move the playhead"
+    ));
     assert_eq!(place.text(), script);
     let script = SCRIPT.replace("bob.play(moves.clip(\"Wave\")).until(1.0);\n", "");
     let mut place = Place::new(&script);

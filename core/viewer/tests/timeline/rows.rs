@@ -36,7 +36,7 @@ fn height(desk: &Desk, label: &str) -> f32 {
 
 const BOW: &str =
     "bob.play(moves.clip(\"Bow\")).from(3.0).until(4.0).on(\"RightShoulder..\").fade(0.2).speed(1.5);\n";
-const WAVE: &str = "bob.play(moves.clip(\"Wave\"), #{\n        fade: 0.4, // softly\n        repeat: \"once\",\n    }).from(4.0).until(6.0).ease(\"smooth\").trim(0.2, 1.8);\n";
+const WAVE: &str = "bob.play(moves.clip(\"Wave\"), #{\n    fade: 0.4, // softly\n    repeat: \"once\",\n}).from(4.0).until(6.0).ease(\"smooth\").trim(0.2, 1.8);\n";
 
 #[test]
 fn a_bar_that_is_dragged_onto_another_row_is_played_there() {
@@ -370,7 +370,7 @@ fn a_row_has_its_menu_where_it_is_free() {
     desk.get_by_label_contains("Paste at the playhead");
     desk.get_by_label_contains("Duplicate").click();
     desk.run();
-    assert!(desk.state().text().contains("let bob_2 = cast(\"bob_2\", moves)"), "{}", desk.state().text());
+    assert!(desk.state().text().contains("let bob_2 = cast(\"bob 2\", moves)"), "{}", desk.state().text());
     // The row of another thing has that of its own.
     desk.state_mut().reload();
     desk.run();
