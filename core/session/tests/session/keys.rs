@@ -239,8 +239,15 @@ fn a_property_without_keys_gets_its_first() {
     let point = KeyValue::Point(DVec3::new(1.0, 0.0, 2.0));
     assert_eq!(
         changed(text, |o| o.add_keys("position", time(31.0 / FPS), point)).unwrap(),
-        text.replace("// here", "// here\na.key(\"position\", [[1.24, [1.0, 0.0, 2.0]]]);")
+        "let a = cast(\"a\", m); // here\na.key(\"position\", [[1.24, [1.0, 0.0, 2.0]]]);\nlet b = 1;"
     );
+    // A place that is computed, or that another call changes, stays.
+    for text in
+        ["let a = cast(\"a\", m).at(x, 0, 0);", "let a = cast(\"a\", m).at(1, 0, 0).move_by(1, 0, 0);"]
+    {
+        let keyed = changed(text, |o| o.add_keys("position", time(0.0), point)).unwrap();
+        assert!(keyed.starts_with(text), "{keyed}");
+    }
     let turned = changed(text, |o| o.add_keys("rotation", time(0.0), KeyValue::Turn(yaw(90.0)))).unwrap();
     assert!(turned.contains("a.key(\"rotation\", [[0.0, 90.0]]);"), "{turned}");
 }

@@ -110,8 +110,9 @@ fn a_split_clip_is_two_with_the_same_content() {
     let rest = Rest::Trim([1.0, 2.5]);
     let split = |text: &str, rest, fade| changed(text, &|t, l, c| split_cue(t, l, c, at(1.5), rest, fade));
     assert_eq!(
-        split("  a.|play(c, #{ fade: 0.3, speed: 2 }).from(0.5).until(f(75)); // in", rest, None).unwrap(),
-        "  a.play(c, #{ fade: 0.3, speed: 2 }).from(0.5).until(1.5) // in\n      .then(c, #{ speed: 2, trim: [1.0, 2.5] }).until(f(75));"
+        split("x();\n  a.|play(c, #{ fade: 0.3, speed: 2 }).from(0.5).until(f(75)); // in", rest, None)
+            .unwrap(),
+        "x();\n  a.play(c, #{ fade: 0.3, speed: 2 }).from(0.5).until(1.5) // in\n      .then(c, #{ speed: 2, trim: [1.0, 2.5] }).until(f(75));"
     );
     let chain = split("a.|play(c).weight(0.5)\n    .then(d);", Rest::Same, None).unwrap();
     assert_eq!(chain, "a.play(c).until(1.5).weight(0.5)\n    .then(c).weight(0.5)\n    .then(d);");

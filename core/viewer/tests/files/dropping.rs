@@ -50,7 +50,9 @@ fn a_refusal_is_read_beside_the_pointer_with_its_line_as_a_link() {
     let script =
         SCRIPT.replace(".until(2.0)", ".until(two)").replace("let moves", "let two = 2.0; let moves");
     let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
-    let (from, by) = (desk.get_by_label("Walk on ada").rect().center(), second(&desk));
+    let by = second(&desk);
+    // Beside the key in the middle.
+    let from = desk.get_by_label("Walk on ada").rect().center() + vec2(by * 0.4, 0.0);
     let to = from + vec2(by * 0.5, 0.0);
     drag(&mut desk, from, to);
     assert_eq!(desk.state().text(), script);

@@ -763,7 +763,7 @@ let b = cast(\"b\", cube).at(2.0, 0.0, 0.0);
 ";
     let mut place = Place::new(SCENE);
     place.viewer.selection = Some(Selected::Actor("b".into()));
-    let mut desk = place.harness(vec2(1500.0, 1000.0));
+    let mut desk = place.harness(vec2(1500.0, 1600.0));
     // Without the reload that takes the question away.
     let type_into = |desk: &mut Desk, label: &str, text: &str| {
         desk.get_all_by_label(label).last().unwrap().click();
