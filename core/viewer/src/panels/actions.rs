@@ -177,7 +177,19 @@ pub fn action(id: &str) -> Option<&'static Action> {
 
 /// The keys of an action as they are shown in menus.
 pub fn keys_of(viewer: &Viewer, id: &str) -> String {
-    action(id).map_or_else(String::new, |action| viewer.shortcuts.text(action.id, action.keys))
+    let chosen = action(id).map(|action| viewer.shortcuts.text(action.id, action.keys));
+    let chosen = chosen.filter(|keys| !keys.is_empty());
+    system_key(id).map(str::to_string).into_iter().chain(chosen).collect::<Vec<_>>().join(", ")
+}
+
+/// The key that the system has for an action, which the toolkit reports as a command.
+pub(super) fn system_key(id: &str) -> Option<&'static str> {
+    Some(match id {
+        "cut" => "Ctrl X",
+        "copy" => "Ctrl C",
+        "paste" => "Ctrl V",
+        _ => return None,
+    })
 }
 
 /// A hint about an action, with its keys behind it.
@@ -381,6 +393,18 @@ mod tests {
             assert!(changed.iter().all(|(id, _)| action(id).is_some()), "{preset}");
             assert_eq!(takes_walking_keys(&viewer), preset != "choreo");
         }
+    }
+
+    /// What the system has keys for is shown with those, and with the user's own.
+    #[test]
+    fn keys_of_the_clipboard_are_shown() {
+        let mut viewer = Viewer::new("x");
+        assert_eq!(
+            ["cut", "copy", "paste", "save"].map(|id| keys_of(&viewer, id)),
+            ["Ctrl X", "Ctrl C", "Ctrl V", "Ctrl S"]
+        );
+        viewer.shortcuts.own = BTreeMap::from([("cut".to_string(), "F7".to_string())]);
+        assert_eq!(keys_of(&viewer, "cut"), "Ctrl X, F7");
     }
 
     #[test]

@@ -107,13 +107,7 @@ fn edit_entries(ui: &mut Ui, window: &mut Window) {
     ];
     for (id, name) in ENTRIES {
         let Some(action) = actions::action(id) else { continue };
-        let keys = match id {
-            // The system's own.
-            "cut" => "Ctrl X".to_string(),
-            "copy" => "Ctrl C".to_string(),
-            "paste" => "Ctrl V".to_string(),
-            id => actions::keys_of(window.viewer, id),
-        };
+        let keys = actions::keys_of(window.viewer, id);
         let button = ui.add(egui::Button::new(name).shortcut_text(keys));
         if button.hint(action.title).clicked() {
             let Window { panels, viewer, now } = window;

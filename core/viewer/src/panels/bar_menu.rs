@@ -61,13 +61,13 @@ impl Command {
     }
 }
 
-/// Commands, their names, and their keys: those of an action, or of the clipboard.
+/// Commands, their names, and the actions whose keys they have.
 const COMMANDS: [(Command, &str, &str); 11] = [
     (Command::Split, "Split at the playhead", "split"),
     (Command::Duplicate, "Duplicate", "duplicate"),
-    (Command::Copy, "Copy", "Ctrl C"),
-    (Command::Cut, "Cut", "Ctrl X"),
-    (Command::Paste, "Paste at the playhead", "Ctrl V"),
+    (Command::Copy, "Copy", "copy"),
+    (Command::Cut, "Cut", "cut"),
+    (Command::Paste, "Paste at the playhead", "paste"),
     (Command::Disable, "Disable, enable", "disable"),
     (Command::Rename, "Rename", "rename"),
     (Command::RowUp, "Move row up", "row_up"),
@@ -93,7 +93,7 @@ pub fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
 pub fn entries(ui: &mut Ui, viewer: &Viewer, suits: impl Fn(Command) -> bool) -> Option<Command> {
     let mut chosen = None;
     for (command, name, key) in COMMANDS.into_iter().filter(|(command, ..)| suits(*command)) {
-        if ui.add(Button::new(name).shortcut_text(super::shown_keys(viewer, key))).clicked() {
+        if ui.add(Button::new(name).shortcut_text(super::actions::keys_of(viewer, key))).clicked() {
             chosen = Some(command);
             ui.close();
         }

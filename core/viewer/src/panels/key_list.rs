@@ -16,8 +16,7 @@ pub struct KeyList {
 }
 
 /// Rows that are no actions: keys of the toolkit, and the mouse.
-const MOUSE: [(&str, &str); 23] = [
-    ("Ctrl C X V", "copy, cut, paste clips or keys"),
+const MOUSE: [(&str, &str); 22] = [
     ("Ctrl click", "selects one more clip or key, as with Shift; a drag over free rows selects a box"),
     ("Esc", "select nothing; close a question"),
     ("Tab Enter", "go through buttons and bars; press"),
@@ -133,7 +132,8 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
 fn key(ui: &mut Ui, choosing: &mut Option<String>, keyed: &Keyed, viewer: &mut Viewer) {
     let Keyed { id, title, chords } = keyed;
     let is_chosen = choosing.as_ref() == Some(id);
-    let keys = chords.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    let keys = actions::system_key(id).map(str::to_string).into_iter();
+    let keys = keys.chain(chords.iter().map(ToString::to_string)).collect::<Vec<_>>().join(", ");
     let name = if is_chosen { format!("press a key for {title}") } else { format!("key of {title}") };
     let face = match (is_chosen, keys.is_empty()) {
         (true, _) => "press a key…",

@@ -48,9 +48,9 @@ pub enum KeyCommand {
 
 const COMMANDS: [(KeyCommand, &str, &str); 6] = [
     (KeyCommand::Duplicate, "Duplicate to the playhead", "duplicate"),
-    (KeyCommand::Copy, "Copy", "Ctrl C"),
-    (KeyCommand::Cut, "Cut", "Ctrl X"),
-    (KeyCommand::Paste, "Paste at the playhead", "Ctrl V"),
+    (KeyCommand::Copy, "Copy", "copy"),
+    (KeyCommand::Cut, "Cut", "cut"),
+    (KeyCommand::Paste, "Paste at the playhead", "paste"),
     (KeyCommand::Delete, "Delete", "delete"),
     (KeyCommand::GoToLine, "Go to its line", ""),
 ];
@@ -134,7 +134,7 @@ fn entries(ui: &mut Ui, viewer: &Viewer, keys: &[KeyRef]) -> Option<KeyAct> {
     });
     ui.separator();
     for (command, name, key) in COMMANDS {
-        if ui.add(Button::new(name).shortcut_text(super::shown_keys(viewer, key))).clicked() {
+        if ui.add(Button::new(name).shortcut_text(super::actions::keys_of(viewer, key))).clicked() {
             act = Some(KeyAct::Run(command));
         }
     }

@@ -436,9 +436,3 @@ fn elided(painter: &Painter, text: &str, size: f32, color: Color32, width: f32) 
     job.wrap = TextWrapping::truncate_at_width(width.max(1.0));
     painter.layout_job(job)
 }
-
-/// The keys of a command in a menu: those of an action, else as they are written.
-fn shown_keys(viewer: &Viewer, command: &str) -> String {
-    let keys = actions::keys_of(viewer, command);
-    if keys.is_empty() { actions::action(command).map_or(command, |_| "").to_string() } else { keys }
-}
