@@ -77,11 +77,11 @@ fn start_page(documents: Documents) -> Harness<'static, Desk> {
 
 fn open_assets(harness: &mut Harness<'static, Place>) {
     harness.key_press_modifiers(Modifiers::COMMAND, Key::P);
-    harness.run();
+    harness.run_steps(4);
     harness.event(egui::Event::Text("panel assets".into()));
-    harness.run();
+    harness.run_steps(4);
     harness.key_press(Key::Enter);
-    harness.run();
+    harness.run_steps(4);
 }
 
 /// The image of a file, once it is made.
@@ -491,10 +491,10 @@ camera(\"wide\").at(0.0, 1.0, 4.0).look_at([0.0, 1.0, 0.0]);
     assert!((dropped.at - glam::DVec3::new(0.0, 0.0, expected)).length() < 1e-3, "{}", dropped.at);
 
     harness.get_by_label("wave.bvh").click();
-    harness.run();
+    harness.run_steps(4);
     let file = root.join("wave.bvh");
     let wave = made(&mut harness.state_mut().viewer.documents.thumbnails, &Subject::file(file), None);
-    harness.run();
+    harness.run_steps(4);
     let name = &wave.clips[0].name;
     let clip = harness.get_by_label(&format!("{name}  1.00 s")).rect().center();
     let row = harness.get_by_label("row ada").rect().center();
