@@ -1,6 +1,5 @@
 //! Options of a plan.
 
-use crate::plan::build::effects::effect_parameters;
 use choreo_plugin::{Effect, FrameWish};
 use choreo_stage::Snapshot;
 
@@ -46,9 +45,9 @@ impl PlanOptions<'_> {
         self.preview_of.map_or(1.0, |of| self.size[1] as f32 / of[1].max(1) as f32)
     }
 
-    /// An effect's parameters as [`effect_parameters`] gives them, pixels as many as in this image.
+    /// An effect's parameters as numbers, those in pixels as many as in this image.
     pub(crate) fn effect_parameters(&self, effect: &Effect, given: &[(String, f64)]) -> Vec<f32> {
-        let mut parameters = effect_parameters(effect, given);
+        let mut parameters = effect.manifest().parameters(given);
         effect.manifest().scale_pixels(&mut parameters, f64::from(self.pixel_scale()));
         parameters
     }

@@ -101,6 +101,17 @@ impl Viewer {
         }
     }
 
+    /// Takes an option of what is selected out of the script.
+    ///
+    /// # Errors
+    /// Fails as [`Viewer::change_field`] does.
+    pub(crate) fn unstate(&mut self, what: &Selected, name: &str) -> Result<(), EditError> {
+        let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+        self.change(&place, siblings, |text| {
+            Ok(ScriptObject::at(text, place.line, place.column)?.unstate(&[name]))
+        })
+    }
+
     /// Why the mask that a change writes fits the joints of the actor not.
     fn problem_of_mask(&self, what: &Selected, change: &FieldChange) -> Option<String> {
         let FieldChange::Text("on", mask, _) = change else { return None };

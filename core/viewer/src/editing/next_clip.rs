@@ -35,7 +35,8 @@ impl Viewer {
     }
 
     /// When a clip begins that comes after all others of an actor: at the end of the last, less the crossfade where that plays to its end. A last
-    /// clip without end goes on until the playhead, else for one round. Where there is none, the playhead.
+    /// clip without end goes on until the playhead, else for one round, or half of the scene that is left where it would not be over by its end.
+    /// Where there is none, the playhead.
     pub(super) fn after_last_clip(&self, name: &str) -> f64 {
         let now = self.playhead.time();
         let cues = self.base_cues(name);
@@ -50,7 +51,9 @@ impl Viewer {
             _ if now > last.start => now.as_secs(),
             _ => {
                 let (from, to) = last.trim;
-                begins + (to - from).as_secs() / last.speed.abs().max(1e-9)
+                let over = begins + (to - from).as_secs() / last.speed.abs().max(1e-9);
+                let length = self.timeline.length.as_secs();
+                if over < length { over } else { ((begins + length) * 5.0).round() / 10.0 }
             }
         }
     }

@@ -204,8 +204,18 @@ fn chosen(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &mu
     ui.horizontal_top(|ui| {
         let width = (ui.available_width() * 0.5).clamp(100.0, 224.0);
         ui.vertical(|ui| preview(ui, viewer, browser, pictures, file, width));
-        ScrollArea::vertical().id_salt("clips").auto_shrink([false, false]).show(ui, |ui| {
-            clips(ui, viewer, browser, file, &thumbnail.clips, on.as_ref().map(|(name, _)| name.as_str()));
+        // One below the other, where the row of the preview would put them side by side.
+        ui.vertical(|ui| {
+            ScrollArea::vertical().id_salt("clips").auto_shrink([false, false]).show(ui, |ui| {
+                clips(
+                    ui,
+                    viewer,
+                    browser,
+                    file,
+                    &thumbnail.clips,
+                    on.as_ref().map(|(name, _)| name.as_str()),
+                );
+            });
         });
     });
 }

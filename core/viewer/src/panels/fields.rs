@@ -423,7 +423,9 @@ fn lens(ui: &mut Ui, stated: &Stated, what: &Selected, camera: &Camera) -> Optio
     Grid::new("lens").num_columns(2).show(ui, |ui| {
         if let Some(FieldValue::Number(fov)) = Camera::field("fov").map(|field| (field.get)(camera)) {
             let now = Camera::focal_length(fov);
-            let label = ui.add(egui::Label::new("focal length").sense(egui::Sense::click()));
+            let is_stated = ["fov", "focal_length"].iter().any(|name| stated.contains_key(*name));
+            let name = name_text("focal length", is_stated);
+            let label = ui.add(egui::Label::new(name).sense(egui::Sense::click()));
             let label = label.hint("on full-frame film, 24 mm high; right click: reset to default");
             wanted = reset(&label, &["fov", "focal_length"]);
             let set = number(ui, "focal length", now, 0.2..=13_000.0, "mm");

@@ -33,10 +33,12 @@ pub(crate) struct ClipDrag {
 
 /// The change that the user makes here, applied once everything has been drawn.
 enum Wanted {
-    /// With the number that was typed.
+    /// Change of an actor's transform, and the number that was typed.
     Actor(Change, Typed),
     Value(&'static str, String),
     Parameter(String, String),
+    /// A parameter of an effect gets its default, which the script need not state.
+    Unstated(String),
     Clip(String, f64),
     /// Degrees.
     FieldOfView(f64, String),
@@ -98,9 +100,9 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     match &selection {
         Selected::Actor(name) => wanted = transform(ui, viewer, &scene.stage, (name, &written), keyable),
         Selected::Light(index) => wanted = light(ui, viewer, (&scene.stage, *index), keyable, &written),
-        Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, *index, keyable),
+        Selected::Effect(index) => wanted = parameters(ui, viewer, &scene, (*index, &written), keyable),
         Selected::Camera(name) => {
-            wanted = lens(ui, viewer, &scene, name, keyable);
+            wanted = lens(ui, viewer, &scene, (name, &written), keyable);
             wanted = camera(ui, viewer, &scene.stage, (name, &written), keyable).or(wanted);
         }
         Selected::Sky => wanted = sky(ui, viewer, &scene.stage, keyable),
@@ -154,6 +156,7 @@ fn apply(viewer: &mut Viewer, selection: Selected, wanted: Wanted, known: &[Keye
         }
         Wanted::Value(name, value) => viewer.set_value(&selection, name, &value),
         Wanted::Parameter(name, value) => viewer.set_value(&selection, &name, &value),
+        Wanted::Unstated(name) => viewer.unstate(&selection, &name),
         Wanted::Clip(clip, secs) => {
             selection.actor().map_or(Ok(()), |name| viewer.add_clip(name, name, &clip, secs))
         }
@@ -301,11 +304,18 @@ fn field_of_view_by_callback(
     ((stated - degrees).abs() > 1e-3).then(|| format!("{degrees:.3} ({})", by_callback(scene)))
 }
 
-fn lens(ui: &mut Ui, viewer: &Viewer, scene: &Scene, name: &str, keyable: Keyable) -> Option<Wanted> {
+fn lens(
+    ui: &mut Ui,
+    viewer: &Viewer,
+    scene: &Scene,
+    (name, written): (&str, &stated::Stated),
+    keyable: Keyable,
+) -> Option<Wanted> {
     let Projection::Perspective { yfov, .. } = projection(viewer, &scene.stage, name)? else { return None };
     let mut wanted = None;
     ui.horizontal(|ui| {
-        ui.label("field of view").hint("degrees, from the top to the bottom of the image");
+        let about = "degrees, from the top to the bottom of the image\n";
+        wanted = name_with_menu(ui, written, ["field of view", about], &["fov", "focal_length"]);
         let degrees = f64::from(yfov).to_degrees();
         let Projection::Perspective { yfov: usual, .. } = Projection::default() else { return };
         let usual = f64::from(usual).to_degrees();
@@ -314,7 +324,8 @@ fn lens(ui: &mut Ui, viewer: &Viewer, scene: &Scene, name: &str, keyable: Keyabl
             return;
         }
         let number = field("field of view", degrees, 0.25, 1.0..=170.0, usual);
-        wanted = number.show(ui).map(|to| Wanted::FieldOfView(to, values::text(ui, to)));
+        let set = number.show(ui).map(|to| Wanted::FieldOfView(to, values::text(ui, to)));
+        wanted = set.or(wanted.take());
         for name in ["fov", "focal_length"] {
             wanted = key_button(ui, viewer, keyable, name).or(wanted.take());
         }
@@ -502,7 +513,13 @@ fn name_with_menu(
 }
 
 /// A slider each, as its manifest has it.
-fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable: Keyable) -> Option<Wanted> {
+fn parameters(
+    ui: &mut Ui,
+    viewer: &Viewer,
+    scene: &Scene,
+    (index, written): (usize, &stated::Stated),
+    keyable: Keyable,
+) -> Option<Wanted> {
     let used = scene.stage.effects.get(index)?;
     let plugin = scene.registry.effect(&used.plugin)?;
     let shown = frame_of_callbacks(viewer, scene);
@@ -518,10 +535,12 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable
         for option in &plugin.manifest().options {
             let numbers = first..first + option.number_count();
             first = numbers.end;
-            let (value, now) = (&given[numbers.clone()], &now[numbers.clone()]);
-            let label = ui.label(&option.name).interact(egui::Sense::click()).hint(&option.about);
+            let (value, now, usual) = (&given[numbers.clone()], &now[numbers.clone()], &defaults[numbers]);
+            let is_stated = written.keys().any(|name| name.starts_with(&option.name));
+            let label = ui.label(stated::name_text(&option.name, is_stated));
+            let label = label.interact(egui::Sense::click()).hint(&option.about);
             let set = match now == value {
-                true => parameter(ui, used, option, &label, (value, &defaults[numbers])),
+                true => parameter(ui, used, option, &label, (value, usual)),
                 // A literal would not change what a callback sets.
                 false => {
                     let now: Vec<String> = now.iter().map(|n| format!("{n:.3}")).collect();
@@ -529,7 +548,15 @@ fn parameters(ui: &mut Ui, viewer: &Viewer, scene: &Scene, index: usize, keyable
                     None
                 }
             };
-            wanted = set.map(|(name, to)| Wanted::Parameter(name, to)).or(wanted.take());
+            let is_number = matches!(option.kind, OptionKind::Number { .. } | OptionKind::Integer { .. });
+            let is_keyed = keyable.iter().any(|property| property.name == option.name && property.has_keys());
+            let is_usual =
+                |to: &str| is_number && !is_keyed && to.parse::<f32>().is_ok_and(|to| to == usual[0]);
+            let change = |(name, to): (String, String)| match is_usual(&to) {
+                true => Wanted::Unstated(name),
+                false => Wanted::Parameter(name, to),
+            };
+            wanted = set.map(change).or(wanted.take());
             wanted = key_button(ui, viewer, keyable, &option.name).or(wanted.take());
             ui.end_row();
         }

@@ -100,8 +100,10 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
                 playhead.seek(Time::from_secs(nearest_frame(playhead.fps().as_fps(), to)));
             }
         });
+        // As wide in each frame, so that what follows keeps its place.
+        let width = playhead.frames().to_string().len();
         let text = format!(
-            "s   frame {} of {}   {} frames a second",
+            "s   frame {:>width$} of {}   {} frames a second",
             playhead.frame(),
             playhead.frames(),
             playhead.fps().as_fps()

@@ -425,6 +425,8 @@ PLAYS
         ("ada.play(moves.clip(\"Wave\")).once();", 0.0, wave - 0.3, None),
         ("ada.play(moves.clip(\"Walk\"));", 0.0, walk, Some("takes over from Walk at")),
         ("ada.play(moves.clip(\"Walk\"));", 3.0, 3.0, Some("takes over from Walk at 3.000 s")),
+        // Half of what is left of the scene, where a round ends after it.
+        ("ada.play(moves.clip(\"Walk\")).from(9.5);", 0.0, 9.8, Some("takes over from Walk at")),
     ] {
         let mut place = Place::new(&PLAIN.replace("PLAYS", plays));
         place.viewer.playhead.seek(Time::from_secs(playhead));

@@ -390,6 +390,15 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
     let names: Vec<&str> = shown.clips.iter().map(|clip| clip.name.as_str()).collect();
     assert_eq!(names, asset.clips.iter().map(|clip| clip.name.as_str()).collect::<Vec<_>>());
     harness.run_steps(4);
+    // One below the other.
+    let places: Vec<egui::Rect> = shown.clips[..3]
+        .iter()
+        .map(|clip| format!("{}  {:.2} s", clip.name, clip.secs))
+        .map(|entry| harness.get_by_role_and_label(Role::Button, &entry).rect())
+        .collect();
+    let is_below =
+        |pair: &[egui::Rect]| pair[0].left() == pair[1].left() && pair[0].bottom() <= pair[1].top();
+    assert!(places.windows(2).all(is_below), "{places:?}");
     let clip = &shown.clips[0];
     let entry = format!("{}  {:.2} s", clip.name, clip.secs);
     // The inspector has the same words as a text.
