@@ -75,7 +75,7 @@ mod tests {
         }
         let added = "// it\na.aim(\"x\", ball);\na.look_at([0, 1, 0]);\nb.reach(\"x\", ball);\nsun();\n";
         assert!(text.ends_with(added), "{text}");
-        // Without a name there is room for one.
+        // An actor without a variable has room for one constraint.
         let one = "cast(\"a\", m).at(1, 0, 0).reach(\"x\", [0, 1, 0]);";
         let refused = ScriptObject::at(one, 1, 1).unwrap().constrain("look_at([0, 1, 0])", None).unwrap_err();
         assert_eq!(refused.why, "line 1: it has no name in the script; write let NAME = cast(…)");

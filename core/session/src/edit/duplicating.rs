@@ -243,7 +243,7 @@ mod tests {
         let (after, _) = copied(text, Some(DVec3::X)).unwrap();
         let copy = "let a_2 = cast(\"a 2\", m).at(1.0, 0.0, 0.0);\na_2.walk_to([2.0, 0, 2], #{ from: 1.0 });\na_2.walk_to([ 0.0, 0, 0 ]);\n";
         assert_eq!(after, text.replace('|', "") + copy);
-        // Where one of them is computed, the copy goes where the object does.
+        // The copy goes where the object does if one of the points is computed.
         let text = "let a = cast(\"a\", m).at(0, 0, 0);\na.walk_to([1.0, 0, 2]);\na.walk_to(home);\n";
         let made = duplicate_object(text, (1, 9), NamedBy::Argument, Some(DVec3::X)).unwrap();
         assert_eq!(made.stays, Some(6));

@@ -50,7 +50,7 @@ mod tests {
             "\nb.play(c, #{\n            // why\n            fade: 0.2,\n        })\n        .until(2.0);";
         let wanted = "\nb.play(c, #{\n    // why\n    fade: 0.2,\n})\n    .until(2.0);";
         assert_eq!(put("let b = 1;", call, "\n"), format!("let b = 1;{wanted}\n"));
-        // Below a line that the author has indented in another way.
+        // The line above is indented in the author's own way.
         let then = "\n  .then(c, #{\n    fade: 0.2,\n})";
         assert_eq!(put("b.play(c)", then, ";\n"), "b.play(c)\n  .then(c, #{\n      fade: 0.2,\n  });\n");
         // Strings and what cannot be read stay.

@@ -362,7 +362,7 @@ impl<'a> ScriptObject<'a> {
         }
         let end = self.calls.last().map_or(self.made.end, |c| c.end);
         let is_later = needs.is_some_and(|(_, made)| made > end);
-        // What is behind a constraint of an actor is about the constraint.
+        // A call behind a constraint of an actor is about the constraint.
         let is_constrained =
             self.text[self.made.name.clone()] == *"cast" && self.last(&["reach", "aim", "look_at"]).is_some();
         if self.text[self.text.skip(end)..].starts_with('.') || is_later || is_constrained {

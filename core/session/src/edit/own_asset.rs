@@ -5,6 +5,7 @@ use super::casting::free_name;
 use super::cues::statement_start;
 use super::object::ScriptObject;
 use super::refused::EditRefused;
+use super::scan::Source;
 use std::ops::Range;
 
 impl ScriptObject<'_> {
@@ -31,7 +32,7 @@ impl ScriptObject<'_> {
         let made =
             self.text.made_as(&self.text[argument.clone()], self.made.name.start).ok_or_else(refuse)?;
         let changed = change.apply(&self.text);
-        let source = super::scan::Source::new(&changed);
+        let source = Source::new(&changed);
         let value = changed[made..source.statement_end(made)].trim_end_matches(';').to_string();
         let first = self.made.inside.start..self.text.value_end(self.made.inside.start, self.made.inside.end);
         let actor = self.text[first].trim().trim_matches('"');

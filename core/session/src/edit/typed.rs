@@ -74,7 +74,7 @@ impl Typed {
             is_whole && *at <= written.end && end >= written.start
         };
         let mut found: Vec<usize> = after.match_indices(digits).map(|(at, _)| at).filter(is_it).collect();
-        // Which of several was typed is not seen where none has changed.
+        // None has changed, so that nothing tells which of several was typed.
         if found.is_empty() || stays && found.len() > 1 {
             return None;
         }

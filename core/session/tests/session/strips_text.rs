@@ -230,7 +230,7 @@ fn a_clip_over_several_lines_is_indented_where_it_goes() {
     let copied = copy_cue(&text, line, column, at(1.0), Some(at(2.0))).unwrap();
     let pasted = paste_cue(&text, 9, 9, &copied, at(3.0)).unwrap().apply(&text);
     assert!(pasted.ends_with(&format!("\nb.{play}.from(3.0)\n    .until(4.0);\n")), "{pasted}");
-    // It stands first where the clip before it goes.
+    // The second clip comes first once the clip before it is gone.
     let alone = delete_cue(&text, 3, 3, Some(at(1.0))).unwrap().apply(&text);
     assert!(alone.contains(&format!("\na.{play}.from(1.0)\n    .until(2.0);\n")), "{alone}");
     // A list of keys goes one level deeper with its duplicate.

@@ -1,5 +1,5 @@
-//! The asset browser: the built-in character, and the models and clips of the script's folder, as images. A model is dragged onto the image, a clip onto a row; a double
-//! click adds one to the scene. What is chosen is previewed on the selected character.
+//! The asset browser: the built-in character, and the models and clips of the script's folder, as images. A model is dragged onto the
+//! image, a clip onto a row; a double click adds one to the scene. The chosen clip is previewed on the selected character.
 
 use super::hint::Hint;
 use super::icons;
@@ -127,7 +127,7 @@ fn tiles(
     let wanted = browser.search.to_lowercase();
     let matches =
         |entry: &&Entry| entry.kind != FileKind::Script && entry.name.to_lowercase().contains(&wanted);
-    // What the program makes itself goes with the script's own folder.
+    // Built-in assets are listed in the script's own folder.
     let built_in = viewer.documents.built_in.iter().filter(|_| browser.folder == browser.root);
     let entries: Vec<Entry> = built_in.chain(&browser.entries).filter(matches).cloned().collect();
     if entries.iter().all(|entry| is_built_in(&entry.path)) {
@@ -204,7 +204,7 @@ fn chosen(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &mu
     ui.horizontal_top(|ui| {
         let width = (ui.available_width() * 0.5).clamp(100.0, 224.0);
         ui.vertical(|ui| preview(ui, viewer, browser, pictures, file, width));
-        // One below the other, where the row of the preview would put them side by side.
+        // A scroll area takes the layout around it: without a column the clips would stand side by side.
         ui.vertical(|ui| {
             ScrollArea::vertical().id_salt("clips").auto_shrink([false, false]).show(ui, |ui| {
                 clips(

@@ -355,7 +355,7 @@ fn handle(
     let rect = lane.rect;
     // The fade's handle is above, the ends' are as high as the bar.
     let bottom = if part == CueTime::FadeIn { rect.top() + 8.0 } else { rect.bottom() };
-    // Where two bars meet, the end of the first is left of the time, and the start of the second right of it.
+    // Two bars that meet share the handle's place: the end of the first is left of the time, the start of the second right of it.
     let is_met = number.checked_sub(1).is_some_and(|before| bars[before].meets(bar));
     let (left, right) = match part {
         CueTime::Start if is_met => (x, x + 5.0),

@@ -229,7 +229,7 @@ impl Panels {
         hint::watch(ui.ctx());
         values::set_rate(ui, viewer.playhead.fps().as_fps());
         drop::take(&mut self.waiting, ui, viewer);
-        // Where a frame was slow, a button is let go and a key pressed in the same one: the drag is done before it is undone.
+        // A slow frame may hold the release of the button and Ctrl+Z: the drag is done before it is undone.
         let after_drag = !viewer.documents.start && ui.input(|i| i.pointer.any_released());
         if !after_drag {
             keys::handle(self, ui, viewer, now);

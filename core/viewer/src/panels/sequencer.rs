@@ -100,7 +100,7 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
                 playhead.seek(Time::from_secs(nearest_frame(playhead.fps().as_fps(), to)));
             }
         });
-        // As wide in each frame, so that what follows keeps its place.
+        // The text is equally wide in each frame, so that what follows keeps its place.
         let width = playhead.frames().to_string().len();
         let text = format!(
             "s   frame {:>width$} of {}   {} frames a second",
@@ -359,7 +359,7 @@ pub(super) fn run_mark(ui: &Ui, viewer: &mut Viewer, act: MarkAct) {
             if let Some(why) = locked.map(headers::is_locked) {
                 return viewer.edit(|_| Err(EditError::refused(why)));
             }
-            // Where only some of its keys are selected, it moves all of its own.
+            // A diamond of which only some keys are selected moves all of its keys.
             let is_selected = keys.iter().all(|key| viewer.is_key_selected(key));
             match is_selected {
                 true => viewer.edit(|v| v.move_selected(by)),

@@ -136,7 +136,7 @@ fn settled(
     }
     let reset = default.and_then(|default| reset(&response, default));
     if reset.is_some() || done && !response.lost_focus() {
-        // It is not what was typed last, even where it has the same value.
+        // A dragged number is not the one that was typed last, even if the values are equal.
         ui.data_mut(|d| d.remove::<(String, f64)>(typed_id()));
     }
     reset.or_else(|| (done && !is_as_shown).then_some(now)).filter(|now| *now != value && now.is_finite())

@@ -203,7 +203,7 @@ pub(crate) fn by_property(events: &[Event]) -> Vec<(&KeyOf, Vec<Event>)> {
             None => all.push((key, vec![one])),
         }
     }
-    // In an order that stays while keys are dragged.
+    // The order by label stays while keys are dragged.
     all.sort_by(|(a, _), (b, _)| a.label.cmp(&b.label));
     all
 }

@@ -247,7 +247,7 @@ mod tests {
         let (kept, problem) = Shortcuts::read(&file);
         assert_eq!((kept.preset.as_str(), kept.own["split"].as_str(), problem), ("blender", "Shift+U", None));
         assert_eq!(shortcuts, kept);
-        // One is chosen, another goes back to those of the preset, and a third is edited in the file.
+        // The user chooses one key, resets another to the preset, and edits a third in the file.
         std::fs::write(&file, r#"{ "keys": { "split": "Shift+U", "hide": "F7", "turn": "F8" } }"#).unwrap();
         let (mut shortcuts, _) = Shortcuts::read(&file);
         let chord = Chord::read("shift+alt+ctrl+Z").unwrap();

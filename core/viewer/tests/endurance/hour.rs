@@ -112,7 +112,7 @@ impl Person<'_> {
                 self.screen.xdotool(&["windowsize", self.window, &width, &height]);
             }
             _ => {
-                // Without F1: a click in the list of keys takes the next one for an action.
+                // F1 is left out: a click in the list of keys takes the next key for an action.
                 let keys = [
                     "space",
                     "space",

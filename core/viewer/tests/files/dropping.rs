@@ -51,7 +51,7 @@ fn a_refusal_is_read_beside_the_pointer_with_its_line_as_a_link() {
         SCRIPT.replace(".until(2.0)", ".until(two)").replace("let moves", "let two = 2.0; let moves");
     let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
     let by = second(&desk);
-    // Beside the key in the middle.
+    // The key in the middle of the bar is not to be taken.
     let from = desk.get_by_label("Walk on ada").rect().center() + vec2(by * 0.4, 0.0);
     let to = from + vec2(by * 0.5, 0.0);
     drag(&mut desk, from, to);
@@ -79,7 +79,7 @@ fn a_dialog_is_read_alone_and_takes_all_input() {
         let by = second(desk);
         drag(desk, marks[1], marks[1] + vec2(by * 0.5, 0.0));
         desk.get_by_label("Change the script?");
-        // One alone, that of the dialog.
+        // Only the dialog has a link.
         desk.get_by_label("go to line 7");
     };
     refused(&mut desk);

@@ -390,7 +390,7 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
     let names: Vec<&str> = shown.clips.iter().map(|clip| clip.name.as_str()).collect();
     assert_eq!(names, asset.clips.iter().map(|clip| clip.name.as_str()).collect::<Vec<_>>());
     harness.run_steps(4);
-    // One below the other.
+    // The clips are listed one below the other.
     let places: Vec<egui::Rect> = shown.clips[..3]
         .iter()
         .map(|clip| format!("{}  {:.2} s", clip.name, clip.secs))

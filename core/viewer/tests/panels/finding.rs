@@ -104,7 +104,7 @@ fn keys_are_chosen_in_the_list() {
     assert_eq!(choose(&mut desk, held, Key::U), own("Ctrl+Shift+U"));
     assert!(desk.state().viewer.shortcuts.changed.contains("split"), "to be written");
     assert!(desk.query_by_label_contains("also: ").is_none());
-    // It would hide what is selected, and turn into a conflict with that.
+    // H is the key that hides: choosing it hides nothing and is a conflict.
     desk.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
     assert_eq!(choose(&mut desk, Modifiers::NONE, Key::H), own("H"));
     assert!(desk.state().viewer.toggles.hidden.is_empty());

@@ -534,7 +534,7 @@ let words = text(\"Hello\", #{ size: 0.1 }).from(1.0);
         panic!()
     };
     assert!((f64::from(yfov).to_degrees() - degrees).abs() < 1e-3, "{}", desk.state().text());
-    // With the digits by which it is read back.
+    // The field of view has the digits by which the focal length is read back.
     assert!(desk.state().text().contains(".fov(26.99147)"), "{}", desk.state().text());
     let length = desk.get_by_label("focal length field").value().unwrap_or_default();
     assert_eq!(length.parse::<f64>(), Ok(50.0));
@@ -764,7 +764,7 @@ let b = cast(\"b\", cube).at(2.0, 0.0, 0.0);
     let mut place = Place::new(SCENE);
     place.viewer.selection = Some(Selected::Actor("b".into()));
     let mut desk = place.harness(vec2(1500.0, 1600.0));
-    // Without the reload that takes the question away.
+    // A reload would take the question away.
     let type_into = |desk: &mut Desk, label: &str, text: &str| {
         desk.get_all_by_label(label).last().unwrap().click();
         desk.run();
@@ -785,7 +785,7 @@ let b = cast(\"b\", cube).at(2.0, 0.0, 0.0);
     assert_eq!(desk.state().text(), changed);
     desk.state_mut().reload();
     desk.run();
-    // It is its own now.
+    // The asset is b's own now.
     type_into(&mut desk, "roughness field", "0.75");
     assert_eq!(desk.state().text(), changed.replace("0.25", "0.75"));
     desk.state_mut().viewer.undo().unwrap();
@@ -939,7 +939,7 @@ camera(\"wide\").at(1.0 / 7.0, 1, 4.0).look_at([0.0, 1.0, 0.0]);
         desk.run();
         assert_eq!(desk.state().text(), wanted, "{field}");
     }
-    // What was typed is a number as others are: an actor that stands there is moved.
+    // A typed expression is a number as others are: the actor can be moved.
     desk.state_mut().reload_with(&SCENE.replace("0.333)", "1.0 / 3.0)"));
     desk.state_mut().viewer.change_actor("ada", Change::Move(DVec3::Z)).unwrap();
     assert_eq!(desk.state().text(), SCENE.replace("0.333)", "1.333)"));

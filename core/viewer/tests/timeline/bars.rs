@@ -356,7 +356,7 @@ fn the_rest_of_a_clip_is_seen_over_the_next_bar() {
     let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
     let (by, time) = (second(&desk), desk.get_by_label("time").rect());
     let run = desk.get_by_label("Run on ada").rect();
-    // By number in the order of drawing: the bar of Run, and the outline of Wave, which runs for 3 s.
+    // Indices in the order of drawing: the bar of Run, and the outline of Wave, which runs for 3 s.
     let drawn = |desk: &Desk| {
         let rects = desk.output().shapes.iter().filter_map(|shape| match &shape.shape {
             egui::Shape::Rect(rect) if (rect.rect.center().y - run.center().y).abs() < 3.0 => {
@@ -392,7 +392,7 @@ fn bars_snap_to_beats() {
     desk.key_press(egui::Key::Enter);
     desk.run();
     assert_eq!(desk.state().viewer.tempo.per_minute, 80.0);
-    // It is there when the script is shown again, and with its copy.
+    // The tempo is kept for the script and for its copy.
     let Place { folder, viewer, .. } = desk.state_mut();
     let (script, copy) = (folder.path().join("a.rhai"), folder.path().join("b.rhai"));
     viewer.take_file(Purpose::SaveAs, &copy).unwrap();

@@ -172,7 +172,7 @@ fn a_key_is_set_where_the_playhead_is() {
     // The first key of a property is a line of its own.
     let text = set(Selected::Actor("rest".into()), &["position", "scale"], 1.24);
     let lines = "rest.key(\"scale\", [[1.24, 1.0]]);\n";
-    // It takes over from a place that is stated as numbers.
+    // The keys replace a place that is stated as numbers.
     assert!(text.contains("let rest = cast(\"rest\", cube);\n"), "{text}");
     assert!(
         text.contains(lines) && text.contains("rest.key(\"position\", [[1.24, [2.0, 0.0, 0.5]]]);\n"),
@@ -481,7 +481,7 @@ fn keys_stay_selected_when_a_change_of_them_is_undone() {
     place.viewer.undo().unwrap();
     place.reload();
     assert_eq!(place.viewer.selected_keys(), moved);
-    // What was selected since stays so.
+    // A newer selection stays.
     place.viewer.edit(|v| v.delete_keys(&moved));
     place.reload();
     place.viewer.selection = Some(Selected::Light(0));

@@ -72,7 +72,7 @@ fn a_clip_that_follows_another_moves_as_a_whole() {
     desk.state_mut().reload_with(SCRIPT);
     desk.state_mut().viewer.move_cue(&wave, 2.04, false).unwrap();
     assert_eq!(desk.state().text(), moved);
-    // One that states its start, too; nothing begins before the scene.
+    // A clip that states its start moves, too; nothing begins before the scene.
     let walk = |actor: &str| Selected::Cue { actor: actor.into(), layer: 0, cue: 0 };
     let (text, _) = press(&mut desk, &walk("bob"), Modifiers::ALT, Key::ArrowLeft);
     assert_eq!(text, SCRIPT.replace(".from(1.0).until(2.0)", ".from(0.96).until(1.96)"));

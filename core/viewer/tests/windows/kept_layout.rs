@@ -11,7 +11,7 @@ fn the_layout_outlives_a_window_that_is_ended() {
     let folder = tempfile::tempdir().unwrap();
     let script = folder.path().join("a.rhai");
     fs::write(&script, "stage(#{ size: [64, 36], length: 1.0 });\ncast(\"box\", shape(\"box\"));\n").unwrap();
-    // What was kept of the script before is kept on.
+    // The tempo of the earlier script is kept.
     let tempos = serde_json::json!({ script.canonicalize().unwrap().to_str().unwrap(): { "bpm": 90.0, "first": 0.5 } });
     fs::create_dir_all(folder.path().join("state/choreo")).unwrap();
     let settings = folder.path().join("state/choreo/view.json");
@@ -19,7 +19,7 @@ fn the_layout_outlives_a_window_that_is_ended() {
     let mut viewer = screen.view(&[script.to_str().unwrap()], folder.path());
     let window = screen.window();
     screen.rest(viewer.0.id());
-    // It is complete at any time.
+    // The file is complete at any time.
     let kept = || -> Value { serde_json::from_str(&fs::read_to_string(&settings).unwrap()).unwrap() };
     let scale = || kept()["scale"].as_f64().unwrap_or(1.0);
     screen.key(&window, "ctrl+equal");
