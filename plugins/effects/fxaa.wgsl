@@ -2,7 +2,7 @@
 // about: smooth edges, from the finished image alone
 // hook: image
 // param contrast = 0.125 in 0.01..1: least difference of brightness, of the brightest, that is an edge
-// param span = 3 px in 1..16: longest way along an edge
+// param span = 3 in 1..16: longest way along an edge, pixels of the image that is drawn
 //
 // Timothy Lottes, "FXAA", NVIDIA 2009, in its first, short form: the mean of two or four samples along the edge.
 
