@@ -17,7 +17,7 @@ use std::ops::Range;
 
 /// Kinds of items, as the protocol numbers them.
 #[derive(Clone, Copy)]
-enum Kind {
+enum ItemKind {
     Method = 2,
     Function = 3,
     Variable = 6,
@@ -46,7 +46,7 @@ pub struct Items<'v> {
 /// An item before it is a message.
 struct Item<'t> {
     label: &'t str,
-    kind: Kind,
+    kind: ItemKind,
     detail: String,
     about: String,
     /// Text of the item; with placeholders if it is a snippet.
@@ -57,7 +57,7 @@ struct Item<'t> {
 }
 
 impl<'t> Item<'t> {
-    fn new(label: &'t str, kind: Kind) -> Item<'t> {
+    fn new(label: &'t str, kind: ItemKind) -> Item<'t> {
         let text = label.to_string();
         Item { label, kind, detail: String::new(), about: String::new(), text, is_snippet: false, order: 5 }
     }
@@ -128,7 +128,7 @@ impl Items<'_> {
         let on = types.ending_at(dot);
         for key in types.keys(&on) {
             let detail = in_words(&types.field(&on, &key));
-            self.push(Item { detail, ..Item::new(&key, Kind::Property) });
+            self.push(Item { detail, ..Item::new(&key, ItemKind::Property) });
         }
         let known = !on.kind.is_empty();
         let mut seen = BTreeSet::new();
@@ -147,9 +147,9 @@ impl Items<'_> {
         let plain = has_parenthesis || entry.is_constant;
         let text = if plain { entry.name.to_string() } else { snippets::call(entry, &is_text) };
         let kind = match (entry.is_constant, entry.on.is_empty()) {
-            (true, _) => Kind::Constant,
-            (_, true) => Kind::Function,
-            _ => Kind::Method,
+            (true, _) => ItemKind::Constant,
+            (_, true) => ItemKind::Function,
+            _ => ItemKind::Method,
         };
         let detail = entry.usages.join(" or ");
         let about = facts::entry(entry);
@@ -175,10 +175,10 @@ impl Items<'_> {
                     let detail = &module.text[module.tokens[token].start..module.tokens[end].end];
                     self.push(Item {
                         detail: detail.to_string(),
-                        ..Item::new(module.get(token), Kind::Function)
+                        ..Item::new(module.get(token), ItemKind::Function)
                     });
                 }
-                Declared::Variable if exported => self.push(Item::new(module.get(token), Kind::Variable)),
+                Declared::Variable if exported => self.push(Item::new(module.get(token), ItemKind::Variable)),
                 _ => {}
             }
         }
@@ -215,11 +215,11 @@ impl Items<'_> {
                 text,
                 is_snippet: true,
                 order: 4,
-                ..Item::new(label, Kind::Snippet)
+                ..Item::new(label, ItemKind::Snippet)
             });
         }
         for word in KEYWORDS {
-            self.push(Item { order: 8, ..Item::new(word, Kind::Keyword) });
+            self.push(Item { order: 8, ..Item::new(word, ItemKind::Keyword) });
         }
     }
 
@@ -235,7 +235,7 @@ impl Items<'_> {
                 entry.options().into_iter().find(|o| o.name == outer).map(|o| o.about).unwrap_or_default();
             for name in inner_keys(&about).into_iter().filter(|name| !present.contains(name)) {
                 let text = format!("{name}: ");
-                self.push(Item { about: about.clone(), text, ..Item::new(&name, Kind::Property) });
+                self.push(Item { about: about.clone(), text, ..Item::new(&name, ItemKind::Property) });
             }
             return;
         }
@@ -255,7 +255,7 @@ impl Items<'_> {
                 detail,
                 text,
                 is_snippet: true,
-                ..Item::new(&option.name, Kind::Property)
+                ..Item::new(&option.name, ItemKind::Property)
             });
         }
         for option in self.view.plugin_options(site) {
@@ -264,7 +264,7 @@ impl Items<'_> {
             }
             let detail = facts::plugin_option(&option);
             let text = format!("{}: {}", option.name, default_of(&option));
-            self.push(Item { detail, text, is_snippet: true, ..Item::new(&option.name, Kind::Property) });
+            self.push(Item { detail, text, is_snippet: true, ..Item::new(&option.name, ItemKind::Property) });
         }
     }
 
@@ -276,7 +276,7 @@ impl Items<'_> {
         let takes_names = names::names(self.view.source, site).is_some_and(|names| names != Names::Colors);
         for value in entry.values(argument).into_iter().filter(|_| !takes_names && !site.in_list) {
             let label = format!("\"{value}\"");
-            self.push(Item { order: 1, ..Item::new(&label, Kind::Value) });
+            self.push(Item { order: 1, ..Item::new(&label, ItemKind::Value) });
         }
         let plugin =
             self.view.plugin_options(site).into_iter().find(|option| Some(&option.name) == key.as_ref());
@@ -285,7 +285,7 @@ impl Items<'_> {
             entry.options().into_iter().find(|o| o.name == argument).map(|o| o.about).unwrap_or_default();
         if flag || about.contains("true") || about.contains("false") {
             for word in ["true", "false"] {
-                self.push(Item { order: 1, ..Item::new(word, Kind::Value) });
+                self.push(Item { order: 1, ..Item::new(word, ItemKind::Value) });
             }
         }
     }
@@ -302,9 +302,9 @@ impl Items<'_> {
             }
             let value = types.declared(&declaration);
             let kind = match declaration.kind {
-                Declared::Function => Kind::Function,
-                Declared::Module => Kind::Module,
-                _ => Kind::Variable,
+                Declared::Function => ItemKind::Function,
+                Declared::Module => ItemKind::Module,
+                _ => ItemKind::Variable,
             };
             let order = if wanted.contains(&value.kind.as_str()) { 0 } else { 3 };
             self.push(Item { detail: in_words(&value), order, ..Item::new(name, kind) });
@@ -327,7 +327,7 @@ impl Items<'_> {
             for clip in &asset.clips {
                 let text = format!("{name}.clip({})", quoted(&clip.name));
                 let detail = facts::length(clip, self.view.fps);
-                self.push(Item { detail, order: 1, ..Item::new(&text, Kind::Value) });
+                self.push(Item { detail, order: 1, ..Item::new(&text, ItemKind::Value) });
             }
         }
     }
@@ -341,7 +341,7 @@ impl Items<'_> {
         if source.before(string, 1) == "import" {
             let names = self.view.files_named(&["rhai".into()]);
             for name in names.iter().filter_map(|name| name.strip_suffix(".rhai")) {
-                self.push(Item::new(name, Kind::Module));
+                self.push(Item::new(name, ItemKind::Module));
             }
             return;
         }
@@ -356,14 +356,14 @@ impl Items<'_> {
         let listed = self.view.plugin_options(&site).into_iter().find(|option| option.name == argument);
         match listed.map(|option| option.kind) {
             Some(OptionKind::Text { one_of, .. }) => {
-                one_of.iter().for_each(|v| self.push(Item::new(v, Kind::Value)))
+                one_of.iter().for_each(|v| self.push(Item::new(v, ItemKind::Value)))
             }
             _ if !listed_too => {}
             Some(_) => {}
             None => entry
                 .values(argument)
                 .iter()
-                .for_each(|v| self.push(Item { order: 6, ..Item::new(v, Kind::Value) })),
+                .for_each(|v| self.push(Item { order: 6, ..Item::new(v, ItemKind::Value) })),
         }
     }
 
@@ -382,13 +382,16 @@ impl Items<'_> {
                 let effects = self.view.project.registry.effects();
                 let effects: Vec<_> = effects.iter().map(|e| e.manifest().clone()).collect();
                 for effect in effects {
-                    self.push(Item { detail: effect.about.clone(), ..Item::new(&effect.name, Kind::Value) });
+                    self.push(Item {
+                        detail: effect.about.clone(),
+                        ..Item::new(&effect.name, ItemKind::Value)
+                    });
                 }
             }
             Names::EffectParameters => {
                 for option in self.view.plugin_options(site) {
                     let detail = facts::plugin_option(&option);
-                    self.push(Item { detail, ..Item::new(&option.name, Kind::Property) });
+                    self.push(Item { detail, ..Item::new(&option.name, ItemKind::Property) });
                 }
             }
             Names::Importers => {
@@ -396,7 +399,7 @@ impl Items<'_> {
                     let manifest = importer.manifest();
                     self.push(Item {
                         detail: manifest.about.clone(),
-                        ..Item::new(&manifest.name, Kind::Value)
+                        ..Item::new(&manifest.name, ItemKind::Value)
                     });
                 }
             }
@@ -409,7 +412,7 @@ impl Items<'_> {
                     self.push(Item {
                         about: format!("#{rgb:06x}"),
                         order: 7,
-                        ..Item::new(name, Kind::Color)
+                        ..Item::new(name, ItemKind::Color)
                     });
                 }
             }
@@ -433,7 +436,7 @@ impl Items<'_> {
     }
 
     fn plain(&mut self, names: Vec<String>) {
-        names.iter().for_each(|name| self.push(Item::new(name, Kind::Value)));
+        names.iter().for_each(|name| self.push(Item::new(name, ItemKind::Value)));
     }
 
     fn files(&mut self, extensions: &[String], with_built_in: bool) {
@@ -441,11 +444,11 @@ impl Items<'_> {
             // A script may load its own export, but rarely means it.
             let own = with_built_in && self.view.is_exported(&name);
             let (detail, order) = if own { ("written by choreo export", 9) } else { ("", 5) };
-            self.push(Item { detail: detail.into(), order, ..Item::new(&name, Kind::File) });
+            self.push(Item { detail: detail.into(), order, ..Item::new(&name, ItemKind::File) });
         }
         if with_built_in {
             for name in files::built_in(self.view.project) {
-                self.push(Item { detail: "built in".into(), ..Item::new(&name, Kind::File) });
+                self.push(Item { detail: "built in".into(), ..Item::new(&name, ItemKind::File) });
             }
         }
     }
@@ -467,7 +470,7 @@ impl Items<'_> {
             Names::Clips => {
                 for clip in &asset.clips {
                     let detail = facts::length(clip, self.view.fps);
-                    self.push(Item { detail, ..Item::new(&clip.name, Kind::Value) });
+                    self.push(Item { detail, ..Item::new(&clip.name, ItemKind::Value) });
                 }
             }
             Names::Joints | Names::JointPatterns => self.joints(asset, names == Names::JointPatterns),
@@ -501,11 +504,11 @@ impl Items<'_> {
                 let is_short = name != own;
                 let detail = if is_short { format!("{own}, {place}") } else { place.clone() };
                 let order = if is_short { 4 } else { 5 };
-                self.push(Item { detail, order, ..Item::new(name, Kind::Value) });
+                self.push(Item { detail, order, ..Item::new(name, ItemKind::Value) });
                 if patterns && has_children {
                     let all = format!("{name}..");
                     let detail = format!("{name} and all below it");
-                    self.push(Item { detail, order, ..Item::new(&all, Kind::Value) });
+                    self.push(Item { detail, order, ..Item::new(&all, ItemKind::Value) });
                 }
             }
         }
@@ -521,7 +524,7 @@ impl Items<'_> {
             let matching = skeleton.names().iter().filter(|name| name.contains(written)).count();
             if matching > 1 {
                 let detail = format!("{matching} joints");
-                self.push(Item { detail, order: 6, ..Item::new(&format!("*{written}*"), Kind::Value) });
+                self.push(Item { detail, order: 6, ..Item::new(&format!("*{written}*"), ItemKind::Value) });
             }
         }
     }

@@ -12,7 +12,7 @@ use std::ops::Range;
 
 /// Standard types of the protocol, in the order of the legend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum TokenKind {
     /// Files and modules.
     Namespace,
     /// Actors.
@@ -80,7 +80,7 @@ pub fn tokens(view: &View, range: Option<&Value>) -> Value {
             break;
         }
         for comment in comments(&source.text, behind..token.start) {
-            encoded.push(comment.range, Kind::Comment, 0);
+            encoded.push(comment.range, TokenKind::Comment, 0);
         }
         if token.start < bytes.end {
             meaning.push(index, &mut encoded);
@@ -89,7 +89,7 @@ pub fn tokens(view: &View, range: Option<&Value>) -> Value {
     }
     for comment in comments(&source.text, behind.min(source.text.len())..source.text.len()) {
         if comment.range.start < bytes.end {
-            encoded.push(comment.range, Kind::Comment, 0);
+            encoded.push(comment.range, TokenKind::Comment, 0);
         }
     }
     json!({ "data": encoded.data })
@@ -104,7 +104,7 @@ struct Encoded<'v> {
 
 impl Encoded<'_> {
     /// A token of several lines is one on each of them.
-    fn push(&mut self, bytes: Range<usize>, kind: Kind, modifiers: u32) {
+    fn push(&mut self, bytes: Range<usize>, kind: TokenKind, modifiers: u32) {
         let (text, lines) = (&self.view.source.text, &self.view.source.lines);
         let mut start = bytes.start;
         for part in text[bytes].split_inclusive('\n') {
@@ -130,7 +130,7 @@ struct Meaning<'v> {
     types: Types<'v>,
     declarations: BTreeMap<&'v str, Vec<Declaration>>,
     /// Kinds of declared names, by their tokens.
-    kinds: BTreeMap<usize, Kind>,
+    kinds: BTreeMap<usize, TokenKind>,
 }
 
 impl<'v> Meaning<'v> {
@@ -141,16 +141,16 @@ impl<'v> Meaning<'v> {
         for token in 0..view.source.tokens.len() {
             let Some(declaration) = types.declares(token) else { continue };
             let kind = match declaration.kind {
-                Declared::Function => Kind::Function,
-                Declared::Module => Kind::Namespace,
-                Declared::Parameter(_) | Declared::ClosureParameter(_) => Kind::Parameter,
-                Declared::Variable | Declared::Loop => Kind::Variable,
+                Declared::Function => TokenKind::Function,
+                Declared::Module => TokenKind::Namespace,
+                Declared::Parameter(_) | Declared::ClosureParameter(_) => TokenKind::Parameter,
+                Declared::Variable | Declared::Loop => TokenKind::Variable,
             };
             let value =
-                if kind == Kind::Function { String::new() } else { types.declared(&declaration).kind };
+                if kind == TokenKind::Function { String::new() } else { types.declared(&declaration).kind };
             let kind = match value.as_str() {
-                "Actor" => Kind::Class,
-                "Clip" => Kind::Event,
+                "Actor" => TokenKind::Class,
+                "Clip" => TokenKind::Event,
                 _ => kind,
             };
             kinds.insert(token, kind);
@@ -171,7 +171,7 @@ impl<'v> Meaning<'v> {
                 let word = InnerWord::new(source, code, at);
                 let meaning = match word.text {
                     text if is_word(text) => Some(self.of_inner_word(&word)),
-                    text if is_string(text) => Some((Kind::String, 0)),
+                    text if is_string(text) => Some((TokenKind::String, 0)),
                     text => of_number(text),
                 };
                 if let Some((kind, modifiers)) = meaning {
@@ -183,7 +183,7 @@ impl<'v> Meaning<'v> {
         encoded.push(behind..range.end, kind, modifiers);
     }
 
-    fn of(&self, token: usize) -> Option<(Kind, u32)> {
+    fn of(&self, token: usize) -> Option<(TokenKind, u32)> {
         let text = self.view.source.get(token);
         if is_string(text) {
             return Some((self.of_string(token), 0));
@@ -194,7 +194,7 @@ impl<'v> Meaning<'v> {
         of_number(text)
     }
 
-    fn of_word(&self, token: usize) -> (Kind, u32) {
+    fn of_word(&self, token: usize) -> (TokenKind, u32) {
         let source = self.view.source;
         let (word, before, next) = (source.get(token), source.before(token, 1), source.get(token + 1));
         let in_place = of_place(word, before, next);
@@ -202,13 +202,13 @@ impl<'v> Meaning<'v> {
         in_place.or_else(declared).unwrap_or_else(|| self.of_name(word, next, token))
     }
 
-    fn of_inner_word(&self, word: &InnerWord) -> (Kind, u32) {
+    fn of_inner_word(&self, word: &InnerWord) -> (TokenKind, u32) {
         let in_place = of_place(word.text, word.before[0], word.next);
         in_place.unwrap_or_else(|| self.of_name(word.text, word.next, word.string))
     }
 
     /// A name that is declared before a token, or is one of the API.
-    fn of_name(&self, word: &str, next: &str, token: usize) -> (Kind, u32) {
+    fn of_name(&self, word: &str, next: &str, token: usize) -> (TokenKind, u32) {
         let declared = self.declarations.get(word).map_or(&[][..], Vec::as_slice);
         let before = declared.partition_point(|declaration| declaration.token < token);
         let seen = self.types.seen(declared[..before].iter().rev().cloned(), token);
@@ -218,38 +218,40 @@ impl<'v> Meaning<'v> {
             return (*kind, 0);
         }
         match describe::entry("", word) {
-            Some(_) if UNITS.contains(&word) && next == "(" => (Kind::Number, DEFAULT_LIBRARY),
-            Some(entry) if entry.is_constant => (Kind::Variable, DEFAULT_LIBRARY),
-            Some(_) if next == "(" => (Kind::Function, DEFAULT_LIBRARY),
-            _ if next == "(" => (Kind::Function, 0),
-            _ => (Kind::Variable, 0),
+            Some(_) if UNITS.contains(&word) && next == "(" => (TokenKind::Number, DEFAULT_LIBRARY),
+            Some(entry) if entry.is_constant => (TokenKind::Variable, DEFAULT_LIBRARY),
+            Some(_) if next == "(" => (TokenKind::Function, DEFAULT_LIBRARY),
+            _ if next == "(" => (TokenKind::Function, 0),
+            _ => (TokenKind::Variable, 0),
         }
     }
 
-    fn of_string(&self, token: usize) -> Kind {
+    fn of_string(&self, token: usize) -> TokenKind {
         let source = self.view.source;
         if source.get(token + 1) == ":" {
-            return Kind::Property;
+            return TokenKind::Property;
         }
         if source.before(token, 1) == "import" {
-            return Kind::Namespace;
+            return TokenKind::Namespace;
         }
         if source.parent(token).is_none_or(|open| token - open > LONGEST_LIST) {
-            return Kind::String;
+            return TokenKind::String;
         }
-        let Some(site) = call_around(self.types, source.tokens[token].start + 1) else { return Kind::String };
+        let Some(site) = call_around(self.types, source.tokens[token].start + 1) else {
+            return TokenKind::String;
+        };
         let names_actor = source.get(site.name) == "cast" && site.on.is_none() && site.argument == 0;
         match names::names(source, &site) {
-            _ if names_actor => Kind::Class,
+            _ if names_actor => TokenKind::Class,
             Some(Names::Models | Names::Images | Names::Panoramas | Names::Scripts | Names::Fonts) => {
-                Kind::Namespace
+                TokenKind::Namespace
             }
-            Some(Names::Clips) => Kind::Event,
-            Some(Names::Actors) => Kind::Class,
-            Some(Names::Colors | Names::Cameras | Names::Markers | Names::ClipMarkers) => Kind::String,
-            Some(_) => Kind::EnumMember,
-            None if self.is_allowed_value(token) => Kind::EnumMember,
-            None => Kind::String,
+            Some(Names::Clips) => TokenKind::Event,
+            Some(Names::Actors) => TokenKind::Class,
+            Some(Names::Colors | Names::Cameras | Names::Markers | Names::ClipMarkers) => TokenKind::String,
+            Some(_) => TokenKind::EnumMember,
+            None if self.is_allowed_value(token) => TokenKind::EnumMember,
+            None => TokenKind::String,
         }
     }
 
@@ -265,20 +267,20 @@ impl<'v> Meaning<'v> {
 }
 
 /// The meaning of a word by its neighbours alone.
-fn of_place(word: &str, before: &str, next: &str) -> Option<(Kind, u32)> {
+fn of_place(word: &str, before: &str, next: &str) -> Option<(TokenKind, u32)> {
     Some(match (before, next) {
-        ("." | "?.", "(") => (Kind::Method, DEFAULT_LIBRARY),
-        ("." | "?.", _) => (Kind::Property, 0),
-        (_, ":") => (Kind::Property, 0),
-        (_, "::") => (Kind::Namespace, 0),
-        ("::", "(") => (Kind::Function, 0),
-        ("::", _) => (Kind::Variable, 0),
-        _ if is_keyword(word) => (Kind::Keyword, 0),
+        ("." | "?.", "(") => (TokenKind::Method, DEFAULT_LIBRARY),
+        ("." | "?.", _) => (TokenKind::Property, 0),
+        (_, ":") => (TokenKind::Property, 0),
+        (_, "::") => (TokenKind::Namespace, 0),
+        ("::", "(") => (TokenKind::Function, 0),
+        ("::", _) => (TokenKind::Variable, 0),
+        _ if is_keyword(word) => (TokenKind::Keyword, 0),
         _ => return None,
     })
 }
 
-fn of_number(text: &str) -> Option<(Kind, u32)> {
+fn of_number(text: &str) -> Option<(TokenKind, u32)> {
     let is_number = text.trim_start_matches('-').starts_with(|c: char| c.is_ascii_digit());
-    is_number.then_some((Kind::Number, 0))
+    is_number.then_some((TokenKind::Number, 0))
 }

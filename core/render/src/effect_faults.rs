@@ -93,10 +93,10 @@ impl PlanFault {
 
 /// The faults that a renderer has seen.
 #[derive(Default)]
-pub(crate) struct EffectFaults(Mutex<Seen>);
+pub(crate) struct EffectFaults(Mutex<SeenFaults>);
 
 #[derive(Default)]
-struct Seen {
+struct SeenFaults {
     /// The first place of each fault.
     found: BTreeMap<(String, Fault), FaultPlace>,
     /// Faults that warnings were given for.
@@ -159,7 +159,7 @@ impl EffectFaults {
 
     /// Forgets everything: other effects, other faults.
     pub fn clear(&self) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Seen::default();
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = SeenFaults::default();
     }
 }
 

@@ -175,7 +175,7 @@ impl Source<'_> {
         };
         // A text of many functions takes long; then the function alone is not looked for.
         const MOST: usize = 200;
-        let without = |body: &Body, at: usize, open: usize| {
+        let without = |body: &FunctionBody, at: usize, open: usize| {
             let (head, tail) = (&self.whole[..at], &self.whole[body.end..]);
             format!("{head}{}{tail}", "}".repeat(open))
         };
@@ -190,7 +190,7 @@ impl Source<'_> {
 }
 
 /// The body of a function.
-struct Body {
+struct FunctionBody {
     /// Behind its opening brace, and at its closing one.
     start: usize,
     end: usize,
@@ -198,8 +198,8 @@ struct Body {
     cuts: Vec<(usize, usize)>,
 }
 
-fn bodies(text: &str) -> Vec<Body> {
-    let mut all: Vec<Body> = Vec::new();
+fn bodies(text: &str) -> Vec<FunctionBody> {
+    let mut all: Vec<FunctionBody> = Vec::new();
     let (mut braces, mut round, mut is_function) = (0usize, 0usize, false);
     for (at, token) in Tokens::of(text) {
         match token {
@@ -209,7 +209,7 @@ fn bodies(text: &str) -> Vec<Body> {
             "{" => {
                 braces += 1;
                 if braces == 1 && is_function {
-                    all.push(Body { start: at + 1, end: text.len(), cuts: Vec::new() });
+                    all.push(FunctionBody { start: at + 1, end: text.len(), cuts: Vec::new() });
                 }
             }
             "}" => {

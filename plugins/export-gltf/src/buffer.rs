@@ -17,7 +17,7 @@ pub const VERTICES: u16 = 34962;
 pub const INDICES: u16 = 34963;
 
 /// Writes a part of the buffer of a known length.
-type Part<'a> = Box<dyn Fn(&mut dyn Write) -> Result<()> + 'a>;
+type WritePart<'a> = Box<dyn Fn(&mut dyn Write) -> Result<()> + 'a>;
 
 /// Rows that are made at a time.
 const CHUNK: usize = 4096;
@@ -60,14 +60,14 @@ pub struct Buffer<'a> {
     pub accessors: Vec<Accessor>,
     pub views: Vec<BufferView>,
     /// One a view, with its length.
-    parts: Vec<(u64, Part<'a>)>,
+    parts: Vec<(u64, WritePart<'a>)>,
     length: u64,
     /// Accessors by content.
     known: BTreeMap<(ContentHash, u16, &'static str), Index>,
 }
 
 impl<'a> Buffer<'a> {
-    fn add(&mut self, length: u64, target: Option<u16>, part: Part<'a>) -> Index {
+    fn add(&mut self, length: u64, target: Option<u16>, part: WritePart<'a>) -> Index {
         let byte_offset = self.length;
         self.views.push(BufferView { buffer: 0, byte_offset, byte_length: length, target });
         self.parts.push((length, part));
@@ -105,7 +105,7 @@ impl<'a> Buffer<'a> {
         if let Some(known) = self.known.get(&key) {
             return *known;
         }
-        let write: Part<'a> = Box::new(move |out| each_chunk(count, &row, |bytes| out.write_all(bytes)));
+        let write: WritePart<'a> = Box::new(move |out| each_chunk(count, &row, |bytes| out.write_all(bytes)));
         let view = self.add(count as u64 * R::BYTES, target, write);
         let index = self.accessor(Accessor { buffer_view: Some(view), ..accessor });
         self.known.insert(key, index);

@@ -196,7 +196,7 @@ pub fn animation<'a>(
         let of = Joints { set: set.clone(), rig: Rc::new(rig), moving: moving.into() };
         of.attribute(&mut out, (QUATF, "rotations"), (Path::Rotation, |t| t.rotation.to_array()), frames);
         of.attribute(&mut out, (HALF3, "scales"), (Path::Scale, |t| t.scale.extend(0.0).to_array()), frames);
-        let translation: Part = (Path::Translation, |t| t.translation.extend(0.0).to_array());
+        let translation: TransformPart = (Path::Translation, |t| t.translation.extend(0.0).to_array());
         of.attribute(&mut out, (FLOAT3, "translations"), translation, frames);
     }
     let own: Vec<&Rc<TrackSet<'a>>> = baked.motions[index].sets.iter().map(|set| &sets[*set]).collect();
@@ -253,7 +253,7 @@ fn add_weights<'a>(out: &mut Prim<'a>, model: &Model<'a>, all: Vec<(usize, Weigh
 }
 
 /// A part of a transform; what has three numbers has a fourth that does not count.
-type Part = (Path, fn(&Transform) -> [f32; 4]);
+type TransformPart = (Path, fn(&Transform) -> [f32; 4]);
 
 /// The joints of a rig that move, with their curves.
 struct Joints<'a> {
@@ -264,7 +264,13 @@ struct Joints<'a> {
 }
 
 impl<'a> Joints<'a> {
-    fn attribute(&self, out: &mut Prim<'a>, (of, name): (Type, &str), (path, part): Part, frames: Frames) {
+    fn attribute(
+        &self,
+        out: &mut Prim<'a>,
+        (of, name): (Type, &str),
+        (path, part): TransformPart,
+        frames: Frames,
+    ) {
         let attribute: &mut Attribute<'a> = out.attribute(of, name);
         let times = self.set.common_times(|track| track.joint > 0 && track.path == path);
         let count = self.moving.len();

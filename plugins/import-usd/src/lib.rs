@@ -22,7 +22,7 @@ use compose::{Composer, Packages};
 use glam::{Affine3A, DMat4, DVec3};
 use layer::{Layer, Prim};
 use materials::{Known, Materials};
-use meshes::{Part, Reading};
+use meshes::{FaceSubset, Reading};
 use nodes::{Node, Tree};
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock};
@@ -227,7 +227,7 @@ impl<'b> Scene<'_, 'b> {
     }
 
     /// The parts of a mesh by material, and what the first material reads.
-    fn parts(&mut self, node: &Node<'_>) -> (Vec<Part>, Known) {
+    fn parts(&mut self, node: &Node<'_>) -> (Vec<FaceSubset>, Known) {
         let bound = |prim: &Prim| prim.targets("material:binding").first().cloned();
         let whole = self.tree.inherited(node, bound);
         let mut first = whole.map(|path| self.materials.at(&path)).unwrap_or_default();
@@ -236,13 +236,13 @@ impl<'b> Scene<'_, 'b> {
             let (Some(path), Some(faces)) = (bound(subset), subset.numbers("indices")) else { continue };
             let known = self.materials.at(&path);
             let faces = Some(faces.iter().map(|face| *face as u32).collect());
-            out.push(Part { faces, material: known.index });
+            out.push(FaceSubset { faces, material: known.index });
             if first.index.is_none() {
                 first = known;
             }
         }
         let material = if out.is_empty() { first.index } else { None };
-        out.push(Part { faces: None, material });
+        out.push(FaceSubset { faces: None, material });
         (out, first)
     }
 

@@ -28,7 +28,7 @@ pub struct Reading<'a> {
 }
 
 /// The faces of a mesh that have a material.
-pub struct Part {
+pub struct FaceSubset {
     /// Indices of faces; `None`: all that no other part has.
     pub faces: Option<Vec<u32>>,
     pub material: Option<u32>,
@@ -136,7 +136,7 @@ impl<'a> Faces<'a> {
 /// The mesh of a prim; `None` where it has no faces.
 pub fn mesh(
     prim: &Prim,
-    parts: &[Part],
+    parts: &[FaceSubset],
     reading: &Reading<'_>,
     triangulator: &mut Triangulator,
 ) -> Result<Option<Mesh>> {

@@ -152,7 +152,7 @@ impl Shown<'_> {
                 let resource = &self.resources.primitives[primitive.primitive as usize];
                 let morph = morph_motion(resource, i, states);
                 let mut add = |bounds: Aabb, world_from_mesh: [DAffine3; 2], rigid: bool| {
-                    let part = Part { bounds, world_from_mesh, shape: rigid.then_some(resource), morph };
+                    let part = MovingBox { bounds, world_from_mesh, shape: rigid.then_some(resource), morph };
                     fastest = fastest.max(part.motion(eyes));
                     lights.iter().for_each(|light| fastest = fastest.max(part.motion_of_shadow(light)));
                 };
@@ -278,7 +278,7 @@ impl Eye {
 }
 
 /// A box that moves with a joint or a mesh.
-struct Part<'a> {
+struct MovingBox<'a> {
     bounds: Aabb,
     world_from_mesh: [DAffine3; 2],
     /// The mesh, if it is rigid.
@@ -290,7 +290,7 @@ struct Part<'a> {
 /// Clip coordinates of a point at two times.
 type Ends = (DVec4, DVec4);
 
-impl Part<'_> {
+impl MovingBox<'_> {
     fn motion(&self, eyes: &[Eye; 2]) -> f64 {
         let [a, b] = [0, 1].map(|k| eyes[k].clip_from(&self.world_from_mesh[k]));
         if a == b && self.morph == 0.0 {

@@ -3,7 +3,7 @@
 //! After P. Lindstrom, G. Turk, "Image-Driven Simplification", ACM TOG 2000: a bound of the geometric error says nothing about a
 //! head that comes through its helmet, or about a stripe that has got the color of the trousers.
 
-use crate::scene_resources::simplify::{Model, Part};
+use crate::scene_resources::simplify::{Model, ModelPrimitive};
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
@@ -46,7 +46,7 @@ pub(super) struct Shape {
 /// Triangles of a part to be drawn.
 #[derive(Clone, Copy)]
 struct Drawn<'a> {
-    part: &'a Part,
+    part: &'a ModelPrimitive,
     indices: &'a [u32],
     positions: &'a [Vec3],
 }

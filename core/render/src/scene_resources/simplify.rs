@@ -27,7 +27,7 @@ const SLACK: f32 = 1.1;
 
 /// A model at rest.
 pub(super) struct Model {
-    pub parts: Vec<Part>,
+    pub parts: Vec<ModelPrimitive>,
     /// Diagonal of its bounds, metres.
     pub size: f32,
 }
@@ -41,7 +41,7 @@ pub(super) struct Level {
 }
 
 /// One primitive of a model. A mesh that several nodes have is a part for each.
-pub(super) struct Part {
+pub(super) struct ModelPrimitive {
     /// Mesh instance of the asset, and primitive of its mesh.
     pub place: (usize, usize),
     mesh: Arc<Mesh>,
@@ -97,7 +97,7 @@ impl Paint {
     }
 }
 
-impl Part {
+impl ModelPrimitive {
     pub fn primitive(&self) -> &Primitive {
         &self.mesh.primitives[self.place.1]
     }
@@ -174,7 +174,7 @@ impl Model {
                 let default = Material::default();
                 let material = primitive.material.and_then(|m| asset.materials.get(m as usize));
                 let positions: Vec<Vec3> = posed.positions.iter().map(|p| p.as_vec3()).collect();
-                parts.push(Part {
+                parts.push(ModelPrimitive {
                     place: (instance.instance, index),
                     mesh: mesh.clone(),
                     stretch: stretch(&primitive.positions, &positions),
@@ -184,7 +184,7 @@ impl Model {
                 });
             }
         }
-        let finite = |part: &Part| part.positions.iter().all(|p| p.is_finite());
+        let finite = |part: &ModelPrimitive| part.positions.iter().all(|p| p.is_finite());
         let all = Aabb::of(parts.iter().flat_map(|part| part.positions.iter().copied()));
         let size = (all.max - all.min).length();
         (!parts.is_empty() && parts.iter().all(finite) && size > 0.0).then_some(Model { parts, size })
@@ -197,7 +197,7 @@ impl Model {
         let mut before: usize = self.parts.iter().map(|part| part.primitive().indices.len()).sum();
         let mut levels: Vec<Level> = Vec::new();
         for share in ERRORS {
-            let simplified = |part: &Part| part.simplified(share * self.size, self.size);
+            let simplified = |part: &ModelPrimitive| part.simplified(share * self.size, self.size);
             let indices: Vec<Vec<u32>> = self.parts.par_iter().map(simplified).collect();
             let left: usize = indices.iter().map(Vec::len).sum();
             if left == 0 || 4 * left > 3 * before {
@@ -233,7 +233,7 @@ impl Model {
 
     /// The parts with these triangles. What is inside of the model is moved inwards, so that it stays behind what is outside.
     fn shapes(&self, indices: Vec<Vec<u32>>, hidden: &[Vec<bool>], inwards: f32) -> Vec<Shape> {
-        let shape = |((part, indices), hidden): ((&Part, Vec<u32>), &Vec<bool>)| {
+        let shape = |((part, indices), hidden): ((&ModelPrimitive, Vec<u32>), &Vec<bool>)| {
             let positions = moved(&part.positions, &part.normals, hidden, inwards);
             Shape { indices, positions }
         };
@@ -247,7 +247,7 @@ impl Model {
         hidden: &[Vec<bool>],
         inwards: f32,
     ) -> Vec<((usize, usize), Option<Primitive>)> {
-        let primitive = |((part, shape), hidden): ((&Part, Shape), &Vec<bool>)| {
+        let primitive = |((part, shape), hidden): ((&ModelPrimitive, Shape), &Vec<bool>)| {
             let fine = part.primitive();
             let positions = moved(&fine.positions, &fine.normals, hidden, inwards / part.stretch);
             let some = !shape.indices.is_empty();

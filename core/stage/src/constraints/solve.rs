@@ -3,7 +3,7 @@
 use crate::actors;
 use crate::constraints::foot_locks::{FootLockOf, FootLocks};
 use crate::constraints::gaze::Gaze;
-use crate::constraints::steps::{Kind, Known, Steps};
+use crate::constraints::steps::{Known, StepKind, Steps};
 use crate::constraints::{foot_lock, look_at, order};
 use crate::pose::expressions::ExpressionWeights;
 use crate::pose::joints::{PosedSkeleton, rotation_of};
@@ -243,8 +243,8 @@ impl Solved<'_> {
             }
             let face = (!trial).then(|| &mut placing.expression_weights[self.index]);
             match step.kind {
-                Kind::Constraint(number) => self.constrain(number, known, scratch, face, actors)?,
-                Kind::Look(number) => self.look(number, known, scratch, face, actors),
+                StepKind::Constraint(number) => self.constrain(number, known, scratch, face, actors)?,
+                StepKind::Look(number) => self.look(number, known, scratch, face, actors),
             }
         }
         Ok(())
@@ -318,7 +318,7 @@ impl Solved<'_> {
         let late = steps.ordered.iter().filter(|step| step.target == Known::After);
         for step in late {
             match step.kind {
-                Kind::Constraint(number) => {
+                StepKind::Constraint(number) => {
                     let constraint = &self.stage.actors[self.index].constraints[number];
                     let of = |t: &&mut (usize, usize, DVec3, _)| (t.0, t.1) == (self.index, number);
                     if let Some(found) = targets.iter_mut().find(of)
@@ -327,7 +327,7 @@ impl Solved<'_> {
                         (found.2, found.3) = (target, pole);
                     }
                 }
-                Kind::Look(number) => {
+                StepKind::Look(number) => {
                     let aim = &mut aims[number];
                     let target = target_position(self.stage, actors, &aim.target);
                     aim.world_target = target.unwrap_or(aim.world_target);

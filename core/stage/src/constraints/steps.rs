@@ -10,7 +10,7 @@ use choreo_motion::{Skeleton, Time};
 
 /// A constraint or look-at of an actor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum StepKind {
     /// Number among the actor's constraints.
     Constraint(usize),
     /// Number among the aims of the round.
@@ -30,7 +30,7 @@ pub(super) enum Known {
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
-    pub kind: Kind,
+    pub kind: StepKind,
     pub target: Known,
 }
 
@@ -38,7 +38,7 @@ pub(super) struct Step {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Steps {
     pub(super) ordered: Vec<Step>,
-    usual: Vec<Kind>,
+    usual: Vec<StepKind>,
     waiting: Vec<usize>,
     /// (step, the step that moves its target), by number in `usual`.
     needs: Vec<(usize, usize)>,
@@ -61,9 +61,9 @@ impl Steps {
         for phase in 0..3 {
             let constraints = actor.constraints.iter().enumerate().filter(active);
             let constraints = constraints.filter(|(_, c)| phase_of(&c.kind) == Some(phase));
-            usual.extend(constraints.map(|(number, _)| Kind::Constraint(number)));
+            usual.extend(constraints.map(|(number, _)| StepKind::Constraint(number)));
             if phase == 1 {
-                usual.extend((0..aims.len()).filter(|at| aims[*at].actor == index).map(Kind::Look));
+                usual.extend((0..aims.len()).filter(|at| aims[*at].actor == index).map(StepKind::Look));
             }
         }
         self.find_needs(stage, parents, index, aims);
@@ -93,8 +93,8 @@ impl Steps {
                 });
             };
             match *step {
-                Kind::Constraint(number) => actor.constraints[number].targets().for_each(&mut add),
-                Kind::Look(number) => add(aims[number].target),
+                StepKind::Constraint(number) => actor.constraints[number].targets().for_each(&mut add),
+                StepKind::Look(number) => add(aims[number].target),
             }
         }
     }
@@ -144,10 +144,10 @@ fn phase_of(kind: &ConstraintKind) -> Option<usize> {
 }
 
 /// The uppermost joints that a step moves; all below them move along.
-fn moves<'a>(actor: &'a Actor, aims: &[Aim], step: Kind) -> impl Iterator<Item = u32> + use<'a> {
+fn moves<'a>(actor: &'a Actor, aims: &[Aim], step: StepKind) -> impl Iterator<Item = u32> + use<'a> {
     let (one, legs) = match step {
-        Kind::Look(number) => (Some(aims[number].joint), &[][..]),
-        Kind::Constraint(number) => match &actor.constraints[number].kind {
+        StepKind::Look(number) => (Some(aims[number].joint), &[][..]),
+        StepKind::Constraint(number) => match &actor.constraints[number].kind {
             ConstraintKind::Aim(aim) => (aim.joints.first().copied(), &[][..]),
             ConstraintKind::Reach(reach) => (reach.joints.first().copied(), &[][..]),
             ConstraintKind::FootLock(lock) => (lock.hips, lock.legs.as_slice()),
@@ -158,10 +158,10 @@ fn moves<'a>(actor: &'a Actor, aims: &[Aim], step: Kind) -> impl Iterator<Item =
 }
 
 /// The joint at the end of a step's chain; foot locks have none and hang on nothing.
-fn last_joint(actor: &Actor, aims: &[Aim], step: Kind) -> Option<u32> {
+fn last_joint(actor: &Actor, aims: &[Aim], step: StepKind) -> Option<u32> {
     match step {
-        Kind::Look(number) => Some(aims[number].joint),
-        Kind::Constraint(number) => match &actor.constraints[number].kind {
+        StepKind::Look(number) => Some(aims[number].joint),
+        StepKind::Constraint(number) => match &actor.constraints[number].kind {
             ConstraintKind::Aim(aim) => aim.joints.last().copied(),
             ConstraintKind::Reach(reach) => reach.joints.last().copied(),
             ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_) => None,

@@ -5,7 +5,7 @@ use super::chunks::Chunk;
 use super::job::{FarmJob, Film, JOB, OUTPUT};
 use crate::commands::render::sheet;
 use crate::failure::{Failure, print, print_json, write_failure};
-use crate::output::segment::{PART, Report, State, frames_of, png, report_name, segment_name};
+use crate::output::segment::{PART, Report, SegmentState, frames_of, png, report_name, segment_name};
 use crate::output::target::export_failure;
 use crate::output::video::is_being_made;
 use crate::terminal::page::Page;
@@ -26,7 +26,7 @@ const MOST_CELLS: usize = 48;
 const MOST_LINES: usize = 12;
 
 /// The state of a chunk; none is that of one that no machine has begun.
-type ChunkState = Option<State>;
+type ChunkState = Option<SegmentState>;
 
 struct ChunkStatus {
     film: usize,
@@ -39,7 +39,7 @@ struct ChunkStatus {
 
 impl ChunkStatus {
     fn word(&self) -> &'static str {
-        self.state.map_or("waiting", State::word)
+        self.state.map_or("waiting", SegmentState::word)
     }
 }
 
@@ -98,17 +98,17 @@ fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatu
         let is_held = |folder| parts.iter().any(|part| is_being_made(folder, Path::new(part)));
         let held = || opened.as_ref().is_ok_and(is_held);
         let state = match report.as_ref().map(|report| report.state) {
-            _ if whole.contains(name.as_str()) => Some(State::Done),
-            _ if held() => Some(State::Running),
-            Some(State::Failed) => Some(State::Failed),
+            _ if whole.contains(name.as_str()) => Some(SegmentState::Done),
+            _ if held() => Some(SegmentState::Running),
+            Some(SegmentState::Failed) => Some(SegmentState::Failed),
             // The segment cannot be seen yet, or was removed.
-            Some(State::Done) => None,
+            Some(SegmentState::Done) => None,
             // The worker has ended without a last report.
-            _ => Some(State::Stopped),
+            _ => Some(SegmentState::Stopped),
         };
         let length = last - first + 1;
         let done = match state {
-            Some(State::Done) => length,
+            Some(SegmentState::Done) => length,
             None => 0,
             _ => report.as_ref().map_or(0, |report| report.done.min(length)),
         };
@@ -144,7 +144,7 @@ impl Progress {
             own.map(|chunk| chunk.done).sum::<u64>().min(film.frames)
         };
         let reports = || {
-            let running = chunks.iter().filter(|chunk| chunk.state == Some(State::Running));
+            let running = chunks.iter().filter(|chunk| chunk.state == Some(SegmentState::Running));
             running.filter_map(|chunk| chunk.report.as_ref()).filter(|report| report.made > 0)
         };
         let rate = reports().map(|report| report.made as f64 / report.seconds.max(1e-3)).sum::<f64>();
@@ -168,7 +168,7 @@ impl Progress {
             json!({
                 "film": job.films[chunk.film].output, "frames": chunk.frames, "state": chunk.word(), "done": chunk.done,
                 "host": report.map(|report| &report.host), "seconds": report.map(|report| report.seconds),
-                "message": report.map(|report| &report.message).filter(|_| chunk.state == Some(State::Failed)),
+                "message": report.map(|report| &report.message).filter(|_| chunk.state == Some(SegmentState::Failed)),
             })
         };
         let film = |(film, there): (&Film, &bool)| json!({ "output": film.output, "frames": film.frames, "joined": there });
@@ -206,11 +206,13 @@ impl Progress {
             };
             let (done, length) = (chunk.done, last - first + 1);
             let what = match chunk.state {
-                Some(State::Running) => format!("running on {}, {done} of {length}", report.host),
-                Some(State::Failed) => {
+                Some(SegmentState::Running) => format!("running on {}, {done} of {length}", report.host),
+                Some(SegmentState::Failed) => {
                     format!("failed on {}: {}", report.host, report.message.replace('\n', " "))
                 }
-                Some(State::Stopped) => format!("stopped on {}, {done} of {length} are kept", report.host),
+                Some(SegmentState::Stopped) => {
+                    format!("stopped on {}, {done} of {length} are kept", report.host)
+                }
                 _ => continue,
             };
             page.line(format_args!("{film}frames {first}-{last}: {what}"));

@@ -3,7 +3,7 @@
 
 use crate::drawing::pipeline::Pixels;
 use crate::failure::Failure;
-use crate::output::segment::{Report, State, png, report_name, thumbnail};
+use crate::output::segment::{Report, SegmentState, png, report_name, thumbnail};
 use crate::process::machine::host;
 use choreo_files::write_whole;
 use std::path::{Path, PathBuf};
@@ -32,7 +32,7 @@ pub(crate) fn begin(folder: &Path, first: u64, last: u64) {
     let mut worker = worker();
     let start = worker.as_ref().map_or_else(Instant::now, |worker| worker.start);
     let report = Report {
-        state: State::Running,
+        state: SegmentState::Running,
         done: 0,
         made: 0,
         seconds: 0.0,
@@ -79,12 +79,12 @@ pub(crate) fn end(failure: Option<&Failure>) {
         None if worker.written.is_none() => return,
         // The command line is wrong: the folder may be, too.
         Some(Failure::Usage(_)) => return,
-        None => State::Done,
-        Some(Failure::Interrupted) => State::Stopped,
+        None => SegmentState::Done,
+        Some(Failure::Interrupted) => SegmentState::Stopped,
         Some(failure) => {
             worker.report.message = failure.lines().join("\n");
             let _ = worker.path.parent().map(std::fs::create_dir_all);
-            State::Failed
+            SegmentState::Failed
         }
     };
     worker.write();

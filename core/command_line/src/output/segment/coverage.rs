@@ -1,6 +1,6 @@
 //! Choice of the record that gives each frame of a film, from segments in any order that may overlap.
 
-use super::{Kind, Segment};
+use super::{RecordKind, Segment};
 use choreo_plugin::suggest::list;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -27,7 +27,7 @@ pub(crate) fn cover(segments: &[Segment], piece: Option<NonZeroU64>) -> Result<V
         for (number, place) in opened.records.iter().enumerate() {
             let record = &place.record;
             let of_kind = match record.kind {
-                Kind::Piece { .. } => {
+                RecordKind::Piece { .. } => {
                     let fits =
                         |n: NonZeroU64| record.first.is_multiple_of(n.get()) && record.frames == n.get();
                     if !piece.is_some_and(fits) {
@@ -35,7 +35,7 @@ pub(crate) fn cover(segments: &[Segment], piece: Option<NonZeroU64>) -> Result<V
                     }
                     &mut pieces
                 }
-                Kind::Image | Kind::Repeat => &mut images,
+                RecordKind::Image | RecordKind::Repeat => &mut images,
             };
             match of_kind.entry(record.first) {
                 Entry::Vacant(free) => drop(free.insert((segment, number))),

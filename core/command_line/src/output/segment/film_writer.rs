@@ -1,7 +1,7 @@
 //! Writing a film from records: pieces are copied, and images go through the exporter.
 
 use super::shared::Shared;
-use super::{Fault, Kind, Place, Segment};
+use super::{Fault, PlacedRecord, RecordKind, Segment};
 use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Mark, VideoInfo};
 use std::io::{self, Write};
 
@@ -60,10 +60,10 @@ impl<'a> FilmWriter<'a> {
     }
 
     /// Adds the frames of a record. `number`: that of its segment.
-    pub fn add(&mut self, number: usize, segment: &Segment, place: &Place) -> Result<(), JoinError> {
+    pub fn add(&mut self, number: usize, segment: &Segment, place: &PlacedRecord) -> Result<(), JoinError> {
         let fault = |fault| JoinError::Segment(number, fault);
         let image = (number, place.at);
-        if let Kind::Piece { state } = place.record.kind {
+        if let RecordKind::Piece { state } = place.record.kind {
             let mut state_and_bytes = segment.bytes(place).map_err(fault)?;
             let bytes = state_and_bytes.split_off(usize::try_from(state).unwrap_or(usize::MAX));
             self.sink = None;

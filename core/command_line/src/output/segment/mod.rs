@@ -14,8 +14,8 @@ mod write;
 
 pub(crate) use coverage::{Gap, Source, cover, ranges};
 pub(crate) use film_writer::{FilmWriter, JoinError, JoinedFrames};
-pub(crate) use read::{Fault, Place, Segment};
-pub(crate) use report::{PART, Report, State, frames_of, report_name, segment_name, thumbnail};
+pub(crate) use read::{Fault, PlacedRecord, Segment};
+pub(crate) use report::{PART, Report, SegmentState, frames_of, report_name, segment_name, thumbnail};
 pub(crate) use write::{SegmentExporter, png};
 
 use crate::output::journal::Identity;
@@ -125,7 +125,7 @@ fn numbers(value: &Value) -> Option<[u32; 2]> {
 /// Some frames of a segment, in the order in which they were made.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Record {
-    pub kind: Kind,
+    pub kind: RecordKind,
     /// Number of the first frame in the film.
     pub first: u64,
     pub frames: u64,
@@ -136,7 +136,7 @@ pub(crate) struct Record {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum RecordKind {
     /// A PNG of one frame.
     Image,
     /// One frame with the pixels of the record before, an image or another such frame; nothing follows.
@@ -148,9 +148,9 @@ pub(crate) enum Kind {
 impl Record {
     fn json(&self) -> Value {
         let (kind, state) = match self.kind {
-            Kind::Image => ("image", 0),
-            Kind::Repeat => ("repeat", 0),
-            Kind::Piece { state } => ("piece", state),
+            RecordKind::Image => ("image", 0),
+            RecordKind::Repeat => ("repeat", 0),
+            RecordKind::Piece { state } => ("piece", state),
         };
         json!({
             "record": kind, "first": self.first, "frames": self.frames, "state": state,
@@ -163,9 +163,9 @@ impl Record {
         let (first, frames, state, length) =
             (number("first")?, number("frames")?, number("state")?, number("bytes")?);
         let kind = match value["record"].as_str()? {
-            "image" if frames == 1 => Kind::Image,
-            "repeat" if frames == 1 && length == 0 => Kind::Repeat,
-            "piece" if frames > 0 && state <= length => Kind::Piece { state },
+            "image" if frames == 1 => RecordKind::Image,
+            "repeat" if frames == 1 && length == 0 => RecordKind::Repeat,
+            "piece" if frames > 0 && state <= length => RecordKind::Piece { state },
             _ => return None,
         };
         first.checked_add(frames)?;

@@ -1,6 +1,6 @@
 //! Reading a segment: every byte is read and compared with its hash, once when it is opened and once more when it is used.
 
-use super::{Film, Kind, MAGIC, Record, SegmentExporter, value};
+use super::{Film, MAGIC, Record, RecordKind, SegmentExporter, value};
 use choreo_files::FileError;
 use choreo_plugin::{Frame, VideoInfo};
 use serde_json::Value;
@@ -17,7 +17,7 @@ pub(crate) struct Segment {
     pub path: PathBuf,
     pub film: Film,
     /// The whole records.
-    pub records: Vec<Place>,
+    pub records: Vec<PlacedRecord>,
     /// The damage behind them.
     pub damage: Option<String>,
     file: File,
@@ -25,7 +25,7 @@ pub(crate) struct Segment {
 
 /// A record, and where its bytes begin. A frame that repeats the record before has the place and the hash of its image.
 #[derive(Clone, Debug)]
-pub(crate) struct Place {
+pub(crate) struct PlacedRecord {
     pub record: Record,
     pub at: u64,
 }
@@ -58,7 +58,7 @@ impl Segment {
         let head = from.line()?.and_then(|line| value(&line));
         let film = head.as_ref().and_then(Film::read);
         let film = film.ok_or(Fault::Damaged("the line that says which film it is of"))?;
-        let mut records: Vec<Place> = Vec::new();
+        let mut records: Vec<PlacedRecord> = Vec::new();
         let damage = loop {
             let Some(line) = from.line()? else { break Some("it ends too early") };
             let Some(value) = value(&line) else { break Some("a line has another hash") };
@@ -92,7 +92,7 @@ impl Segment {
     }
 
     /// The bytes of a record.
-    pub fn bytes(&self, place: &Place) -> Result<Vec<u8>, Fault> {
+    pub fn bytes(&self, place: &PlacedRecord) -> Result<Vec<u8>, Fault> {
         let mut file = &self.file;
         file.seek(SeekFrom::Start(place.at))?;
         let mut bytes = Vec::new();
@@ -104,7 +104,7 @@ impl Segment {
     }
 
     /// The pixels of an image.
-    pub fn frame(&self, place: &Place) -> Result<Frame, Fault> {
+    pub fn frame(&self, place: &PlacedRecord) -> Result<Frame, Fault> {
         let bytes = self.bytes(place)?;
         decoded(&bytes, self.film.size).ok_or(Fault::Damaged("an image of another kind or size"))
     }
@@ -141,19 +141,20 @@ impl<R: Read> Counted<R> {
     fn record(
         &mut self,
         line: &Value,
-        before: Option<&Place>,
+        before: Option<&PlacedRecord>,
         film_frames: u64,
-    ) -> io::Result<Result<Place, &'static str>> {
+    ) -> io::Result<Result<PlacedRecord, &'static str>> {
         let Some(record) = Record::read(line).filter(|r| r.first + r.frames <= film_frames) else {
             return Ok(Err("a line describes no record"));
         };
-        if record.kind == Kind::Repeat {
+        if record.kind == RecordKind::Repeat {
             let image = before.filter(|before| {
-                !matches!(before.record.kind, Kind::Piece { .. }) && before.record.first + 1 == record.first
+                !matches!(before.record.kind, RecordKind::Piece { .. })
+                    && before.record.first + 1 == record.first
             });
             let Some(image) = image else { return Ok(Err("a frame repeats none")) };
-            let of_image = Record { first: record.first, kind: Kind::Repeat, ..image.record.clone() };
-            return Ok(Ok(Place { record: of_image, at: image.at }));
+            let of_image = Record { first: record.first, kind: RecordKind::Repeat, ..image.record.clone() };
+            return Ok(Ok(PlacedRecord { record: of_image, at: image.at }));
         }
         let at = self.at;
         let mut hasher = blake3::Hasher::new();
@@ -170,7 +171,7 @@ impl<R: Read> Counted<R> {
         }
         self.at += read;
         Ok(match read == record.length && hasher.finalize() == record.hash {
-            true => Ok(Place { record, at }),
+            true => Ok(PlacedRecord { record, at }),
             false => Err("its bytes have another hash"),
         })
     }

@@ -19,7 +19,7 @@ const THUMBNAIL: u32 = 192;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub(crate) enum State {
+pub(crate) enum SegmentState {
     Running,
     Done,
     Failed,
@@ -27,20 +27,20 @@ pub(crate) enum State {
     Stopped,
 }
 
-impl State {
+impl SegmentState {
     pub fn word(self) -> &'static str {
         match self {
-            State::Running => "running",
-            State::Done => "done",
-            State::Failed => "failed",
-            State::Stopped => "stopped",
+            SegmentState::Running => "running",
+            SegmentState::Done => "done",
+            SegmentState::Failed => "failed",
+            SegmentState::Stopped => "stopped",
         }
     }
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Report {
-    pub state: State,
+    pub state: SegmentState,
     /// Frames of the segment that are finished, those of killed workers among them.
     pub done: u64,
     /// Frames that this worker has made, and its seconds from its start.
@@ -123,7 +123,7 @@ mod tests {
     #[test]
     fn a_report_comes_back_or_is_found_to_be_cut() {
         let report = Report {
-            state: State::Failed,
+            state: SegmentState::Failed,
             done: 7,
             made: 3,
             seconds: 1.5,

@@ -1,7 +1,7 @@
 //! Writing a segment, as an exporter around that of the film: so a segment is resumed, and appears whole or not at all, as a video is.
 
 use super::shared::Shared;
-use super::{Film, Kind, MAGIC, Record, line, segment_name};
+use super::{Film, MAGIC, Record, RecordKind, line, segment_name};
 use crate::output::provenance;
 use choreo_plugin::{
     ExportError, ExportOptions, Exporter, FloatFrame, Frame, FrameSink, FrameWish, Manifest, Mark, VideoInfo,
@@ -157,8 +157,8 @@ impl SegmentSink {
             return self.close_piece();
         }
         let (kind, bytes) = match given {
-            Given::Repeat(_) if repeatable => (Kind::Repeat, Vec::new()),
-            Given::Frame(frame) | Given::Repeat(frame) => (Kind::Image, png(frame)?),
+            Given::Repeat(_) if repeatable => (RecordKind::Repeat, Vec::new()),
+            Given::Frame(frame) | Given::Repeat(frame) => (RecordKind::Image, png(frame)?),
             Given::Float(_) | Given::Kept(_) => {
                 return Err(ExportError::Format("a segment keeps no such frame".into()));
             }
@@ -185,14 +185,14 @@ impl SegmentSink {
                 _ => return Err(ExportError::Format("a piece does not end where its format says".into())),
             },
         };
-        let kind = Kind::Piece { state: state.len() as u64 };
+        let kind = RecordKind::Piece { state: state.len() as u64 };
         state.extend(bytes);
         self.record(kind, piece.first, frames, &state)?;
         self.repeatable = false;
         Ok(())
     }
 
-    fn record(&mut self, kind: Kind, first: u64, frames: u64, bytes: &[u8]) -> Result<(), ExportError> {
+    fn record(&mut self, kind: RecordKind, first: u64, frames: u64, bytes: &[u8]) -> Result<(), ExportError> {
         let (hash, length) = (blake3::hash(bytes), bytes.len() as u64);
         self.out.write_all(&line(&Record { kind, first, frames, hash, length }.json()))?;
         self.out.write_all(bytes)?;

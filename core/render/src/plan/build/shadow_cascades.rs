@@ -207,8 +207,8 @@ fn cascades(axes: Axes, most: f64, edge: Edge, region: &ShadowRegion<'_>) -> Vec
             |v: &&ShadowVolume| v.view_depths.0[0] * if v.at_camera && perspective { 64.0 } else { 1.0 };
         let sharpest = rest.iter().map(sharp).fold(f64::INFINITY, f64::min).max(from);
         let coarsest = edge.coarsest(cascade, pixel(sharpest));
-        let part = |to: f64| Part::of(&axes, [from, to], &rest, region);
-        let texel = |part: &Part| part.side() / (most - 2.0 * edge.margin());
+        let part = |to: f64| DepthRange::of(&axes, [from, to], &rest, region);
+        let texel = |part: &DepthRange| part.side() / (most - 2.0 * edge.margin());
         let mut to = farthest;
         if cascade + 1 < MAX_CASCADES && texel(&part(to)) > coarsest {
             let fits = |to: &f64| *to < farthest && texel(&part(*to)) <= coarsest;
@@ -228,20 +228,20 @@ fn cascades(axes: Axes, most: f64, edge: Edge, region: &ShadowRegion<'_>) -> Vec
 }
 
 /// Extents of shadow volumes between two depths, along the axes of the light.
-struct Part<'a> {
+struct DepthRange<'a> {
     across: Span,
     up: Span,
     deep: Span,
     volumes: Vec<&'a ShadowVolume>,
 }
 
-impl<'a> Part<'a> {
+impl<'a> DepthRange<'a> {
     fn of(
         axes: &Axes,
         [from, to]: [f64; 2],
         volumes: &[&'a ShadowVolume],
         region: &ShadowRegion<'_>,
-    ) -> Part<'a> {
+    ) -> DepthRange<'a> {
         let between = |v: &&&ShadowVolume| v.view_depths.0[0] <= to && v.view_depths.0[1] >= from;
         let volumes: Vec<&ShadowVolume> = volumes.iter().filter(between).copied().collect();
         let (middle, radius) = slice(region, from, to);
@@ -249,7 +249,7 @@ impl<'a> Part<'a> {
             let sphere = Span([axis.dot(middle) - radius, axis.dot(middle) + radius]);
             volumes.iter().fold(Span::EMPTY, |all, v| all.union(extent(v))).meet(sphere)
         };
-        Part {
+        DepthRange {
             across: around(axes.right, |v| v.across),
             up: around(axes.up, |v| v.up),
             deep: around(axes.forward, |v| v.deep),
