@@ -65,10 +65,10 @@ pub enum Placed {
         light: usize,
         direction: Vec3,
     },
-    /// A camera that stands.
+    /// Rig of a camera.
     Camera {
         camera: usize,
-        to: DVec3,
+        rig: Rig,
     },
 }
 
@@ -77,37 +77,35 @@ impl Placed {
     fn put(&self, stage: &mut Stage) {
         let unkeyed =
             |channels: &mut Vec<Channel>, property| channels.retain(|keys| keys.property != property);
-        match *self {
+        match self {
             Placed::Actor { actor, property, to } => {
-                if let Some(actor) = stage.actors.get_mut(actor) {
-                    actor.transform = to;
-                    unkeyed(&mut actor.channels, property);
+                if let Some(actor) = stage.actors.get_mut(*actor) {
+                    actor.transform = *to;
+                    unkeyed(&mut actor.channels, *property);
                 }
             }
             Placed::Target { actor, constraint, to } => {
-                let constraints = stage.actors.get_mut(actor).map(|actor| &mut actor.constraints);
-                let found = constraints.and_then(|all| all.get_mut(constraint));
+                let constraints = stage.actors.get_mut(*actor).map(|actor| &mut actor.constraints);
+                let found = constraints.and_then(|all| all.get_mut(*constraint));
                 if let Some(Constraint { kind: ConstraintKind::Reach(reach), .. }) = found {
-                    reach.target = Target::Point(to - reach.offset.unwrap_or(DVec3::ZERO));
+                    reach.target = Target::Point(*to - reach.offset.unwrap_or(DVec3::ZERO));
                 }
             }
             Placed::Light { light, to } => {
-                if let Some(light) = stage.lights.get_mut(light) {
-                    light.position = to;
+                if let Some(light) = stage.lights.get_mut(*light) {
+                    light.position = *to;
                     unkeyed(&mut light.channels, Property::Translation);
                 }
             }
             Placed::Sun { light, direction } => {
-                if let Some(light) = stage.lights.get_mut(light) {
-                    light.direction = direction;
+                if let Some(light) = stage.lights.get_mut(*light) {
+                    light.direction = *direction;
                     unkeyed(&mut light.channels, Property::Rotation);
                 }
             }
-            Placed::Camera { camera, to } => {
-                if let Some(camera) = stage.cameras.get_mut(camera)
-                    && let Rig::Fixed { position, .. } = &mut camera.rig
-                {
-                    *position = to;
+            Placed::Camera { camera, rig } => {
+                if let Some(camera) = stage.cameras.get_mut(*camera) {
+                    camera.rig = rig.clone();
                     unkeyed(&mut camera.channels, Property::Translation);
                 }
             }

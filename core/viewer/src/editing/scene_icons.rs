@@ -3,12 +3,13 @@
 use super::EditError;
 use super::placing::ScriptCamera;
 use crate::app::Viewer;
+use crate::geometry::rig;
 use crate::state::dragged_icon::{DraggedIcon, IconOf};
-use crate::state::selection::actor;
+use crate::state::selection::{Selected, actor};
 use choreo_asset::LightKind;
 use choreo_session::Placed;
-use choreo_session::edit::{KeyValue, ScriptObject};
-use choreo_stage::{ConstraintKind, Property, Stage, Target};
+use choreo_session::edit::{Anew, Edit, EditRefused, KeyValue, ScriptObject, format_number};
+use choreo_stage::{ConstraintKind, Property, Rig, Stage, Target};
 use glam::DVec3;
 
 impl Viewer {
@@ -27,7 +28,9 @@ impl Viewer {
                 LightKind::Point | LightKind::Spot { .. } => Placed::Light { light: *light, to },
             },
             IconOf::Camera(name) => {
-                Placed::Camera { camera: stage.cameras.iter().position(|camera| camera.name == *name)?, to }
+                let camera = stage.cameras.iter().position(|camera| camera.name == *name)?;
+                let rig = rig::moved(stage, &self.shown()?.snapshot, &stage.cameras[camera].rig, to)?;
+                Placed::Camera { camera, rig }
             }
             IconOf::Reach(name, constraint) => {
                 Placed::Target { actor: actor(stage, name)?, constraint: *constraint, to }
@@ -41,19 +44,45 @@ impl Viewer {
         (middle - at).normalize_or(DVec3::NEG_Y)
     }
 
-    /// Lets a camera stand elsewhere: `.at`, or its key at the playhead. It goes on looking at what it looked at.
+    /// Lets a camera be elsewhere at the playhead: where it stands (`.at`), its offset from what it follows, or the distance and the angles at
+    /// which it circles its target; where its place is keyed, the key there. It goes on looking at what it looked at.
     ///
     /// # Errors
     /// Fails as [`Viewer::change_actor`] does.
     pub(crate) fn move_camera(&mut self, name: &str, at: DVec3) -> Result<(), EditError> {
-        let ScriptCamera { camera, place, siblings } = self.camera_that_stands(name)?;
-        let keyed = camera.channels.iter().any(|c| c.property == Property::Translation);
+        let ScriptCamera { camera, place, siblings } = self.script_camera(name)?;
+        let by_itself = || EditError::refused_at(&place, "it moves by itself; change that there");
+        let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
+        let snapshot = &self.shown().ok_or(EditError::NothingShown)?.snapshot;
+        let rig = rig::moved(&scene.stage, snapshot, &camera.rig, at).ok_or_else(by_itself)?;
+        let (keyed, call) = match &rig {
+            Rig::Fixed { position, .. } => (*position, None),
+            Rig::Follow { offset, .. } => (*offset, Some("follow")),
+            _ => (DVec3::ZERO, Some("orbit")),
+        };
         let when = self.edit_time(self.playhead.time().as_secs());
+        if camera.channels.iter().any(|c| c.property == Property::Translation) {
+            return self.change(&place, siblings, |text| {
+                let object = ScriptObject::at(text, place.line, place.column)?;
+                object.set_key("position", when, KeyValue::Point(rounded(keyed)))
+            });
+        }
+        let place = match call {
+            Some(call) => {
+                let stated = self.stated_calls(&Selected::Camera(name.to_string()), &[call]);
+                stated.last().ok_or_else(by_itself)?.place.clone()
+            }
+            None => place,
+        };
         self.change(&place, siblings, |text| {
             let object = ScriptObject::at(text, place.line, place.column)?;
-            match keyed {
-                true => object.set_key("position", when, KeyValue::Point(at)),
-                false => object.set("at", &at.to_array()),
+            match (&camera.rig, &rig) {
+                (from, to @ Rig::Orbit { .. }) => orbit_change(text, &object, [from, to]),
+                (_, Rig::Follow { offset, .. }) => match object.argument(1) {
+                    Some(list) if list.starts_with('[') => object.state_argument(1, &point_text(*offset)),
+                    _ => Err(EditRefused::at(place.line, "its offset is computed; change it there")),
+                },
+                _ => object.set("at", &rounded(keyed).to_array()),
             }
         })
     }
@@ -77,4 +106,39 @@ impl Viewer {
             ScriptObject::at(text, place.line, place.column)?.set_reach(from, to)
         })
     }
+}
+
+/// Millimetres are the finest that a drag writes.
+fn rounded(at: DVec3) -> DVec3 {
+    (at * 1e3).round() / 1e3
+}
+
+fn point_text(at: DVec3) -> String {
+    let numbers = rounded(at).to_array().map(format_number);
+    format!("[{}]", numbers.join(", "))
+}
+
+/// The change of the numbers of an orbit that differ: metres to the millimetre, angles to a tenth of a degree.
+fn orbit_change(text: &str, object: &ScriptObject, [from, to]: [&Rig; 2]) -> Result<Edit, EditRefused> {
+    let numbers = |rig: &Rig| match rig {
+        Rig::Orbit { distance, elevation, azimuth, .. } => [
+            ("distance", (distance * 1e3).round() / 1e3),
+            ("elevation", (elevation.to_degrees() * 10.0).round() / 10.0),
+            ("azimuth", (azimuth.to_degrees() * 10.0).round() / 10.0),
+        ],
+        _ => [("", 0.0); 3],
+    };
+    let (line, column) = object.place();
+    let (mut after, mut steps) = (text.to_string(), Vec::new());
+    for ((name, old), (_, new)) in numbers(from).into_iter().zip(numbers(to)) {
+        if old == new {
+            continue;
+        }
+        let object = ScriptObject::at(&after, line, column)?;
+        let step = object.state(name, &format_number(new), Anew::Option);
+        let step = step.map_err(|refused| refused.before(text, &steps))?;
+        after = step.apply(&after);
+        steps.push(step);
+    }
+    Ok(Edit::between(text, &after))
 }

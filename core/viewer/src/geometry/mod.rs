@@ -3,3 +3,4 @@
 pub mod gizmo;
 pub mod picking;
 pub mod projection;
+pub mod rig;

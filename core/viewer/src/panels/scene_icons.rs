@@ -1,13 +1,14 @@
-//! Icons for the lights and the cameras that stand, over the image: clicked they are selected, dragged they are moved in the script.
+//! Icons for the lights and the cameras, over the image: clicked they are selected, dragged they are moved in the script.
 
 use super::overlay::{line, point};
 use crate::app::Viewer;
 use crate::geometry::projection::Lens;
+use crate::geometry::rig;
 use crate::state::dragged_icon::{DraggedIcon, IconOf};
 use crate::state::view::ViewCamera;
 use choreo_asset::{LightKind, Projection};
 use choreo_session::{FrameInfo, Scene};
-use choreo_stage::{ConstraintKind, Property, Rig, Target};
+use choreo_stage::{ConstraintKind, Target};
 use egui::{Color32, PointerButton, Rect, Response, Stroke, Ui};
 use glam::{DVec2, DVec3};
 
@@ -52,16 +53,8 @@ fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
         };
         Some(SceneIcon { what: IconOf::Light(number), at, kind })
     });
-    let time = shown.time;
     let cameras = stage.cameras.iter().filter_map(|camera| {
-        let Rig::Fixed { position, rotation, look_at } = &camera.rig else { return None };
-        let keyed = camera.channels.iter().rev().find(|c| c.property == Property::Translation);
-        let at = keyed.and_then(|c| c.at(time)).map_or(*position, |v| DVec3::new(v[0], v[1], v[2]));
-        let target = match look_at {
-            Some(Target::Point(point)) => *point,
-            Some(_) => middle,
-            None => at + *rotation * (DVec3::NEG_Z * SUN),
-        };
+        let [at, target] = rig::places(stage, &shown.snapshot, camera)?;
         let angle = match camera.projection {
             Projection::Perspective { yfov, .. } => f64::from(yfov),
             Projection::Orthographic { .. } => 0.0,

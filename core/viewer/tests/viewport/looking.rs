@@ -119,6 +119,51 @@ fn a_light_and_a_camera_are_picked_and_dragged_by_their_icons() {
     assert!((height - 2.0).abs() < 0.01 && line.ends_with(".look_at(ada);"), "{line}");
 }
 
+/// A camera that follows gets another offset, one that circles another distance and angles; both go on with that, and nothing else changes.
+#[test]
+fn cameras_that_follow_and_circle_are_dragged_by_their_icons() {
+    let behind = "camera(\"behind\").follow(box, [0.0, 0.5, 2]);\n";
+    let round = "camera(\"round\").orbit([0.0, 1.0, 0.0], #{ distance: 1.5, elevation: 0, azimuth: 60, speed: 0 });\n";
+    let script =
+        format!("{SCRIPT}let box = cast(\"box\", shape(\"box\")).at(1.0, 0.0, 0.0);\n{behind}{round}");
+    let mut place = Place::new(&script);
+    place.paint();
+    place.viewer.free_camera(0);
+    let mut desk = place.harness(vec2(1280.0, 860.0));
+    painted(&mut desk);
+    let middle = {
+        let stage = &desk.state().viewer.scene.as_ref().unwrap().stage;
+        let number = stage.actors.iter().position(|actor| actor.name == "box").unwrap();
+        stage.actors[number].asset.rest_bounds().center().as_dvec3() + DVec3::X
+    };
+    let at = middle + DVec3::new(0.0, 0.5, 2.0);
+    let (from, to) = (on_screen(&desk, at), on_screen(&desk, at + DVec3::new(0.2, 0.1, 0.0)));
+    drag(&mut desk, from, to);
+    let text = desk.state().text();
+    let numbers = |text: &str, line: &str| -> Vec<f64> {
+        let line = text.lines().find(|l| l.starts_with(line)).unwrap_or_else(|| panic!("{text}"));
+        let parts = line.split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-'));
+        parts.filter(|part| part.contains(|c: char| c.is_ascii_digit())).map(|n| n.parse().unwrap()).collect()
+    };
+    let off = DVec3::from_slice(&numbers(&text, "camera(\"behind\")")) - DVec3::new(0.2, 0.6, 2.0);
+    assert!(off.length() < 0.01, "{text}");
+    assert_eq!(text.lines().count(), script.lines().count(), "{text}");
+    desk.state_mut().reload();
+    painted(&mut desk);
+    let angle = 60f64.to_radians();
+    let at = DVec3::new(1.5 * angle.sin(), 1.0, 1.5 * angle.cos());
+    // Straight up in the plane of the image: the distance on the ground stays, and so does the azimuth.
+    let (from, to) = (on_screen(&desk, at), on_screen(&desk, at + DVec3::new(0.0, 0.5, 0.0)));
+    drag(&mut desk, from, to);
+    let text = desk.state().text();
+    let [.., distance, elevation, azimuth, speed] = numbers(&text, "camera(\"round\")")[..] else {
+        panic!("{text}")
+    };
+    let wanted = (1.5f64.hypot(0.5), (0.5f64 / 1.5).atan().to_degrees());
+    assert!((distance - wanted.0).abs() < 0.02 && (elevation - wanted.1).abs() < 0.5, "{text}");
+    assert!((azimuth - 60.0).abs() < 0.5 && speed == 0.0, "{text}");
+}
+
 /// The icon of a sun stands for its direction: a selected actor does not take it along.
 #[test]
 fn the_icon_of_a_sun_stays_where_it_is_whatever_is_selected() {
