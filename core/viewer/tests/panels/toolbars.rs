@@ -173,9 +173,11 @@ fn entries_of_the_timeline_stay_where_they_are_whatever_is_chosen() {
     let mut mouse = opened(1600.0, "Sequencer");
     let all = |mouse: &Mouse| entries.map(|entry| mouse.find(entry));
     let before = all(&mouse);
-    let (from, to) = (choreo_motion::Time::from_secs(1.0), choreo_motion::Time::from_secs(3.0));
-    mouse.desk.state_mut().viewer.playhead.set_range(Some((from, to)));
-    mouse.look();
+    for (key, secs) in [(egui::Key::I, 1.0), (egui::Key::O, 3.0)] {
+        mouse.desk.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(secs));
+        mouse.desk.key_press(key);
+        mouse.look();
+    }
     mouse.find("1.00 to 3.00 s");
     assert_eq!(all(&mouse), before, "a part is played");
     mouse.desk.state_mut().viewer.tempo.per_minute = 120.0;
