@@ -3,9 +3,11 @@
 use super::EditError;
 use super::placing::ScriptCamera;
 use crate::app::Viewer;
+use crate::geometry::picking;
 use crate::state::dragged_icon::{DraggedIcon, IconOf};
 use crate::state::selection::actor;
 use choreo_asset::LightKind;
+use choreo_motion::Time;
 use choreo_session::Placed;
 use choreo_session::edit::{KeyValue, ScriptObject};
 use choreo_stage::{ConstraintKind, Property, Stage, Target};
@@ -37,8 +39,19 @@ impl Viewer {
 
     /// The direction in which a sun shines whose icon stands at a place.
     pub(crate) fn direction_from(&self, at: DVec3) -> DVec3 {
-        let middle = self.middle_of_actors().unwrap_or(DVec3::ZERO);
-        (middle - at).normalize_or(DVec3::NEG_Y)
+        (self.sunlit() - at).normalize_or(DVec3::NEG_Y)
+    }
+
+    /// The place on which the icons of suns shine: the middle of the actors at the start of the scene, so that the icons stand still
+    /// while actors move.
+    pub(crate) fn sunlit(&self) -> DVec3 {
+        let find = || {
+            let scene = self.scene.as_ref()?;
+            picking::middle_of_all(&scene.stage, &scene.evaluator.clone().at(Time::ZERO).ok()?)
+        };
+        let place = self.sunlit.get().or_else(find).unwrap_or(DVec3::ZERO);
+        self.sunlit.set(Some(place));
+        place
     }
 
     /// Lets a camera stand elsewhere: `.at`, or its key at the playhead. It goes on looking at what it looked at.

@@ -46,7 +46,7 @@ fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
         let light = light?;
         let direction = light.direction.as_dvec3();
         let (at, kind) = match light.light.kind {
-            LightKind::Directional => (middle - direction * SUN, Kind::Sun(middle)),
+            LightKind::Directional => (viewer.sunlit() - direction * SUN, Kind::Sun(viewer.sunlit())),
             LightKind::Spot { outer, .. } => (light.position, Kind::Spot(direction, f64::from(outer))),
             LightKind::Point => (light.position, Kind::Point),
         };
