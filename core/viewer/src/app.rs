@@ -34,6 +34,7 @@ use choreo_session::{
     FrameInfo, FrameReply, FrameRequest, Placed, Problem, Scene, SceneVersion, ViewOverrides, Work,
 };
 use glam::DVec3;
+use std::cell::Cell;
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -119,6 +120,8 @@ pub struct Viewer {
     pub tool: Tool,
     pub dragging: Option<Dragging>,
     pub dragged_icon: Option<DraggedIcon>,
+    /// The place on which the icons of suns shine, once it was needed for the scene.
+    pub(crate) sunlit: Cell<Option<DVec3>>,
     /// The place at which a sign was let go, until the next version has it.
     pub(crate) placed: Option<Placed>,
     /// The joint that is selected beside the selection.
@@ -205,6 +208,7 @@ impl Viewer {
             tool: Tool::Move,
             dragging: None,
             dragged_icon: None,
+            sunlit: Cell::default(),
             placed: None,
             joint: None,
             trails: Trails::default(),
@@ -310,6 +314,7 @@ impl Viewer {
         self.more = (self.selection.clone(), if is_main { further } else { Vec::new() });
         self.keys.0 = of_keys;
         self.scene = Some(scene);
+        self.sunlit.take();
         self.find_keys_again();
         self.check_wanted();
     }
@@ -510,11 +515,7 @@ impl Viewer {
 
     /// The middle of all visible actors, whatever is selected.
     pub(crate) fn middle_of_actors(&self) -> Option<DVec3> {
-        let (scene, shown) = (self.scene.as_ref()?, self.shown()?);
-        let actors = || scene.stage.actors.iter().zip(&shown.snapshot.actors);
-        let middles = || actors().filter(|(_, s)| s.visible).map(|(a, s)| picking::middle(&a.asset, s));
-        let count = middles().count();
-        (count > 0).then(|| middles().sum::<DVec3>() / count as f64)
+        picking::middle_of_all(&self.scene.as_ref()?.stage, &self.shown()?.snapshot)
     }
 
     /// The playhead goes to the next thing that begins, ends or happens, or to the last one.

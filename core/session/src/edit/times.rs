@@ -192,14 +192,11 @@ pub fn follows(text: &str, line: usize, column: usize) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::edit::marked::marked;
 
     /// The place is where `|` stands.
     fn set(text: &str, part: CueTime, secs: f64) -> Result<String, String> {
-        let at = text.find('|').unwrap();
-        let before = &text[..at];
-        let line = before.matches('\n').count() + 1;
-        let column = before.rsplit('\n').next().unwrap().chars().count() + 1;
-        let text = text.replacen('|', "", 1);
+        let (text, line, column) = marked(text);
         let time = EditTime { secs, fps: 30.0 };
         let set = set_time(&text, line, column, part, time).map_err(|refused| refused.why);
         set.map(|edit| {

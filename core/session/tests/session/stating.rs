@@ -1,13 +1,11 @@
 //! Values that are stated, read and taken away, and loops that are written out: the whole text after each edit is compared.
 
+use crate::marked::marked;
 use choreo_session::edit::{Anew, EditTime, NamedBy, ScriptObject, unroll};
 
 /// The object is made where `|` stands.
 fn object<R>(text: &str, then: impl FnOnce(&ScriptObject) -> R) -> R {
-    let at = text.find('|').unwrap();
-    let (before, plain) = (&text[..at], text.replacen('|', "", 1));
-    let line = before.matches('\n').count() + 1;
-    let column = before.rsplit('\n').next().unwrap().chars().count() + 1;
+    let (plain, line, column) = marked(text);
     then(&ScriptObject::at(&plain, line, column).unwrap())
 }
 
@@ -110,10 +108,7 @@ fn clips_words_and_assets_are_found() {
 }
 
 fn unrolled(text: &str) -> Result<String, String> {
-    let at = text.find('|').unwrap();
-    let (before, plain) = (&text[..at], text.replacen('|', "", 1));
-    let line = before.matches('\n').count() + 1;
-    let column = before.rsplit('\n').next().unwrap().chars().count() + 1;
+    let (plain, line, column) = marked(text);
     unroll(&plain, line, column).map(|edit| edit.apply(&plain)).map_err(|refused| refused.why)
 }
 

@@ -1,16 +1,10 @@
 //! Clips as strips in a script's text: trimmed, split, duplicated, copied, pasted, disabled.
 
+use crate::marked::marked;
 use choreo_session::edit::{
     Anew, CueTime, Edit, EditRefused, EditTime, Rest, ScriptObject, copied_cues, copy_cue, delete_cue,
     duplicate_cue, paste_cue, set_disabled, set_number, set_time, set_trim, shift_cue, shift_keys, split_cue,
 };
-
-/// The text without the mark `|`, and where it stands.
-fn marked(text: &str) -> (String, usize, usize) {
-    let at = text.find('|').unwrap();
-    let column = text[..at].rsplit('\n').next().unwrap().chars().count() + 1;
-    (text.replacen('|', "", 1), text[..at].matches('\n').count() + 1, column)
-}
 
 fn at(secs: f64) -> EditTime {
     EditTime { secs, fps: 25.0 }

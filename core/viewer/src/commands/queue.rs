@@ -4,7 +4,7 @@ use super::Commands;
 use super::process::Process;
 use serde_json::Value;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,11 +23,22 @@ pub enum JobState {
 #[derive(Clone, Debug)]
 pub struct Job {
     pub number: u64,
+    /// `render` or `export`.
+    pub command: &'static str,
     pub output: PathBuf,
     /// Range, size and quality, for people.
     pub about: String,
     words: Vec<OsString>,
     pub state: JobState,
+}
+
+impl Job {
+    /// Whether it has not ended yet and writes this file, or these numbered images.
+    pub fn is_to_write(&self, output: &Path) -> bool {
+        let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
+        matches!(self.state, JobState::Waiting | JobState::Running { .. })
+            && absolute(&self.output) == absolute(output)
+    }
 }
 
 /// A render or export to be queued.
@@ -73,8 +84,8 @@ impl RenderQueue {
         let mut jobs = locked(&self.0);
         jobs.last += 1;
         let number = jobs.last;
-        let Request { output, about, .. } = asked;
-        jobs.all.push(Job { number, output, about, words, state: JobState::Waiting });
+        let Request { command, output, about, .. } = asked;
+        jobs.all.push(Job { number, command, output, about, words, state: JobState::Waiting });
         if std::mem::replace(&mut jobs.works, true) {
             return;
         }

@@ -3,10 +3,11 @@
 use super::EditError;
 use super::placing::ScriptCamera;
 use crate::app::Viewer;
-use crate::geometry::rig;
+use crate::geometry::{picking, rig};
 use crate::state::dragged_icon::{DraggedIcon, IconOf};
 use crate::state::selection::{Selected, actor};
 use choreo_asset::LightKind;
+use choreo_motion::Time;
 use choreo_session::Placed;
 use choreo_session::edit::{Anew, Edit, EditRefused, KeyValue, ScriptObject, format_number};
 use choreo_stage::{ConstraintKind, Property, Rig, Stage, Target};
@@ -40,8 +41,19 @@ impl Viewer {
 
     /// The direction in which a sun shines whose icon stands at a place.
     pub(crate) fn direction_from(&self, at: DVec3) -> DVec3 {
-        let middle = self.middle_of_actors().unwrap_or(DVec3::ZERO);
-        (middle - at).normalize_or(DVec3::NEG_Y)
+        (self.sunlit() - at).normalize_or(DVec3::NEG_Y)
+    }
+
+    /// The place on which the icons of suns shine: the middle of the actors at the start of the scene, so that the icons stand still
+    /// while actors move.
+    pub(crate) fn sunlit(&self) -> DVec3 {
+        let find = || {
+            let scene = self.scene.as_ref()?;
+            picking::middle_of_all(&scene.stage, &scene.evaluator.clone().at(Time::ZERO).ok()?)
+        };
+        let place = self.sunlit.get().or_else(find).unwrap_or(DVec3::ZERO);
+        self.sunlit.set(Some(place));
+        place
     }
 
     /// Lets a camera be elsewhere at the playhead: where it stands (`.at`), its offset from what it follows, or the distance and the angles at

@@ -122,6 +122,13 @@ pub fn middle(asset: &Asset, state: &ActorState) -> DVec3 {
     bounds(asset, state).map_or(state.world_from_model.translation, |(low, high)| (low + high) / 2.0)
 }
 
+/// The middle of all visible actors; `None` without any.
+pub(crate) fn middle_of_all(stage: &Stage, snapshot: &Snapshot) -> Option<DVec3> {
+    let actors = || stage.actors.iter().zip(&snapshot.actors).filter(|(_, state)| state.visible);
+    let count = actors().count();
+    (count > 0).then(|| actors().map(|(a, state)| middle(&a.asset, state)).sum::<DVec3>() / count as f64)
+}
+
 /// Its rest height, for steps and gizmos; a metre where it has none.
 pub fn height(asset: &Asset) -> f64 {
     let bounds = asset.rest_bounds();

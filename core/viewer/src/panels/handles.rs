@@ -1,47 +1,40 @@
 //! The gizmo of the selected actor in a viewport: drawn, and dragged.
 
+use super::canvas::Canvas;
 use super::held;
 use super::overlay::{X, Y, Z, line, point};
 use crate::app::{Dragging, Viewer};
 use crate::geometry::gizmo::{Change, Drag, Handle, LENGTH, Tool, arm, handle_at, ring};
 use crate::geometry::projection::Lens;
 use crate::state::selection::{Selected, actor};
-use egui::{Color32, PointerButton, Rect, Response, Stroke, StrokeKind, Ui, vec2};
+use egui::{Color32, Painter, Rect, Stroke, StrokeKind, Ui, vec2};
 use glam::{DAffine3, DVec2};
 
 const COLORS: [Color32; 3] = [X, Y, Z];
 
 /// Gives whether the mouse is at it, and belongs to nothing else.
-pub fn show(
-    ui: &Ui,
-    viewer: &mut Viewer,
-    index: usize,
-    response: &Response,
-    place: Rect,
-    lens: &Lens,
-) -> bool {
+pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     let Some(Selected::Actor(name)) = viewer.selection.clone() else { return false };
-    let (Some(scene), Some(shown)) = (&viewer.scene, &viewer.views[index].shown) else { return false };
+    let (Some(scene), Some(shown)) = (&viewer.scene, &viewer.views[canvas.index].shown) else { return false };
     if viewer.toggles.locked.contains(&name) {
         return false;
     }
     let state = actor(&scene.stage, &name).and_then(|i| shown.snapshot.actors.get(i)).filter(|s| s.visible);
     let Some(world_from_model) = state.map(|s| s.world_from_model) else { return false };
     let dragging = viewer.dragging.as_ref().filter(|d| d.actor == name).map(|d| d.drag);
-    let pointer = response.interact_pointer_pos().or(response.hover_pos());
-    let at = pointer.map(|p| DVec2::new(f64::from(p.x), f64::from(p.y)));
+    let Canvas { response, lens, .. } = canvas;
+    let at = canvas.pointer();
     let hot = match dragging {
         Some(drag) => Some(drag.handle),
         None => at.and_then(|at| handle_at(viewer.tool, &world_from_model, lens, at)),
     };
-    draw(ui, viewer.tool, &world_from_model, hot, place, lens);
-    if response.drag_started_by(PointerButton::Primary) {
-        let from = ui.input(|i| i.pointer.press_origin()).map(|p| DVec2::new(f64::from(p.x), f64::from(p.y)));
-        let handle = from.and_then(|from| handle_at(viewer.tool, &world_from_model, lens, from));
-        if let (Some(handle), Some(from)) = (handle, from) {
-            let drag = Drag { tool: viewer.tool, handle, world_from_model, from };
-            viewer.dragging = Some(Dragging { actor: name.clone(), drag, change: Change::none(viewer.tool) });
-        }
+    let painter = canvas.painter(ui);
+    draw(&painter, viewer.tool, &world_from_model, hot, lens);
+    if let Some(from) = canvas.drag_start(ui)
+        && let Some(handle) = handle_at(viewer.tool, &world_from_model, lens, from)
+    {
+        let drag = Drag { tool: viewer.tool, handle, world_from_model, from };
+        viewer.dragging = Some(Dragging { actor: name.clone(), drag, change: Change::none(viewer.tool) });
     }
     let in_steps = held::modifiers(ui).command;
     let Some(dragging) = viewer.dragging.as_mut().filter(|d| d.actor == name) else { return false };
@@ -50,14 +43,8 @@ pub fn show(
     }
     let text = report(&dragging.change);
     // The text that names what the image lacks is above.
-    let corner = place.left_top() + vec2(8.0, 8.0 + super::viewport::REDUCED);
-    ui.painter_at(place).text(
-        corner,
-        egui::Align2::LEFT_TOP,
-        text,
-        egui::FontId::monospace(13.0),
-        Color32::WHITE,
-    );
+    let corner = canvas.place.left_top() + vec2(8.0, 8.0 + super::viewport::REDUCED);
+    painter.text(corner, egui::Align2::LEFT_TOP, text, egui::FontId::monospace(13.0), Color32::WHITE);
     if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
         viewer.dragging = None;
     } else if response.drag_stopped() {
@@ -89,8 +76,7 @@ fn report(change: &Change) -> String {
     }
 }
 
-fn draw(ui: &Ui, tool: Tool, world_from_model: &DAffine3, hot: Option<Handle>, place: Rect, lens: &Lens) {
-    let painter = ui.painter_at(place);
+fn draw(painter: &Painter, tool: Tool, world_from_model: &DAffine3, hot: Option<Handle>, lens: &Lens) {
     let center = world_from_model.translation;
     let length = LENGTH * lens.metres_a_point(center);
     let Some(middle) = lens.point(center) else { return };
@@ -100,11 +86,11 @@ fn draw(ui: &Ui, tool: Tool, world_from_model: &DAffine3, hot: Option<Handle>, p
         let stroke = Stroke::new(if is_hot { 3.5 } else { 2.5 }, color);
         if tool == Tool::Turn {
             let points: Vec<_> = ring(center, axis, length).collect();
-            points.windows(2).for_each(|w| line(&painter, lens, w[0], w[1], stroke));
+            points.windows(2).for_each(|w| line(painter, lens, w[0], w[1], stroke));
             continue;
         }
         let tip = center + arm(tool, axis, world_from_model) * length;
-        line(&painter, lens, center, tip, stroke);
+        line(painter, lens, center, tip, stroke);
         let Some(at) = lens.point(tip) else { continue };
         if tool == Tool::Scale {
             painter.rect_filled(Rect::from_center_size(point(at), vec2(10.0, 10.0)), 1.0, color);

@@ -18,6 +18,9 @@ use egui::{Color32, Rect, Sense, Shape, Stroke, Ui, pos2, vec2};
 
 /// Half of a mark's width, points.
 const HALF: f32 = 4.0;
+/// Height of the part at the top of a row with bars in which its marks take the pointer, points. It ends above the middle of the bars:
+/// below it their handles are taken, where a mark lies on an edge.
+pub(super) const BAND: f32 = 2.0 * HALF;
 /// A selected key.
 pub(super) const SELECTED: Color32 = Color32::from_rgb(0xff, 0x8a, 0x2a);
 /// Marks in one row that can be pointed at.
@@ -60,7 +63,10 @@ pub fn events(ui: &Ui, viewer: &Viewer, row: &Row, number: RowNumber, lane: Rect
         }
         last = x;
         count += 1;
-        let place = Rect::from_center_size(pos2(x, y), vec2(2.0 * HALF + 2.0, 2.0 * HALF + 2.0));
+        let mut place = Rect::from_center_size(pos2(x, y), vec2(2.0 * HALF + 2.0, 2.0 * HALF + 2.0));
+        if !row.bars.is_empty() {
+            place.max.y = lane.top() + BAND;
+        }
         // A drag, too: else it would reach what lies below.
         let sense = Sense::click_and_drag();
         let response = ui.interact(place.intersect(lane), ui.id().with(("event", number, count)), sense);

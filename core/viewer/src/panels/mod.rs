@@ -8,6 +8,7 @@ mod bar;
 mod bar_menu;
 mod bars;
 mod camera_fields;
+mod canvas;
 #[cfg(test)]
 mod contrast;
 mod curves;

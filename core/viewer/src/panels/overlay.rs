@@ -1,6 +1,7 @@
 //! Overlays over the image: skeletons, bounds, safe areas. Lines of the window, not of the scene: they are
 //! visible through everything.
 
+use super::canvas::Canvas;
 use crate::app::Viewer;
 use crate::geometry::picking;
 use crate::geometry::projection::Lens;
@@ -46,10 +47,10 @@ fn clipped([a, b]: [DVec2; 2], to: Rect) -> Option<[DVec2; 2]> {
     (from <= until && by.is_finite()).then(|| [a + by * from, a + by * until])
 }
 
-pub fn show(ui: &Ui, viewer: &Viewer, index: usize, place: Rect, lens: &Lens) {
-    let view = &viewer.views[index];
+pub fn show(ui: &Ui, viewer: &Viewer, canvas: &Canvas) {
+    let (view, lens) = (&viewer.views[canvas.index], &canvas.lens);
     let (Some(scene), Some(shown)) = (&viewer.scene, &view.shown) else { return };
-    let painter = ui.painter_at(place);
+    let painter = canvas.painter(ui);
     let selected = viewer.selection.as_ref().and_then(Selected::actor);
     let mut joints = 0;
     for (actor, state) in scene.stage.actors.iter().zip(&shown.snapshot.actors).filter(|(_, s)| s.visible) {
@@ -87,7 +88,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, index: usize, place: Rect, lens: &Lens) {
         }
     }
     if view.overlays.safe {
-        safe_areas(&painter, place, scene.stage.settings.size);
+        safe_areas(&painter, canvas.place, scene.stage.settings.size);
     }
 }
 

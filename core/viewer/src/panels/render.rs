@@ -6,8 +6,8 @@ use super::values::named;
 use crate::app::Viewer;
 use crate::commands::queue::{Job, JobState};
 use crate::commands::{Format, Kind};
-use crate::state::render_form::{FormScene, Range, RenderForm, Size};
-use egui::{ComboBox, DragValue, Grid, Label, ProgressBar, RichText, TextEdit, Ui, WidgetType};
+use crate::state::render_form::{FormScene, Range, RenderForm, Size, free_output};
+use egui::{Button, ComboBox, DragValue, Grid, Label, ProgressBar, RichText, TextEdit, Ui, WidgetType};
 use std::path::Path;
 
 /// Sides in pixels that a render may have.
@@ -36,10 +36,24 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     if let Some(format) = formats.get(form.format) {
         Grid::new("render").num_columns(2).show(ui, |ui| fields(ui, form, &scene, &formats));
         let request = form.request(&scene, format);
-        ui.horizontal(|ui| {
+        let jobs = viewer.renders.jobs();
+        let writer = jobs.iter().find(|job| job.is_to_write(&request.output));
+        ui.horizontal_wrapped(|ui| {
             let what = if format.kind == Kind::Scene { "Export" } else { "Render" };
-            let add = ui.button(RichText::new(what).strong()).hint(request.about.clone());
-            if request.output.exists() {
+            let add = ui.add_enabled(writer.is_none(), Button::new(RichText::new(what).strong()));
+            let add = add.hint(request.about.clone());
+            if let Some(writer) = writer {
+                ui.colored_label(ui.visuals().warn_fg_color, is_written(writer));
+                let is_taken = |path: &Path| jobs.iter().any(|job| job.is_to_write(path));
+                let free = free_output(&request.output, is_taken);
+                if ui
+                    .button(format!("Write {}", shown_name(&free)))
+                    .hint(free.display().to_string())
+                    .clicked()
+                {
+                    form.output = free.display().to_string();
+                }
+            } else if request.output.exists() {
                 ui.colored_label(ui.visuals().warn_fg_color, "replaces the file");
             }
             if add.clicked() {
@@ -151,6 +165,15 @@ fn name(format: &Format) -> String {
         Kind::Scene => "scene",
     };
     format!(".{} ({what})", format.extension)
+}
+
+/// The reason why nothing else may write what a job writes.
+fn is_written(job: &Job) -> String {
+    let name = shown_name(&job.output);
+    match job.state {
+        JobState::Waiting => format!("{name} is to be written by the {} that waits", job.command),
+        _ => format!("{name} is being written by the {} that runs", job.command),
+    }
 }
 
 /// The jobs, the newest below; a click on the cross stops one, or takes it off the list.

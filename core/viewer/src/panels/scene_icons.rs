@@ -1,5 +1,6 @@
 //! Icons for the lights and the cameras, over the image: clicked they are selected, dragged they are moved in the script.
 
+use super::canvas::Canvas;
 use super::overlay::{line, point};
 use crate::app::Viewer;
 use crate::geometry::projection::Lens;
@@ -9,7 +10,7 @@ use crate::state::view::ViewCamera;
 use choreo_asset::{LightKind, Projection};
 use choreo_session::{FrameInfo, Scene};
 use choreo_stage::{ConstraintKind, Target};
-use egui::{Color32, PointerButton, Rect, Response, Stroke, Ui};
+use egui::{Color32, Painter, Rect, Stroke, Ui};
 use glam::{DVec2, DVec3};
 
 /// Points around a icon's middle in which the mouse takes it.
@@ -47,7 +48,7 @@ fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
         let light = light?;
         let direction = light.direction.as_dvec3();
         let (at, kind) = match light.light.kind {
-            LightKind::Directional => (middle - direction * SUN, Kind::Sun(middle)),
+            LightKind::Directional => (viewer.sunlit() - direction * SUN, Kind::Sun(viewer.sunlit())),
             LightKind::Spot { outer, .. } => (light.position, Kind::Spot(direction, f64::from(outer))),
             LightKind::Point => (light.position, Kind::Point),
         };
@@ -85,25 +86,18 @@ fn targets(scene: &Scene, shown: &FrameInfo) -> Vec<SceneIcon> {
 }
 
 /// Gives whether the mouse is at one, and belongs to nothing else.
-pub fn show(
-    ui: &Ui,
-    viewer: &mut Viewer,
-    index: usize,
-    response: &Response,
-    place: Rect,
-    lens: &Lens,
-) -> bool {
+pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
+    let Canvas { index, response, lens, .. } = canvas;
     // An image through a camera of the script is looked at as it will be.
-    let view = &viewer.views[index];
+    let view = &viewer.views[*index];
     if !view.overlays.icons || matches!(view.camera, ViewCamera::Script | ViewCamera::Named(_)) {
         return false;
     }
     let Some(scene) = viewer.scene.clone() else { return false };
-    let mut icons = icons(viewer, index, &scene);
+    let mut icons = icons(viewer, *index, &scene);
     if let Some(dragged) = &viewer.dragged_icon {
         icons.iter_mut().filter(|icon| icon.what == dragged.what).for_each(|icon| icon.at = dragged.to);
     }
-    let vector = |p: egui::Pos2| DVec2::new(f64::from(p.x), f64::from(p.y));
     let near = |at: DVec2| {
         let distance = |icon: &SceneIcon| lens.point(icon.at).map(|p| (p - at).length());
         let within = icons.iter().filter(|icon| distance(icon).is_some_and(|d| d <= REACH));
@@ -111,47 +105,40 @@ pub fn show(
             .min_by(|a, b| distance(a).partial_cmp(&distance(b)).unwrap_or(std::cmp::Ordering::Equal))
             .cloned()
     };
-    let hot = response
-        .hover_pos()
-        .filter(|_| !response.dragged())
-        .filter(|p| place.contains(*p))
-        .and_then(|p| near(vector(p)));
+    let hot = canvas.hovered().and_then(near);
     for icon in &icons {
         let chosen = viewer.selection == Some(icon.what.selected());
         let is_hot = hot.as_ref().is_some_and(|hot| hot.what == icon.what);
-        draw(ui, icon, chosen, is_hot, place, lens);
+        draw(&canvas.painter(ui), icon, chosen, is_hot, lens);
     }
     if let Some(hot) = &hot {
-        response.clone().on_hover_text_at_pointer(name(&hot.what));
+        canvas.response.clone().on_hover_text_at_pointer(name(&hot.what));
         if response.clicked() {
             viewer.selection = Some(hot.what.selected());
         }
     }
-    drag(ui, viewer, index, &scene, (response, lens), &near) || hot.is_some()
+    drag(ui, viewer, canvas, &scene, near) || hot.is_some()
 }
 
 /// Gives whether one is being dragged. It moves in the plane of the image, at its own distance.
 fn drag(
     ui: &Ui,
     viewer: &mut Viewer,
-    index: usize,
+    canvas: &Canvas,
     scene: &Scene,
-    (response, lens): (&Response, &Lens),
-    near: &dyn Fn(DVec2) -> Option<SceneIcon>,
+    near: impl Fn(DVec2) -> Option<SceneIcon>,
 ) -> bool {
-    let vector = |p: egui::Pos2| DVec2::new(f64::from(p.x), f64::from(p.y));
-    if response.drag_started_by(PointerButton::Primary)
-        && let Some(icon) = ui.input(|i| i.pointer.press_origin()).and_then(|p| near(vector(p)))
-    {
+    let Canvas { index, response, lens, .. } = canvas;
+    if let Some(icon) = canvas.drag_start(ui).and_then(near) {
         viewer.selection = Some(icon.what.selected());
-        viewer.dragged_icon = Some(DraggedIcon { view: index, what: icon.what, from: icon.at, to: icon.at });
+        viewer.dragged_icon = Some(DraggedIcon { view: *index, what: icon.what, from: icon.at, to: icon.at });
     }
     // One that is dragged in another viewport is moved there.
-    let Some(dragged) = viewer.dragged_icon.as_mut().filter(|dragged| dragged.view == index) else {
+    let Some(dragged) = viewer.dragged_icon.as_mut().filter(|dragged| dragged.view == *index) else {
         return false;
     };
-    if let Some(at) = response.interact_pointer_pos().filter(|_| response.dragged()) {
-        let (origin, direction) = lens.ray(vector(at));
+    if let Some(at) = canvas.pointer().filter(|_| response.dragged()) {
+        let (origin, direction) = lens.ray(at);
         let normal = lens.forward();
         let along = (dragged.from - origin).dot(normal) / direction.dot(normal);
         if along.is_finite() && along > 0.0 {
@@ -206,8 +193,7 @@ fn name(what: &IconOf) -> String {
     }
 }
 
-fn draw(ui: &Ui, icon: &SceneIcon, chosen: bool, hot: bool, place: Rect, lens: &Lens) {
-    let painter = ui.painter_at(place);
+fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, lens: &Lens) {
     let Some(at) = lens.point(icon.at).map(point) else { return };
     let color = match (chosen, hot) {
         (true, _) => Color32::from_rgb(0xff, 0xa0, 0x50),
@@ -227,7 +213,7 @@ fn draw(ui: &Ui, icon: &SceneIcon, chosen: bool, hot: bool, place: Rect, lens: &
         Kind::Sun(on) => {
             painter.circle_filled(at, 3.5, color);
             (0..8).for_each(|i| ray(turn * i as f32 / 8.0, 5.5, 8.0));
-            line(&painter, lens, icon.at, *on, thin);
+            line(painter, lens, icon.at, *on, thin);
         }
         Kind::Point => {
             painter.circle_stroke(at, 4.0, stroke);
@@ -237,12 +223,12 @@ fn draw(ui: &Ui, icon: &SceneIcon, chosen: bool, hot: bool, place: Rect, lens: &
         Kind::Spot(direction, angle) => {
             painter.circle_filled(at, 3.0, color);
             let length = if chosen { 1.0 } else { 0.4 };
-            cone(&painter, lens, &Beam { at: icon.at, along: *direction, angle: *angle, length }, stroke);
+            cone(painter, lens, &Beam { at: icon.at, along: *direction, angle: *angle, length }, stroke);
         }
         Kind::Reach(joint) => {
             painter.circle_stroke(at, 6.0, stroke);
             (0..4).for_each(|i| ray(turn * i as f32 / 4.0, 2.0, 9.0));
-            line(&painter, lens, icon.at, *joint, thin);
+            line(painter, lens, icon.at, *joint, thin);
         }
         Kind::Camera(target, angle) => {
             let body = Rect::from_center_size(at, egui::vec2(9.0, 7.0));
@@ -251,7 +237,7 @@ fn draw(ui: &Ui, icon: &SceneIcon, chosen: bool, hot: bool, place: Rect, lens: &
             painter.add(egui::Shape::convex_polygon(beak.to_vec(), color, Stroke::NONE));
             let toward = (*target - icon.at).normalize_or(DVec3::NEG_Z);
             let length = if chosen { 1.0 } else { 0.5 };
-            frame(&painter, lens, &Beam { at: icon.at, along: toward, angle: *angle, length }, thin);
+            frame(painter, lens, &Beam { at: icon.at, along: toward, angle: *angle, length }, thin);
         }
     }
 }
@@ -273,7 +259,7 @@ fn across(direction: DVec3) -> [DVec3; 2] {
     [right, right.cross(direction)]
 }
 
-fn cone(painter: &egui::Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
+fn cone(painter: &Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
     let Beam { at, along, angle, length } = *beam;
     let [right, up] = across(along);
     let radius = libm::tan(angle.min(1.4)) * length;
@@ -287,7 +273,7 @@ fn cone(painter: &egui::Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
 }
 
 /// The pyramid that a camera sees, for an image of 16 to 9.
-fn frame(painter: &egui::Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
+fn frame(painter: &Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
     let Beam { at, along, angle, length } = *beam;
     let [right, up] = across(along);
     let high = if angle > 0.0 { libm::tan(angle / 2.0) * length } else { 0.3 };

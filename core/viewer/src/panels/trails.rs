@@ -1,12 +1,13 @@
 //! Joints over the image: picked by the mouse where skeletons are shown, their motion trails, and onion skins of the selected actor.
 
+use super::canvas::Canvas;
 use super::overlay::{line, point};
 use crate::app::Viewer;
 use crate::geometry::projection::Lens;
 use crate::state::selection::Selected;
 use crate::state::trail::{JointRef, Trail};
 use choreo_motion::Time;
-use egui::{Color32, Painter, Rect, Response, Stroke, Ui};
+use egui::{Color32, Painter, Stroke, Ui};
 use glam::{DVec2, DVec3};
 
 /// Points around a joint in which the mouse takes it.
@@ -18,16 +19,10 @@ pub const AFTER: Color32 = Color32::from_rgb(0xf0, 0x9a, 0x4a);
 const NOW: Color32 = Color32::from_rgb(0xff, 0xe0, 0x70);
 
 /// Gives whether the mouse is at a joint.
-pub fn show(
-    ui: &Ui,
-    viewer: &mut Viewer,
-    index: usize,
-    response: &Response,
-    place: Rect,
-    lens: &Lens,
-) -> bool {
-    let overlays = viewer.views[index].overlays;
-    let painter = ui.painter_at(place);
+pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
+    let lens = &canvas.lens;
+    let overlays = viewer.views[canvas.index].overlays;
+    let painter = canvas.painter(ui);
     let selected = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string);
     viewer.joint.take_if(|joint| selected.as_ref() != Some(&joint.actor));
     if let (Some(actor), Some(scene)) = (&selected, viewer.scene.clone())
@@ -35,7 +30,8 @@ pub fn show(
     {
         let context = ui.ctx().clone();
         if let Some(trail) = viewer.trails.of(&scene, actor, move || context.request_repaint()) {
-            let now = viewer.views[index].shown.as_ref().map_or(viewer.playhead.time(), |shown| shown.time);
+            let now =
+                viewer.views[canvas.index].shown.as_ref().map_or(viewer.playhead.time(), |shown| shown.time);
             if overlays.onion {
                 let parents = scene.stage.actors.iter().find(|a| a.name == *actor);
                 let parents = parents.map_or(&[][..], |a| a.asset.skeleton.parents());
@@ -46,23 +42,17 @@ pub fn show(
             }
         }
     }
-    if overlays.skeletons { pick(viewer, index, response, place, lens, &painter) } else { false }
+    if overlays.skeletons { pick(viewer, canvas, &painter) } else { false }
 }
 
 /// The joint under the mouse is named, and a click selects it.
-fn pick(
-    viewer: &mut Viewer,
-    index: usize,
-    response: &Response,
-    place: Rect,
-    lens: &Lens,
-    painter: &Painter,
-) -> bool {
-    let (Some(scene), Some(shown)) = (viewer.scene.clone(), &viewer.views[index].shown) else { return false };
+fn pick(viewer: &mut Viewer, canvas: &Canvas, painter: &Painter) -> bool {
+    let shown = &viewer.views[canvas.index].shown;
+    let (Some(scene), Some(shown)) = (viewer.scene.clone(), shown) else { return false };
     let at_joint = |actor: usize, joint: usize| -> Option<DVec2> {
         let state = shown.snapshot.actors.get(actor).filter(|state| state.visible)?;
         let at = state.model_from_joint.get(joint)?.translation.as_dvec3();
-        lens.point(state.world_from_model.transform_point3(at))
+        canvas.lens.point(state.world_from_model.transform_point3(at))
     };
     let names = &scene.stage.actors;
     if let Some(JointRef { actor, joint }) = &viewer.joint
@@ -71,9 +61,7 @@ fn pick(
     {
         painter.circle_stroke(point(at), 6.0, Stroke::new(2.0, NOW));
     }
-    let still = response.hover_pos().filter(|_| !response.dragged());
-    let Some(mouse) = still.filter(|p| place.contains(*p)) else { return false };
-    let mouse = DVec2::new(f64::from(mouse.x), f64::from(mouse.y));
+    let Some(mouse) = canvas.hovered() else { return false };
     let mut best: Option<(f64, usize, usize)> = None;
     for (number, actor) in names.iter().enumerate().filter(|(_, a)| !viewer.toggles.locked.contains(&a.name))
     {
@@ -90,8 +78,8 @@ fn pick(
     if let Some(at) = at_joint(number, joint) {
         painter.circle_filled(point(at), 4.5, NOW);
     }
-    response.clone().on_hover_text_at_pointer(format!("{}: {name}", actor.name));
-    if response.clicked() {
+    canvas.response.clone().on_hover_text_at_pointer(format!("{}: {name}", actor.name));
+    if canvas.response.clicked() {
         viewer.selection = Some(Selected::Actor(actor.name.clone()));
         viewer.joint = Some(JointRef { actor: actor.name.clone(), joint });
     }

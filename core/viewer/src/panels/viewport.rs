@@ -1,6 +1,7 @@
 //! The image, the camera that the mouse moves, and what is picked in it.
 
 use super::assets::ModelDrag;
+use super::canvas::Canvas;
 use super::hint::Hint;
 use super::toolbar::Toolbar;
 use super::{axes, handles, icons, overlay, scene_icons, trails};
@@ -86,29 +87,24 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer, index: usize, picture: Option<Text
         painter.rect_stroke(place, 0.0, stroke, StrokeKind::Inside);
     }
     reduced(ui, viewer, index, place);
-    let lens = viewer.scene.clone().and_then(|scene| {
-        let camera = viewer.views[index].now(&scene.stage)?;
+    let camera = viewer.scene.as_ref().and_then(|scene| viewer.views[index].now(&scene.stage));
+    if let Some(camera) = camera {
         let vector = |x: f32, y: f32| DVec2::new(f64::from(x), f64::from(y));
         let corner = vector(place.left(), place.top());
         let lens = Lens::new(&camera, corner, vector(place.width(), place.height()));
-        Some((lens, camera.world_from_view))
-    });
-    if let Some((lens, world_from_view)) = lens {
-        overlay::show(ui, viewer, index, place, &lens);
-        let at_axis = axes::show(ui, viewer, index, place, &world_from_view);
-        let at_icon = scene_icons::show(ui, viewer, index, &response, place, &lens);
-        let at_joint = trails::show(ui, viewer, index, &response, place, &lens);
+        let canvas = Canvas { index, response: &response, place, lens };
+        overlay::show(ui, viewer, &canvas);
+        let at_axis = axes::show(ui, viewer, index, place, &camera.world_from_view);
+        let at_icon = scene_icons::show(ui, viewer, &canvas);
+        let at_joint = trails::show(ui, viewer, &canvas);
         let drags_icon = viewer.dragged_icon.is_some();
-        let at_handle = !drags_icon && handles::show(ui, viewer, index, &response, place, &lens);
+        let at_handle = !drags_icon && handles::show(ui, viewer, &canvas);
         if at_handle || viewer.dragged_icon.is_some() {
             return;
         }
         let at_other = at_axis || at_icon || at_joint;
-        if response.clicked()
-            && !at_other
-            && let Some(at) = response.interact_pointer_pos().filter(|at| place.contains(*at))
-        {
-            click(viewer, index, &lens, DVec2::new(f64::from(at.x), f64::from(at.y)));
+        if let Some(at) = canvas.clicked().filter(|_| !at_other) {
+            click(viewer, index, &canvas.lens, at);
         }
     }
     mouse(ui, viewer, index, &response, place.height());

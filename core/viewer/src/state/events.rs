@@ -12,6 +12,8 @@ use std::sync::Arc;
 
 /// Events in one row at most; further ones would not be told apart.
 const MOST: usize = 2000;
+/// The script's name of the property by which an actor appears and goes.
+const VISIBLE: &str = "visible";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum EventKind {
@@ -68,15 +70,10 @@ impl Gathered {
     /// Each key that the script states; `of`: what of, before its name.
     pub fn keys(&mut self, all: &[KeyedProperty], of: &str) {
         for keyed in all {
-            let Some(property) = keyed.property().filter(|property| *property != Property::Visible) else {
+            if keyed.property().is_none_or(|property| property == Property::Visible) {
                 continue;
-            };
-            let label = match property {
-                _ if keyed.name.starts_with("joint:") => keyed.title(),
-                Property::Parameter | Property::Morph { .. } | Property::Expression { .. } => keyed.title(),
-                property => name(property).to_string(),
-            };
-            let label = format!("{of}{label}");
+            }
+            let label = format!("{of}{}", keyed.title());
             let key = KeyOf { what: keyed.what.clone(), property: keyed.name.clone(), label: label.clone() };
             keyed.keys.iter().for_each(|at| self.add_key(*at, &label, Some(&key)));
         }
@@ -89,7 +86,7 @@ impl Gathered {
         let mut all: Vec<KeyedProperty> = cues.iter().filter_map(of).collect();
         all.sort_by_key(|keyed| keyed.written.is_none());
         match all.first().filter(|keyed| keyed.written.is_some()) {
-            Some(keyed) => self.keys(std::slice::from_ref(keyed), "layer "),
+            Some(keyed) => self.keys(std::slice::from_ref(keyed), ""),
             None => keys.times.iter().for_each(|at| self.add_key(*at, "layer weight", None)),
         }
     }
@@ -117,8 +114,7 @@ impl Gathered {
             for (at, value) in channel.times.iter().zip(&channel.values) {
                 let now = *value > 0.5;
                 if now != seen {
-                    let property = name(Property::Visible);
-                    let key = KeyOf { what: what.clone(), property: property.into(), label: property.into() };
+                    let key = KeyOf { what: what.clone(), property: VISIBLE.into(), label: VISIBLE.into() };
                     let label = if now { "appears" } else { "goes" };
                     self.all.push((*at, EventKind::Entrance, label.to_string(), Some(key)));
                 }
@@ -194,7 +190,7 @@ pub(crate) fn by_property(events: &[Event]) -> Vec<(&KeyOf, Vec<Event>)> {
     }
     let mut all: Vec<(&KeyOf, Vec<Event>)> = Vec::new();
     for (event, key) in keys() {
-        let is_visible = key.property == name(Property::Visible);
+        let is_visible = key.property == VISIBLE;
         let kind = if is_visible { EventKind::Entrance } else { EventKind::Key };
         let (at, what, place) = (event.at, event.what.clone(), event.place.clone());
         let one = Event { at, kind, label: key.label.clone(), what, place, keys: vec![key.clone()] };
@@ -270,30 +266,4 @@ pub(crate) fn of_effects(scene: &Scene, numbers: &[usize]) -> Vec<Event> {
         gathered.keys(&keyed, &format!("{} ", used.plugin));
     }
     gathered.events(scene.stage.settings.length, None, &Place::default())
-}
-
-fn name(property: Property) -> &'static str {
-    match property {
-        Property::Translation => "position",
-        Property::Rotation => "rotation",
-        Property::Scale => "scale",
-        Property::Visible => "visible",
-        Property::Tint => "tint",
-        Property::Morph { .. } => "morph",
-        Property::Expression { .. } => "expression",
-        Property::FieldOfView => "field of view",
-        Property::FocalLength => "focal length",
-        Property::Intensity => "intensity",
-        Property::Color => "color",
-        Property::Weight => "weight",
-        Property::Speed => "speed",
-        Property::ClipTime => "clip time",
-        Property::Parameter => "parameter",
-        Property::Turn => "turn",
-        Property::Opacity => "opacity",
-        Property::Range => "range",
-        Property::Cone => "cone",
-        Property::LineWidth => "width",
-        Property::Copies => "count",
-    }
 }

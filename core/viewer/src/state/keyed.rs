@@ -113,9 +113,12 @@ impl KeyedProperty {
         names[index.min(3)]
     }
 
-    /// The name as it is read: `morph smile`.
+    /// The name as it is read, in rows, curves and fields alike: `morph smile`.
     pub fn title(&self) -> String {
-        self.name.trim_start_matches('.').replace([':', '_'], " ")
+        match (self.name.as_str(), &self.what) {
+            ("fov", Selected::Camera(_)) => "field of view".into(),
+            (name, _) => name.trim_start_matches('.').replace([':', '_'], " "),
+        }
     }
 
     /// The property of the stage that its keys animate.

@@ -2,7 +2,7 @@
 
 use crate::commands::queue::Request;
 use crate::commands::{Format, Kind};
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,6 +64,27 @@ pub struct FormScene<'a> {
     pub shown: [i64; 2],
     pub playhead: i64,
     pub size: [u32; 2],
+}
+
+/// The same output with the first number, from 2 on, whose name is free: `film_2.mp4`; the folder of numbered images gets the number.
+pub(crate) fn free_output(output: &Path, is_taken: impl Fn(&Path) -> bool) -> PathBuf {
+    let text = |part: Option<&OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
+    let file = text(output.file_name());
+    let folder = output.parent().filter(|folder| file.contains('%') && folder.file_name().is_some());
+    let with_number = |number: u32| match folder {
+        Some(folder) => {
+            let other = folder.with_file_name(format!("{}_{number}", text(folder.file_name())));
+            (other.clone(), other.join(&file))
+        }
+        None => {
+            let end = output.extension().map(|end| format!(".{}", end.to_string_lossy())).unwrap_or_default();
+            let other = output.with_file_name(format!("{}_{number}{end}", text(output.file_stem())));
+            (other.clone(), other)
+        }
+    };
+    let is_free = |(made, output): &(PathBuf, PathBuf)| !made.exists() && !is_taken(output);
+    let found = (2..=u32::MAX).map(with_number).find(is_free);
+    found.map_or_else(|| output.to_path_buf(), |(_, output)| output)
 }
 
 impl RenderForm {
@@ -158,6 +179,25 @@ mod tests {
         let Request { command, output, options, .. } = form.request(&scene(), format);
         let options: Vec<String> = options.iter().map(|w| w.to_string_lossy().into_owned()).collect();
         format!("{command} {} {}", output.display(), options.join(" "))
+    }
+
+    #[test]
+    fn an_output_that_is_taken_gets_a_number() {
+        let folder = tempfile::tempdir().unwrap();
+        let free = |name: &str, taken: &str| {
+            let is_taken = |path: &Path| path == folder.path().join(taken);
+            let free = free_output(&folder.path().join(name), is_taken);
+            free.strip_prefix(folder.path()).unwrap().to_str().unwrap().replace('\\', "/")
+        };
+        assert_eq!(free("film.mp4", ""), "film_2.mp4");
+        assert_eq!(free("film.mp4", "film_2.mp4"), "film_3.mp4");
+        std::fs::write(folder.path().join("film_2.mp4"), "").unwrap();
+        assert_eq!(free("film.mp4", "film_3.mp4"), "film_4.mp4");
+        assert_eq!(free("film", ""), "film_2");
+        // Numbered images get another folder.
+        assert_eq!(free("a_frames/%04d.png", ""), "a_frames_2/%04d.png");
+        std::fs::create_dir(folder.path().join("a_frames_2")).unwrap();
+        assert_eq!(free("a_frames/%04d.png", "a_frames_3/%04d.png"), "a_frames_4/%04d.png");
     }
 
     #[test]

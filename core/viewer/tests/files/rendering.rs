@@ -166,6 +166,52 @@ fn a_render_that_is_canceled_leaves_nothing_and_the_next_one_goes_on() {
 }
 
 #[test]
+fn a_file_that_is_being_written_is_not_rendered_to_a_second_time() {
+    let long = SCRIPT.replace("length: 0.4", "length: 100.0").replace("[64, 36]", "[640, 360]");
+    let mut harness = opened(&long, "Render");
+    let folder = harness.state().folder.path().to_path_buf();
+    choose_format(&mut harness, Kind::Film, "gif");
+    click_add(&mut harness, "Render");
+    until(&mut harness, "what is said of the file", |harness| {
+        harness.query_by_label("a.gif is being written by the render that runs").map(drop)
+    });
+    click_add(&mut harness, "Render");
+    assert_eq!(harness.state().viewer.renders.jobs().len(), 1);
+    // Another name is offered.
+    harness.get_by_label("Write a_2.gif").click();
+    harness.run_steps(3);
+    assert!(harness.query_by_label_contains("is being written").is_none());
+    click_add(&mut harness, "Render");
+    let outputs = |harness: &Harness<'static, Place>| -> Vec<_> {
+        harness.state().viewer.renders.jobs().into_iter().map(|job| job.output).collect()
+    };
+    assert_eq!(outputs(&harness), [folder.join("a.gif"), folder.join("a_2.gif")]);
+    harness.get_by_label("a_2.gif is to be written by the render that waits");
+    harness.state_mut().viewer.render_form.output.clear();
+    harness.run_steps(2);
+    harness.get_by_label("Write a_3.gif");
+    // Exports and numbered images, too.
+    choose_format(&mut harness, Kind::Scene, "glb");
+    click_add(&mut harness, "Export");
+    harness.get_by_label("a.glb is to be written by the export that waits");
+    harness.get_by_label("Write a_2.glb");
+    choose_format(&mut harness, Kind::Images, "png");
+    click_add(&mut harness, "Render");
+    harness.get_by_label("a_frames/%04d.png is to be written by the render that waits");
+    harness.get_by_label("Write a_frames_2/%04d.png").click();
+    harness.run_steps(3);
+    assert_eq!(Path::new(&harness.state().viewer.render_form.output), folder.join("a_frames_2/%04d.png"));
+    // The file that no job is going to write any more is free.
+    let jobs = harness.state().viewer.renders.jobs();
+    jobs.iter().rev().for_each(|job| harness.state().viewer.renders.cancel(job.number));
+    assert_eq!(ended(&mut harness, 0).state, JobState::Canceled);
+    choose_format(&mut harness, Kind::Film, "gif");
+    harness.state_mut().viewer.render_form.output.clear();
+    harness.run_steps(2);
+    assert!(harness.query_by_label_contains("a.gif is").is_none());
+}
+
+#[test]
 fn a_render_that_fails_says_why() {
     let mut harness = opened(SCRIPT, "Render");
     harness.state().write("stage(#{ length: 1.0 }); nonsense();\n");

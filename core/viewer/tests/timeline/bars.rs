@@ -157,6 +157,28 @@ fn a_click_on_a_handle_selects_the_bar_under_it() {
     assert_eq!(desk.state().text(), SCRIPT.replace("until(2.0)", "until(2.6)"));
 }
 
+/// A key where two bars meet, or where a fade ends, is taken at the top of the row, and the handles there at the middle of the bars.
+#[test]
+fn a_key_on_an_edge_leaves_the_handles_in_reach() {
+    let script =
+        format!("{SCRIPT}ada.key(\"position\", [[2.0, [0, 0, 0]], [2.4, [1, 0, 0]], [4.0, [2, 0, 0]]]);\n");
+    let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
+    let (by, run) = (second(&desk), desk.get_by_label("Run on ada").rect());
+    let (edge, middle, fade) = (run.left(), run.center().y, run.left() + by * 0.4);
+    for (from, moved, old, new) in [
+        (pos2(edge - 3.0, middle), 0.6, "until(2.0)", "until(2.6)"),
+        (pos2(fade, middle), 0.4, "fade: 0.4", "fade: 0.8"),
+        (pos2(edge, run.top() + 3.0), -0.4, "[2.0, [0, 0, 0]]", "[1.6, [0, 0, 0]]"),
+        (pos2(fade, run.top() + 3.0), 0.4, "[2.4, [1, 0, 0]]", "[2.8, [1, 0, 0]]"),
+    ] {
+        drag_briefly(&mut desk, Modifiers::NONE, from, from + vec2(by * moved, 0.0));
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().text(), script.replace(old, new));
+        desk.state_mut().reload_with(&script);
+        desk.run();
+    }
+}
+
 /// The boundary of two clips that repeat moves alone: the first goes on with its loop, the second begins its rounds there.
 #[test]
 fn a_boundary_of_clips_that_repeat_is_rolled() {

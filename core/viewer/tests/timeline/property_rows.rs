@@ -87,3 +87,35 @@ fn keys_of_one_property_are_handled_in_a_row_of_their_own() {
     desk.get_by_label("row camera: wide field of view");
     desk.get_by_label("row camera: near field of view");
 }
+
+/// A property has one name, in the row of its keys and in the curve editor.
+#[test]
+fn a_property_is_named_alike_in_rows_and_curves() {
+    let script = format!(
+        "{SCRIPT}{}{}",
+        "let day = sun().key(\"direction\", [[0.0, [-1, -1, 0]], [1.0, [1, -1, 0]]]);\n",
+        "sky(\"studio\").key(\"strength\", [[0.0, 0.0], [1.0, 1.0]]);\n"
+    );
+    let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
+    press(&mut desk, Modifiers::COMMAND, Key::Num9);
+    for (what, of) in
+        [(Selected::Camera("wide".into()), "wide "), (Selected::Light(0), ""), (Selected::Sky, "sky ")]
+    {
+        desk.state_mut().viewer.selection = Some(what.clone());
+        desk.run();
+        let Place { viewer, .. } = desk.state();
+        let rows = viewer.timeline.rows.iter().flat_map(|row| &row.events);
+        let keys = rows.flat_map(|event| &event.keys).filter(|key| key.what == what);
+        let mut names: Vec<&str> = keys.map(|key| key.label.strip_prefix(of).unwrap()).collect();
+        names.sort_unstable();
+        names.dedup();
+        let curves = viewer.keyed_properties(&what);
+        let mut titles: Vec<String> = curves.iter().filter(|p| p.has_keys()).map(|p| p.title()).collect();
+        titles.sort_unstable();
+        assert_eq!(names, titles);
+        assert!(!names.is_empty());
+        for name in names {
+            assert!(desk.query_all_by_label_contains(&format!("curve {name}")).next().is_some(), "{name}");
+        }
+    }
+}

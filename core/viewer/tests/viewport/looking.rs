@@ -2,6 +2,7 @@
 
 use crate::place::{Desk, Place, drag};
 use choreo_asset::Projection;
+use choreo_motion::Time;
 use choreo_viewer::geometry::picking::middle;
 use choreo_viewer::geometry::projection::Lens;
 use choreo_viewer::panels::Panels;
@@ -164,12 +165,12 @@ fn cameras_that_follow_and_circle_are_dragged_by_their_icons() {
     assert!((azimuth - 60.0).abs() < 0.5 && speed == 0.0, "{text}");
 }
 
-/// The icon of a sun stands for its direction: a selected actor does not take it along.
+/// The icon of a sun stands for its direction: neither a selected actor nor one that moves takes it along.
 #[test]
-fn the_icon_of_a_sun_stays_where_it_is_whatever_is_selected() {
+fn the_icon_of_a_sun_stays_where_it_is_whatever_is_selected_or_moves() {
     let script = SCRIPT.replace(
         "let lamp = point(",
-        "let bob = cast(\"bob\", shape(\"box\")).at(1.5, 0.0, 0.0);\nlet lamp = point(",
+        "let bob = cast(\"bob\", shape(\"box\")).key(\"position\", [[0.0, [1.5, 0, 0]], [1.0, [3.5, 0, 0]]]);\nlet lamp = point(",
     );
     let script = format!("{script}sun(#{{ direction: [0.4, -0.3, 0.0] }});\n");
     let mut place = Place::new(&script);
@@ -188,6 +189,12 @@ fn the_icon_of_a_sun_stays_where_it_is_whatever_is_selected() {
         click_at(&mut desk, at);
         assert_eq!(desk.state().viewer.selection, Some(Selected::Light(1)), "after {selected:?}");
     }
+    desk.state_mut().viewer.selection = None;
+    desk.state_mut().viewer.playhead.seek(Time::from_secs(1.0));
+    painted(&mut desk);
+    assert_eq!(desk.state().viewer.shown().unwrap().snapshot.actors[1].world_from_model.translation.x, 3.5);
+    click_at(&mut desk, at);
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Light(1)), "while bob moves");
 }
 
 #[test]
