@@ -6,7 +6,6 @@ use super::bars::Drag;
 use super::key_list;
 use crate::app::Viewer;
 use crate::state::selection::Selected;
-use choreo_motion::Time;
 use choreo_session::edit::CueTime;
 use egui::{Key, Modifiers, Ui};
 
@@ -41,11 +40,7 @@ pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
         return;
     }
     let Some(what) = viewer.selection.clone() else { return };
-    // A camera has a bar for each time that it is on: the one nearest to the playhead is meant.
-    let now = viewer.playhead.time();
-    let own = viewer.bars().filter(|bar| bar.what == what);
-    let nearest = own.min_by_key(|bar| (bar.start - now).max(now - bar.end).max(Time::ZERO));
-    let Some(bar) = nearest.cloned() else { return };
+    let Some(bar) = viewer.bars().find(|bar| bar.what == what).cloned() else { return };
     let time = if part == CueTime::End { bar.until } else { bar.start };
     let fps = viewer.playhead.fps();
     let secs = fps.time_of((fps.frames_in(time) + frames).max(0)).as_secs();
@@ -61,8 +56,8 @@ pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
 /// The part that is played begins or ends here; pressed again there, it is the whole once more.
 pub fn range(viewer: &mut Viewer, out: bool) {
     let (now, length) = (viewer.playhead.time(), viewer.playhead.length());
-    let (from, to) = viewer.playhead.range().unwrap_or((Time::ZERO, length));
-    let last = to - Time(1);
+    let (from, to) = viewer.playhead.range().unwrap_or((choreo_motion::Time::ZERO, length));
+    let last = to - choreo_motion::Time(1);
     let wanted = if out { (from.min(now), now) } else { (now, last.max(now)) };
     let before = viewer.playhead.range();
     viewer.playhead.set_range(Some(wanted));

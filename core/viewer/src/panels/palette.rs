@@ -1,4 +1,4 @@
-//! The command palette: a field that finds every action, panel, actor, clip and line of the script. A click beside it closes it.
+//! The command palette: a field that finds every action, panel, actor, clip and line of the script.
 
 use super::actions::{self, ACTIONS, Context};
 use super::{Panels, Tab};
@@ -9,7 +9,7 @@ use crate::library::templates::TEMPLATES;
 use crate::state::selection::Selected;
 use choreo_motion::Time;
 use choreo_session::edit::Addition;
-use egui::{Align2, Color32, Id, Key, Modal, Modifiers, RichText, ScrollArea, TextEdit, Ui};
+use egui::{Align2, Key, Modifiers, RichText, ScrollArea, TextEdit, Ui, Window};
 use std::path::PathBuf;
 
 /// Entries that are shown.
@@ -91,10 +91,8 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     let (enter, escape) = (pressed(Key::Enter), pressed(Key::Escape));
     let palette = &mut panels.palette;
     let mut chosen = None;
-    let id = Id::new("commands");
-    // What lies below stays readable: its names are what is searched for.
-    let area = Modal::default_area(id).anchor(Align2::CENTER_TOP, [0.0, 60.0]);
-    let modal = Modal::new(id).area(area).backdrop_color(Color32::TRANSPARENT).show(ui.ctx(), |ui| {
+    let window = Window::new("Commands").title_bar(false).resizable(false).collapsible(false);
+    window.anchor(Align2::CENTER_TOP, [0.0, 60.0]).show(ui.ctx(), |ui| {
         ui.set_width(560.0);
         let field = TextEdit::singleline(&mut palette.text).hint_text("action, panel, actor, clip or line");
         let field = ui.add(field.desired_width(f32::INFINITY));
@@ -134,7 +132,7 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
             chosen = found.get(palette.at).map(|entry| entry.target.clone());
         }
     });
-    if escape || chosen.is_some() || modal.backdrop_response.clicked() {
+    if escape || chosen.is_some() {
         panels.palette = Palette::default();
     }
     if let Some(target) = chosen {

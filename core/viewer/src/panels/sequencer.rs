@@ -110,6 +110,11 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         );
         bar.text(&text, "", egui::TextStyle::Monospace);
         bar.separator();
+        let units = if viewer.in_seconds { "seconds" } else { "frames" };
+        let hint = hint_of(viewer, "seconds", "times as seconds or as frames");
+        bar.button(units, &hint, |viewer| {
+            viewer.in_seconds = !viewer.in_seconds;
+        });
         let hint = hint_of(viewer, "previous_event", "to what begins, ends or happens before");
         bar.icon(icons::ARROW_LINE_LEFT, "Previous event", &hint, |viewer| viewer.seek_to_next(true));
         let hint = hint_of(viewer, "next_event", "to what begins, ends or happens next");
@@ -118,17 +123,6 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         bar.icon(icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint, |viewer| {
             viewer.span = Span::whole(viewer.playhead.length().as_secs());
         });
-        // What has another width at times stands behind everything that keeps its place.
-        let units = if viewer.in_seconds { "seconds" } else { "frames" };
-        let hint = hint_of(viewer, "seconds", "times as seconds or as frames");
-        bar.button(units, &hint, |viewer| {
-            viewer.in_seconds = !viewer.in_seconds;
-        });
-        if let Some((from, to)) = viewer.playhead.range() {
-            let text = format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
-            let hint = "the part that is played; a click: all of it";
-            bar.button(&text, hint, |viewer| viewer.playhead.set_range(None));
-        }
         bar.show(ui, viewer, 0.0);
     });
 }
@@ -139,11 +133,11 @@ fn beats(ui: &mut Ui, viewer: &mut Viewer) {
     let set = values::number(ui, "beats a minute", tempo.per_minute, 0.5, 0.0..=Tempo::FASTEST);
     tempo.per_minute = set.unwrap_or(tempo.per_minute);
     ui.weak("bpm").hint("beats a minute of the music; dragged times snap to beats. 0: none");
-    ui.add_enabled_ui(tempo.per_minute > 0.0, |ui| {
+    if tempo.per_minute > 0.0 {
         let set = values::time(ui, "first beat", tempo.first, 0.01, 0.0..=Tempo::LATEST);
         tempo.first = set.unwrap_or(tempo.first);
         ui.weak("s").hint("when the first beat is");
-    });
+    }
     if tempo != viewer.tempo {
         viewer.tempo = tempo;
         if let Some(script) = &viewer.path {
@@ -173,6 +167,11 @@ fn moves(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     });
     let hint = hint_of(viewer, "loop", "again and again, or once");
     bar.icon_toggle(icons::REPEAT, playhead.looping, "Loop", &hint, |viewer| viewer.playhead.looping ^= true);
+    if let Some((from, to)) = playhead.range() {
+        let text = format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
+        let hint = "the part that is played; a click: all of it";
+        bar.button(&text, hint, |viewer| viewer.playhead.set_range(None));
+    }
     let hint = "dragged times are whole frames (N)";
     bar.icon_toggle(icons::MAGNET, viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
     bar.widget("tempo", true, beats);

@@ -82,26 +82,6 @@ fn arrows_choose_in_the_palette_and_a_click_takes() {
     assert_eq!(desk.state().viewer.playhead.frame(), 0);
 }
 
-/// A click beside the palette closes it, and reaches nothing else.
-#[test]
-fn a_click_beside_the_palette_closes_it() {
-    let mut desk = desk();
-    desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
-    desk.run();
-    let play = desk.get_by_label("Play").rect().center();
-    for is_open in [true, false] {
-        desk.hover_at(play);
-        desk.run_steps(2);
-        for pressed in [true, false] {
-            let button = egui::PointerButton::Primary;
-            desk.event(egui::Event::PointerButton { pos: play, button, pressed, modifiers: Modifiers::NONE });
-            desk.run_steps(2);
-        }
-        assert_eq!(desk.state().viewer.playhead.is_playing(), !is_open);
-        assert!(desk.query_by_label("find a command").is_none());
-    }
-}
-
 /// In the list a click on a key waits for another, which does nothing else; actions with the same key name each other.
 #[test]
 fn keys_are_chosen_in_the_list() {

@@ -166,27 +166,6 @@ fn entries_of_the_viewport_stay_where_they_are_whatever_is_chosen() {
     assert_eq!((all(&mouse), view(&mouse)), (before, left), "a camera of the script");
 }
 
-/// A part that is played, a tempo and frames in place of seconds move no button.
-#[test]
-fn entries_of_the_timeline_stay_where_they_are_whatever_is_chosen() {
-    let entries = ["Play", "Snap", "first beat", "Previous event", "Next event", "Whole"];
-    let mut mouse = opened(1600.0, "Sequencer");
-    let all = |mouse: &Mouse| entries.map(|entry| mouse.find(entry));
-    let before = all(&mouse);
-    for (key, secs) in [(egui::Key::I, 1.0), (egui::Key::O, 3.0)] {
-        mouse.desk.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(secs));
-        mouse.desk.key_press(key);
-        mouse.look();
-    }
-    mouse.find("1.00 to 3.00 s");
-    assert_eq!(all(&mouse), before, "a part is played");
-    mouse.desk.state_mut().viewer.tempo.per_minute = 120.0;
-    mouse.click("seconds");
-    assert_eq!(all(&mouse), before, "beats and frames");
-    mouse.click("1.00 to 3.00 s");
-    assert_eq!(mouse.desk.state().viewer.playhead.range(), None);
-}
-
 #[test]
 fn the_overlays_are_chosen_in_one_menu() {
     for width in [1600.0, 300.0] {

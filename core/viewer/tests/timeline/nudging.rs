@@ -1,7 +1,6 @@
 //! Bars that the keyboard moves, frame by frame, as the mouse does.
 
 use crate::place::{Desk, Place};
-use choreo_motion::Time;
 use choreo_viewer::state::selection::Selected;
 use egui::{Key, Modifiers, vec2};
 
@@ -58,32 +57,6 @@ fn the_end_of_a_camera_is_the_next_cut() {
     assert!(why.ends_with("it is on until the scene ends: no camera takes over from it"), "{why}");
     let why = refused(&mut desk, &one, Modifiers::ALT, Key::ArrowRight);
     assert!(why.contains("the first camera is on from the start"), "{why}");
-}
-
-/// Of a camera that is on several times the bar nearest to the playhead moves, step by step.
-#[test]
-fn the_bar_of_a_camera_at_the_playhead_moves() {
-    let script =
-        SCRIPT.replace("camera(\"three\")", "one.cut(4.0);\ncamera(\"three\")").replace("f(100)", "f(150)");
-    let mut desk = desk();
-    for (secs, wanted) in [(4.0, ".cut(4.08)"), (5.0, ".cut(4.08)")] {
-        desk.state_mut().reload_with(&script);
-        desk.state_mut().viewer.selection = Some(Selected::Camera("one".into()));
-        desk.state_mut().viewer.playhead.seek(Time::from_secs(secs));
-        desk.run();
-        for _ in 0..2 {
-            desk.key_press_modifiers(Modifiers::ALT, Key::ArrowRight);
-            desk.run();
-            desk.state_mut().reload();
-            desk.run();
-        }
-        assert_eq!(
-            desk.state().text(),
-            script.replace(".cut(4.0)", wanted),
-            "{:?}",
-            desk.state().viewer.message
-        );
-    }
 }
 
 /// A clip that follows another moves with its own end, as it does when it is dragged, and says what went along.
