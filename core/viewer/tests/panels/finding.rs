@@ -130,6 +130,30 @@ fn keys_are_chosen_in_the_list() {
     assert_ne!(desk.state().text(), SCRIPT, "it splits");
 }
 
+/// A key in the user's file is the same key however its name is written.
+#[test]
+fn conflicts_of_keys_do_not_depend_on_how_they_are_written() {
+    let mut desk = desk();
+    desk.key_press(Key::F1);
+    for written in ["H", "h", "KeyH"] {
+        let own = [("split".to_string(), written.to_string())];
+        desk.state_mut().viewer.shortcuts.own = own.into_iter().collect();
+        desk.run();
+        desk.get_by_label("also: hide or show what is selected");
+        desk.get_by_label("also: split the selected clips at the playhead");
+    }
+    // Names of keys with a sign that also separates keys.
+    desk.state_mut().viewer.shortcuts.own.clear();
+    desk.state_mut().viewer.shortcuts.preset = "unity".into();
+    desk.run();
+    let texts = desk.output().shapes.iter().filter_map(|shape| match &shape.shape {
+        egui::Shape::Text(text) => Some(text.galley.text().to_string()),
+        _ => None,
+    });
+    let texts: Vec<String> = texts.collect();
+    assert!(texts.iter().any(|text| text == "Comma, Left"), "{texts:?}");
+}
+
 /// The text of the script looks as if it could be typed into: there a key neither deletes nor splits what is selected.
 #[test]
 fn over_the_script_keys_do_not_change_the_selection() {
