@@ -82,6 +82,41 @@ fn arrows_choose_in_the_palette_and_a_click_takes() {
     assert_eq!(desk.state().viewer.playhead.frame(), 0);
 }
 
+/// A click beside the palette closes it and presses nothing below.
+#[test]
+fn the_palette_takes_the_clicks_beside_it() {
+    let mut desk = desk();
+    let row = desk.get_by_label("row ada").rect().center();
+    let click = |desk: &mut Desk| {
+        desk.hover_at(row);
+        desk.run();
+        desk.drag_at(row);
+        desk.drop_at(row);
+        desk.run();
+    };
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
+    desk.run();
+    desk.get_by_label("find a command");
+    click(&mut desk);
+    assert!(desk.query_by_label("find a command").is_none(), "it is closed");
+    assert_eq!(desk.state().viewer.selection, None);
+    click(&mut desk);
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
+    // Where a text has found nothing, the list has its height again for the next one.
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
+    desk.run();
+    let area = |desk: &Desk| desk.ctx.memory(|m| m.area_rect(egui::Id::new(("dialog", "Commands"))));
+    let before = area(&desk).unwrap();
+    desk.event(egui::Event::Text("nothing like it".into()));
+    desk.run();
+    desk.get_by_label("nothing is called so");
+    assert!(area(&desk).unwrap().height() < before.height());
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    desk.key_press(Key::Backspace);
+    desk.run();
+    assert_eq!(area(&desk).unwrap(), before);
+}
+
 /// In the list a click on a key waits for another, which does nothing else; actions with the same key name each other.
 #[test]
 fn keys_are_chosen_in_the_list() {
