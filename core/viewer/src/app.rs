@@ -135,6 +135,8 @@ pub struct Viewer {
     pub(crate) copied: String,
     /// The further parts that are selected, and beside which.
     pub(crate) more: (Option<Selected>, Vec<Selected>),
+    /// The bar that was clicked to select its camera, which may have several.
+    pub(crate) shot: Option<Bar>,
     /// The selected keys in order, and beside which selection they are.
     pub(crate) keys: (Option<Selected>, Vec<KeyRef>),
     pub curves: Curves,
@@ -217,6 +219,7 @@ impl Viewer {
             to_rename: None,
             copied: String::new(),
             more: (None, Vec::new()),
+            shot: None,
             keys: (None, Vec::new()),
             curves: Curves::default(),
             span: Span::whole(1.0),
@@ -313,6 +316,7 @@ impl Viewer {
         // Further parts belong to the selection beside which they were selected.
         self.more = (self.selection.clone(), if is_main { further } else { Vec::new() });
         self.keys.0 = of_keys;
+        self.shot = self.selected_shot().cloned();
         self.scene = Some(scene);
         self.sunlit.take();
         self.find_keys_again();
@@ -567,7 +571,17 @@ impl Viewer {
         self.select_all(all);
     }
 
+    /// Selects a bar; `adds`: as one more, or as one less.
+    pub(crate) fn select_bar(&mut self, bar: Bar, adds: bool) {
+        match adds {
+            true => self.select_more(bar.what.clone()),
+            false => self.select_all(vec![bar.what.clone()]),
+        }
+        self.shot = Some(bar).filter(|bar| matches!(bar.what, Selected::Camera(_)));
+    }
+
     pub(crate) fn select_all(&mut self, all: Vec<Selected>) {
+        self.shot = None;
         let mut all = all.into_iter();
         self.selection = all.next();
         self.more = (self.selection.clone(), all.collect());

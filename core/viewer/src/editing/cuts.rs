@@ -1,4 +1,4 @@
-//! Cuts between cameras: the next camera's cut is the end of a camera's bar.
+//! Cuts between cameras: the next camera's cut is the end of a camera's bar. A camera with several cuts has several bars, its shots.
 
 use super::{EditError, Step};
 use crate::app::Viewer;
@@ -8,6 +8,45 @@ use choreo_session::Scene;
 use choreo_session::edit::set_call;
 
 impl Viewer {
+    /// The selected bar. Of a camera with several it is the one that was clicked, else the one at the playhead.
+    ///
+    /// # Errors
+    /// Neither is there: why, for the user.
+    pub(crate) fn selected_bar(&self) -> Result<Option<Bar>, EditError> {
+        let Some(what) = &self.selection else { return Ok(None) };
+        let all: Vec<&Bar> = self.bars().filter(|bar| bar.what == *what).collect();
+        let (Some(first), true) = (all.first(), all.len() > 1) else {
+            return Ok(all.first().copied().cloned());
+        };
+        let now = self.playhead.time();
+        let at_playhead = all.iter().copied().find(|bar| bar.start <= now && now < bar.end);
+        let bar = self.selected_shot().or(at_playhead).ok_or_else(|| {
+            let why = format!(
+                "{} has several shots: click the bar of one, or move the playhead to it",
+                first.label
+            );
+            EditError::refused_at(&first.place, &why)
+        })?;
+        Ok(Some(bar.clone()))
+    }
+
+    /// The bar that was clicked to select its camera, in the timeline as it is now.
+    pub(crate) fn selected_shot(&self) -> Option<&Bar> {
+        let shot = self.shot.as_ref().filter(|shot| self.selection.as_ref() == Some(&shot.what))?;
+        let all = || self.bars().filter(|bar| bar.what == shot.what);
+        let is_there = |bar: &&Bar| bar.place == shot.place;
+        let begins = |bar: &&Bar| bar.start == shot.start;
+        // A bar that was moved has its place in the script, and one below new lines its time.
+        let same = all().find(|bar| is_there(bar) && begins(bar));
+        same.or_else(|| all().find(is_there)).or_else(|| all().find(begins))
+    }
+
+    /// Whether a bar is selected: of a camera with several the one that was clicked, else all.
+    pub(crate) fn is_bar_selected(&self, bar: &Bar) -> bool {
+        let is_it = |shot: &Bar| shot.what != bar.what || shot == bar;
+        self.is_selected(&bar.what) && self.selected_shot().is_none_or(is_it)
+    }
+
     /// Moves a cut; `index` of the stage's cuts.
     pub fn set_cut(&mut self, index: usize, secs: f64) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;

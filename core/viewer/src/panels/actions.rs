@@ -274,8 +274,8 @@ fn ask(c: &mut Context, purpose: Purpose) {
     c.viewer.documents.ask(purpose, shown.as_deref());
 }
 
-/// The toolkit's key; `None` where it has none of that name.
-fn pressed(chord: &Chord) -> Option<(Modifiers, Key)> {
+/// The toolkit's key, which is the same however its name is written (`d`, `D`); `None` where it has none of that name.
+pub(super) fn pressed(chord: &Chord) -> Option<(Modifiers, Key)> {
     let held =
         [(chord.ctrl, Modifiers::COMMAND), (chord.shift, Modifiers::SHIFT), (chord.alt, Modifiers::ALT)];
     let held = held.into_iter().filter(|(is_held, _)| *is_held);
@@ -342,7 +342,8 @@ pub fn problem(viewer: &Viewer) -> Option<String> {
 /// Whether a letter that walks in a viewport is the key of an action: walking then needs the right mouse button, as in Unity.
 pub(crate) fn takes_walking_keys(viewer: &Viewer) -> bool {
     let walks = |chord: &Chord| {
-        chord.held() == 0 && ["W", "A", "S", "D", "Q", "E"].contains(&chord.key.to_uppercase().as_str())
+        use Key::{A, D, E, Q, S, W};
+        matches!(pressed(chord), Some((Modifiers::NONE, W | A | S | D | Q | E)))
     };
     ACTIONS.iter().any(|action| viewer.shortcuts.of(action.id, action.keys).iter().any(walks))
 }
@@ -386,6 +387,10 @@ mod tests {
             for Keyed { id, chords, .. } in all_keyed(&viewer) {
                 for chord in chords {
                     assert!(pressed(&chord).is_some(), "{preset}, {id}: {chord}");
+                    assert!(
+                        !chord.to_string().contains(','),
+                        "a comma separates keys: {preset}, {id}: {chord}"
+                    );
                     let other = taken.insert(chord.clone(), id.clone());
                     assert_eq!(other, None, "{preset}, {id}: {chord}");
                 }

@@ -7,7 +7,7 @@ use crate::state::orbit::Orbit;
 use crate::state::side::Side;
 use crate::state::view::ViewCamera;
 use choreo_asset::Projection;
-use egui::{Align2, Color32, FontId, Rect, Sense, Stroke, Ui, pos2, vec2};
+use egui::{Align2, Color32, FontId, Rect, Sense, Stroke, Ui, vec2};
 use glam::{DAffine3, DVec2};
 
 /// Points from the middle to the ends, and of an end.
@@ -16,12 +16,18 @@ const END: f32 = 8.0;
 /// Name of the menu of sides where none is looked from.
 const NO_SIDE: &str = "View";
 
+/// The place of the axes, where they are shown.
+pub fn place_of(viewer: &Viewer, index: usize, place: Rect) -> Option<Rect> {
+    let has_room = place.width() >= 200.0 && place.height() >= 120.0;
+    let side = 2.0 * (ARM + END);
+    let corner = place.right_top() + vec2(-10.0 - side, 10.0);
+    let is_shown = viewer.views[index].overlays.axes && has_room;
+    is_shown.then(|| Rect::from_min_size(corner, vec2(side, side)))
+}
+
 /// Gives whether the mouse is at it.
 pub fn show(ui: &Ui, viewer: &mut Viewer, index: usize, place: Rect, world_from_view: &DAffine3) -> bool {
-    if !viewer.views[index].overlays.axes || place.width() < 200.0 || place.height() < 120.0 {
-        return false;
-    }
-    let middle = pos2(place.right() - ARM - END - 10.0, place.top() + ARM + END + 10.0);
+    let Some(middle) = place_of(viewer, index, place).map(|own| own.center()) else { return false };
     let painter = ui.painter_at(place);
     let view_from_world = world_from_view.matrix3.inverse();
     let mut ends: Vec<_> =

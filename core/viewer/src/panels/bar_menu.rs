@@ -79,8 +79,8 @@ const COMMANDS: [(Command, &str, &str); 11] = [
 /// The menu of a bar.
 pub fn show(response: &Response, viewer: &Viewer, bar: &Bar) -> Option<Act> {
     let mut act = None;
-    if response.secondary_clicked() && !viewer.is_selected(&bar.what) {
-        act = Some(Act::Select(bar.what.clone(), false));
+    if response.secondary_clicked() && !viewer.is_bar_selected(bar) {
+        act = Some(Act::Select(bar.clone(), false));
     }
     response.context_menu(|ui| {
         let chosen = entries(ui, viewer, |command| command.suits_bar(bar));

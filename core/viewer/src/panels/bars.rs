@@ -30,7 +30,8 @@ const MOST_ROUNDS: usize = 200;
 
 /// A change of a bar by the user.
 pub enum Act {
-    Select(Selected, bool),
+    /// `true`: as one more.
+    Select(Bar, bool),
     Move(Bar, f64, Drag),
     /// Moved onto another row, by its number.
     MoveTo(Bar, f64, usize),
@@ -108,11 +109,11 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
         let response = ui.interact(place, ui.id().with(("bar", lane.row, number)), Sense::click_and_drag());
         let name = format!("{} on {label}", bar.label);
         response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Button, true, name.clone()));
-        let selected = viewer.is_selected(&bar.what);
+        let selected = viewer.is_bar_selected(bar);
         let wrong = viewer.severity(&bar.place);
         draw(&ui.painter_at(lane.rect), viewer, bar, place, lane, (selected, wrong));
         if response.clicked() {
-            act = Some(Act::Select(bar.what.clone(), held::adds(ui)));
+            act = Some(Act::Select(bar.clone(), held::adds(ui)));
         }
         act = match locked {
             true => {
@@ -148,8 +149,7 @@ pub fn show(ui: &Ui, viewer: &Viewer, bars: &[Bar], label: &str, lane: &Lane, lo
 /// Does it to the script, or to the selection.
 pub fn run(ui: &Ui, viewer: &mut Viewer, act: Act) {
     match act {
-        Act::Select(what, true) => viewer.select_more(what),
-        Act::Select(what, false) => viewer.select_all(vec![what]),
+        Act::Select(bar, adds) => viewer.select_bar(bar, adds),
         Act::Move(bar, secs, drag) => viewer.edit(|v| v.move_bar(&bar, secs, drag)),
         Act::MoveTo(bar, secs, row) => viewer.edit(|v| v.move_bar_to(&bar, secs, row)),
         Act::Slip(what, by) => viewer.edit(|v| v.slip_cue(&what, by)),
@@ -380,7 +380,7 @@ fn handle(
         let is_there =
             |bar: &&Bar| secs.is_some_and(|secs| (bar.start.as_secs()..bar.end.as_secs()).contains(&secs));
         let clicked = bars.iter().rev().find(is_there).unwrap_or(bar);
-        return Some(Act::Select(clicked.what.clone(), held::adds(ui)));
+        return Some(Act::Select(clicked.clone(), held::adds(ui)));
     }
     let Some(pointer) = dragged else { return bar_menu::show(&response, viewer, bar) };
     let keep = held::modifiers(ui).alt;

@@ -178,9 +178,8 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
             Selected::Cue { actor, .. } => actor.clone(),
             Selected::Sky => "sky".to_string(),
         };
-        bar.widget("name", true, move |ui, _: &mut Viewer| drop(ui.strong(name)));
         let hint = "show all keys, or those that are selected (Home)";
-        bar.button("Fit", hint, |viewer| viewer.curves.fit = true);
+        bar.button("Fit", hint, |viewer: &mut Viewer| viewer.curves.fit = true);
         let hint = "the change of each value a second, instead of the value";
         bar.toggle(viewer.curves.speed, "Speed", hint, |viewer| {
             viewer.curves.speed ^= true;
@@ -195,6 +194,8 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
         bar.toggle(viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
         let hint = "keys at the playhead, of the curves that are shown (K)";
         bar.button("Set key", hint, key_menu::set_keys);
+        // After the buttons, whose places do not depend on it.
+        bar.widget("name", true, move |ui, _| drop(ui.strong(name)));
         let frame = viewer.playhead.frame();
         let time = format!("{:.3} s   frame {frame}", viewer.playhead.time().as_secs());
         bar.text(&time, "", egui::TextStyle::Monospace);

@@ -1,16 +1,11 @@
 //! Dialogs: questions over everything else, which take all clicks until they are answered.
 
 use egui::accesskit::Role;
-use egui::{Id, Key, Modal, Modifiers, RichText, TextStyle, Ui, WidgetText};
+use egui::{Align2, Id, Key, Modal, ModalResponse, Modifiers, RichText, TextStyle, Ui, Vec2, WidgetText};
 
 /// Shows a dialog; gives whether it is left by Escape.
 pub fn show(ui: &Ui, title: &str, content: impl FnOnce(&mut Ui)) -> bool {
-    let dialog = Modal::new(Id::new(("dialog", title))).show(ui.ctx(), |ui| {
-        ui.ctx().accesskit_node_builder(ui.unique_id(), |node| {
-            node.set_role(Role::Dialog);
-            node.set_label(title);
-            node.set_modal();
-        });
+    let dialog = modal(ui, title, (Align2::CENTER_CENTER, Vec2::ZERO), |ui| {
         // The dialog itself has the title as its name.
         let words = WidgetText::from(RichText::new(title).strong());
         let words = words.into_galley(ui, None, f32::INFINITY, TextStyle::Heading);
@@ -21,4 +16,23 @@ pub fn show(ui: &Ui, title: &str, content: impl FnOnce(&mut Ui)) -> bool {
     });
     let is_first = dialog.is_top_modal && !dialog.any_popup_open;
     is_first && ui.input_mut(|i| i.consume_key(Modifiers::NONE, Key::Escape))
+}
+
+/// Shows something over everything else that takes all clicks; `anchor`: its place in the window, and points from there.
+pub fn modal<T>(
+    ui: &Ui,
+    name: &str,
+    (anchor, offset): (Align2, Vec2),
+    content: impl FnOnce(&mut Ui) -> T,
+) -> ModalResponse<T> {
+    let id = Id::new(("dialog", name));
+    let area = Modal::default_area(id).anchor(anchor, offset);
+    Modal::new(id).area(area).show(ui.ctx(), |ui| {
+        ui.ctx().accesskit_node_builder(ui.unique_id(), |node| {
+            node.set_role(Role::Dialog);
+            node.set_label(name);
+            node.set_modal();
+        });
+        content(ui)
+    })
 }

@@ -153,8 +153,11 @@ fn key(ui: &mut Ui, choosing: &mut Option<String>, keyed: &Keyed, viewer: &mut V
 
 /// The other actions that have a key of this one.
 fn others(keyed: &Keyed, all: &[Keyed]) -> Option<String> {
-    let has_one =
-        |other: &&Keyed| other.id != keyed.id && other.chords.iter().any(|c| keyed.chords.contains(c));
+    let own: Vec<_> = keyed.chords.iter().filter_map(actions::pressed).collect();
+    let has_one = |other: &&Keyed| {
+        let mut keys = other.chords.iter().filter_map(actions::pressed);
+        other.id != keyed.id && keys.any(|key| own.contains(&key))
+    };
     let titles: Vec<&str> = all.iter().filter(has_one).map(|other| other.title.as_str()).collect();
     (!titles.is_empty()).then(|| format!("also: {}", titles.join("; ")))
 }

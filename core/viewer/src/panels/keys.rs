@@ -39,8 +39,15 @@ pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
     if super::headers::refuses_locked(viewer) {
         return;
     }
-    let Some(what) = viewer.selection.clone() else { return };
-    let Some(bar) = viewer.bars().find(|bar| bar.what == what).cloned() else { return };
+    let bar = match viewer.selected_bar() {
+        Ok(Some(bar)) => bar,
+        Ok(None) => return,
+        Err(why) => return viewer.edit(|_| Err(why)),
+    };
+    if matches!(bar.what, Selected::Camera(_)) {
+        // It moves on, also where it leaves the playhead.
+        viewer.shot = Some(bar.clone());
+    }
     let time = if part == CueTime::End { bar.until } else { bar.start };
     let fps = viewer.playhead.fps();
     let secs = fps.time_of((fps.frames_in(time) + frames).max(0)).as_secs();

@@ -1,7 +1,7 @@
 //! The command palette: a field that finds every action, panel, actor, clip and line of the script.
 
 use super::actions::{self, ACTIONS, Context};
-use super::{Panels, Tab};
+use super::{Panels, Tab, dialog};
 use crate::app::Viewer;
 use crate::editing::constraining::NewConstraint;
 use crate::library::file_dialog::Purpose;
@@ -9,11 +9,13 @@ use crate::library::templates::TEMPLATES;
 use crate::state::selection::Selected;
 use choreo_motion::Time;
 use choreo_session::edit::Addition;
-use egui::{Align2, Key, Modifiers, RichText, ScrollArea, TextEdit, Ui, Window};
+use egui::{Align2, Key, Modifiers, RichText, ScrollArea, TextEdit, Ui, vec2};
 use std::path::PathBuf;
 
 /// Entries that are shown.
 const MOST_SHOWN: usize = 60;
+/// Points of the list, where it is long.
+const HEIGHT: f32 = 420.0;
 
 /// The effect of an entry.
 #[derive(Clone, Debug)]
@@ -91,8 +93,7 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
     let (enter, escape) = (pressed(Key::Enter), pressed(Key::Escape));
     let palette = &mut panels.palette;
     let mut chosen = None;
-    let window = Window::new("Commands").title_bar(false).resizable(false).collapsible(false);
-    window.anchor(Align2::CENTER_TOP, [0.0, 60.0]).show(ui.ctx(), |ui| {
+    let shown = dialog::modal(ui, "Commands", (Align2::CENTER_TOP, vec2(0.0, 60.0)), |ui| {
         ui.set_width(560.0);
         let field = TextEdit::singleline(&mut palette.text).hint_text("action, panel, actor, clip or line");
         let field = ui.add(field.desired_width(f32::INFINITY));
@@ -111,7 +112,9 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
             _ => palette.at.min(last),
         };
         ui.separator();
-        ScrollArea::vertical().max_height(420.0).auto_shrink([false, true]).show(ui, |ui| {
+        // The list grows again after few entries were found.
+        let list = ScrollArea::vertical().max_height(HEIGHT).min_scrolled_height(HEIGHT);
+        list.auto_shrink([false, true]).show(ui, |ui| {
             for (number, entry) in found.iter().enumerate() {
                 let is_at = number == palette.at;
                 let button = egui::Button::selectable(is_at, &entry.text).truncate();
@@ -132,7 +135,8 @@ pub fn show(panels: &mut Panels, ui: &Ui, viewer: &mut Viewer, now: f64) {
             chosen = found.get(palette.at).map(|entry| entry.target.clone());
         }
     });
-    if escape || chosen.is_some() {
+    let is_left = escape || shown.backdrop_response.clicked();
+    if is_left || chosen.is_some() {
         panels.palette = Palette::default();
     }
     if let Some(target) = chosen {

@@ -115,6 +115,7 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         bar.button(units, &hint, |viewer| {
             viewer.in_seconds = !viewer.in_seconds;
         });
+        bar.other_faces(["seconds", "frames"].into_iter());
         let hint = hint_of(viewer, "previous_event", "to what begins, ends or happens before");
         bar.icon(icons::ARROW_LINE_LEFT, "Previous event", &hint, |viewer| viewer.seek_to_next(true));
         let hint = hint_of(viewer, "next_event", "to what begins, ends or happens next");
@@ -133,11 +134,12 @@ fn beats(ui: &mut Ui, viewer: &mut Viewer) {
     let set = values::number(ui, "beats a minute", tempo.per_minute, 0.5, 0.0..=Tempo::FASTEST);
     tempo.per_minute = set.unwrap_or(tempo.per_minute);
     ui.weak("bpm").hint("beats a minute of the music; dragged times snap to beats. 0: none");
-    if tempo.per_minute > 0.0 {
+    // Without a tempo it keeps its place, so that the entries after it stay where they are.
+    ui.add_enabled_ui(tempo.per_minute > 0.0, |ui| {
         let set = values::time(ui, "first beat", tempo.first, 0.01, 0.0..=Tempo::LATEST);
         tempo.first = set.unwrap_or(tempo.first);
         ui.weak("s").hint("when the first beat is");
-    }
+    });
     if tempo != viewer.tempo {
         viewer.tempo = tempo;
         if let Some(script) = &viewer.path {
@@ -160,6 +162,7 @@ fn moves(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
         false => (icons::PLAY, "Play"),
     };
     bar.icon(icon, name, &keys("play"), move |viewer| viewer.playhead.toggle(now));
+    bar.other_faces([icons::PAUSE, icons::PLAY].into_iter());
     let hint = keys("next_frame");
     bar.icon(icons::CARET_RIGHT, "One frame on", &hint, |viewer| viewer.playhead.step(1));
     bar.icon(icons::SKIP_FORWARD, "Last frame", &keys("last_frame"), |viewer| {
@@ -167,11 +170,18 @@ fn moves(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     });
     let hint = hint_of(viewer, "loop", "again and again, or once");
     bar.icon_toggle(icons::REPEAT, playhead.looping, "Loop", &hint, |viewer| viewer.playhead.looping ^= true);
-    if let Some((from, to)) = playhead.range() {
-        let text = format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
-        let hint = "the part that is played; a click: all of it";
-        bar.button(&text, hint, |viewer| viewer.playhead.set_range(None));
-    }
+    let text = |from: Time, to: Time| format!("{:.2} to {:.2} s", from.as_secs(), to.as_secs());
+    let length = playhead.length();
+    let (from, to) = playhead.range().unwrap_or((Time::ZERO, length));
+    let hint = match playhead.range() {
+        Some(_) => "the part that is played; a click: all of it",
+        None => "all of it is played; Shift and a drag on the ruler: a part",
+    };
+    bar.button(&text(from, to), hint, |viewer| viewer.playhead.set_range(None));
+    bar.enabled(playhead.range().is_some());
+    // As wide as the widest text, so that the entries after it stay where they are.
+    let widest = text(length, length).replace(|c: char| c.is_ascii_digit(), "8");
+    bar.other_faces([widest.as_str()].into_iter());
     let hint = "dragged times are whole frames (N)";
     bar.icon_toggle(icons::MAGNET, viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
     bar.widget("tempo", true, beats);

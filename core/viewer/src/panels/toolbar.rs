@@ -91,7 +91,7 @@ impl<'a, C> Toolbar<'a, C> {
         });
     }
 
-    /// The last entry, a menu, has room for these faces, too, so that the entries after it stay where they are.
+    /// The last entry has room for these faces, too, so that the entries after it stay where they are.
     pub fn other_faces<'f>(&mut self, faces: impl Iterator<Item = &'f str>) {
         if let Some(last) = self.entries.last_mut() {
             last.other_faces = faces.map(str::to_string).collect();
@@ -231,7 +231,8 @@ pub(super) fn text_width(ui: &Ui, text: &str, style: TextStyle) -> f32 {
 /// `id`: of the toolbar, with the number of the entry.
 fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width: f32, context: &mut C) {
     let (is_icon, menu) = (entry.is_icon(), entry.menu());
-    let Entry { face, name, hint, enabled, kind, .. } = entry;
+    let Entry { face, name, hint, enabled, kind, other_faces, .. } = entry;
+    let least = if other_faces.is_empty() { 0.0 } else { width };
     let add = |ui: &mut Ui| match kind {
         Kind::Separator => drop(ui.separator()),
         Kind::Text(style) => {
@@ -249,12 +250,14 @@ fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width:
             }
         }
         Kind::Button(act) => {
-            if described(ui.button(face), is_icon, &name, &hint, None).clicked() {
+            let button = ui.add(Button::new(face).min_size(vec2(least, 0.0)));
+            if described(button, is_icon, &name, &hint, None).clicked() {
                 act(context);
             }
         }
         Kind::Toggle(on, act) => {
-            if described(ui.add(Button::selectable(on, face)), is_icon, &name, &hint, Some(on)).clicked() {
+            let button = ui.add(Button::selectable(on, face).min_size(vec2(least, 0.0)));
+            if described(button, is_icon, &name, &hint, Some(on)).clicked() {
                 act(context);
             }
         }

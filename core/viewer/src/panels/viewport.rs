@@ -267,8 +267,9 @@ fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
             _ => {}
         }
     }
-    let waiting = view.shown.iter().flat_map(|shown| &shown.waiting);
-    parts.extend(waiting.map(|what| format!("{what} when it rests")));
+    let waiting = view.shown.as_ref().map(|shown| shown.waiting.join(", "));
+    let waiting = waiting.filter(|waiting| !waiting.is_empty());
+    parts.extend(waiting.map(|waiting| format!("{waiting} when it rests")));
     if viewer.playhead.is_playing() && viewer.reduction.dropped > 0 {
         parts.push(format!("{} frames dropped", viewer.reduction.dropped));
     }
@@ -280,7 +281,9 @@ fn reduced(ui: &Ui, viewer: &Viewer, index: usize, place: Rect) {
     let response = ui.interact(label, ui.id().with(("reduced", index)), Sense::hover());
     response.widget_info(|| egui::WidgetInfo::labeled(egui::WidgetType::Label, true, text.clone()));
     let painter = ui.painter_at(place);
-    let galley = super::elided(&painter, &text, 11.5, Color32::WHITE, place.width() - 12.0);
+    // The axes are beside it.
+    let right = axes::place_of(viewer, index, place).map_or(place.right(), |axes| axes.left());
+    let galley = super::elided(&painter, &text, 11.5, Color32::WHITE, right - place.left() - 12.0);
     if galley.elided {
         response.hint(text);
     }

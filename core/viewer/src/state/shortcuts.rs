@@ -63,8 +63,6 @@ impl fmt::Display for Chord {
             "PageUp" => "PgUp",
             "PageDown" => "PgDn",
             "Escape" => "Esc",
-            "Comma" => ",",
-            "Period" => ".",
             "Plus" => "+",
             "Minus" => "−",
             key => key,

@@ -82,6 +82,41 @@ fn arrows_choose_in_the_palette_and_a_click_takes() {
     assert_eq!(desk.state().viewer.playhead.frame(), 0);
 }
 
+/// A click beside the palette closes it and presses nothing below.
+#[test]
+fn the_palette_takes_the_clicks_beside_it() {
+    let mut desk = desk();
+    let row = desk.get_by_label("row ada").rect().center();
+    let click = |desk: &mut Desk| {
+        desk.hover_at(row);
+        desk.run();
+        desk.drag_at(row);
+        desk.drop_at(row);
+        desk.run();
+    };
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
+    desk.run();
+    desk.get_by_label("find a command");
+    click(&mut desk);
+    assert!(desk.query_by_label("find a command").is_none(), "it is closed");
+    assert_eq!(desk.state().viewer.selection, None);
+    click(&mut desk);
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
+    // Where a text has found nothing, the list has its height again for the next one.
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
+    desk.run();
+    let area = |desk: &Desk| desk.ctx.memory(|m| m.area_rect(egui::Id::new(("dialog", "Commands"))));
+    let before = area(&desk).unwrap();
+    desk.event(egui::Event::Text("nothing like it".into()));
+    desk.run();
+    desk.get_by_label("nothing is called so");
+    assert!(area(&desk).unwrap().height() < before.height());
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    desk.key_press(Key::Backspace);
+    desk.run();
+    assert_eq!(area(&desk).unwrap(), before);
+}
+
 /// In the list a click on a key waits for another, which does nothing else; actions with the same key name each other.
 #[test]
 fn keys_are_chosen_in_the_list() {
@@ -128,6 +163,30 @@ fn keys_are_chosen_in_the_list() {
     desk.key_press(Key::J);
     desk.run();
     assert_ne!(desk.state().text(), SCRIPT, "it splits");
+}
+
+/// A key in the user's file is the same key however its name is written.
+#[test]
+fn conflicts_of_keys_do_not_depend_on_how_they_are_written() {
+    let mut desk = desk();
+    desk.key_press(Key::F1);
+    for written in ["H", "h", "KeyH"] {
+        let own = [("split".to_string(), written.to_string())];
+        desk.state_mut().viewer.shortcuts.own = own.into_iter().collect();
+        desk.run();
+        desk.get_by_label("also: hide or show what is selected");
+        desk.get_by_label("also: split the selected clips at the playhead");
+    }
+    // Names of keys with a sign that also separates keys.
+    desk.state_mut().viewer.shortcuts.own.clear();
+    desk.state_mut().viewer.shortcuts.preset = "unity".into();
+    desk.run();
+    let texts = desk.output().shapes.iter().filter_map(|shape| match &shape.shape {
+        egui::Shape::Text(text) => Some(text.galley.text().to_string()),
+        _ => None,
+    });
+    let texts: Vec<String> = texts.collect();
+    assert!(texts.iter().any(|text| text == "Comma, Left"), "{texts:?}");
 }
 
 /// The text of the script looks as if it could be typed into: there a key neither deletes nor splits what is selected.

@@ -166,6 +166,47 @@ fn entries_of_the_viewport_stay_where_they_are_whatever_is_chosen() {
     assert_eq!((all(&mouse), view(&mouse)), (before, left), "a camera of the script");
 }
 
+/// A part that is played, a tempo and the unit of times move no button.
+#[test]
+fn entries_of_the_timeline_stay_where_they_are_whatever_is_set() {
+    const ENTRIES: [&str; 9] = [
+        "One frame on",
+        "Last frame",
+        "Loop",
+        "Snap",
+        "beats a minute",
+        "time of the playhead",
+        "Previous event",
+        "Next event",
+        "Whole",
+    ];
+    for width in [1600.0, 900.0] {
+        let mut mouse = opened(width, "Sequencer");
+        let size = vec2(width, 600.0);
+        let all = |mouse: &Mouse| ENTRIES.map(|entry| places(mouse, entry, size));
+        let before = all(&mouse);
+        let first = places(&mouse, "first beat", size);
+        assert!(width < 1000.0 || before.iter().all(|found| !found.is_empty()), "{before:?}");
+        mouse.click("seconds");
+        assert_eq!(all(&mouse), before, "times as frames, {width}");
+        let seek = |mouse: &mut Mouse, secs: f64| {
+            mouse.desk.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(secs));
+            mouse.desk.run();
+        };
+        for (secs, key) in [(1.0, egui::Key::I), (2.0, egui::Key::O)] {
+            seek(&mut mouse, secs);
+            mouse.desk.key_press(key);
+            mouse.desk.run();
+        }
+        seek(&mut mouse, 0.0);
+        assert_eq!(places(&mouse, "1.00 to 2.04 s", size).len(), 1, "the part that is played, {width}");
+        assert_eq!(all(&mouse), before, "a part that is played, {width}");
+        mouse.desk.state_mut().viewer.tempo.per_minute = 120.0;
+        mouse.desk.run();
+        assert_eq!((all(&mouse), places(&mouse, "first beat", size)), (before, first), "a tempo, {width}");
+    }
+}
+
 #[test]
 fn the_overlays_are_chosen_in_one_menu() {
     for width in [1600.0, 300.0] {

@@ -3,6 +3,7 @@
 use crate::place::{Desk, Place};
 use choreo_viewer::state::selection::Selected;
 use egui::{Key, Modifiers, vec2};
+use egui_kittest::kittest::Queryable;
 
 const SCRIPT: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 8.0 });
 let moves = load("choreo:mannequin");
@@ -80,4 +81,66 @@ fn a_clip_that_follows_another_moves_as_a_whole() {
     // An end is not moved to where another clip plays.
     let why = refused(&mut desk, &walk("bob"), END, Key::ArrowRight);
     assert!(why.contains("Wave takes over from it at 2.000 s"), "{why}");
+}
+
+/// Of the shots of a camera the one that was clicked moves, else the one at the playhead.
+#[test]
+fn of_several_shots_of_a_camera_the_selected_one_moves() {
+    const SHOTS: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 8.0 });
+let one = camera("one").at(0.0, 1.0, 4.0);
+let two = camera("two").at(1.0, 1.0, 4.0).cut(2.0);
+one.cut(4.0);
+two.cut(6.0);
+"#;
+    let mut desk = Place::new(SHOTS).harness(vec2(1500.0, 1000.0));
+    let two = Selected::Camera("two".into());
+    let later = |desk: &mut Desk, modifiers: Modifiers| {
+        desk.key_press_modifiers(modifiers, Key::ArrowRight);
+        desk.run();
+        let place = desk.state_mut();
+        (place.text(), place.viewer.message.take())
+    };
+    // The camera alone is selected.
+    let select = |desk: &mut Desk, secs: f64| {
+        desk.state_mut().viewer.selection = None;
+        desk.state_mut().reload_with(SHOTS);
+        desk.state_mut().viewer.selection = Some(two.clone());
+        desk.state_mut().viewer.playhead.seek(choreo_motion::Time::from_secs(secs));
+        desk.run();
+    };
+    for (secs, modifiers, from, to) in [
+        (
+            2.5,
+            Modifiers::ALT,
+            "camera(\"two\").at(1.0, 1.0, 4.0).cut(2.0)",
+            "camera(\"two\").at(1.0, 1.0, 4.0).cut(2.04)",
+        ),
+        (6.5, Modifiers::ALT, "two.cut(6.0)", "two.cut(6.04)"),
+        (2.5, END, "one.cut(4.0)", "one.cut(4.04)"),
+    ] {
+        select(&mut desk, secs);
+        assert_eq!(later(&mut desk, modifiers), (SHOTS.replace(from, to), None), "at {secs} s");
+    }
+    select(&mut desk, 5.0);
+    let (text, why) = later(&mut desk, Modifiers::ALT);
+    assert_eq!(text, SHOTS);
+    let why = why.expect("neither shot is at the playhead");
+    assert!(why.contains("two has several shots: click the bar of one"), "{why}");
+    // It moves on after it has left the playhead.
+    select(&mut desk, 6.0);
+    for to in ["two.cut(6.04)", "two.cut(6.08)"] {
+        assert_eq!(later(&mut desk, Modifiers::ALT), (SHOTS.replace("two.cut(6.0)", to), None));
+        desk.state_mut().reload();
+        desk.run();
+    }
+    // The bar is clicked, wherever the playhead is.
+    select(&mut desk, 2.5);
+    let bars = desk.query_all_by_label("two on camera").map(|node| node.rect());
+    let last = bars.max_by(|a, b| a.left().total_cmp(&b.left())).unwrap().center();
+    desk.hover_at(last);
+    desk.run();
+    desk.drag_at(last);
+    desk.drop_at(last);
+    desk.run();
+    assert_eq!(later(&mut desk, Modifiers::ALT), (SHOTS.replace("two.cut(6.0)", "two.cut(6.04)"), None));
 }

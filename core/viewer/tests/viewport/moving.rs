@@ -103,6 +103,24 @@ fn what_is_named_without_room_is_cut_short_and_read_as_a_hint() {
     assert_eq!(drawn(&desk, "3 frames dropped").len(), 2, "the text and the hint");
 }
 
+/// In a small window the text ends before the axes in the other corner.
+#[test]
+fn what_is_named_leaves_the_axes_their_place() {
+    let mut place = reduced(0.0);
+    place.viewer.reduction.dropped = 3;
+    let layout = serde_json::json!({
+        "right": 0.3, "first": { "tabs": ["Viewport"] }, "second": { "tabs": ["Script"] },
+    });
+    place.panels = Panels::new(&Settings { layout: Some(layout), ..Settings::default() });
+    let desk = place.harness(vec2(900.0, 600.0));
+    let texts = drawn(&desk, "motion blur when it rests");
+    assert_eq!(texts.len(), 1);
+    for side in ["Front", "Back", "Right", "Left", "Top", "Bottom"] {
+        let end = desk.get_by_label(&format!("{side} view")).rect();
+        assert!(!texts[0].expand(3.0).intersects(end), "{side}: {end:?}, {texts:?}");
+    }
+}
+
 /// What is dragged has its numbers beside what the image lacks meanwhile.
 #[test]
 fn numbers_of_a_drag_are_read_beside_what_the_image_lacks() {
