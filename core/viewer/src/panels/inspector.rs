@@ -3,10 +3,10 @@
 use super::camera_fields::{self, CameraChange};
 use super::hint::Hint;
 use super::rig::CallChange;
-use super::{fields as stated, icons, rig, values};
+use super::{fields as stated, headers, icons, rig, values};
 use crate::app::Viewer;
 use crate::editing::placing::{light_at, placement};
-use crate::editing::{ClipOf, FieldChange, expression};
+use crate::editing::{ClipOf, EditError, FieldChange, expression};
 use crate::geometry::gizmo::Change;
 use crate::state::keyed::{self, KeyRef, KeyedProperty};
 use crate::state::selection::{Selected, actor};
@@ -136,6 +136,11 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 
 fn apply(viewer: &mut Viewer, selection: Selected, wanted: Wanted, known: &[KeyedProperty]) {
     viewer.note = None;
+    let locked = selection.actor().filter(|name| viewer.toggles.locked.contains(*name));
+    // The lock keeps the row, and not its name.
+    if let Some(name) = locked.filter(|_| !matches!(wanted, Wanted::Name(_))) {
+        return viewer.report(Err(EditError::refused(headers::is_locked(name))));
+    }
     let change = match wanted {
         Wanted::Field(change) => viewer.change_field(&selection, &change),
         Wanted::Name(name) => viewer.rename(&selection, &name),

@@ -723,6 +723,39 @@ fn keys_of_a_locked_row_are_changed_neither_as_curves_nor_by_menus() {
     }
 }
 
+/// Diamonds and fields of the inspector refuse as the rows do.
+#[test]
+fn the_inspector_of_a_locked_row_changes_nothing() {
+    type Act = fn(&mut Desk);
+    let acts: [(&str, Act); 3] = [
+        ("sets a key", |desk| desk.get_by_label("key of scale").click()),
+        ("deletes a key", |desk| desk.get_by_label("key of position").click()),
+        ("types", |desk| {
+            desk.get_by_label("x").click();
+            desk.run();
+            desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+            desk.event(Event::Text("3".into()));
+            desk.run();
+            desk.key_press(Key::Enter);
+        }),
+    ];
+    for (name, act) in acts {
+        for locked in [true, false] {
+            let mut desk = desk();
+            desk.state_mut().viewer.selection = Some(ball());
+            if locked {
+                desk.state_mut().viewer.toggles.locked.insert("ball".into());
+            }
+            desk.run();
+            act(&mut desk);
+            desk.run();
+            let message = desk.state().viewer.message.clone().unwrap_or_default();
+            assert_eq!(message.contains("the row of ball is locked"), locked, "{name}: {message}");
+            assert_eq!(desk.state().text() == SCRIPT, locked, "{name}: {message}");
+        }
+    }
+}
+
 /// The script with keys of every kind, interpolated in every way, some with tangents and easings.
 fn shaped(how: &str) -> String {
     format!(
