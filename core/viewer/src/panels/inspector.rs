@@ -574,13 +574,35 @@ fn frame_of_callbacks<'v>(viewer: &'v Viewer, scene: &Scene) -> Option<&'v Frame
     viewer.shown().filter(|shown| shown.number == scene.number && !scene.places.callbacks.is_empty())
 }
 
-/// The origin of a value that a callback sets, with the line where there is only one.
+/// The origin of a value that a callback sets: the lines of the first calls of `on_frame`, each of which may be the one.
 fn by_callback(scene: &Scene) -> String {
-    match scene.places.callbacks.as_slice() {
-        [one] if one.file == scene.places.main => format!("by on_frame, line {}", one.line),
-        [one] => format!("by on_frame, {}", super::marks::report(one)),
-        _ => "by on_frame".to_string(),
+    /// Lines that are named.
+    const MOST: usize = 3;
+    let mut all: Vec<&Place> = Vec::new();
+    for place in &scene.places.callbacks {
+        // A loop makes several in one line.
+        if !all.iter().any(|known| (&known.file, known.line) == (&place.file, place.line)) {
+            all.push(place);
+        }
     }
+    let is_here = all.iter().all(|place| place.file == scene.places.main);
+    let named = |place: &&Place| match is_here {
+        true => place.line.to_string(),
+        false => super::marks::report(place),
+    };
+    let names: Vec<String> = all.iter().take(MOST).map(named).collect();
+    let listed = match (all.len().saturating_sub(MOST), names.as_slice()) {
+        (0, [before @ .., last]) if !before.is_empty() => format!("{} and {last}", before.join(", ")),
+        (0, _) => names.join(", "),
+        (1, _) => format!("{} and 1 other", names.join(", ")),
+        (others, _) => format!("{} and {others} others", names.join(", ")),
+    };
+    let unit = match (is_here, all.len()) {
+        (false, _) => "",
+        (true, 1) => "line ",
+        (true, _) => "lines ",
+    };
+    format!("by on_frame, {unit}{listed}")
 }
 
 /// The field of one parameter, with its numbers and those by default: the name and the text to write.
