@@ -1,6 +1,7 @@
 //! Tangents of single keys in the text: `[time, value, #{ in_tangent: …, out_tangent: … }]`.
 
 use super::key_list::{Key, key_at, parts};
+use super::key_name::KeyName;
 use super::object::ScriptObject;
 use super::scan::Source;
 use super::times::EditTime;
@@ -177,14 +178,14 @@ impl ScriptObject<'_> {
     ) -> Result<Edit, EditRefused> {
         let fps = shapes.first().map_or(1.0, |(at, _)| at.fps);
         let (call, keys) = self.keys(property, fps)?;
-        let line = self.line_of(call.name.start);
+        let (line, shown) = (self.line_of(call.name.start), KeyName::of(property).shown());
         let mut edits = Vec::new();
         for (at, shape) in shapes {
             let index = key_at(&keys, *at).ok_or_else(|| self.no_key(property, line))?;
             if shape_of(&self.text, &keys[index]).is_none() {
                 return Err(EditRefused::at(
                     line,
-                    &format!("a key of its {property} has tangents that are computed; change them there"),
+                    &format!("a key of its {shown} has tangents that are computed; change them there"),
                 ));
             }
             edits.push(shaped(&self.text, &keys[index], shape));
@@ -199,7 +200,7 @@ impl ScriptObject<'_> {
         if holds.is_none() {
             return Ok(edit);
         }
-        let why = format!("all keys of its {property} hold their values; with a tangent they are linear");
+        let why = format!("all keys of its {shown} hold their values; with a tangent they are linear");
         let agree = "Make the keys linear";
         Err(EditRefused { over: Some(edit), agree, ..EditRefused::at(line, &why) })
     }

@@ -419,5 +419,12 @@ pub fn shift_keys(text: &str, line: usize, column: usize, by: EditTime) -> Resul
         };
         after = edit.apply(&after);
     }
+    for (name, _) in Cue::keyed_options() {
+        let strip = Strip::at(&after, line, column)?;
+        let option = option_value(&strip.text, &strip.call, name).map(|value| strip.text.trimmed(&value));
+        let Some(keys) = option.filter(|value| strip.text[value.clone()].starts_with('[')) else { continue };
+        let edit = shifted_keys(&strip.text, keys.clone(), by).ok_or_else(|| strip.computed(name, &keys))?;
+        after = edit.apply(&after);
+    }
     Ok(Edit::between(text, &after))
 }

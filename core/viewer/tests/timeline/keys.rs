@@ -1052,6 +1052,77 @@ fn keys_of_joints_cues_and_the_sky_are_edited_as_others() {
     assert_eq!(turned, PARTS.replace("[0, 40, 10]", "[0, 45.0, 10]"));
 }
 
+/// Keys among the options of a clip are diamonds, points and numbers like all others, and stay options.
+#[test]
+fn keys_among_options_are_edited_in_rows_curves_and_menus() {
+    const KEYS: &str = "[[0.0, 1], [1.0, 0.6], [2.0, 0.4]]";
+    let scene = format!(
+        "stage(#{{ size: [64, 36], fps: 25, length: 4.0 }});
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\"), #{{ weight: {KEYS}, speed: 1.0 }});
+"
+    );
+    let walk = Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 };
+    let mut desk = Place::new(&scene).harness(vec2(1500.0, 1000.0));
+    // The text with other keys, which the next change begins anew with the old ones.
+    let changed = |desk: &mut Desk, keys: &str| {
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().text(), scene.replace(KEYS, keys));
+        desk.state_mut().reload_with(&scene);
+        desk.run();
+    };
+    let marks = desk.get_all_by_label_contains("Walk weight").map(|mark| mark.rect().center());
+    let mut marks: Vec<Pos2> = marks.collect();
+    marks.sort_by(|a, b| a.x.total_cmp(&b.x));
+    let to = pos2(x_of(&desk, 1.4), marks[1].y);
+    drag(&mut desk, marks[1], to);
+    changed(&mut desk, "[[0.0, 1], [1.4, 0.6], [2.0, 0.4]]");
+    desk.state_mut().viewer.select_keys(Vec::new());
+    desk.state_mut().viewer.selection = Some(walk.clone());
+    desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
+    desk.run();
+    press(&mut desk, Modifiers::NONE, Key::K);
+    changed(&mut desk, "[[0.0, 1], [0.48, 0.808], [1.0, 0.6], [2.0, 0.4]]");
+    press(&mut desk, Modifiers::COMMAND, Key::Num9);
+    let point =
+        |desk: &Desk, frame: u32| desk.get_by_label(&format!("key weight at {frame}")).rect().center();
+    let at = point(&desk, 25);
+    secondary_click(&mut desk, at);
+    desk.get_by_label_contains("Easing into the key").click();
+    desk.run();
+    desk.get_by_label("in_out_cubic").click();
+    desk.run();
+    changed(&mut desk, "[[0.0, 1], [1.0, 0.6, \"in_out_cubic\"], [2.0, 0.4]]");
+    secondary_click(&mut desk, at);
+    desk.get_by_label(".weight  of the key").click();
+    desk.run();
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    desk.event(Event::Text("1/3".into()));
+    desk.run();
+    desk.key_press(Key::Enter);
+    desk.run();
+    press(&mut desk, Modifiers::NONE, Key::Escape);
+    changed(&mut desk, "[[0.0, 1], [1.0, 1.0 / 3.0], [2.0, 0.4]]");
+    // Several in a box.
+    let (plot, first, last) = (desk.get_by_label("curves").rect(), point(&desk, 25), point(&desk, 50));
+    let corners = [pos2(first.x - 30.0, plot.top() + 2.0), pos2(last.x + 30.0, plot.bottom() - 2.0)];
+    drag(&mut desk, corners[0], corners[1]);
+    let keys = [key(walk.clone(), ".weight", 1.0), key(walk, ".weight", 2.0)];
+    assert_eq!(desk.state().viewer.selected_keys(), keys);
+    press(&mut desk, Modifiers::NONE, Key::Delete);
+    changed(&mut desk, "[[0.0, 1]]");
+    // Only a method can say how all of them are interpolated.
+    let at = point(&desk, 25);
+    secondary_click(&mut desk, at);
+    desk.get_by_label_contains("Between all keys").click();
+    desk.run();
+    desk.get_by_label("smooth").click();
+    desk.run();
+    let method = format!("#{{ speed: 1.0 }}).weight({KEYS}, \"smooth\");");
+    assert_eq!(desk.state().text(), scene.replace(&format!("#{{ weight: {KEYS}, speed: 1.0 }});"), &method));
+}
+
 /// They have curves, and the sky is shown and keyed in the inspector.
 #[test]
 fn the_sky_and_a_cue_have_curves_and_fields() {
