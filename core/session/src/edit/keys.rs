@@ -3,7 +3,7 @@
 //! `.NAME`.
 
 use super::cues::whole_statement;
-use super::key_list::{Key, arguments, inserted, key_at, keys_in, leading, removed, retimed};
+use super::key_list::{Key, arguments, inserted, key_at, keys_in, leading, parts, removed, retimed};
 use super::key_name::{JointKey, KeyName, copied_call, is_keyed_method, property_of};
 use super::key_tangents::{KeyShape, shape_of};
 use super::object::{ScriptObject, euler_degrees, rotation_of};
@@ -24,6 +24,8 @@ const PLACES: [&str; 3] = ["at", "move_by", "attach"];
 pub enum KeyValue<'v> {
     /// `[x, y, z]`
     Point(DVec3),
+    /// Numbers as they were and as they are now: those that stay the same are not written.
+    Numbers { before: &'v [f64], now: &'v [f64] },
     /// Degrees about y, `[x, y, z]` in degrees, or a quaternion.
     Turn(DQuat),
     /// A factor, or one an axis.
@@ -409,6 +411,12 @@ fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
     if let KeyValue::Text(new) = value {
         return is_plain(text, bytes).then(|| Edit { range: bytes.clone(), text: new.to_string() });
     }
+    if let KeyValue::Numbers { before, now } = value {
+        let written = numbers_in(text, bytes);
+        if written.len() == now.len() {
+            return changed_numbers(text, &written, before, now);
+        }
+    }
     let old = literals(text, bytes).filter(|old| !old.is_empty())?;
     let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
     let new = numbers_like(&values, value);
@@ -417,6 +425,30 @@ fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
         true => rewritten(text, &old, &new),
         false => Some(Edit { range: bytes.clone(), text: list(&new) }),
     }
+}
+
+/// The numbers of a value, each as it is written: of a list, or the only one.
+fn numbers_in(text: &Source, bytes: &Range<usize>) -> Vec<Range<usize>> {
+    let value = text.trimmed(bytes);
+    match text[value.clone()].strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
+        Some(_) => parts(text, value.start + 1, value.end - 1).collect(),
+        None => vec![value],
+    }
+}
+
+/// Writes those of some numbers that are others than before. `None` where one of these is computed.
+fn changed_numbers(text: &Source, written: &[Range<usize>], before: &[f64], now: &[f64]) -> Option<Edit> {
+    /// Differences that come from calculations.
+    const SAME: f64 = 1e-9;
+    let (mut old, mut new) = (Vec::new(), Vec::new());
+    for (bytes, (before, now)) in written.iter().zip(before.iter().zip(now)) {
+        if (before - now).abs() > SAME {
+            old.push((text.trimmed(bytes), *before));
+            new.push(*now);
+        }
+    }
+    let are_plain = old.iter().all(|(bytes, _)| is_plain(text, bytes));
+    are_plain.then(|| rewritten(text, &old, &new).unwrap_or_default())
 }
 
 /// The numbers that keys have at a time before the key `next`: between its neighbours, as if they were linear; none where those
@@ -477,6 +509,7 @@ fn numbers_like(near: &[f64], value: &KeyValue) -> Vec<f64> {
                 euler_degrees_near(q, upright).to_array().to_vec()
             }
         },
+        KeyValue::Numbers { now, .. } => now.to_vec(),
         KeyValue::Between => near.to_vec(),
         KeyValue::Text(_) => Vec::new(),
     }

@@ -78,6 +78,32 @@ fn a_new_key_is_written_as_its_neighbours_are() {
     );
 }
 
+/// The other numbers keep what they are calculated from.
+#[test]
+fn only_the_numbers_that_are_others_are_written() {
+    let text = "let a = cast(\"a\", m).key(\"position\", [[0.0, [x, 1.0 / 3.0, 2]], [2.0, [1.0 / 3.0, 0.5]]]).key(\"scale\", [[1.0 / 3.0, 0.5], [f(12), f(3)]]);";
+    let of = |property: &str, secs: f64, before: &[f64], now: &[f64]| {
+        set(text, property, secs, KeyValue::Numbers { before, now })
+    };
+    let third = 1.0 / 3.0;
+    let after = of("position", 0.0, &[5.0, third, 2.0], &[5.0, third, 3.0]).unwrap();
+    assert_eq!(after, text.replace("1.0 / 3.0, 2]", "1.0 / 3.0, 3.0]"));
+    let after = of("position", 0.0, &[5.0, third, 2.0], &[5.0, 0.5, 2.0]).unwrap();
+    assert_eq!(after, text.replace("[x, 1.0 / 3.0, 2]", "[x, 0.5, 2]"));
+    let after = of("position", 2.0, &[third, 0.5], &[third, 0.75]).unwrap();
+    assert_eq!(after, text.replace("[1.0 / 3.0, 0.5]]])", "[1.0 / 3.0, 0.75]]])"));
+    let after = of("scale", third, &[0.5], &[0.75]).unwrap();
+    assert_eq!(after, text.replace("[[1.0 / 3.0, 0.5]", "[[1.0 / 3.0, 0.75]"));
+    let after = of("scale", 0.48, &[0.12], &[0.75]).unwrap();
+    assert_eq!(after, text.replace("[f(12), f(3)]", "[f(12), 0.75]"));
+    assert_eq!(of("position", 2.0, &[third, 0.5], &[third, 0.5]).unwrap(), text);
+    let why = of("position", 0.0, &[5.0, third, 2.0], &[6.0, third, 2.0]).unwrap_err();
+    assert_eq!(why, "line 1: its position has keys that are computed; change them there");
+    // A new key has all of them.
+    let after = of("scale", 1.0, &[0.5], &[0.75]).unwrap();
+    assert_eq!(after, text.replace("[f(12), f(3)]", "[f(12), f(3)], [f(25), 0.75]"));
+}
+
 #[test]
 fn angles_stay_near_those_that_are_there() {
     let text = "let a = cast(\"a\", m).key(\"rotation\", [[0, 0], [1, 350], [2, 720]]);";

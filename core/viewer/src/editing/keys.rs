@@ -389,13 +389,13 @@ impl Viewer {
     }
 
     /// A step that gives a property these numbers at a time: in its key there, or in a new one.
-    fn value_step(
+    pub(super) fn value_step(
         &self,
         keyed: &KeyedProperty,
         at: Time,
         numbers: &[f64],
     ) -> Result<Step<'static>, EditError> {
-        self.text_step(keyed, at, keyed.text(numbers))
+        self.text_step(keyed, at, keyed.text(at, numbers))
     }
 
     /// A step that gives a property a value at a time: in its key there, or in a new one.

@@ -161,6 +161,37 @@ fn a_number_of_several_keys_is_changed_in_place() {
     assert_eq!(text, replaced(&[("[2.0, 0.9]", "[2.0, 1.0]")]));
 }
 
+/// The other numbers of a key stay as they are written, computed ones, too.
+#[test]
+fn one_number_of_a_key_is_written_and_no_other() {
+    let script = SCRIPT
+        .replace("let cube =", "let n = 0.5;\nlet cube =")
+        .replace("[1.0, [1, 0, 0]]", "[1.0, [n * 2.0, 0, 1.0 / 3.0]]")
+        + "text(\"Hi\").key(\"position\", [[0.0, [0.0, 0.0]], [1.0 / 3.0, [1.0 / 3.0, 0.5]]]);\n";
+    let changed = |key: KeyRef, part: usize| {
+        let mut place = Place::new(&script);
+        let value = ValueDrag { property: "position".into(), part, by: 0.25 };
+        place.viewer.edit(|v| v.drag_keys(&[key], 0.0, Some(&value)));
+        (place.text(), place.viewer.message.clone().unwrap_or_default())
+    };
+    let (text, message) = changed(key(ball(), "position", 1.0), 1);
+    assert_eq!(message, "");
+    assert_eq!(text, script.replace("[n * 2.0, 0, 1.0 / 3.0]", "[n * 2.0, 0.25, 1.0 / 3.0]"));
+    let (text, message) = changed(key(Selected::Title(0), "position", 1.0 / 3.0), 1);
+    assert_eq!(message, "");
+    assert_eq!(text, script.replace("[1.0 / 3.0, 0.5]", "[1.0 / 3.0, 0.75]"));
+    let (text, message) = changed(key(ball(), "position", 1.0), 0);
+    assert!(
+        message.ends_with("line 4: its position has keys that are computed; change them there"),
+        "{message}"
+    );
+    assert_eq!(text, script);
+    // A key that is set where it stands already changes nothing.
+    let mut place = Place::new(&script);
+    place.viewer.set_keys_at(&ball(), &["position"], Time::from_secs(1.0)).unwrap();
+    assert_eq!(place.text(), script);
+}
+
 #[test]
 fn a_key_is_set_where_the_playhead_is() {
     let set = |what: Selected, names: &[&str], secs: f64| {
