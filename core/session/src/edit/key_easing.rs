@@ -47,9 +47,7 @@ impl ScriptObject<'_> {
         let mut edits: Vec<Edit> =
             (1..keys.len()).map(|n| if n == index { with_ease(n) } else { others(n) }).collect();
         edits.extend(how.map(|how| self.without_how(how)));
-        edits.sort_by_key(|edit| std::cmp::Reverse(edit.range.start));
-        let after = edits.iter().fold(self.text.to_string(), |text, edit| edit.apply(&text));
-        let edit = Edit::between(&self.text, &after);
+        let edit = Edit::joined(&self.text, edits);
         if keep.is_some() {
             return Ok(edit);
         }

@@ -150,19 +150,19 @@ pub(super) fn shaped(text: &Source, key: &Key, shape: &KeyShape) -> Edit {
     if old.len() != new.len() || !new.iter().all(|(name, _)| names(name)) {
         return whole;
     }
-    let mut after = text.to_string();
-    for (name, value) in old.iter().rev() {
-        let Some((_, entry)) = new.iter().find(|(known, _)| known == name) else { continue };
+    let changed = old.iter().filter_map(|(name, value)| {
+        let (_, entry) = new.iter().find(|(known, _)| known == name)?;
         let kept = match entry {
             Entry::Numbers(new) => {
                 let old = literals(text, value).filter(|old| old.len() == new.len());
                 old.and_then(|old| rewritten(text, &old, new))
             }
+            Entry::Text(new) if *new == text[value.clone()] => return None,
             Entry::Text(_) => None,
         };
-        after = kept.unwrap_or_else(|| Edit { range: value.clone(), text: entry.text() }).apply(&after);
-    }
-    Edit::between(text, &after)
+        Some(kept.unwrap_or_else(|| Edit { range: value.clone(), text: entry.text() }))
+    });
+    Edit::joined(text, changed.collect())
 }
 
 impl ScriptObject<'_> {
@@ -194,9 +194,7 @@ impl ScriptObject<'_> {
         let holds = how.as_ref().filter(|how| self.text[(*how).clone()] == *"\"step\"").cloned();
         let holds = holds.filter(|_| shapes.iter().any(|(_, shape)| shape.has_tangents()));
         edits.extend(holds.clone().map(|how| self.without_how(how)));
-        edits.sort_by_key(|edit| std::cmp::Reverse(edit.range.start));
-        let after = edits.iter().fold(self.text.to_string(), |text, edit| edit.apply(&text));
-        let edit = Edit::between(&self.text, &after);
+        let edit = Edit::joined(&self.text, edits);
         if holds.is_none() {
             return Ok(edit);
         }

@@ -156,8 +156,7 @@ impl ScriptObject<'_> {
             let shown = KeyName::of(property).shown();
             return Err(EditRefused::at(line, &format!("its {shown} has a key at that time already")));
         }
-        let after = retimed(&self.text, &keys, &times).apply(&self.text);
-        Ok(Edit::between(&self.text, &after))
+        Ok(retimed(&self.text, &keys, &times))
     }
 
     /// Deletes the key of a property at a time. The only one goes with its `.key(…)`.

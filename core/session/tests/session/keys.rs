@@ -1,6 +1,6 @@
 //! Keys in a script's text, changed and added.
 
-use choreo_session::edit::{Edit, EditTime, KeyShape, KeySide, KeyValue, ScriptObject};
+use choreo_session::edit::{Edit, EditTime, KeyShape, KeySide, KeyValue, ScriptObject, Typed, set_trim};
 use glam::{DQuat, DVec3};
 
 /// About x, then y, then z (fixed axes), degrees.
@@ -102,6 +102,29 @@ fn only_the_numbers_that_are_others_are_written() {
     // A new key has all of them.
     let after = of("scale", 1.0, &[0.5], &[0.75]).unwrap();
     assert_eq!(after, text.replace("[f(12), f(3)]", "[f(12), f(3)], [f(25), 0.75]"));
+}
+
+/// Text that was typed stands in place of its number, also among others with the same digits, and where those are there already.
+#[test]
+fn a_typed_number_takes_the_place_of_its_own_digits() {
+    let text = "let a = cast(\"a\", m).at(0.333, 0.333, 0.0).key(\"position\", [[0.333, [0.333, 0.333, 0.0], #{ tangent: [0.333, 0.333, 0.0] }], [1.0, [0.333, 0.0, 0.0]]]);\na.play(c).trim(f(3), 0.333);";
+    let typed = Typed { value: 1.0 / 3.0, text: "1.0 / 3.0".into() };
+    let (before, now) = ([0.333, 0.333, 0.0], [0.333, typed.value, 0.0]);
+    let object = ScriptObject::at(text, 1, 9).unwrap();
+    let kept = |made| typed.keep_time(text, made, FPS).unwrap().apply(text);
+    let placed = kept(object.set("at", &now));
+    assert_eq!(placed, text.replace(".at(0.333, 0.333", ".at(0.333, 1.0 / 3.0"));
+    let value = KeyValue::Numbers { before: &before, now: &now };
+    let valued = kept(object.set_key("position", time(0.333), value));
+    assert_eq!(valued, text.replace("[[0.333, [0.333, 0.333", "[[0.333, [0.333, 1.0 / 3.0"));
+    let moved = kept(object.move_key("position", time(0.333), time(typed.value)));
+    assert_eq!(moved, text.replace("[[0.333, [", "[[1.0 / 3.0, ["));
+    let side = KeySide { tangent: Some(now.to_vec()), weight: None };
+    let shape = KeyShape { incoming: side.clone(), outgoing: side, ..KeyShape::default() };
+    let shaped = kept(object.set_key_shapes("position", &[(time(0.333), shape)]));
+    assert_eq!(shaped, text.replace("tangent: [0.333, 0.333", "tangent: [0.333, 1.0 / 3.0"));
+    let trimmed = kept(set_trim(text, 2, 3, [0.12, typed.value], FPS));
+    assert_eq!(trimmed, text.replace("trim(f(3), 0.333)", "trim(f(3), 1.0 / 3.0)"));
 }
 
 #[test]

@@ -581,6 +581,34 @@ fn the_menu_of_a_key_stays_while_numbers_are_typed() {
     assert!(desk.query_by_label("position y of the key").is_none());
 }
 
+/// An expression takes the place of digits also where they are the same.
+#[test]
+fn an_expression_is_kept_where_its_digits_are_there_already() {
+    let scene = "stage(#{ size: [64, 36], fps: 30, length: 4.0 });
+let cube = shape(\"box\", #{ size: 1.0 });
+cast(\"ball\", cube).key(\"scale\", [[0.0, 1], [0.333333333, 0.333], [2.0, 0.333]]);
+";
+    let mut desk = Place::new(scene).harness(vec2(1500.0, 1000.0));
+    let at = pos2(x_of(&desk, 1.0 / 3.0), desk.get_by_label("row ball").rect().center().y);
+    secondary_click(&mut desk, at);
+    for (label, written) in
+        [("scale  of the key", "[0.333333333, 1.0 / 3.0]"), ("time of scale", "[1.0 / 3.0, 1.0 / 3.0]")]
+    {
+        desk.get_by_label(label).click();
+        desk.run();
+        desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        desk.event(Event::Text("1/3".into()));
+        desk.run();
+        desk.key_press(Key::Enter);
+        desk.run();
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().text(), scene.replace("[0.333333333, 0.333]", written));
+        desk.state_mut().reload();
+        desk.run();
+        desk.run();
+    }
+}
+
 /// Fit changes the view of the curves alone, and curves that are shown first are seen whole.
 #[test]
 fn curves_are_fitted_when_shown_first_and_by_themselves() {
