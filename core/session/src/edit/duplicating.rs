@@ -111,9 +111,7 @@ fn moved(text: &str, byte: usize, by: DVec3) -> Result<Edit, EditRefused> {
         let computed = || EditRefused::at(object.line_of(walk.name.start), "the point is computed");
         edits.push(rewritten(&object.text, &old, &new).ok_or_else(computed)?);
     }
-    edits.sort_by_key(|edit| std::cmp::Reverse(edit.range.start));
-    let moved = edits.iter().fold(text.to_string(), |after, edit| edit.apply(&after));
-    Ok(Edit::between(text, &moved))
+    Ok(Edit::joined(text, edits))
 }
 
 /// The property whose keys place an object.

@@ -1,6 +1,7 @@
 //! Easings of keys: `[time, value, "in_quad"]` for the way into one key, `.key(…, "smooth")` for all of a property.
 
 use super::key_list::{Key, arguments, leading};
+use super::key_name::KeyName;
 use super::key_tangents::{KeyShape, shape_of, shaped};
 use super::keys::keys_of;
 use super::object::ScriptObject;
@@ -46,15 +47,13 @@ impl ScriptObject<'_> {
         let mut edits: Vec<Edit> =
             (1..keys.len()).map(|n| if n == index { with_ease(n) } else { others(n) }).collect();
         edits.extend(how.map(|how| self.without_how(how)));
-        edits.sort_by_key(|edit| std::cmp::Reverse(edit.range.start));
-        let after = edits.iter().fold(self.text.to_string(), |text, edit| edit.apply(&text));
-        let edit = Edit::between(&self.text, &after);
+        let edit = Edit::joined(&self.text, edits);
         if keep.is_some() {
             return Ok(edit);
         }
-        let why = format!(
-            "all keys of its {property} are {of_all}; with an easing of one key the others are linear"
-        );
+        let shown = KeyName::of(property).shown();
+        let why =
+            format!("all keys of its {shown} are {of_all}; with an easing of one key the others are linear");
         let agree = "Make the others linear";
         Err(EditRefused { over: Some(edit), agree, ..EditRefused::at(line, &why) })
     }
@@ -66,7 +65,13 @@ impl ScriptObject<'_> {
     pub fn set_key_how(&self, property: &str, fps: f64, how: Option<&str>) -> Result<Edit, EditRefused> {
         let (call, keys) = self.keys(property, fps)?;
         let old = self.how(property, &call);
+        let mut at = call.name.start;
         let edit = match (old, how) {
+            (None, Some(how)) if call.is_option() => {
+                let (edit, method) = self.as_method(&call, how);
+                at = method;
+                edit
+            }
             (Some(old), Some(how)) => Edit { range: old, text: how.to_string() },
             (Some(old), None) => self.without_how(old),
             (None, how) => {
@@ -86,17 +91,29 @@ impl ScriptObject<'_> {
         let mut after = edit.apply(&self.text);
         for index in (0..keys.len()).rev() {
             let text = Source::new(&after);
-            if let Some((_, keys)) = keys_of(&text, call.name.start, property, fps) {
+            if let Some((_, keys)) = keys_of(&text, at, property, fps) {
                 let kept = KeyShape { ease: None, ..shapes[index].clone() };
                 let kept = if holds { KeyShape::default() } else { kept };
                 after = shaped(&text, &keys[index], &kept).apply(&text);
             }
         }
         let own = if holds { "tangents" } else { "easings" };
-        let why = format!("keys of its {property} have {own} of their own, which this would replace");
+        let shown = KeyName::of(property).shown();
+        let why = format!("keys of its {shown} have {own} of their own, which this would replace");
         let over = Some(Edit::between(&self.text, &after));
         let line = self.line_of(call.name.start);
         Err(EditRefused { over, agree: "Drop them", ..EditRefused::at(line, &why) })
+    }
+
+    /// Keys that an option of a cue states as a method behind its call, which alone takes how they are interpolated; and the byte where that
+    /// begins then.
+    fn as_method(&self, option: &Call, how: &str) -> (Edit, usize) {
+        let [name, list] = [&option.name, &option.inside].map(|bytes| &self.text[bytes.clone()]);
+        let with = self.behind(self.made.end, &format!("{name}({list}, {how})")).apply(&self.text);
+        // The option stands before the method.
+        let after = self.unstate(&[name]).apply(&with);
+        let at = self.made.end + 1 + after.len() - with.len();
+        (Edit::between(&self.text, &after), at)
     }
 
     /// The argument behind the list of keys.

@@ -124,9 +124,13 @@ pub(super) fn retimed(text: &str, keys: &[Key], times: &[Option<EditTime>]) -> E
     let secs = |index: &usize| times[*index].map_or(keys[*index].secs, |time| time.secs);
     let mut order: Vec<usize> = (0..keys.len()).collect();
     order.sort_by(|a, b| secs(a).total_cmp(&secs(b)));
-    let in_order = order.is_sorted();
+    if order.is_sorted() {
+        let moved = keys.iter().zip(times).filter_map(|(key, time)| Some((key, (*time)?)));
+        let moved = moved.map(|(key, time)| Edit { range: key.time.clone(), text: time.text(key.in_frames) });
+        return Edit::joined(text, moved.collect());
+    }
     let tails: Vec<Tail> = keys.iter().map(|key| Tail::of(text, key)).collect();
-    let lines = !in_order && tails.iter().all(|tail| tail.has_line);
+    let lines = tails.iter().all(|tail| tail.has_line);
     let (mut out, mut at) = (String::new(), keys[0].all.start);
     for (slot, index) in order.iter().enumerate() {
         let key = &keys[*index];

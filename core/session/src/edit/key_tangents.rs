@@ -1,6 +1,7 @@
 //! Tangents of single keys in the text: `[time, value, #{ in_tangent: …, out_tangent: … }]`.
 
 use super::key_list::{Key, key_at, parts};
+use super::key_name::KeyName;
 use super::object::ScriptObject;
 use super::scan::Source;
 use super::times::EditTime;
@@ -149,19 +150,19 @@ pub(super) fn shaped(text: &Source, key: &Key, shape: &KeyShape) -> Edit {
     if old.len() != new.len() || !new.iter().all(|(name, _)| names(name)) {
         return whole;
     }
-    let mut after = text.to_string();
-    for (name, value) in old.iter().rev() {
-        let Some((_, entry)) = new.iter().find(|(known, _)| known == name) else { continue };
+    let changed = old.iter().filter_map(|(name, value)| {
+        let (_, entry) = new.iter().find(|(known, _)| known == name)?;
         let kept = match entry {
             Entry::Numbers(new) => {
                 let old = literals(text, value).filter(|old| old.len() == new.len());
                 old.and_then(|old| rewritten(text, &old, new))
             }
+            Entry::Text(new) if *new == text[value.clone()] => return None,
             Entry::Text(_) => None,
         };
-        after = kept.unwrap_or_else(|| Edit { range: value.clone(), text: entry.text() }).apply(&after);
-    }
-    Edit::between(text, &after)
+        Some(kept.unwrap_or_else(|| Edit { range: value.clone(), text: entry.text() }))
+    });
+    Edit::joined(text, changed.collect())
 }
 
 impl ScriptObject<'_> {
@@ -177,14 +178,14 @@ impl ScriptObject<'_> {
     ) -> Result<Edit, EditRefused> {
         let fps = shapes.first().map_or(1.0, |(at, _)| at.fps);
         let (call, keys) = self.keys(property, fps)?;
-        let line = self.line_of(call.name.start);
+        let (line, shown) = (self.line_of(call.name.start), KeyName::of(property).shown());
         let mut edits = Vec::new();
         for (at, shape) in shapes {
             let index = key_at(&keys, *at).ok_or_else(|| self.no_key(property, line))?;
             if shape_of(&self.text, &keys[index]).is_none() {
                 return Err(EditRefused::at(
                     line,
-                    &format!("a key of its {property} has tangents that are computed; change them there"),
+                    &format!("a key of its {shown} has tangents that are computed; change them there"),
                 ));
             }
             edits.push(shaped(&self.text, &keys[index], shape));
@@ -193,13 +194,11 @@ impl ScriptObject<'_> {
         let holds = how.as_ref().filter(|how| self.text[(*how).clone()] == *"\"step\"").cloned();
         let holds = holds.filter(|_| shapes.iter().any(|(_, shape)| shape.has_tangents()));
         edits.extend(holds.clone().map(|how| self.without_how(how)));
-        edits.sort_by_key(|edit| std::cmp::Reverse(edit.range.start));
-        let after = edits.iter().fold(self.text.to_string(), |text, edit| edit.apply(&text));
-        let edit = Edit::between(&self.text, &after);
+        let edit = Edit::joined(&self.text, edits);
         if holds.is_none() {
             return Ok(edit);
         }
-        let why = format!("all keys of its {property} hold their values; with a tangent they are linear");
+        let why = format!("all keys of its {shown} hold their values; with a tangent they are linear");
         let agree = "Make the keys linear";
         Err(EditRefused { over: Some(edit), agree, ..EditRefused::at(line, &why) })
     }

@@ -1,15 +1,17 @@
 //! Keys of a property, `.key("position", [[time, value], …])`: changed, moved, deleted, copied, or added as the others are written.
-//! The keys of a morph target or an expression go by `morph:NAME` and `expression:NAME`.
+//! The keys of a morph target or an expression go by `morph:NAME` and `expression:NAME`, those that a method or an option of a cue states by
+//! `.NAME`.
 
 use super::cues::whole_statement;
-use super::key_list::{Key, arguments, inserted, key_at, keys_in, leading, removed, retimed};
+use super::key_list::{Key, arguments, inserted, key_at, keys_in, leading, parts, removed, retimed};
 use super::key_name::{JointKey, KeyName, copied_call, is_keyed_method, property_of};
 use super::key_tangents::{KeyShape, shape_of};
 use super::object::{ScriptObject, euler_degrees, rotation_of};
 use super::refused::ADD;
 use super::scan::{Call, Source};
+use super::stating::Anew;
 use super::times::EditTime;
-use super::values::{format_number, is_plain, literals, rewritten};
+use super::values::{format_number, is_plain, literals, option_of, rewritten};
 use super::{Edit, EditRefused};
 use glam::{DQuat, DVec3};
 use std::ops::Range;
@@ -22,6 +24,8 @@ const PLACES: [&str; 3] = ["at", "move_by", "attach"];
 pub enum KeyValue<'v> {
     /// `[x, y, z]`
     Point(DVec3),
+    /// Numbers as they were and as they are now: those that stay the same are not written.
+    Numbers { before: &'v [f64], now: &'v [f64] },
     /// Degrees about y, `[x, y, z]` in degrees, or a quaternion.
     Turn(DQuat),
     /// A factor, or one an axis.
@@ -102,9 +106,8 @@ impl ScriptObject<'_> {
     /// The object has no name in the script, and something else follows it.
     pub fn add_keys(&self, property: &str, when: EditTime, value: KeyValue) -> Result<Edit, EditRefused> {
         let value = written_like(&[], &value);
-        let name = KeyName::of(property);
-        let call = format!("{}[[{}, {value}]])", name.opening(), when.anew(&self.text));
-        let added = self.add_key_call(name, &call)?;
+        let list = format!("[[{}, {value}]]", when.anew(&self.text));
+        let added = self.add_key_call(KeyName::of(property), &list)?;
         let of_place = |call: &&Call| PLACES.contains(&&self.text[call.name.clone()]);
         let mut places = self.calls.iter().filter(of_place);
         match (places.next(), places.next()) {
@@ -150,10 +153,10 @@ impl ScriptObject<'_> {
             .flatten()
             .any(|to| (0..keys.len()).filter(stays).any(|index| is_near(*to, &keys[index])));
         if taken {
-            return Err(EditRefused::at(line, &format!("its {property} has a key at that time already")));
+            let shown = KeyName::of(property).shown();
+            return Err(EditRefused::at(line, &format!("its {shown} has a key at that time already")));
         }
-        let after = retimed(&self.text, &keys, &times).apply(&self.text);
-        Ok(Edit::between(&self.text, &after))
+        Ok(retimed(&self.text, &keys, &times))
     }
 
     /// Deletes the key of a property at a time. The only one goes with its `.key(…)`.
@@ -164,7 +167,7 @@ impl ScriptObject<'_> {
         self.delete_keys(property, &[at])
     }
 
-    /// Deletes keys of a property. The last ones go with their `.key(…)`.
+    /// Deletes keys of a property. The last ones go with their `.key(…)` or their option.
     ///
     /// # Errors
     /// The errors are those of [`ScriptObject::move_key`].
@@ -177,6 +180,9 @@ impl ScriptObject<'_> {
         found.sort_unstable();
         found.dedup();
         if found.len() == keys.len() {
+            if call.is_option() {
+                return Ok(self.unstate(&[&self.text[call.name]]));
+            }
             let joint = self.joint_key(property).and_then(|key| key.of.clone());
             let first = joint.as_ref().unwrap_or(&call);
             let range = whole_statement(&self.text, first, call.end).unwrap_or_else(|| {
@@ -232,9 +238,7 @@ impl ScriptObject<'_> {
         if self.key_call(&property).is_none() {
             let all: Vec<String> =
                 entries.map(|(when, in_frames, rest)| format!("[{}{rest}", when.text(in_frames))).collect();
-            let name = KeyName::of(&property);
-            let call = format!("{}[{}])", name.opening(), all.join(", "));
-            return self.add_key_call(name, &call);
+            return self.add_key_call(KeyName::of(&property), &format!("[{}]", all.join(", ")));
         }
         let (call, _) = self.keys(&property, by.fps)?;
         let mut after = self.text.to_string();
@@ -298,7 +302,7 @@ impl ScriptObject<'_> {
         self.key_call(property).is_some()
     }
 
-    /// The last `.key(…)` of a property: its own, else one in a function that the object is handed to.
+    /// The last `.key(…)` of a property: its own, else one in a function that the object is handed to, else the option of a cue.
     pub(super) fn key_call(&self, property: &str) -> Option<Call> {
         let name = KeyName::of(property);
         if let KeyName::Joint { .. } = name {
@@ -312,7 +316,14 @@ impl ScriptObject<'_> {
             }
         };
         let handed = self.handed.iter().rev().map(|handed| &handed.call);
-        self.calls.iter().rev().chain(handed).find(is_it).cloned()
+        self.calls.iter().rev().chain(handed).find(is_it).cloned().or_else(|| self.keyed_option(name))
+    }
+
+    /// The option that states keys, unless a method takes its place.
+    fn keyed_option(&self, name: KeyName) -> Option<Call> {
+        let KeyName::Method(name) = name else { return None };
+        let option = option_of(&self.text, &self.made, name).filter(|_| self.last(&[name]).is_none())?;
+        self.text.option_from(option.start).filter(|option| is_keyed_method(&self.text, option, name))
     }
 
     /// The last `.key(…)` of a property of a joint.
@@ -329,11 +340,16 @@ impl ScriptObject<'_> {
         self.joints.iter().map(|key| key.joint.as_str())
     }
 
-    /// Adds a call that states keys: behind the call that makes a cue, else as [`ScriptObject::add_call`] does.
-    fn add_key_call(&self, name: KeyName, call: &str) -> Result<Edit, EditRefused> {
+    /// Adds a call that states a list of keys: behind the call that makes a cue, else as [`ScriptObject::add_call`] does. A number that the cue
+    /// states gives its place to the list.
+    fn add_key_call(&self, name: KeyName, list: &str) -> Result<Edit, EditRefused> {
+        let call = format!("{}{list})", name.opening());
         match name {
-            KeyName::Method(_) if self.variable.is_none() => Ok(self.behind(self.made.end, call)),
-            _ => self.add_call(call, None),
+            KeyName::Method(method) if self.written(method).is_some() => {
+                self.state(method, list, Anew::Method)
+            }
+            KeyName::Method(_) if self.variable.is_none() => Ok(self.behind(self.made.end, &call)),
+            _ => self.add_call(&call, None),
         }
     }
 
@@ -375,9 +391,9 @@ pub fn copied_keys(copied: &str, fps: f64) -> Option<(String, f64)> {
     Some((property, keys.first()?.secs))
 }
 
-/// The call of a `.key(…)` at a byte, and its keys; `None` where they are computed.
+/// The call of a `.key(…)` at a byte or the option there, and its keys; `None` where they are computed.
 pub(super) fn keys_of(text: &Source, at: usize, property: &str, fps: f64) -> Option<(Call, Vec<Key>)> {
-    let call = text.call_from(at)?;
+    let call = text.call_from(at).or_else(|| text.option_from(at))?;
     let list = arguments(text, &call).get(leading(property))?.clone();
     Some((call, keys_in(text, list, fps)?))
 }
@@ -394,6 +410,12 @@ fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
     if let KeyValue::Text(new) = value {
         return is_plain(text, bytes).then(|| Edit { range: bytes.clone(), text: new.to_string() });
     }
+    if let KeyValue::Numbers { before, now } = value {
+        let written = numbers_in(text, bytes);
+        if written.len() == now.len() {
+            return changed_numbers(text, &written, before, now);
+        }
+    }
     let old = literals(text, bytes).filter(|old| !old.is_empty())?;
     let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
     let new = numbers_like(&values, value);
@@ -402,6 +424,30 @@ fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
         true => rewritten(text, &old, &new),
         false => Some(Edit { range: bytes.clone(), text: list(&new) }),
     }
+}
+
+/// The numbers of a value, each as it is written: of a list, or the only one.
+fn numbers_in(text: &Source, bytes: &Range<usize>) -> Vec<Range<usize>> {
+    let value = text.trimmed(bytes);
+    match text[value.clone()].strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
+        Some(_) => parts(text, value.start + 1, value.end - 1).collect(),
+        None => vec![value],
+    }
+}
+
+/// Writes those of some numbers that are others than before. `None` where one of these is computed.
+fn changed_numbers(text: &Source, written: &[Range<usize>], before: &[f64], now: &[f64]) -> Option<Edit> {
+    /// Differences that come from calculations.
+    const SAME: f64 = 1e-9;
+    let (mut old, mut new) = (Vec::new(), Vec::new());
+    for (bytes, (before, now)) in written.iter().zip(before.iter().zip(now)) {
+        if (before - now).abs() > SAME {
+            old.push((text.trimmed(bytes), *before));
+            new.push(*now);
+        }
+    }
+    let are_plain = old.iter().all(|(bytes, _)| is_plain(text, bytes));
+    are_plain.then(|| rewritten(text, &old, &new).unwrap_or_default())
 }
 
 /// The numbers that keys have at a time before the key `next`: between its neighbours, as if they were linear; none where those
@@ -462,6 +508,7 @@ fn numbers_like(near: &[f64], value: &KeyValue) -> Vec<f64> {
                 euler_degrees_near(q, upright).to_array().to_vec()
             }
         },
+        KeyValue::Numbers { now, .. } => now.to_vec(),
         KeyValue::Between => near.to_vec(),
         KeyValue::Text(_) => Vec::new(),
     }

@@ -75,6 +75,16 @@ impl Edit {
         Edit { range: start..before.len() - end, text: after[start..after.len() - end].to_string() }
     }
 
+    /// Several edits of a text at different places as one: the only one as it is, which may write what is there already, else the smallest.
+    pub(crate) fn joined(text: &str, mut edits: Vec<Edit>) -> Edit {
+        edits.retain(|edit| !edit.range.is_empty() || !edit.text.is_empty());
+        edits.sort_by_key(|edit| std::cmp::Reverse(edit.range.start));
+        match edits.as_slice() {
+            [only] => only.clone(),
+            all => Edit::between(text, &all.iter().fold(text.to_string(), |text, edit| edit.apply(&text))),
+        }
+    }
+
     /// The edit that undoes it, given the text before it.
     pub fn inverse(&self, before: &str) -> Edit {
         let range = self.range.start..self.range.start + self.text.len();

@@ -26,12 +26,19 @@ impl Deref for Source<'_> {
     }
 }
 
-/// A call's name, the inside of its parentheses, and the byte after them.
+/// A call's name, the inside of its parentheses, and the byte after them. An option counts as a call without parentheses, of which the inside is
+/// its value.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Call {
     pub name: Range<usize>,
     pub inside: Range<usize>,
     pub end: usize,
+}
+
+impl Call {
+    pub fn is_option(&self) -> bool {
+        self.end == self.inside.end
+    }
 }
 
 /// A loop over values.
@@ -329,6 +336,18 @@ impl<'a> Source<'a> {
         let close = self.start(self.matching(index + 1)?);
         let open = self.start(index + 1);
         Some(Call { name: self.tokens[index].clone(), inside: open + 1..close, end: close + 1 })
+    }
+
+    /// The option of a map, `name: value`, at the byte where its name begins.
+    pub(super) fn option_from(&self, at: usize) -> Option<Call> {
+        let name = self.index(at);
+        if self.token(name + 1) != ":" {
+            return None;
+        }
+        let value = self.start(name + 2);
+        let end = self.find_outside(value, |token| token == "," || is_close(token));
+        let inside = self.trimmed(&(value..self.start(end)));
+        Some(Call { name: self.tokens[name].clone(), end: inside.end, inside })
     }
 
     /// The call behind which the dot of a method's name stands: `a(…)` for `b` in `a(…).b`.

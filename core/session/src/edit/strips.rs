@@ -23,6 +23,9 @@ pub(super) const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority"
 /// Calls with times of the stage in their keys, beside those of the described fields of a cue.
 const KEYED: [&str; 2] = ["clip_time", "layer_weight"];
 
+/// Seconds within which two ends of a part of a clip are the same.
+const SAME: f64 = 2e-5;
+
 /// Whether a call or option belongs to one cue, wherever it stands on the timeline.
 fn is_own(name: &str) -> bool {
     !TIMES.contains(&name) && !LAYER.contains(&name)
@@ -236,14 +239,9 @@ pub fn set_trim(
     let Some([from, to]) = ends.filter(|ends| ends.iter().any(|end| end.in_frames)) else {
         return strip.set("trim", &trim);
     };
-    let stays = |end: &TimeLiteral, secs: f64| format_number(end.secs(fps)) == format_number(secs);
-    let mut after = text.to_string();
-    for (end, secs) in [(to, trim[1]), (from, trim[0])] {
-        if !stays(&end, secs) {
-            after = end.set(EditTime { secs, fps }).apply(&after);
-        }
-    }
-    Ok(Edit::between(text, &after))
+    let moves = |(end, secs): &(TimeLiteral, f64)| (end.secs(fps) - secs).abs() > SAME;
+    let moved = [(from, trim[0]), (to, trim[1])].into_iter().filter(moves);
+    Ok(Edit::joined(text, moved.map(|(end, secs)| end.set(EditTime { secs, fps })).collect()))
 }
 
 /// The two times of a list, `0.5, f(12)` or `[0.5, f(12)]`; `None` where one is computed.
@@ -417,6 +415,13 @@ pub fn shift_keys(text: &str, line: usize, column: usize, by: EditTime) -> Resul
             }
             _ => continue,
         };
+        after = edit.apply(&after);
+    }
+    for (name, _) in Cue::keyed_options() {
+        let strip = Strip::at(&after, line, column)?;
+        let option = option_value(&strip.text, &strip.call, name).map(|value| strip.text.trimmed(&value));
+        let Some(keys) = option.filter(|value| strip.text[value.clone()].starts_with('[')) else { continue };
+        let edit = shifted_keys(&strip.text, keys.clone(), by).ok_or_else(|| strip.computed(name, &keys))?;
         after = edit.apply(&after);
     }
     Ok(Edit::between(text, &after))

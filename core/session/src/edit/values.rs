@@ -67,19 +67,27 @@ pub fn literals(text: &Source, bytes: &Range<usize>) -> Option<Vec<(Range<usize>
     Some(found)
 }
 
-/// Rewrites some literals, and keeps what stands between them.
+/// Rewrites some literals, and keeps what stands between them. Of several the edit reaches from the first that is another number to the last,
+/// also where digits are the same.
 pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option<Edit> {
-    let (first, last) = (old.first()?, old.last()?);
-    let mut out = String::new();
-    let mut at = first.0.start;
+    /// Differences that come from single precision.
+    const SAME: f64 = 2e-5;
+    let start = old.first()?.0.start;
+    let mut edit: Option<Edit> = None;
     for ((range, before), value) in old.iter().zip(new) {
-        out += &text[at..range.start];
-        // An unchanged number stays as it was written.
-        let same = format_number(*before) == format_number(*value);
-        out += &if same { text[range.clone()].to_string() } else { format_number(*value) };
-        at = range.end;
+        let digits = format_number(*value);
+        let has_same_digits = format_number(*before) == digits;
+        if has_same_digits && (before - value).abs() < SAME && old.len() > 1 {
+            continue;
+        }
+        // A number with the same digits stays as it was written.
+        let written = if has_same_digits { &text[range.clone()] } else { digits.as_str() };
+        let edit = edit.get_or_insert_with(|| Edit { range: range.start..range.start, text: String::new() });
+        edit.text += &text[edit.range.end..range.start];
+        edit.text += written;
+        edit.range.end = range.end;
     }
-    Some(Edit { range: first.0.start..last.0.end, text: out })
+    Some(edit.unwrap_or(Edit { range: start..start, text: String::new() }))
 }
 
 /// A number, a time in frames, a calculation with numbers alone, a list of numbers, a text literal, or a map of these: what may be overwritten.

@@ -1,6 +1,6 @@
 //! Keys in a script's text, changed and added.
 
-use choreo_session::edit::{Edit, EditTime, KeyShape, KeySide, KeyValue, ScriptObject};
+use choreo_session::edit::{Edit, EditTime, KeyShape, KeySide, KeyValue, ScriptObject, Typed, set_trim};
 use glam::{DQuat, DVec3};
 
 /// About x, then y, then z (fixed axes), degrees.
@@ -78,6 +78,55 @@ fn a_new_key_is_written_as_its_neighbours_are() {
     );
 }
 
+/// The other numbers keep what they are calculated from.
+#[test]
+fn only_the_numbers_that_are_others_are_written() {
+    let text = "let a = cast(\"a\", m).key(\"position\", [[0.0, [x, 1.0 / 3.0, 2]], [2.0, [1.0 / 3.0, 0.5]]]).key(\"scale\", [[1.0 / 3.0, 0.5], [f(12), f(3)]]);";
+    let of = |property: &str, secs: f64, before: &[f64], now: &[f64]| {
+        set(text, property, secs, KeyValue::Numbers { before, now })
+    };
+    let third = 1.0 / 3.0;
+    let after = of("position", 0.0, &[5.0, third, 2.0], &[5.0, third, 3.0]).unwrap();
+    assert_eq!(after, text.replace("1.0 / 3.0, 2]", "1.0 / 3.0, 3.0]"));
+    let after = of("position", 0.0, &[5.0, third, 2.0], &[5.0, 0.5, 2.0]).unwrap();
+    assert_eq!(after, text.replace("[x, 1.0 / 3.0, 2]", "[x, 0.5, 2]"));
+    let after = of("position", 2.0, &[third, 0.5], &[third, 0.75]).unwrap();
+    assert_eq!(after, text.replace("[1.0 / 3.0, 0.5]]])", "[1.0 / 3.0, 0.75]]])"));
+    let after = of("scale", third, &[0.5], &[0.75]).unwrap();
+    assert_eq!(after, text.replace("[[1.0 / 3.0, 0.5]", "[[1.0 / 3.0, 0.75]"));
+    let after = of("scale", 0.48, &[0.12], &[0.75]).unwrap();
+    assert_eq!(after, text.replace("[f(12), f(3)]", "[f(12), 0.75]"));
+    assert_eq!(of("position", 2.0, &[third, 0.5], &[third, 0.5]).unwrap(), text);
+    let why = of("position", 0.0, &[5.0, third, 2.0], &[6.0, third, 2.0]).unwrap_err();
+    assert_eq!(why, "line 1: its position has keys that are computed; change them there");
+    // A new key has all of them.
+    let after = of("scale", 1.0, &[0.5], &[0.75]).unwrap();
+    assert_eq!(after, text.replace("[f(12), f(3)]", "[f(12), f(3)], [f(25), 0.75]"));
+}
+
+/// Text that was typed stands in place of its number, also among others with the same digits, and where those are there already.
+#[test]
+fn a_typed_number_takes_the_place_of_its_own_digits() {
+    let text = "let a = cast(\"a\", m).at(0.333, 0.333, 0.0).key(\"position\", [[0.333, [0.333, 0.333, 0.0], #{ tangent: [0.333, 0.333, 0.0] }], [1.0, [0.333, 0.0, 0.0]]]);\na.play(c).trim(f(3), 0.333);";
+    let typed = Typed { value: 1.0 / 3.0, text: "1.0 / 3.0".into() };
+    let (before, now) = ([0.333, 0.333, 0.0], [0.333, typed.value, 0.0]);
+    let object = ScriptObject::at(text, 1, 9).unwrap();
+    let kept = |made| typed.keep_time(text, made, FPS).unwrap().apply(text);
+    let placed = kept(object.set("at", &now));
+    assert_eq!(placed, text.replace(".at(0.333, 0.333", ".at(0.333, 1.0 / 3.0"));
+    let value = KeyValue::Numbers { before: &before, now: &now };
+    let valued = kept(object.set_key("position", time(0.333), value));
+    assert_eq!(valued, text.replace("[[0.333, [0.333, 0.333", "[[0.333, [0.333, 1.0 / 3.0"));
+    let moved = kept(object.move_key("position", time(0.333), time(typed.value)));
+    assert_eq!(moved, text.replace("[[0.333, [", "[[1.0 / 3.0, ["));
+    let side = KeySide { tangent: Some(now.to_vec()), weight: None };
+    let shape = KeyShape { incoming: side.clone(), outgoing: side, ..KeyShape::default() };
+    let shaped = kept(object.set_key_shapes("position", &[(time(0.333), shape)]));
+    assert_eq!(shaped, text.replace("tangent: [0.333, 0.333", "tangent: [0.333, 1.0 / 3.0"));
+    let trimmed = kept(set_trim(text, 2, 3, [0.12, typed.value], FPS));
+    assert_eq!(trimmed, text.replace("trim(f(3), 0.333)", "trim(f(3), 1.0 / 3.0)"));
+}
+
 #[test]
 fn angles_stay_near_those_that_are_there() {
     let text = "let a = cast(\"a\", m).key(\"rotation\", [[0, 0], [1, 350], [2, 720]]);";
@@ -136,6 +185,16 @@ fn no_text_makes_it_panic() {
             let _ = object.set_key_how("position", FPS, Some("\"step\""));
             let _ = object.copy_keys("position", &[time(0.0), time(2.0)]);
             let _ = object.written_keys("position", FPS);
+        }
+    }
+    let text = "a.play(\"ü\", #{ weight: [[0.0, 1], [f(50), 0.5, \"in_sine\"]], fade: é }).speed([[0, 1]])";
+    for (to, _) in text.char_indices() {
+        let Ok(object) = ScriptObject::at(&text[..to], 1, 3) else { continue };
+        for property in [".weight", ".speed", ".fade"] {
+            let _ = object.set_key(property, time(1.0), KeyValue::Text("0.5"));
+            let _ = object.add_keys(property, time(1.0), KeyValue::Text("1.0"));
+            let _ = object.delete_keys(property, &[time(0.0), time(2.0)]);
+            let _ = object.set_key_how(property, FPS, Some("\"step\""));
         }
     }
 }
@@ -453,6 +512,82 @@ fn keys_of_a_cue_are_those_of_its_methods() {
     assert_eq!(copied, ".weight([[2.0, 1, \"in_quad\"]])");
     let pasted = made(3, "then", &|o| o.paste_keys(&copied, time(0.0)));
     assert_eq!(pasted, text.replace(".then(d)", ".then(d).weight([[2.0, 1, \"in_quad\"]])"));
+}
+
+/// Keys among the options of a call are edited where they stand.
+#[test]
+fn keys_of_a_cue_may_be_an_option() {
+    let text = "let a = cast(\"a\", m);\na.play(c, #{ fade: 0.4, weight: [[0.0, 0], [1.0, 1, \"in_quad\"], [f(50), 0.5]], speed: 2.0 })\n    .then(d, #{\n        weight: [\n            [3.0, 1], // in\n            [4.0, 0]\n        ]\n    });\n";
+    type Make<'m> = &'m dyn Fn(&ScriptObject) -> Result<Edit, choreo_session::edit::EditRefused>;
+    let made = |line: usize, name: &str, change: Make| {
+        let column = 1 + text.lines().nth(line - 1).unwrap().find(name).unwrap();
+        change(&ScriptObject::at(text, line, column).unwrap()).map(|edit| edit.apply(text))
+    };
+    let (play, then) = (|change: Make| made(2, "play", change), |change: Make| made(3, "then", change));
+    let half = KeyValue::Text("0.7");
+    let changed = play(&|o| o.set_key(".weight", time(2.0), half)).unwrap();
+    assert_eq!(changed, text.replace("[f(50), 0.5]", "[f(50), 0.7]"));
+    let added = play(&|o| o.set_key(".weight", time(1.4), half)).unwrap();
+    assert_eq!(added, text.replace("[f(50)", "[1.4, 0.7], [f(50)"));
+    let moved = play(&|o| o.move_keys(".weight", &[(time(0.0), time(1.4)), (time(2.0), time(2.4))])).unwrap();
+    let list = "[[1.0, 1, \"in_quad\"], [1.4, 0], [f(60), 0.5]]";
+    assert_eq!(moved, text.replace("[[0.0, 0], [1.0, 1, \"in_quad\"], [f(50), 0.5]]", list));
+    let moved = then(&|o| o.move_key(".weight", time(3.0), time(3.4))).unwrap();
+    assert_eq!(moved, text.replace("[3.0, 1], // in", "[3.4, 1], // in"));
+    let taken = play(&|o| o.move_key(".weight", time(0.0), time(1.0))).unwrap_err();
+    assert_eq!(taken.why, "line 2: its weight has a key at that time already");
+    let eased = play(&|o| o.set_key_ease(".weight", time(2.0), Some("\"out_sine\""))).unwrap();
+    assert_eq!(eased, text.replace("[f(50), 0.5]", "[f(50), 0.5, \"out_sine\"]"));
+    let flat = KeySide { tangent: Some(vec![0.0]), weight: None };
+    let flat = KeyShape { incoming: flat.clone(), outgoing: flat, ..KeyShape::default() };
+    let shaped = play(&|o| o.set_key_shapes(".weight", &[(time(0.0), flat.clone())])).unwrap();
+    assert_eq!(shaped, text.replace("[0.0, 0]", "[0.0, 0, #{ tangent: 0.0 }]"));
+    let gone = play(&|o| o.delete_keys(".weight", &[time(0.0), time(2.0)])).unwrap();
+    assert_eq!(gone, text.replace("[0.0, 0], ", "").replace(", [f(50), 0.5]", ""));
+    // The last of them go with their option.
+    let all = [time(0.0), time(1.0), time(2.0)];
+    let gone = play(&|o| o.delete_keys(".weight", &all)).unwrap();
+    assert!(gone.contains("a.play(c, #{ fade: 0.4, speed: 2.0 })"), "{gone}");
+    let gone = then(&|o| o.delete_keys(".weight", &[time(3.0), time(4.0)])).unwrap();
+    assert!(gone.ends_with("speed: 2.0 })\n    .then(d);\n"), "{gone}");
+    let pasted = play(&|o| {
+        let copied = o.copy_keys(".weight", &[time(1.0)])?;
+        assert_eq!(copied, ".weight([[1.0, 1, \"in_quad\"]])");
+        o.paste_keys(&copied, time(2.0))
+    });
+    assert_eq!(pasted.unwrap(), text.replace("[f(50), 0.5]", "[f(50), 0.5], [f(75), 1, \"in_quad\"]"));
+}
+
+/// An option takes no interpolation of all keys, so that those become a method; a number gives its place to the first key.
+#[test]
+fn keys_among_options_become_a_method_where_only_that_will_do() {
+    let made =
+        |text: &str, change: &dyn Fn(&ScriptObject) -> Result<Edit, choreo_session::edit::EditRefused>| {
+            let column = 1 + text.find("play").unwrap();
+            change(&ScriptObject::at(text, 1, column).unwrap()).map(|edit| edit.apply(text))
+        };
+    let text = "a.play(c, #{ weight: [[0.0, 0], [1.0, 1]] }).until(4.0);";
+    let smooth = made(text, &|o| o.set_key_how(".weight", FPS, Some("\"smooth\""))).unwrap();
+    assert_eq!(smooth, "a.play(c).weight([[0.0, 0], [1.0, 1]], \"smooth\").until(4.0);");
+    let linear = made(text, &|o| o.set_key_how(".weight", FPS, None)).unwrap();
+    assert_eq!(linear, text);
+    // Easings of single keys would be replaced.
+    let eased = text.replace("[1.0, 1]", "[1.0, 1, \"in_quad\"]");
+    let refused = made(&eased, &|o| o.set_key_how(".weight", FPS, Some("\"cubic\""))).unwrap_err();
+    let over = refused.over.unwrap().apply(&eased);
+    assert_eq!(over, "a.play(c).weight([[0.0, 0], [1.0, 1]], \"cubic\").until(4.0);");
+    // A method counts more than the option, and a number is no list.
+    let both = "a.play(c, #{ weight: [[0.0, 0]] }).weight(0.5);";
+    let column = 1 + both.find("play").unwrap();
+    assert!(!ScriptObject::at(both, 1, column).unwrap().has_keys(".weight"));
+    for (before, after) in [
+        ("a.play(c).weight(0.5).until(2.0);", "a.play(c).weight([[1.0, 0.25]]).until(2.0);"),
+        ("a.play(c, #{ weight: 0.5 });", "a.play(c, #{ weight: [[1.0, 0.25]] });"),
+        ("a.play(c).until(2.0);", "a.play(c).weight([[1.0, 0.25]]).until(2.0);"),
+    ] {
+        let added = made(before, &|o| o.add_keys(".weight", time(1.0), KeyValue::Text("0.25")));
+        assert_eq!(added.unwrap(), after);
+    }
 }
 
 #[test]

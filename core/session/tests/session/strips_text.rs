@@ -164,6 +164,10 @@ fn a_duplicate_follows_the_clip() {
         ),
         "a.play(c).clip_time([[1.0, 0.0], [f(50), 1.0]]).freeze(1.5, 0.5).weight([[1, 0], [2, 1]])\n    .then(c).clip_time([[2.0, 0.0], [f(75), 1.0]]).freeze(2.5, 0.5).weight([[2.0, 0], [3.0, 1]]);"
     );
+    assert_eq!(
+        twice("a.|play(c, #{ weight: [[1, 0], [f(50), 1]], fade: 0.2 });", 1.0, None),
+        "a.play(c, #{ weight: [[1, 0], [f(50), 1]], fade: 0.2 })\n    .then(c, #{ weight: [[2.0, 0], [f(75), 1]], fade: 0.2 });"
+    );
     assert!(
         changed("a.|play(c)\n    .freeze(now, 0.5);", &|t, l, c| duplicate_cue(t, l, c, at(1.0), None))
             .is_err()
@@ -276,6 +280,9 @@ fn times_of_keys_move_with_their_clip() {
     let text = "a.|play(c).clip_time([[1.0, 0.0], [f(50), 1.0]]).freeze(1.5, 0.5).from(1.0);";
     let moved = changed(text, &|t, l, c| shift_cue(t, l, c, at(0.4))).unwrap();
     assert_eq!(moved, "a.play(c).clip_time([[1.4, 0.0], [f(60), 1.0]]).freeze(1.9, 0.5).from(1.4);");
+    let option = "a.|play(c, #{ speed: [[1.0, 1], [2.0, 3]] }).from(1.0);";
+    let moved = changed(option, &|t, l, c| shift_cue(t, l, c, at(0.4))).unwrap();
+    assert_eq!(moved, "a.play(c, #{ speed: [[1.4, 1], [2.4, 3]] }).from(1.4);");
     let why = changed("a.|play(c).weight([[t, 0]]);", &|t, l, c| shift_keys(t, l, c, at(1.0))).unwrap_err();
     assert_eq!(why, "line 1: weight: [[t, 0]] is computed; change it there");
 }

@@ -69,12 +69,9 @@ impl Viewer {
             FieldChange::Time(part, time) => self.set_typed_cue(what, *part, time),
             FieldChange::FocalLength(length, text) => self.set_focal_length(what, *length, text),
             FieldChange::KeyedPoint(name, point, typed) => {
-                let when = self.edit_time(self.playhead.time().as_secs());
-                let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-                self.change(&place, siblings, |text| {
-                    let object = ScriptObject::at(text, place.line, place.column)?;
-                    typed.keep(text, object.set_key(name, when, KeyValue::Point(*point)))
-                })
+                let keyed = self.keyed(what, name)?;
+                let step = self.value_step(&keyed, self.playhead.time(), &point.to_array())?;
+                self.change_all(vec![step.keeping(typed)])
             }
             FieldChange::Trim(trim, typed) => {
                 let fps = self.playhead.fps().as_fps();

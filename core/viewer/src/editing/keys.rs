@@ -65,24 +65,27 @@ impl Viewer {
             }
         }
         if by != 0.0 {
-            let later = move |at: EditTime| EditTime { secs: (at.secs + by).max(0.0), ..at };
-            let moved = self.key_steps(
-                keys,
-                move |object, property, at| {
-                    let moves: Vec<_> = at.iter().map(|at| (*at, later(*at))).collect();
-                    object.move_keys(property, &moves)
-                },
-                &|at| Some(Time::from_secs((at.as_secs() + by).max(0.0))),
-            )?;
-            steps.extend(moved);
+            steps.extend(self.key_move_steps(keys, by)?);
         }
         Ok(steps)
+    }
+
+    fn key_move_steps(&self, keys: &[KeyRef], by: f64) -> Result<Vec<Step<'static>>, EditError> {
+        let later = move |at: EditTime| EditTime { secs: (at.secs + by).max(0.0), ..at };
+        self.key_steps(
+            keys,
+            move |object, property, at| {
+                let moves: Vec<_> = at.iter().map(|at| (*at, later(*at))).collect();
+                object.move_keys(property, &moves)
+            },
+            &|at| Some(Time::from_secs((at.as_secs() + by).max(0.0))),
+        )
     }
 
     /// Moves a key to a time.
     pub(crate) fn set_key_time(&mut self, key: &KeyRef, time: &Typed) -> Result<(), EditError> {
         let (keys, by) = (std::slice::from_ref(key), time.value - key.at.as_secs());
-        let (steps, fps) = (self.key_drag_steps(keys, by, None)?, self.playhead.fps().as_fps());
+        let (steps, fps) = (self.key_move_steps(keys, by)?, self.playhead.fps().as_fps());
         self.change_all(steps.into_iter().map(|step| step.keeping_time(time, fps)).collect())?;
         self.keys_have_moved(keys, by);
         Ok(())
@@ -389,13 +392,13 @@ impl Viewer {
     }
 
     /// A step that gives a property these numbers at a time: in its key there, or in a new one.
-    fn value_step(
+    pub(super) fn value_step(
         &self,
         keyed: &KeyedProperty,
         at: Time,
         numbers: &[f64],
     ) -> Result<Step<'static>, EditError> {
-        self.text_step(keyed, at, keyed.text(numbers))
+        self.text_step(keyed, at, keyed.text(at, numbers))
     }
 
     /// A step that gives a property a value at a time: in its key there, or in a new one.

@@ -142,12 +142,17 @@ impl Viewer {
         let (at, rotation) = (to.translation, to.rotation);
         let faces = found.face.is_some() && property == Property::Rotation;
         if !faces && found.channels.iter().any(|channel| channel.property == property) {
-            let (property, value) = match change {
-                Change::Move(_) => ("position", ValueText::Point(at)),
-                Change::Turn(_) => ("rotation", ValueText::Turn(rotation)),
-                Change::Scale(_) => ("scale", ValueText::Scale(to.scale)),
+            let property = match change {
+                Change::Move(_) => "position",
+                Change::Turn(_) => "rotation",
+                Change::Scale(_) => "scale",
             };
             let keyed = self.keyed(&Selected::Actor(name.to_string()), property)?;
+            let value = match change {
+                Change::Move(_) => keyed.text(time, &at.to_array()),
+                Change::Turn(_) => ValueText::Turn(rotation),
+                Change::Scale(_) => ValueText::Scale(to.scale),
+            };
             let step = self.text_step(&keyed, time, value)?;
             self.change_all(vec![match typed {
                 Some(typed) => step.keeping(typed),

@@ -123,7 +123,7 @@ pub fn buttons(ui: &Ui, viewer: &Viewer, index: usize, label: Rect) -> Option<To
             toggled = Some(Toggle::Solo(name.clone()));
         }
         let about = format!("lock the row of {name}");
-        let hint = "lock: its bars, keys and curves cannot be changed, its gizmo cannot be dragged";
+        let hint = "lock: its bars, keys, curves and fields cannot be changed, its gizmo cannot be dragged";
         let locked = toggles.locked.contains(name);
         let icon = if locked { icons::LOCK_SIMPLE } else { icons::LOCK_SIMPLE_OPEN };
         if button(ui, place(0.0), icon, locked, &about, hint) {

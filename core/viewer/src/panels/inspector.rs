@@ -3,10 +3,10 @@
 use super::camera_fields::{self, CameraChange};
 use super::hint::Hint;
 use super::rig::CallChange;
-use super::{fields as stated, icons, rig, values};
+use super::{fields as stated, headers, icons, rig, values};
 use crate::app::Viewer;
 use crate::editing::placing::{light_at, placement};
-use crate::editing::{ClipOf, FieldChange, expression};
+use crate::editing::{ClipOf, EditError, FieldChange, expression};
 use crate::geometry::gizmo::Change;
 use crate::state::keyed::{self, KeyRef, KeyedProperty};
 use crate::state::selection::{Selected, actor};
@@ -136,6 +136,11 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
 
 fn apply(viewer: &mut Viewer, selection: Selected, wanted: Wanted, known: &[KeyedProperty]) {
     viewer.note = None;
+    let locked = selection.actor().filter(|name| viewer.toggles.locked.contains(*name));
+    // The lock keeps the row, and not its name.
+    if let Some(name) = locked.filter(|_| !matches!(wanted, Wanted::Name(_))) {
+        return viewer.report(Err(EditError::refused(headers::is_locked(name))));
+    }
     let change = match wanted {
         Wanted::Field(change) => viewer.change_field(&selection, &change),
         Wanted::Name(name) => viewer.rename(&selection, &name),
@@ -569,13 +574,35 @@ fn frame_of_callbacks<'v>(viewer: &'v Viewer, scene: &Scene) -> Option<&'v Frame
     viewer.shown().filter(|shown| shown.number == scene.number && !scene.places.callbacks.is_empty())
 }
 
-/// The origin of a value that a callback sets, with the line where there is only one.
+/// The origin of a value that a callback sets: the lines of the first calls of `on_frame`, each of which may be the one.
 fn by_callback(scene: &Scene) -> String {
-    match scene.places.callbacks.as_slice() {
-        [one] if one.file == scene.places.main => format!("by on_frame, line {}", one.line),
-        [one] => format!("by on_frame, {}", super::marks::report(one)),
-        _ => "by on_frame".to_string(),
+    /// Lines that are named.
+    const MOST: usize = 3;
+    let mut all: Vec<&Place> = Vec::new();
+    for place in &scene.places.callbacks {
+        // A loop makes several in one line.
+        if !all.iter().any(|known| (&known.file, known.line) == (&place.file, place.line)) {
+            all.push(place);
+        }
     }
+    let is_here = all.iter().all(|place| place.file == scene.places.main);
+    let named = |place: &&Place| match is_here {
+        true => place.line.to_string(),
+        false => super::marks::report(place),
+    };
+    let names: Vec<String> = all.iter().take(MOST).map(named).collect();
+    let listed = match (all.len().saturating_sub(MOST), names.as_slice()) {
+        (0, [before @ .., last]) if !before.is_empty() => format!("{} and {last}", before.join(", ")),
+        (0, _) => names.join(", "),
+        (1, _) => format!("{} and 1 other", names.join(", ")),
+        (others, _) => format!("{} and {others} others", names.join(", ")),
+    };
+    let unit = match (is_here, all.len()) {
+        (false, _) => "",
+        (true, 1) => "line ",
+        (true, _) => "lines ",
+    };
+    format!("by on_frame, {unit}{listed}")
 }
 
 /// The field of one parameter, with its numbers and those by default: the name and the text to write.

@@ -139,7 +139,10 @@ fn settled(
         // A dragged number is not the one that was typed last, even if the values are equal.
         ui.data_mut(|d| d.remove::<(String, f64)>(typed_id()));
     }
-    reset.or_else(|| (done && !is_as_shown).then_some(now)).filter(|now| *now != value && now.is_finite())
+    // An expression takes the place of digits of the same value.
+    let is_expression = done && typed(ui, now).text != format_number(now);
+    let set = reset.or_else(|| (done && (!is_as_shown || is_expression)).then_some(now));
+    set.filter(|now| (*now != value || is_expression) && now.is_finite())
 }
 
 /// The name of a field, whose menu the numbers beside it open.
@@ -281,7 +284,7 @@ impl Number<'_> {
     fn show_as(self, ui: &mut Ui, shown: Option<&str>) -> Option<f64> {
         let Number { name, value, speed, range, default, is_time } = self;
         let id = ui.id().with(("number", name));
-        settled(ui, id, value, default, |ui, now| {
+        let set = settled(ui, id, value, default, |ui, now| {
             let mut widget = field(ui, id, now, is_time).speed(speed).range(range);
             if let Some(shown) = shown {
                 widget = widget.custom_formatter(move |number, digits| match number == value {
@@ -290,7 +293,10 @@ impl Number<'_> {
                 });
             }
             named(ui.add(widget), WidgetType::DragValue, name)
-        })
+        });
+        // The expression that it shows stands there already.
+        let there = shown.and_then(expression::script_text);
+        set.filter(|now| *now != value || there.is_none_or(|there| there != typed(ui, *now).text))
     }
 
     /// The same as a slider.

@@ -69,6 +69,11 @@ pub struct KeyedProperty {
 #[derive(Clone, Debug, PartialEq)]
 pub enum ValueText {
     Point(DVec3),
+    /// Numbers as they were and as they are now.
+    Numbers {
+        before: Vec<f64>,
+        now: Vec<f64>,
+    },
     Turn(DQuat),
     Scale(DVec3),
     Text(String),
@@ -79,6 +84,7 @@ impl ValueText {
     pub fn value(&self) -> KeyValue<'_> {
         match self {
             ValueText::Point(point) => KeyValue::Point(*point),
+            ValueText::Numbers { before, now } => KeyValue::Numbers { before, now },
             ValueText::Turn(turn) => KeyValue::Turn(*turn),
             ValueText::Scale(scale) => KeyValue::Scale(*scale),
             ValueText::Text(text) => KeyValue::Text(text),
@@ -181,24 +187,23 @@ impl KeyedProperty {
         if self.is_upright() { vec![angles[1]] } else { angles.to_vec() }
     }
 
-    /// The text for a value of these numbers.
-    pub fn text(&self, numbers: &[f64]) -> ValueText {
+    /// The text for a value of these numbers at a time.
+    pub fn text(&self, time: Time, numbers: &[f64]) -> ValueText {
         let three = || DVec3::from_slice(&[numbers[0], numbers[1], numbers[2]]);
+        let each = || ValueText::Numbers { before: self.at(time), now: numbers.to_vec() };
         match self.kind {
             ValueKind::Kelvin => ValueText::Between,
             ValueKind::Flag => ValueText::Text((numbers[0] > 0.5).to_string()),
             ValueKind::Color => ValueText::Text(color_text(numbers)),
-            ValueKind::Scale if numbers.len() == 1 => ValueText::Scale(DVec3::splat(numbers[0])),
-            ValueKind::Scale => ValueText::Scale(three()),
-            ValueKind::Rotation if numbers.len() == 1 => ValueText::Text(format_number(numbers[0])),
-            ValueKind::Rotation if self.states_angles() => ValueText::Point(three()),
-            ValueKind::Rotation => ValueText::Turn(choreo_session::edit::rotation_of(three())),
-            _ if numbers.len() == 1 => ValueText::Text(format_number(numbers[0])),
-            _ if numbers.len() == 3 => ValueText::Point(three()),
-            _ => {
-                let all: Vec<String> = numbers.iter().map(|number| format_number(*number)).collect();
-                ValueText::Text(format!("[{}]", all.join(", ")))
+            ValueKind::Scale if numbers.iter().all(|number| *number == numbers[0]) => {
+                ValueText::Scale(DVec3::splat(numbers[0]))
             }
+            ValueKind::Rotation if numbers.len() > 1 && !self.states_angles() => {
+                ValueText::Turn(choreo_session::edit::rotation_of(three()))
+            }
+            // Its length is free.
+            ValueKind::Direction => ValueText::Point(three()),
+            _ => each(),
         }
     }
 
@@ -207,7 +212,7 @@ impl KeyedProperty {
         match (self.kind, self.at(time).as_slice()) {
             (ValueKind::Rotation, [x, y, z]) if *x == 0.0 && *z == 0.0 => ValueText::Text(format_number(*y)),
             (ValueKind::Rotation, [x, y, z]) => ValueText::Point(DVec3::new(*x, *y, *z)),
-            (_, numbers) => self.text(numbers),
+            (_, numbers) => self.text(time, numbers),
         }
     }
 

@@ -1014,6 +1014,20 @@ on_frame(|t| edge.set(\"strength\", 0.25));
         let desk = place.harness(vec2(1500.0, 1000.0));
         assert_eq!(desk.query_by_label("30.000 (by on_frame, line 4)").is_some(), is_named);
     }
+    // Each of several may be the one; what a loop makes is one line.
+    let callback = "on_frame(|t| edge.set(\"strength\", 0.25));\n";
+    let looped = "for n in [1, 2] { on_frame(|t| edge.set(\"strength\", 0.25)); }\n".to_string();
+    for (more, lines) in [
+        (looped, "4 and 5"),
+        (callback.repeat(2), "4, 5 and 6"),
+        (callback.repeat(3), "4, 5, 6 and 1 other"),
+        (callback.repeat(4), "4, 5, 6 and 2 others"),
+    ] {
+        let mut place = Place::new(&format!("{SCENE}{more}"));
+        place.viewer.selection = Some(Selected::Effect(0));
+        place.paint();
+        place.harness(vec2(1500.0, 1000.0)).get_by_label(&format!("0.250 (by on_frame, lines {lines})"));
+    }
 }
 
 /// A number beyond the clip is the last that leaves something of it; a script that plays nothing would be faulty.

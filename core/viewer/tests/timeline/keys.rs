@@ -161,6 +161,37 @@ fn a_number_of_several_keys_is_changed_in_place() {
     assert_eq!(text, replaced(&[("[2.0, 0.9]", "[2.0, 1.0]")]));
 }
 
+/// The other numbers of a key stay as they are written, computed ones, too.
+#[test]
+fn one_number_of_a_key_is_written_and_no_other() {
+    let script = SCRIPT
+        .replace("let cube =", "let n = 0.5;\nlet cube =")
+        .replace("[1.0, [1, 0, 0]]", "[1.0, [n * 2.0, 0, 1.0 / 3.0]]")
+        + "text(\"Hi\").key(\"position\", [[0.0, [0.0, 0.0]], [1.0 / 3.0, [1.0 / 3.0, 0.5]]]);\n";
+    let changed = |key: KeyRef, part: usize| {
+        let mut place = Place::new(&script);
+        let value = ValueDrag { property: "position".into(), part, by: 0.25 };
+        place.viewer.edit(|v| v.drag_keys(&[key], 0.0, Some(&value)));
+        (place.text(), place.viewer.message.clone().unwrap_or_default())
+    };
+    let (text, message) = changed(key(ball(), "position", 1.0), 1);
+    assert_eq!(message, "");
+    assert_eq!(text, script.replace("[n * 2.0, 0, 1.0 / 3.0]", "[n * 2.0, 0.25, 1.0 / 3.0]"));
+    let (text, message) = changed(key(Selected::Title(0), "position", 1.0 / 3.0), 1);
+    assert_eq!(message, "");
+    assert_eq!(text, script.replace("[1.0 / 3.0, 0.5]", "[1.0 / 3.0, 0.75]"));
+    let (text, message) = changed(key(ball(), "position", 1.0), 0);
+    assert!(
+        message.ends_with("line 4: its position has keys that are computed; change them there"),
+        "{message}"
+    );
+    assert_eq!(text, script);
+    // A key that is set where it stands already changes nothing.
+    let mut place = Place::new(&script);
+    place.viewer.set_keys_at(&ball(), &["position"], Time::from_secs(1.0)).unwrap();
+    assert_eq!(place.text(), script);
+}
+
 #[test]
 fn a_key_is_set_where_the_playhead_is() {
     let set = |what: Selected, names: &[&str], secs: f64| {
@@ -550,6 +581,34 @@ fn the_menu_of_a_key_stays_while_numbers_are_typed() {
     assert!(desk.query_by_label("position y of the key").is_none());
 }
 
+/// An expression takes the place of digits also where they are the same.
+#[test]
+fn an_expression_is_kept_where_its_digits_are_there_already() {
+    let scene = "stage(#{ size: [64, 36], fps: 30, length: 4.0 });
+let cube = shape(\"box\", #{ size: 1.0 });
+cast(\"ball\", cube).key(\"scale\", [[0.0, 1], [0.333333333, 0.333], [2.0, 0.333]]);
+";
+    let mut desk = Place::new(scene).harness(vec2(1500.0, 1000.0));
+    let at = pos2(x_of(&desk, 1.0 / 3.0), desk.get_by_label("row ball").rect().center().y);
+    secondary_click(&mut desk, at);
+    for (label, written) in
+        [("scale  of the key", "[0.333333333, 1.0 / 3.0]"), ("time of scale", "[1.0 / 3.0, 1.0 / 3.0]")]
+    {
+        desk.get_by_label(label).click();
+        desk.run();
+        desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+        desk.event(Event::Text("1/3".into()));
+        desk.run();
+        desk.key_press(Key::Enter);
+        desk.run();
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().text(), scene.replace("[0.333333333, 0.333]", written));
+        desk.state_mut().reload();
+        desk.run();
+        desk.run();
+    }
+}
+
 /// Fit changes the view of the curves alone, and curves that are shown first are seen whole.
 #[test]
 fn curves_are_fitted_when_shown_first_and_by_themselves() {
@@ -716,6 +775,39 @@ fn keys_of_a_locked_row_are_changed_neither_as_curves_nor_by_menus() {
             desk.run();
             let at = desk.get_by_label("key position y at 50").rect().center();
             act(&mut desk, at);
+            let message = desk.state().viewer.message.clone().unwrap_or_default();
+            assert_eq!(message.contains("the row of ball is locked"), locked, "{name}: {message}");
+            assert_eq!(desk.state().text() == SCRIPT, locked, "{name}: {message}");
+        }
+    }
+}
+
+/// Diamonds and fields of the inspector refuse as the rows do.
+#[test]
+fn the_inspector_of_a_locked_row_changes_nothing() {
+    type Act = fn(&mut Desk);
+    let acts: [(&str, Act); 3] = [
+        ("sets a key", |desk| desk.get_by_label("key of scale").click()),
+        ("deletes a key", |desk| desk.get_by_label("key of position").click()),
+        ("types", |desk| {
+            desk.get_by_label("x").click();
+            desk.run();
+            desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+            desk.event(Event::Text("3".into()));
+            desk.run();
+            desk.key_press(Key::Enter);
+        }),
+    ];
+    for (name, act) in acts {
+        for locked in [true, false] {
+            let mut desk = desk();
+            desk.state_mut().viewer.selection = Some(ball());
+            if locked {
+                desk.state_mut().viewer.toggles.locked.insert("ball".into());
+            }
+            desk.run();
+            act(&mut desk);
+            desk.run();
             let message = desk.state().viewer.message.clone().unwrap_or_default();
             assert_eq!(message.contains("the row of ball is locked"), locked, "{name}: {message}");
             assert_eq!(desk.state().text() == SCRIPT, locked, "{name}: {message}");
@@ -1017,6 +1109,77 @@ fn keys_of_joints_cues_and_the_sky_are_edited_as_others() {
     let value = ValueDrag { property: "joint:Head:rotation".into(), part: 1, by: 5.0 };
     let turned = changed(&|place| place.viewer.edit(|v| v.drag_keys(&all[..1], 0.0, Some(&value))));
     assert_eq!(turned, PARTS.replace("[0, 40, 10]", "[0, 45.0, 10]"));
+}
+
+/// Keys among the options of a clip are diamonds, points and numbers like all others, and stay options.
+#[test]
+fn keys_among_options_are_edited_in_rows_curves_and_menus() {
+    const KEYS: &str = "[[0.0, 1], [1.0, 0.6], [2.0, 0.4]]";
+    let scene = format!(
+        "stage(#{{ size: [64, 36], fps: 25, length: 4.0 }});
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\"), #{{ weight: {KEYS}, speed: 1.0 }});
+"
+    );
+    let walk = Selected::Cue { actor: "ada".into(), layer: 0, cue: 0 };
+    let mut desk = Place::new(&scene).harness(vec2(1500.0, 1000.0));
+    // The text with other keys, which the next change begins anew with the old ones.
+    let changed = |desk: &mut Desk, keys: &str| {
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().text(), scene.replace(KEYS, keys));
+        desk.state_mut().reload_with(&scene);
+        desk.run();
+    };
+    let marks = desk.get_all_by_label_contains("Walk weight").map(|mark| mark.rect().center());
+    let mut marks: Vec<Pos2> = marks.collect();
+    marks.sort_by(|a, b| a.x.total_cmp(&b.x));
+    let to = pos2(x_of(&desk, 1.4), marks[1].y);
+    drag(&mut desk, marks[1], to);
+    changed(&mut desk, "[[0.0, 1], [1.4, 0.6], [2.0, 0.4]]");
+    desk.state_mut().viewer.select_keys(Vec::new());
+    desk.state_mut().viewer.selection = Some(walk.clone());
+    desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
+    desk.run();
+    press(&mut desk, Modifiers::NONE, Key::K);
+    changed(&mut desk, "[[0.0, 1], [0.48, 0.808], [1.0, 0.6], [2.0, 0.4]]");
+    press(&mut desk, Modifiers::COMMAND, Key::Num9);
+    let point =
+        |desk: &Desk, frame: u32| desk.get_by_label(&format!("key weight at {frame}")).rect().center();
+    let at = point(&desk, 25);
+    secondary_click(&mut desk, at);
+    desk.get_by_label_contains("Easing into the key").click();
+    desk.run();
+    desk.get_by_label("in_out_cubic").click();
+    desk.run();
+    changed(&mut desk, "[[0.0, 1], [1.0, 0.6, \"in_out_cubic\"], [2.0, 0.4]]");
+    secondary_click(&mut desk, at);
+    desk.get_by_label(".weight  of the key").click();
+    desk.run();
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    desk.event(Event::Text("1/3".into()));
+    desk.run();
+    desk.key_press(Key::Enter);
+    desk.run();
+    press(&mut desk, Modifiers::NONE, Key::Escape);
+    changed(&mut desk, "[[0.0, 1], [1.0, 1.0 / 3.0], [2.0, 0.4]]");
+    // Several in a box.
+    let (plot, first, last) = (desk.get_by_label("curves").rect(), point(&desk, 25), point(&desk, 50));
+    let corners = [pos2(first.x - 30.0, plot.top() + 2.0), pos2(last.x + 30.0, plot.bottom() - 2.0)];
+    drag(&mut desk, corners[0], corners[1]);
+    let keys = [key(walk.clone(), ".weight", 1.0), key(walk, ".weight", 2.0)];
+    assert_eq!(desk.state().viewer.selected_keys(), keys);
+    press(&mut desk, Modifiers::NONE, Key::Delete);
+    changed(&mut desk, "[[0.0, 1]]");
+    // Only a method can say how all of them are interpolated.
+    let at = point(&desk, 25);
+    secondary_click(&mut desk, at);
+    desk.get_by_label_contains("Between all keys").click();
+    desk.run();
+    desk.get_by_label("smooth").click();
+    desk.run();
+    let method = format!("#{{ speed: 1.0 }}).weight({KEYS}, \"smooth\");");
+    assert_eq!(desk.state().text(), scene.replace(&format!("#{{ weight: {KEYS}, speed: 1.0 }});"), &method));
 }
 
 /// They have curves, and the sky is shown and keyed in the inspector.
