@@ -376,16 +376,14 @@ impl<'a> ScriptObject<'a> {
     /// # Errors
     /// The actor is not cast from a file.
     pub(super) fn asset(&self) -> Result<String, EditRefused> {
-        let inside = &self.made.inside;
-        let first = self.text.value_end(inside.start, inside.end);
-        let asset = self.text.get(first + 1..inside.end).map(str::trim).filter(|a| !a.is_empty());
+        let asset = self.text.argument(&self.made.inside, 1);
         let asset = asset.ok_or_else(|| EditRefused::at(self.line, "it is not cast from a file"))?;
-        let named = self.text.call_from(first + 1).filter(|load| self.text[load.name.clone()] == *"load");
+        let named = self.text.call_from(asset.start).filter(|load| self.text[load.name.clone()] == *"load");
         let named = named.and_then(|load| {
-            let file = &self.text[load.inside.start..self.text.value_end(load.inside.start, load.inside.end)];
-            loaded_as(&self.text, file.trim(), self.made.name.start)
+            let file = self.text.argument(&load.inside, 0)?;
+            loaded_as(&self.text, &self.text[file], self.made.name.start)
         });
-        Ok(named.unwrap_or(asset).to_string())
+        Ok(named.unwrap_or(&self.text[asset]).to_string())
     }
 }
 

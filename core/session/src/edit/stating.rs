@@ -133,15 +133,7 @@ impl<'a> ScriptObject<'a> {
 
     /// An argument of the call that made it, from 0, as it is written: the target in `.follow(target, offset)`.
     pub fn argument(&self, number: usize) -> Option<&str> {
-        Some(self.text[self.argument_range(number)?].trim())
-    }
-
-    fn argument_range(&self, number: usize) -> Option<Range<usize>> {
-        let inside = &self.made.inside;
-        let next = |at: usize| Some(self.text.value_end(at, inside.end) + 1).filter(|at| *at < inside.end);
-        let start = (0..number).try_fold(inside.start, |at, _| next(at))?;
-        Some(self.text.trimmed(&(start..self.text.value_end(start, inside.end))))
-            .filter(|range| !range.is_empty())
+        Some(&self.text[self.text.argument(&self.made.inside, number)?])
     }
 
     /// Writes an argument of the call that made it anew, whatever is there.
@@ -149,7 +141,7 @@ impl<'a> ScriptObject<'a> {
     /// # Errors
     /// The call has none of this number.
     pub fn state_argument(&self, number: usize, value: &str) -> Result<Edit, EditRefused> {
-        let range = self.argument_range(number);
+        let range = self.text.argument(&self.made.inside, number);
         let range = range.ok_or_else(|| EditRefused::at(self.line, "the call has no such argument"))?;
         Ok(Edit { range, text: value.to_string() })
     }
@@ -316,18 +308,12 @@ impl<'a> ScriptObject<'a> {
     /// # Errors
     /// The script makes it in another way.
     pub fn asset_object(&self) -> Result<ScriptObject<'a>, EditRefused> {
-        let inside = &self.made.inside;
-        let second = self.text.value_end(inside.start, inside.end) + 1;
         let refuse = || EditRefused::at(self.line, "its asset is made elsewhere; change it there");
-        let start = self.text.skip(second);
-        if self.text.call_from(start).is_some_and(|call| call.name.start == start && call.end <= inside.end) {
-            let (line, column) = self.text.place_of(start);
-            return ScriptObject::at(self.text.whole(), line, column);
-        }
-        let end = self.text.value_end(second, inside.end).max(second);
-        let name = self.text.get(second..end).map(str::trim).unwrap_or_default();
-        let made = self.text.made_as(name, self.made.name.start).ok_or_else(refuse)?;
-        let (line, column) = self.text.place_of(made);
+        let asset = self.text.argument(&self.made.inside, 1).ok_or_else(refuse)?;
+        let is_own = |call: &Call| call.name.start == asset.start && call.end <= asset.end;
+        let own = self.text.call_from(asset.start).filter(is_own).map(|call| call.name.start);
+        let made = own.or_else(|| self.text.made_as(&self.text[asset.clone()], self.made.name.start));
+        let (line, column) = self.text.place_of(made.ok_or_else(refuse)?);
         ScriptObject::at(self.text.whole(), line, column)
     }
 
