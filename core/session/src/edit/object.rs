@@ -433,15 +433,19 @@ fn call_text(name: &str, values: &[f64]) -> String {
 
 /// The script's variable of a file that it has loaded before a byte: `let NAME = load("FILE" …)`; `file` with its quotes.
 pub(super) fn loaded_as<'a>(text: &Source<'a>, file: &str, before: usize) -> Option<&'a str> {
-    let is_it = |call: &Call| {
-        let first = call.inside.start..text.value_end(call.inside.start, call.inside.end);
+    loads_of(text, file).find(|(load, _)| load.name.start < before).map(|(_, name)| name)
+}
+
+/// The calls `let NAME = load("FILE" …);` of a file outside blocks, with the names; `file` with its quotes.
+pub(super) fn loads_of<'a>(text: &Source<'a>, file: &str) -> impl Iterator<Item = (Call, &'a str)> {
+    let is_it = move |call: &Call| {
         file.starts_with('"')
-            && call.name.start < before
+            && text.argument(&call.inside, 0).is_some_and(|first| text[first] == *file)
             && text.depth_to(call.name.start) == 0
-            && text[first].trim() == file
             && text[text.skip(call.end)..].starts_with(';')
     };
-    text.calls_of("load").filter(is_it).find_map(|call| text.variable_before(call.name.start))
+    let named = move |call: Call| text.variable_before(call.name.start).map(|name| (call, name));
+    text.calls_of("load").filter(is_it).filter_map(named)
 }
 
 fn wrapped(degrees: f64) -> f64 {
