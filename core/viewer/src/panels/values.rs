@@ -61,14 +61,11 @@ pub(super) fn takes_refused(ui: &Ui) -> bool {
     ui.data_mut(|d| d.remove_temp(refused_id(rate_id()))).unwrap_or(false)
 }
 
-/// A number of a field with its text in a script: the expression that was typed where it has more digits than are written, `1.0 / 3.0`, or
-/// counts frames, `f(12)`.
+/// A number of a field with its text in a script: the expression that was typed, `1.0 / 3.0` or `f(12)`.
 pub fn typed(ui: &Ui, value: f64) -> Typed {
-    let text = ui.data(|d| d.get_temp::<(String, f64)>(typed_id())).filter(|(_, meant)| *meant == value);
-    let number = Typed::from(value);
-    let is_exact = number.text.parse().is_ok_and(|read: f64| (read - value).abs() <= 1e-12 * value.abs());
-    let text = text.map(|(text, _)| text).filter(|text| !is_exact || expression::counts_frames(text));
-    text.and_then(|text| expression::script_text(&text)).map_or(number, |text| Typed { value, text })
+    let last = ui.data(|d| d.get_temp::<(String, f64)>(typed_id())).filter(|(_, meant)| *meant == value);
+    let text = last.and_then(|(text, _)| expression::script_text(&text));
+    text.map_or_else(|| Typed::from(value), |text| Typed { value, text })
 }
 
 /// The text of [`typed`].
