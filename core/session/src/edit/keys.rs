@@ -329,10 +329,10 @@ impl ScriptObject<'_> {
         self.joints.iter().map(|key| key.joint.as_str())
     }
 
-    /// Adds a call that states keys: behind the call that makes a cue, else as [`ScriptObject::add_call`] does.
+    /// Adds a call that states keys: in the chain of a cue, else as [`ScriptObject::add_call`] does.
     fn add_key_call(&self, name: KeyName, call: &str) -> Result<Edit, EditRefused> {
         match name {
-            KeyName::Method(_) if self.variable.is_none() => Ok(self.behind(self.made.end, call)),
+            KeyName::Method(_) if self.variable.is_none() => Ok(self.added(call)),
             _ => self.add_call(call, None),
         }
     }

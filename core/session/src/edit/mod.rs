@@ -3,6 +3,7 @@
 
 mod additions;
 mod casting;
+mod chain;
 mod constraints;
 mod copying;
 mod cues;

@@ -9,7 +9,7 @@ use super::refused::ADD;
 use super::scan::{Call, Source, Tokens, tokens_of};
 use super::times::{EditTime, TimeLiteral, restated};
 use super::values::{format_number, is_calculation, literals, option_of, rewritten, set_option};
-use super::{Edit, EditRefused};
+use super::{Edit, EditRefused, chain};
 use glam::{DMat3, DQuat, DVec3};
 use std::sync::Arc;
 
@@ -183,14 +183,15 @@ impl<'a> ScriptObject<'a> {
         Some(Edit { range: end..end, text: format!("\n{indent}{name}.{call};") })
     }
 
-    pub(super) fn behind(&self, at: usize, call: &str) -> Edit {
-        Edit { range: at..at, text: format!(".{call}") }
+    /// Adds a method to the chain of the call that made it, `scale(2.0)`.
+    pub(super) fn added(&self, method: &str) -> Edit {
+        chain::added(&self.text, &self.made, method)
     }
 
-    /// `.name(values)`: the last call of this name, or a new one behind the call that made it.
+    /// `.name(values)`: the last call of this name, or a new one in the chain of the call that made it.
     pub fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let new = call_text(name, values);
-        let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
+        let Some(call) = self.last(&[name]) else { return Ok(self.added(&new)) };
         let Some(old) = literals(&self.text, &call.inside) else {
             return match values {
                 [value] => self.overwrite(call, call.inside.clone(), &format_number(*value)),
@@ -205,21 +206,21 @@ impl<'a> ScriptObject<'a> {
         Ok(Edit { range: call.inside.clone(), text: inside })
     }
 
-    /// Writes a call in place of the last of several that exclude each other, else behind the call that made it.
+    /// Writes a method with a value in place of the last of several that exclude each other, else in the chain of the call that made it.
     ///
     /// # Errors
     /// The script computes the value that would be replaced.
     pub fn state_one_of(&self, names: &[&str], call: &str) -> Result<Edit, EditRefused> {
-        let Some(old) = self.last(names) else { return Ok(self.behind(self.made.end, call)) };
+        let Some(old) = self.last(names) else { return Ok(self.added(call)) };
         literals(&self.text, &old.inside).ok_or_else(|| self.computed(old, call))?;
         Ok(Edit { range: old.name.start..old.end, text: call.to_string() })
     }
 
-    /// `.name([x, y, z])`: the last call of this name, or a new one behind the call that made it.
+    /// `.name([x, y, z])`: the last call of this name, or a new one in the chain of the call that made it.
     pub fn set_point(&self, name: &str, point: DVec3) -> Result<Edit, EditRefused> {
         let [x, y, z] = point.to_array().map(format_number);
         let new = format!("{name}([{x}, {y}, {z}])");
-        let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
+        let Some(call) = self.last(&[name]) else { return Ok(self.added(&new)) };
         let old = literals(&self.text, &call.inside).filter(|old| old.len() == 3);
         let changed = old.and_then(|old| rewritten(&self.text, &old, &point.to_array()));
         changed.ok_or_else(|| self.computed(call, &new))
@@ -243,7 +244,7 @@ impl<'a> ScriptObject<'a> {
         let angles = euler_degrees(by);
         let new =
             if upright { call_text("turn", &[degrees]) } else { call_text("rotate", &angles.to_array()) };
-        let Some(call) = self.last(&["turn", "rotate"]) else { return self.behind(self.made.end, &new) };
+        let Some(call) = self.last(&["turn", "rotate"]) else { return self.added(&new) };
         let old = literals(&self.text, &call.inside).unwrap_or_default();
         let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
         let changed = match (&self.text[call.name.clone()], values.as_slice()) {
@@ -254,13 +255,17 @@ impl<'a> ScriptObject<'a> {
             }
             _ => None,
         };
-        changed.unwrap_or_else(|| self.behind(call.end, &new))
+        let anew = || match self.text.chain_after(self.made.end).contains(call) {
+            true => chain::behind(&self.text, &self.made, call.end, &new),
+            false => Edit { range: call.end..call.end, text: format!(".{new}") },
+        };
+        changed.unwrap_or_else(anew)
     }
 
     /// `.from`, `.until`, `.cut` …
     pub fn time(&self, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
         let new = format!("{name}({})", time.anew(&self.text));
-        let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
+        let Some(call) = self.last(&[name]) else { return Ok(self.added(&new)) };
         restated(&self.text, &call.inside, time).ok_or_else(|| self.computed(call, &new))
     }
 
@@ -368,7 +373,7 @@ impl<'a> ScriptObject<'a> {
         if self.text[self.text.skip(end)..].starts_with('.') || is_later || is_constrained {
             return Err(EditRefused::at(self.line, "it has no name in the script; write let NAME = cast(…)"));
         }
-        Ok(self.behind(end, call))
+        Ok(chain::behind(&self.text, &self.made, end, call))
     }
 
     /// The file that it is cast from, as the script writes it; by the script's own name of it, if there is one.
@@ -569,7 +574,7 @@ mod tests {
         assert!(changed(effect, |o| o.parameter("size", "2.0")).unwrap().contains(".set(\"size\", 2.0)"));
         assert!(changed(effect, |o| o.parameter("amount", "0.3")).unwrap().contains("amount: 0.3 }"));
         assert!(changed(effect, |o| o.time("from", at(1.25))).unwrap().ends_with(".from(1.25);"));
-        assert!(changed(effect, |o| o.time("until", at(3.0))).unwrap().contains(").until(3.0).set("));
+        assert!(changed(effect, |o| o.time("until", at(3.0))).unwrap().ends_with(".from(1.0).until(3.0);"));
         let refused =
             changed("|effect(\"glow\", #{ amount: x });", |o| o.parameter("amount", "1.0")).unwrap_err();
         assert!(refused.why.contains("amount: x is computed"), "{}", refused.why);

@@ -3,7 +3,7 @@
 use super::object::{ScriptObject, quoted};
 use super::scan::Call;
 use super::times::{EditTime, restated};
-use super::values::{method_place, option_value, set_option};
+use super::values::{becomes_method, option_value, set_option};
 use super::{Edit, EditRefused};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -52,14 +52,14 @@ impl<'a> ScriptObject<'a> {
         if let Some(call) = self.last(&[name]) {
             return self.overwrite(call, call.inside.clone(), value);
         }
-        let method = match anew {
-            Anew::Option => None,
-            Anew::Method => Some(self.made.end),
-            Anew::Alike => method_place(&self.text, &self.made, &self.calls, name),
+        let is_method = match anew {
+            Anew::Option => false,
+            Anew::Method => true,
+            Anew::Alike => becomes_method(&self.text, &self.made, &self.calls, name),
         };
-        match method.filter(|_| option_value(&self.text, &self.made, name).is_none()) {
-            Some(at) => Ok(self.behind(at, &format!("{name}({value})"))),
-            None => set_option(&self.text, &self.made, self.line, name, value),
+        match is_method && option_value(&self.text, &self.made, name).is_none() {
+            true => Ok(self.added(&format!("{name}({value})"))),
+            false => set_option(&self.text, &self.made, self.line, name, value),
         }
     }
 

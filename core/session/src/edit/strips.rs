@@ -8,9 +8,9 @@ use super::object::ScriptObject;
 use super::scan::{Call, Source};
 use super::times::{CueTime, EditTime, TimeLiteral};
 use super::values::{
-    format_number, is_calculation, literals, method_place, option_value, options_of, rewritten, set_option,
+    becomes_method, format_number, is_calculation, literals, option_value, options_of, rewritten, set_option,
 };
-use super::{Edit, EditRefused};
+use super::{Edit, EditRefused, chain};
 use choreo_stage::{Cue, Described};
 use std::ops::Range;
 
@@ -88,8 +88,8 @@ impl<'a> Strip<'a> {
     /// Writes numbers as the value of a method or an option.
     fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let Some(old) = self.value(name) else {
-            let method = method_place(&self.text, &self.call, &self.chain, name);
-            return Ok(self.add(method, (name, values)));
+            let is_method = becomes_method(&self.text, &self.call, &self.chain, name);
+            return Ok(self.add(is_method, (name, values)));
         };
         let range = self.text.trimmed(&old);
         let literals = literals(&self.text, &range).filter(|l| l.len() == values.len());
@@ -106,16 +106,15 @@ impl<'a> Strip<'a> {
         }
     }
 
-    /// Adds a value that is not stated yet as a method at a byte, else among the options; behind the call where those are computed.
-    fn add(&self, method: Option<usize>, (name, values): (&str, &[f64])) -> Edit {
+    /// Adds a value that is not stated yet as a method, else among the options; as a method, too, where those are computed.
+    fn add(&self, is_method: bool, (name, values): (&str, &[f64])) -> Edit {
         let numbers = numbers(values);
         let value = if values.len() == 1 { numbers.clone() } else { format!("[{numbers}]") };
-        let option = match method {
-            Some(_) => None,
-            None => set_option(&self.text, &self.call, self.line, name, &value).ok(),
+        let option = match is_method {
+            true => None,
+            false => set_option(&self.text, &self.call, self.line, name, &value).ok(),
         };
-        let at = method.unwrap_or(self.call.end);
-        option.unwrap_or_else(|| Edit { range: at..at, text: format!(".{name}({numbers})") })
+        option.unwrap_or_else(|| chain::added(&self.text, &self.call, &format!("{name}({numbers})")))
     }
 
     /// The comment of its line, with the blanks before it.
@@ -316,7 +315,7 @@ pub fn split_cue(
     let mut second = strip.then(|name| is_own(name) && !ENDS.contains(&name));
     let until = strip.value("until").map(|until| strip.text[until].trim().to_string());
     // The second part is written as the first is.
-    let is_method = method_place(&strip.text, &strip.call, &strip.chain, "trim").is_some();
+    let is_method = becomes_method(&strip.text, &strip.call, &strip.chain, "trim");
     match rest {
         Rest::Trim(trim) => second = with_number(&second, is_method, ("trim", &trim)),
         Rest::ClipTime(keys) => {
@@ -343,13 +342,13 @@ pub fn split_cue(
     Ok(indented(text, Edit::between(text, &after)))
 }
 
-/// A `.then(…)` with a number that it does not state yet: behind it, or as an option.
+/// A `.then(…)` with a number that it does not state yet: as a method, or as an option.
 fn with_number(then: &str, is_method: bool, number: (&str, &[f64])) -> String {
     let dot = then.len() - then.trim_start().len();
     let text = Source::new(then);
     let Some(call) = text.call_from(dot) else { return then.to_string() };
     let strip = Strip { chain: text.chain_after(call.end), text, line: 1, call };
-    strip.add(is_method.then_some(then.len()), number).apply(then)
+    strip.add(is_method, number).apply(then)
 }
 
 /// Plays the clip of a cue once more right after it, with its options, and with its keys and freezes `by` later. `until`: the end of the

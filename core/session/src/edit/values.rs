@@ -105,15 +105,14 @@ pub(super) fn is_calculation(text: &Source, bytes: &Range<usize>) -> bool {
 const OPTION_METHODS: [&str; 11] =
     ["fade", "fade_out", "ease", "speed", "trim", "reverse", "weight", "once", "loop", "ping_pong", "hold"];
 
-/// The byte at which a value that a cue does not state yet becomes a method. `None` where it becomes an option: among others that the call
-/// has, and where it has neither options nor methods in their place, as in the lessons.
-pub(super) fn method_place(text: &Source, call: &Call, chain: &[Call], name: &str) -> Option<usize> {
-    let named = |other: &&Call, name: &str| text[other.name.clone()] == *name;
-    // A fade behind it would set the fade-out again.
-    let fade = chain.iter().rfind(|other| named(other, "fade")).filter(|_| name == "fade_out");
-    let is_option_method = |other: &Call| OPTION_METHODS.iter().any(|name| named(&other, name));
-    let takes_option = text.map_in(&call.inside).is_some() || !chain.iter().any(is_option_method);
-    fade.map(|fade| fade.end).or_else(|| (!takes_option).then_some(call.end))
+/// Whether a value that a cue does not state yet becomes a method, else an option: among others that the call has, and where it has neither
+/// options nor methods in their place, as in the lessons.
+pub(super) fn becomes_method(text: &Source, call: &Call, chain: &[Call], name: &str) -> bool {
+    // A fade behind the option would set the fade-out again.
+    let is_fade = |other: &Call| name == "fade_out" && text[other.name.clone()] == *"fade";
+    let is_option_method = |other: &Call| OPTION_METHODS.contains(&&text[other.name.clone()]);
+    let has_options = text.map_in(&call.inside).is_some();
+    chain.iter().any(|other| is_fade(other) || is_option_method(other) && !has_options)
 }
 
 fn is_plain_map(text: &Source, bytes: &Range<usize>) -> bool {

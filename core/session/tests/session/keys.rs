@@ -443,16 +443,16 @@ fn keys_of_a_cue_are_those_of_its_methods() {
     assert_eq!(gone, text.replace(".weight([[1.0, 0], [2.0, 1, \"in_quad\"]])", ""));
     let moved = made(4, "play", &|o| o.move_key(".layer_weight", time(0.0), time(0.4)));
     assert_eq!(moved, text.replace("[[0.0, 1]]", "[[0.4, 1]]"));
-    // A number is no list of keys, and the first key stands behind the call.
+    // A number is no list of keys, and the first key stands behind the options.
     assert!(!ScriptObject::at(text, 3, 6).unwrap().has_keys(".speed"));
     let added = made(3, "then", &|o| o.add_keys(".weight", time(2.0), half));
-    assert_eq!(added, text.replace(".then(d)", ".then(d).weight([[2.0, 0.5]])"));
+    assert_eq!(added, text.replace(".speed(2.0)", ".speed(2.0).weight([[2.0, 0.5]])"));
     let added = made(4, "play", &|o| o.add_keys(".weight", time(2.0), half));
     assert_eq!(added, format!("{text}walk.weight([[2.0, 0.5]]);\n"));
     let copied = ScriptObject::at(text, 2, 3).unwrap().copy_keys(".weight", &[time(2.0)]).unwrap();
     assert_eq!(copied, ".weight([[2.0, 1, \"in_quad\"]])");
     let pasted = made(3, "then", &|o| o.paste_keys(&copied, time(0.0)));
-    assert_eq!(pasted, text.replace(".then(d)", ".then(d).weight([[2.0, 1, \"in_quad\"]])"));
+    assert_eq!(pasted, text.replace(".speed(2.0)", ".speed(2.0).weight([[2.0, 1, \"in_quad\"]])"));
 }
 
 #[test]

@@ -54,6 +54,11 @@ fn a_value_is_stated_where_it_stands_else_anew() {
     };
     let camera = "let c = |camera(\"c\");";
     assert_eq!(stated(camera, "near", "0.2", Anew::Method).unwrap(), "let c = camera(\"c\").near(0.2);");
+    let lines = "let c = |camera(\"c\")\n    .at(0, 1, 5) // far\n    .cut(2.0);";
+    assert_eq!(
+        stated(lines, "near", "0.2", Anew::Method).unwrap(),
+        "let c = camera(\"c\")\n    .at(0, 1, 5) // far\n    .near(0.2)\n    .cut(2.0);"
+    );
     let play = "a.|play(c).until(2.0).then(d).ease(\"smooth\");";
     assert_eq!(
         stated(play, "ease", "\"linear\"", Anew::Option).unwrap(),

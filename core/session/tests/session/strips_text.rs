@@ -68,11 +68,11 @@ fn a_new_value_is_written_as_the_others_are() {
         speed("a.|play(c, #{ fade: 0.4 }).weight(0.5);"),
         "a.play(c, #{ fade: 0.4, speed: 2.0 }).weight(0.5);"
     );
-    assert_eq!(speed("a.|play(c).from(1.0).weight(0.5);"), "a.play(c).speed(2.0).from(1.0).weight(0.5);");
+    assert_eq!(speed("a.|play(c).from(1.0).weight(0.5);"), "a.play(c).from(1.0).weight(0.5).speed(2.0);");
     assert_eq!(speed("a.|play(c, options);"), "a.play(c, options).speed(2.0);");
     let fade = |text: &str| changed(text, &|t, l, c| set_time(t, l, c, CueTime::FadeIn, at(0.8))).unwrap();
     assert_eq!(fade("a.|play(c).until(2.0);"), "a.play(c, #{ fade: 0.8 }).until(2.0);");
-    assert_eq!(fade("a.|play(c).until(2.0).weight(0.5);"), "a.play(c).fade(0.8).until(2.0).weight(0.5);");
+    assert_eq!(fade("a.|play(c).until(2.0).weight(0.5);"), "a.play(c).until(2.0).weight(0.5).fade(0.8);");
     // The one that counts is changed.
     assert_eq!(fade("a.|play(c, #{ fade: 0.1 }).fade(f(5));"), "a.play(c, #{ fade: 0.1 }).fade(f(20));");
     assert_eq!(fade("a.|play(c, #{ inertial: 0.2 });"), "a.play(c, #{ inertial: 0.8 });");
@@ -81,7 +81,7 @@ fn a_new_value_is_written_as_the_others_are() {
     let stated = |text: &str, anew| {
         changed(text, &|t, l, c| ScriptObject::at(t, l, c)?.state("speed", "1.0 / 3.0", anew)).unwrap()
     };
-    assert_eq!(stated("a.|play(c).weight(0.5);", Anew::Alike), "a.play(c).speed(1.0 / 3.0).weight(0.5);");
+    assert_eq!(stated("a.|play(c).weight(0.5);", Anew::Alike), "a.play(c).weight(0.5).speed(1.0 / 3.0);");
     assert_eq!(stated("a.|play(c);", Anew::Alike), "a.play(c, #{ speed: 1.0 / 3.0 });");
     assert_eq!(stated("a.|play(c).speed(2.0 / 3.0);", Anew::Alike), "a.play(c).speed(1.0 / 3.0);");
 }
@@ -130,7 +130,7 @@ fn a_split_clip_is_two_with_the_same_content() {
     let layer = split("a.|play(c).fade(0.5).until(2.0).on(\"Head\");", rest, Some(0.5)).unwrap();
     assert_eq!(
         layer,
-        "a.play(c).fade(0.5).fade_out(0.0).until(1.5).on(\"Head\")\n    .then(c).trim(1.0, 2.5).until(2.0).fade_out(0.5);"
+        "a.play(c).fade(0.5).until(1.5).fade_out(0.0).on(\"Head\")\n    .then(c).trim(1.0, 2.5).until(2.0).fade_out(0.5);"
     );
     let why = split("let w = a.|play(c);", rest, None).unwrap_err();
     assert_eq!(why, "line 1: the script uses this clip as \"w\"; change it there");

@@ -835,7 +835,7 @@ ada.play(moves.clip(\"Walk\"), #{ fade: 0.4 }).then(moves.clip(\"Wave\")).weight
 ";
     let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
     for (number, with) in
-        [(0, ["#{ fade: 0.4 }", "#{ fade: 0.4, speed: X }"]), (1, [".weight", ".speed(X).weight"])]
+        [(0, ["#{ fade: 0.4 }", "#{ fade: 0.4, speed: X }"]), (1, [".weight(0.5)", ".weight(0.5).speed(X)"])]
     {
         desk.state_mut().reload_with(SCENE);
         desk.state_mut().viewer.selection =
