@@ -392,7 +392,7 @@ pub(super) fn shifted_keys(text: &Source, bytes: Range<usize>, by: EditTime) -> 
 /// Replaces a value. `None` where that is computed.
 fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
     if let KeyValue::Text(new) = value {
-        return is_plain(text, bytes).then(|| Edit { range: bytes.clone(), text: new.to_string() });
+        return is_plain(text, bytes).then(|| Edit::over(text, bytes.clone(), new));
     }
     let old = literals(text, bytes).filter(|old| !old.is_empty())?;
     let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
@@ -400,7 +400,7 @@ fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
     match new.len() == old.len() {
         // The text between the numbers stays.
         true => rewritten(text, &old, &new),
-        false => Some(Edit { range: bytes.clone(), text: list(&new) }),
+        false => Some(Edit::over(text, bytes.clone(), &list(&new))),
     }
 }
 

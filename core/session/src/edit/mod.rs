@@ -31,6 +31,7 @@ mod times;
 mod typed;
 mod unroll;
 mod values;
+mod whole;
 
 use std::ops::Range;
 

@@ -73,7 +73,7 @@ impl<'a> ScriptObject<'a> {
             None => option_value(&self.text, &self.made, name),
         };
         match over {
-            Some(range) => Ok(Edit { range: self.text.trimmed(&range), text: value.to_string() }),
+            Some(range) => Ok(Edit::over(&self.text, self.text.trimmed(&range), value)),
             None => self.state(name, value, anew),
         }
     }
@@ -143,7 +143,7 @@ impl<'a> ScriptObject<'a> {
     pub fn state_argument(&self, number: usize, value: &str) -> Result<Edit, EditRefused> {
         let range = self.text.argument(&self.made.inside, number);
         let range = range.ok_or_else(|| EditRefused::at(self.line, "the call has no such argument"))?;
-        Ok(Edit { range, text: value.to_string() })
+        Ok(Edit::over(&self.text, range, value))
     }
 
     /// All arguments of the call that made it, as they are written.
@@ -173,7 +173,7 @@ impl<'a> ScriptObject<'a> {
             let why = format!("{name}({}) is computed; change it there", &self.text[range]);
             return Err(EditRefused::at(self.line, &why));
         }
-        Ok(Edit { range, text: value.to_string() })
+        Ok(Edit::over(&self.text, range, value))
     }
 
     /// The arguments before its options, as they are written.

@@ -8,8 +8,9 @@ use super::object::ScriptObject;
 use super::scan::{Call, Source};
 use super::times::{CueTime, EditTime, TimeLiteral};
 use super::values::{
-    becomes_method, format_number, is_calculation, literals, option_value, options_of, rewritten, set_option,
+    becomes_method, format_number, is_calculation, numbers_over, option_value, options_of, set_option,
 };
+use super::whole::written_like;
 use super::{Edit, EditRefused, chain};
 use choreo_stage::{Cue, Described};
 use std::ops::Range;
@@ -91,19 +92,8 @@ impl<'a> Strip<'a> {
             let is_method = becomes_method(&self.text, &self.call, &self.chain, name);
             return Ok(self.add(is_method, (name, values)));
         };
-        let range = self.text.trimmed(&old);
-        let literals = literals(&self.text, &range).filter(|l| l.len() == values.len());
-        if let Some(changed) = literals.and_then(|literals| rewritten(&self.text, &literals, values)) {
-            return Ok(changed);
-        }
-        // Calculations with literals that a person typed in place of numbers.
-        let array = self.text[range.clone()].strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
-        let list = array.map_or(range.clone(), |array| range.start + 1..range.start + 1 + array.len());
-        let parts: Vec<Range<usize>> = parts(&self.text, list.start, list.end).collect();
-        match parts.len() == values.len() && parts.iter().all(|part| is_calculation(&self.text, part)) {
-            true => Ok(Edit { range: list, text: numbers(values) }),
-            false => Err(self.computed(name, &old)),
-        }
+        let changed = numbers_over(&self.text, &self.text.trimmed(&old), values);
+        changed.ok_or_else(|| self.computed(name, &old))
     }
 
     /// Adds a value that is not stated yet as a method, else among the options; as a method, too, where those are computed.
@@ -239,7 +229,7 @@ pub fn set_trim(
     let mut after = text.to_string();
     for (end, secs) in [(to, trim[1]), (from, trim[0])] {
         if !stays(&end, secs) {
-            after = end.set(EditTime { secs, fps }).apply(&after);
+            after = end.set(text, EditTime { secs, fps }).apply(&after);
         }
     }
     Ok(Edit::between(text, &after))
@@ -289,7 +279,8 @@ pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result
         if !is_calculation(&strip.text, &old) {
             return Err(strip.computed("weight", &value));
         }
-        return Ok(Edit { text: format!("0.0 /* {} */", &strip.text[old]), range });
+        let old = &strip.text[old];
+        return Ok(Edit { text: format!("{} /* {old} */", written_like(old, "0.0")), range });
     }
     if let Some(old) = inside.split_once("/*").and_then(|(_, rest)| rest.split_once("*/")) {
         return Ok(Edit { range, text: old.0.trim().to_string() });
@@ -386,7 +377,7 @@ pub fn shift_cue(text: &str, line: usize, column: usize, by: EditTime) -> Result
         let Some(value) = strip.value(name) else { continue };
         let old = TimeLiteral::of(&strip.text, &value).ok_or_else(|| strip.computed(name, &value))?;
         let secs = old.secs(by.fps) + by.secs;
-        let edit = old.set(EditTime { secs, fps: by.fps });
+        let edit = old.set(&after, EditTime { secs, fps: by.fps });
         after = edit.apply(&after);
     }
     Ok(Edit::between(text, &after))
@@ -409,7 +400,7 @@ pub fn shift_keys(text: &str, line: usize, column: usize, by: EditTime) -> Resul
                 let old =
                     TimeLiteral::of(&strip.text, &first).ok_or_else(|| strip.computed("freeze", &first))?;
                 let secs = old.secs(by.fps) + by.secs;
-                old.set(EditTime { secs, fps: by.fps })
+                old.set(&after, EditTime { secs, fps: by.fps })
             }
             name if is_keyed(name) && strip.text[first.clone()].trim_start().starts_with('[') => {
                 shifted_keys(&strip.text, first.clone(), by).ok_or_else(|| strip.computed(name, &first))?

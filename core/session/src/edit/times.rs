@@ -37,8 +37,8 @@ impl EditTime {
         in_frames.map_or_else(|| self.anew(script), |in_frames| self.text(in_frames))
     }
 
-    /// The time in place of another one: `f(31)` where that is in frames, too, else seconds, always with a point, so that they stay a float: to
-    /// the millisecond, and the time of a frame with the digits by which it is read back as the same frame.
+    /// The time in place of another one: `f(31)` where that is in frames, too, else seconds with a point: to the millisecond, and the time of a
+    /// frame with the digits by which it is read back as the same frame.
     pub(super) fn text(self, in_frames: bool) -> String {
         let secs = self.secs.max(0.0);
         let frame = libm::round(secs * self.fps);
@@ -82,8 +82,8 @@ impl TimeLiteral {
     }
 
     /// The edit that states another time.
-    pub fn set(self, time: EditTime) -> Edit {
-        Edit { text: time.text(self.in_frames), range: self.range }
+    pub fn set(self, text: &str, time: EditTime) -> Edit {
+        Edit::over(text, self.range, &time.text(self.in_frames))
     }
 }
 
@@ -95,7 +95,7 @@ pub(super) fn restated(text: &Source, bytes: &Range<usize>, time: EditTime) -> O
     let frames = text.call_from(range.start).filter(is_frame);
     let number = frames.as_ref().map_or(&range, |call| &call.inside);
     let in_frames = frames.is_some();
-    is_calculation(text, number).then(|| Edit { text: time.text(in_frames), range: range.clone() })
+    is_calculation(text, number).then(|| Edit::over(text, range.clone(), &time.text(in_frames)))
 }
 
 /// The part of a cue that was dragged.

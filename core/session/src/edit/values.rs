@@ -3,6 +3,7 @@
 use super::expression::calculated;
 use super::scan::{Call, Source};
 use super::times::TimeLiteral;
+use super::whole::written_like;
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
@@ -47,11 +48,19 @@ pub fn literal(text: &str, bytes: &Range<usize>) -> Option<(Range<usize>, f64)> 
 
 /// `a, b, c` or `[a, b, c]`, all of them literals.
 pub fn literals(text: &Source, bytes: &Range<usize>) -> Option<Vec<(Range<usize>, f64)>> {
+    components(text, bytes).into_iter().map(|(range, number)| Some((range, number?))).collect()
+}
+
+/// One of several values: where it stands, and its number; `None` where that is no literal.
+type Component = (Range<usize>, Option<f64>);
+
+/// The parts of `a, b, c` or `[a, b, c]`.
+pub(super) fn components(text: &Source, bytes: &Range<usize>) -> Vec<Component> {
     let inside = &text[bytes.clone()];
     let array = inside.trim().strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
     let (mut at, end) = match array {
         Some(array) => {
-            let start = bytes.start + inside.find('[')? + 1;
+            let start = bytes.end - inside.trim_start().len() + 1;
             (start, start + array.len())
         }
         None => (bytes.start, bytes.end),
@@ -60,23 +69,61 @@ pub fn literals(text: &Source, bytes: &Range<usize>) -> Option<Vec<(Range<usize>
     while at < end {
         let to = text.value_end(at, end);
         if !text[at..to].trim().is_empty() {
-            found.push(literal(text, &(at..to))?);
+            found.push(match literal(text, &(at..to)) {
+                Some((range, number)) => (range, Some(number)),
+                None => (text.trimmed(&(at..to)), None),
+            });
         }
         at = to + 1;
     }
-    Some(found)
+    found
 }
 
 /// Rewrites some literals, and keeps what stands between them.
 pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option<Edit> {
-    let (first, last) = (old.first()?, old.last()?);
+    let part = |((range, old), new): (&(Range<usize>, f64), &f64)| (range.clone(), changed(*old, *new));
+    replaced(text, &old.iter().zip(new).map(part).collect::<Vec<_>>())
+}
+
+/// Writes numbers over those that stand in a range, and keeps those that do not change. `None` where they are not as many, or one of them is
+/// computed; a calculation with literals alone becomes a number.
+pub(super) fn numbers_over(text: &Source, bytes: &Range<usize>, new: &[f64]) -> Option<Edit> {
+    let old = components(text, bytes);
+    let part = |((range, old), new): (Component, &f64)| match old {
+        Some(old) => Some((range, changed(old, *new))),
+        None => is_calculation(text, &range).then_some((range, Some(*new))),
+    };
+    let is_alike = old.len() == new.len();
+    let parts: Option<Vec<_>> = old.into_iter().zip(new).map(part).collect();
+    replaced(text, &parts.filter(|_| is_alike)?)
+}
+
+/// Adds to numbers that stand in a range. `None` where they are not as many, or one that changes is computed.
+pub(super) fn numbers_plus(text: &Source, bytes: &Range<usize>, by: &[f64]) -> Option<Edit> {
+    let old = components(text, bytes);
+    let part = |((range, old), by): (Component, &f64)| match old {
+        Some(old) => Some((range, changed(old, old + by))),
+        None => changed(0.0, *by).is_none().then_some((range, None)),
+    };
+    let is_alike = old.len() == by.len();
+    let parts: Option<Vec<_>> = old.into_iter().zip(by).map(part).collect();
+    replaced(text, &parts.filter(|_| is_alike)?)
+}
+
+/// The new number where it is written in another way than the old one.
+fn changed(old: f64, new: f64) -> Option<f64> {
+    (format_number(old) != format_number(new)).then_some(new)
+}
+
+/// Writes numbers over others, of which those without a new one stay as they are, and keeps what stands between them.
+fn replaced(text: &str, parts: &[Component]) -> Option<Edit> {
+    let (first, last) = (parts.first()?, parts.last()?);
     let mut out = String::new();
     let mut at = first.0.start;
-    for ((range, before), value) in old.iter().zip(new) {
+    for (range, number) in parts {
+        let old = &text[range.clone()];
         out += &text[at..range.start];
-        // An unchanged number stays as it was written.
-        let same = format_number(*before) == format_number(*value);
-        out += &if same { text[range.clone()].to_string() } else { format_number(*value) };
+        out += &number.map_or_else(|| old.to_string(), |number| written_like(old, &format_number(number)));
         at = range.end;
     }
     Some(Edit { range: first.0.start..last.0.end, text: out })
@@ -92,6 +139,16 @@ pub fn is_plain(text: &Source, bytes: &Range<usize>) -> bool {
         || TimeLiteral::of(text, bytes).is_some()
         || literals(text, bytes).is_some_and(|l| !l.is_empty())
         || is_plain_map(text, bytes)
+}
+
+/// Whether a list of numbers keeps those that are computed, where a value is written over it.
+pub(super) fn keeps_computed(text: &Source, bytes: &Range<usize>, value: &str) -> bool {
+    let (old, source) = (components(text, bytes), Source::new(value));
+    let new = components(&source, &(0..value.len()));
+    let stays = |(old, new): (&Component, &Component)| {
+        old.1.is_some() || text[old.0.clone()] == value[new.0.clone()] || is_calculation(text, &old.0)
+    };
+    old.len() > 1 && old.len() == new.len() && old.iter().zip(&new).all(stays)
 }
 
 /// Whether these bytes are a calculation with literals alone, `1.0 / 3.0`, which a person typed in place of a number.
@@ -152,13 +209,13 @@ pub(crate) fn set_option(
         return Ok(Edit { range: call.inside.end..call.inside.end, text: format!("{comma}#{{ {new} }}") });
     };
     if let Some(bytes) = option_in(text, &map, name) {
-        if !is_plain(text, &bytes) {
+        if !is_plain(text, &bytes) && !keeps_computed(text, &bytes, value) {
             let shown = text[bytes].trim();
             return Err(EditRefused::at(line, &format!("{name}: {shown} is computed; change it there")));
         }
         let inside = &text[bytes.clone()];
         let start = bytes.start + (inside.len() - inside.trim_start().len());
-        return Ok(Edit { range: start..start + inside.trim().len(), text: value.to_string() });
+        return Ok(Edit::over(text, start..start + inside.trim().len(), value));
     }
     let comma = if text[map.clone()].trim().is_empty() { " " } else { ", " };
     let last = map.start + text[map.clone()].trim_end().len();

@@ -102,6 +102,7 @@ fn a_disabled_clip_remembers_its_weight() {
         assert_eq!(on(&disabled.replace("play", "|play")), plain);
     }
     assert_eq!(off("a.|play(c).weight(0.5);"), "a.play(c).weight(0.0 /* 0.5 */);");
+    assert_eq!(off("a.|play(c).weight(1);"), "a.play(c).weight(0 /* 1 */);");
     assert!(changed("a.|play(c).weight(w);", &|t, l, c| set_disabled(t, l, c, true)).is_err());
 }
 
@@ -168,7 +169,7 @@ fn a_duplicate_follows_the_clip() {
             1.0,
             None
         ),
-        "a.play(c).clip_time([[1.0, 0.0], [f(50), 1.0]]).freeze(1.5, 0.5).weight([[1, 0], [2, 1]])\n    .then(c).clip_time([[2.0, 0.0], [f(75), 1.0]]).freeze(2.5, 0.5).weight([[2.0, 0], [3.0, 1]]);"
+        "a.play(c).clip_time([[1.0, 0.0], [f(50), 1.0]]).freeze(1.5, 0.5).weight([[1, 0], [2, 1]])\n    .then(c).clip_time([[2.0, 0.0], [f(75), 1.0]]).freeze(2.5, 0.5).weight([[2, 0], [3, 1]]);"
     );
     assert!(
         changed("a.|play(c)\n    .freeze(now, 0.5);", &|t, l, c| duplicate_cue(t, l, c, at(1.0), None))

@@ -74,14 +74,14 @@ pub fn text(ui: &Ui, value: f64) -> String {
 }
 
 /// The numbers of a list as they are written into a script, with a comma between them, of which the one with this index was typed. `stated`:
-/// the list as the script has it, whose other numbers stay as they are written.
+/// the list as the script has it, whose other numbers stay as they are written or computed.
 pub fn list(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize, to: f64) -> String {
     let inside = stated.unwrap_or_default().trim();
     let inside = inside.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(inside);
     let parts: Vec<&str> = inside.split(',').map(str::trim).collect();
     let count = now.len();
     let one = |(part, now): (usize, &f64)| {
-        let is_it = |text: &&&str| expression::value(text, 1.0).is_some_and(|read| (read - now).abs() < 5e-4);
+        let is_it = |text: &&&str| expression::value(text, 1.0).is_none_or(|read| (read - now).abs() < 5e-4);
         match parts.get(part).filter(|_| parts.len() == count).filter(is_it) {
             _ if part == index => text(ui, to),
             Some(stated) => stated.to_string(),
