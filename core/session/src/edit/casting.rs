@@ -1,10 +1,12 @@
 //! Lines that put a model on stage.
 
-use super::object::{loaded_as, quoted};
-use super::scan::Source;
+use super::object::{loads_of, quoted};
+use super::scan::{Call, Source};
 use super::values::format_number;
+use crate::model::is_built_in;
 use choreo_script::is_name;
 use glam::DVec3;
+use std::path::Path;
 
 /// The lines that cast a file at a place of the world, and let it play one of its clips, under a name that the text has not yet; and that name:
 ///
@@ -14,7 +16,8 @@ use glam::DVec3;
 /// fox.play(fox_model.clip("Survey"));
 /// ```
 ///
-/// A file that the script has loaded goes by the script's name of it. `file`: as `load` takes it.
+/// A file that the script has loaded goes by the script's name of it; a built-in one, of which the options are the looks of a character, only
+/// where it has none. `file`: as `load` takes it.
 pub fn cast_lines(text: &str, file: &str, at: DVec3, clip: Option<&str>) -> (String, String) {
     // A built-in one is written as `choreo:mannequin`.
     let stem = file.rsplit(['/', ':']).next().unwrap_or(file);
@@ -26,7 +29,9 @@ pub fn cast_lines(text: &str, file: &str, at: DVec3, clip: Option<&str>) -> (Str
         true => String::new(),
         false => format!(".at({})", at.to_array().map(format_number).join(", ")),
     };
-    let known = loaded_as(&Source::new(text), &loaded, text.len()).map(str::to_string);
+    let source = Source::new(text);
+    let is_alike = |load: &Call| !is_built_in(Path::new(file)) || source.argument(&load.inside, 1).is_none();
+    let known = loads_of(&source, &loaded).find(|(load, _)| is_alike(load)).map(|(_, name)| name.to_string());
     let (mut lines, model) = match (known, clip) {
         (Some(known), _) => (String::new(), known),
         (None, None) => (String::new(), load),
@@ -143,6 +148,23 @@ mod tests {
             "let fox_2 = cast(\"fox_2\", beast).at(1.0, 0.0, 0.0);\nfox_2.play(beast.clip(\"Run\"));\n"
         );
     }
+
+    /// The color of another character is not that of a new one; the options of a file say how it is read.
+    #[test]
+    fn a_built_in_character_has_its_own_color() {
+        let cast = |text: &str, file| cast_lines(text, file, DVec3::ZERO, Some("Idle")).0;
+        let coral = "let coral = load(\"choreo:mannequin\", #{ color: \"coral\" });\n";
+        let own = cast(coral, "choreo:mannequin");
+        assert!(own.starts_with("let mannequin_model = load(\"choreo:mannequin\");\n"), "{own}");
+        assert!(own.contains("cast(\"mannequin\", mannequin_model)"), "{own}");
+        let plain = format!("{coral}let moves = load(\"choreo:mannequin\");\n");
+        assert!(
+            cast(&plain, "choreo:mannequin").starts_with("let mannequin = cast(\"mannequin\", moves);\n")
+        );
+        let fox = cast("let beast = load(\"fox.glb\", #{ scale: 0.01 });\n", "fox.glb");
+        assert!(fox.starts_with("let fox = cast(\"fox\", beast);\n"), "{fox}");
+    }
+
     #[test]
     fn variables_have_readable_names() {
         for (text, name) in [

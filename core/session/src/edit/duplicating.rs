@@ -184,7 +184,7 @@ mod tests {
     fn an_object_is_copied_with_the_lines_about_it() {
         let text = "let m = load(\"m\");\nlet bob = |cast(\"bob\", m)\n    .at(1, 0, 0); // left\nlet a = 1;\nbob.play(m.clip(\"W\"))\n    .until(2.0); // walks\nsun(#{});\n";
         let plain = text.replace('|', "");
-        let more = "let bob_2 = cast(\"bob 2\", m)\n    .at(2.0, 0, 0);\nbob_2.play(m.clip(\"W\"))\n    .until(2.0);\n";
+        let more = "let bob_2 = cast(\"bob 2\", m)\n    .at(2, 0, 0);\nbob_2.play(m.clip(\"W\"))\n    .until(2.0);\n";
         let wanted = plain.replace("sun(", &format!("{more}sun("));
         let (after, name) = copied(text, Some(DVec3::X)).unwrap();
         assert_eq!((after.as_str(), name.as_deref()), (wanted.as_str(), Some("bob 2")));
@@ -239,7 +239,7 @@ mod tests {
     fn the_points_to_which_it_walks_stand_aside_in_the_copy() {
         let text = "let a = |cast(\"a\", m);\na.walk_to([1.0, 0, 2], #{ from: 1.0 });\na.walk_to([ -1, 0, 0 ]); // back\n";
         let (after, _) = copied(text, Some(DVec3::X)).unwrap();
-        let copy = "let a_2 = cast(\"a 2\", m).at(1.0, 0.0, 0.0);\na_2.walk_to([2.0, 0, 2], #{ from: 1.0 });\na_2.walk_to([ 0.0, 0, 0 ]);\n";
+        let copy = "let a_2 = cast(\"a 2\", m).at(1.0, 0.0, 0.0);\na_2.walk_to([2.0, 0, 2], #{ from: 1.0 });\na_2.walk_to([ 0, 0, 0 ]);\n";
         assert_eq!(after, text.replace('|', "") + copy);
         // The copy goes where the object does if one of the points is computed.
         let text = "let a = cast(\"a\", m).at(0, 0, 0);\na.walk_to([1.0, 0, 2]);\na.walk_to(home);\n";

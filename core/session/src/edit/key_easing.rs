@@ -72,7 +72,7 @@ impl ScriptObject<'_> {
                 at = method;
                 edit
             }
-            (Some(old), Some(how)) => Edit { range: old, text: how.to_string() },
+            (Some(old), Some(how)) => Edit::over(&self.text, old, how),
             (Some(old), None) => self.without_how(old),
             (None, how) => {
                 let list = arguments(&self.text, &call)[leading(property)].clone();
@@ -142,7 +142,7 @@ fn eased(text: &Source, key: &Key, ease: Option<&str>) -> Edit {
         return shaped(text, key, &KeyShape { ease: ease.map(str::to_string), ..old });
     }
     match (&key.shape, ease) {
-        (Some(old), Some(ease)) => Edit { range: old.clone(), text: ease.to_string() },
+        (Some(old), Some(ease)) => Edit::over(text, old.clone(), ease),
         (Some(old), None) => Edit { range: start..old.end, text: String::new() },
         (None, Some(ease)) => Edit { range: start..start, text: format!(", {ease}") },
         (None, None) => Edit { range: start..start, text: String::new() },

@@ -5,6 +5,7 @@ use super::Edit;
 use super::key_name::KeyName;
 use super::scan::{Call, Source};
 use super::times::{EditTime, TimeLiteral};
+use super::whole::written_like;
 use std::ops::Range;
 
 /// One of the keys in the text.
@@ -135,9 +136,10 @@ pub(super) fn retimed(text: &str, keys: &[Key], times: &[Option<EditTime>]) -> E
     for (slot, index) in order.iter().enumerate() {
         let key = &keys[*index];
         out += &text[at..keys[slot].all.start];
-        let time = times[*index].map(|time| time.text(key.in_frames));
+        let old = &text[key.time.clone()];
+        let time = times[*index].map(|time| written_like(old, &time.text(key.in_frames)));
         out += &text[key.all.start..key.time.start];
-        out += &time.unwrap_or_else(|| text[key.time.clone()].to_string());
+        out += time.as_deref().unwrap_or(old);
         out += &text[key.time.end..key.all.end];
         at = keys[slot].all.end;
         if lines {

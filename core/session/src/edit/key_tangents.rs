@@ -142,7 +142,7 @@ pub(super) fn shaped(text: &Source, key: &Key, shape: &KeyShape) -> Edit {
     // A comment before it stays where something is written.
     let new = shape.text();
     let whole = match new.strip_prefix(", ") {
-        Some(new) => Edit { range: bytes.clone(), text: new.to_string() },
+        Some(new) => Edit::over(text, bytes.clone(), new),
         None => Edit { range: end..bytes.end, text: new },
     };
     let (Some(old), new) = (map_entries(text, bytes), shape.entries()) else { return whole };
@@ -160,7 +160,7 @@ pub(super) fn shaped(text: &Source, key: &Key, shape: &KeyShape) -> Edit {
             Entry::Text(new) if *new == text[value.clone()] => return None,
             Entry::Text(_) => None,
         };
-        Some(kept.unwrap_or_else(|| Edit { range: value.clone(), text: entry.text() }))
+        Some(kept.unwrap_or_else(|| Edit::over(text, value.clone(), &entry.text())))
     });
     Edit::joined(text, changed.collect())
 }

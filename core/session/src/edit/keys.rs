@@ -348,7 +348,7 @@ impl ScriptObject<'_> {
             KeyName::Method(method) if self.written(method).is_some() => {
                 self.state(method, list, Anew::Method)
             }
-            KeyName::Method(_) if self.variable.is_none() => Ok(self.behind(self.made.end, &call)),
+            KeyName::Method(_) if self.variable.is_none() => Ok(self.added(&call)),
             _ => self.add_call(&call, None),
         }
     }
@@ -408,7 +408,7 @@ pub(super) fn shifted_keys(text: &Source, bytes: Range<usize>, by: EditTime) -> 
 /// Replaces a value. `None` where that is computed.
 fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
     if let KeyValue::Text(new) = value {
-        return is_plain(text, bytes).then(|| Edit { range: bytes.clone(), text: new.to_string() });
+        return is_plain(text, bytes).then(|| Edit::over(text, bytes.clone(), new));
     }
     if let KeyValue::Numbers { before, now } = value {
         let written = numbers_in(text, bytes);
@@ -422,7 +422,7 @@ fn over(text: &Source, bytes: &Range<usize>, value: &KeyValue) -> Option<Edit> {
     match new.len() == old.len() {
         // The text between the numbers stays.
         true => rewritten(text, &old, &new),
-        false => Some(Edit { range: bytes.clone(), text: list(&new) }),
+        false => Some(Edit::over(text, bytes.clone(), &list(&new))),
     }
 }
 

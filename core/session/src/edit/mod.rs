@@ -3,6 +3,7 @@
 
 mod additions;
 mod casting;
+mod chain;
 mod constraints;
 mod copying;
 mod cues;
@@ -30,6 +31,7 @@ mod times;
 mod typed;
 mod unroll;
 mod values;
+mod whole;
 
 use std::ops::Range;
 

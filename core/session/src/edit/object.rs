@@ -8,8 +8,12 @@ use super::key_name::{JointKey, joint_keys};
 use super::refused::ADD;
 use super::scan::{Call, Source, Tokens, tokens_of};
 use super::times::{EditTime, TimeLiteral, restated};
-use super::values::{format_number, is_calculation, literals, option_of, rewritten, set_option};
-use super::{Edit, EditRefused};
+use super::values::{
+    format_number, is_calculation, keeps_computed, literals, numbers_over, numbers_plus, option_of,
+    rewritten, set_option,
+};
+use super::whole::written_like;
+use super::{Edit, EditRefused, chain};
 use glam::{DMat3, DQuat, DVec3};
 use std::sync::Arc;
 
@@ -183,57 +187,58 @@ impl<'a> ScriptObject<'a> {
         Some(Edit { range: end..end, text: format!("\n{indent}{name}.{call};") })
     }
 
-    pub(super) fn behind(&self, at: usize, call: &str) -> Edit {
-        Edit { range: at..at, text: format!(".{call}") }
+    /// Adds a method to the chain of the call that made it, `scale(2.0)`.
+    pub(super) fn added(&self, method: &str) -> Edit {
+        chain::added(&self.text, &self.made, method)
     }
 
-    /// `.name(values)`: the last call of this name, or a new one behind the call that made it.
+    /// `.name(values)`: the last call of this name, or a new one in the chain of the call that made it.
     pub fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let new = call_text(name, values);
-        let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
-        let Some(old) = literals(&self.text, &call.inside) else {
-            return match values {
+        let Some(call) = self.last(&[name]) else { return Ok(self.added(&new)) };
+        if let Some(edit) = numbers_over(&self.text, &call.inside, values) {
+            return Ok(edit);
+        }
+        match literals(&self.text, &call.inside) {
+            // One factor becomes three.
+            Some(old) if old.len() != values.len() => {
+                let inside = values.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(", ");
+                Ok(Edit::over(&self.text, call.inside.clone(), &inside))
+            }
+            _ => match values {
                 [value] => self.overwrite(call, call.inside.clone(), &format_number(*value)),
                 _ => Err(self.computed(call, &new)),
-            };
-        };
-        if old.len() == values.len() {
-            return rewritten(&self.text, &old, values).ok_or_else(|| self.computed(call, &new));
+            },
         }
-        // One factor becomes three.
-        let inside = values.iter().map(|v| format_number(*v)).collect::<Vec<_>>().join(", ");
-        Ok(Edit { range: call.inside.clone(), text: inside })
     }
 
-    /// Writes a call in place of the last of several that exclude each other, else behind the call that made it.
+    /// Writes a method with a value in place of the last of several that exclude each other, else in the chain of the call that made it.
     ///
     /// # Errors
     /// The script computes the value that would be replaced.
-    pub fn state_one_of(&self, names: &[&str], call: &str) -> Result<Edit, EditRefused> {
-        let Some(old) = self.last(names) else { return Ok(self.behind(self.made.end, call)) };
-        literals(&self.text, &old.inside).ok_or_else(|| self.computed(old, call))?;
-        Ok(Edit { range: old.name.start..old.end, text: call.to_string() })
+    pub fn state_one_of(&self, names: &[&str], name: &str, value: &str) -> Result<Edit, EditRefused> {
+        let new = format!("{name}({value})");
+        let Some(old) = self.last(names) else { return Ok(self.added(&new)) };
+        literals(&self.text, &old.inside).ok_or_else(|| self.computed(old, &new))?;
+        let value = written_like(&self.text[old.inside.clone()], value);
+        Ok(Edit { range: old.name.start..old.end, text: format!("{name}({value})") })
     }
 
-    /// `.name([x, y, z])`: the last call of this name, or a new one behind the call that made it.
+    /// `.name([x, y, z])`: the last call of this name, or a new one in the chain of the call that made it.
     pub fn set_point(&self, name: &str, point: DVec3) -> Result<Edit, EditRefused> {
         let [x, y, z] = point.to_array().map(format_number);
         let new = format!("{name}([{x}, {y}, {z}])");
-        let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
-        let old = literals(&self.text, &call.inside).filter(|old| old.len() == 3);
-        let changed = old.and_then(|old| rewritten(&self.text, &old, &point.to_array()));
+        let Some(call) = self.last(&[name]) else { return Ok(self.added(&new)) };
+        let changed = numbers_over(&self.text, &call.inside, &point.to_array());
         changed.ok_or_else(|| self.computed(call, &new))
     }
 
-    /// Moves it: `.at` and `.move_by`, of which the last is changed. `to`: where it then stands.
+    /// Moves it: `.at` and `.move_by`, of which the last is changed, but for numbers that stay. `to`: where it then stands.
     pub fn move_by(&self, by: DVec3, to: DVec3) -> Result<Edit, EditRefused> {
         let Some(call) = self.last(&["at", "move_by"]) else { return self.set("at", &to.to_array()) };
         let new = call_text("move_by", &by.to_array());
-        let old = literals(&self.text, &call.inside)
-            .filter(|l| l.len() == 3)
-            .ok_or_else(|| self.computed(call, &new))?;
-        let moved: Vec<f64> = old.iter().zip(by.to_array()).map(|((_, v), by)| v + by).collect();
-        rewritten(&self.text, &old, &moved).ok_or_else(|| self.computed(call, &new))
+        let moved = numbers_plus(&self.text, &call.inside, &by.to_array());
+        moved.ok_or_else(|| self.computed(call, &new))
     }
 
     /// Turns it by a rotation about its parent's axes, after what `.turn` and `.rotate` have done to it: calls add up.
@@ -243,7 +248,7 @@ impl<'a> ScriptObject<'a> {
         let angles = euler_degrees(by);
         let new =
             if upright { call_text("turn", &[degrees]) } else { call_text("rotate", &angles.to_array()) };
-        let Some(call) = self.last(&["turn", "rotate"]) else { return self.behind(self.made.end, &new) };
+        let Some(call) = self.last(&["turn", "rotate"]) else { return self.added(&new) };
         let old = literals(&self.text, &call.inside).unwrap_or_default();
         let values: Vec<f64> = old.iter().map(|(_, v)| *v).collect();
         let changed = match (&self.text[call.name.clone()], values.as_slice()) {
@@ -254,13 +259,17 @@ impl<'a> ScriptObject<'a> {
             }
             _ => None,
         };
-        changed.unwrap_or_else(|| self.behind(call.end, &new))
+        let anew = || match self.text.chain_after(self.made.end).contains(call) {
+            true => chain::behind(&self.text, &self.made, call.end, &new),
+            false => Edit { range: call.end..call.end, text: format!(".{new}") },
+        };
+        changed.unwrap_or_else(anew)
     }
 
     /// `.from`, `.until`, `.cut` …
     pub fn time(&self, name: &str, time: EditTime) -> Result<Edit, EditRefused> {
         let new = format!("{name}({})", time.anew(&self.text));
-        let Some(call) = self.last(&[name]) else { return Ok(self.behind(self.made.end, &new)) };
+        let Some(call) = self.last(&[name]) else { return Ok(self.added(&new)) };
         restated(&self.text, &call.inside, time).ok_or_else(|| self.computed(call, &new))
     }
 
@@ -303,11 +312,12 @@ impl<'a> ScriptObject<'a> {
         let quoted = inside.trim().starts_with('"') && inside.trim().ends_with('"');
         let is_literal = literals(&self.text, &bytes).is_some_and(|l| !l.is_empty());
         let is_time = TimeLiteral::of(&self.text, &bytes).is_some();
-        if !quoted && !is_literal && !is_time && !is_calculation(&self.text, &bytes) {
+        let is_written = quoted || is_literal || is_time || is_calculation(&self.text, &bytes);
+        if !is_written && !keeps_computed(&self.text, &bytes, value) {
             return Err(self.computed(call, &format!("{}({value})", &self.text[call.name.clone()])));
         }
         let start = bytes.start + (inside.len() - inside.trim_start().len());
-        Ok(Edit { range: start..start + inside.trim().len(), text: value.to_string() })
+        Ok(Edit::over(&self.text, start..start + inside.trim().len(), value))
     }
 
     /// A line that plays a clip from a time on: `anna.play(hero.clip("Wave"), #{ fade: 0.3 }).from(2.0);`. The clip is of the thing's own
@@ -368,7 +378,7 @@ impl<'a> ScriptObject<'a> {
         if self.text[self.text.skip(end)..].starts_with('.') || is_later || is_constrained {
             return Err(EditRefused::at(self.line, "it has no name in the script; write let NAME = cast(…)"));
         }
-        Ok(self.behind(end, call))
+        Ok(chain::behind(&self.text, &self.made, end, call))
     }
 
     /// The file that it is cast from, as the script writes it; by the script's own name of it, if there is one.
@@ -376,16 +386,14 @@ impl<'a> ScriptObject<'a> {
     /// # Errors
     /// The actor is not cast from a file.
     pub(super) fn asset(&self) -> Result<String, EditRefused> {
-        let inside = &self.made.inside;
-        let first = self.text.value_end(inside.start, inside.end);
-        let asset = self.text.get(first + 1..inside.end).map(str::trim).filter(|a| !a.is_empty());
+        let asset = self.text.argument(&self.made.inside, 1);
         let asset = asset.ok_or_else(|| EditRefused::at(self.line, "it is not cast from a file"))?;
-        let named = self.text.call_from(first + 1).filter(|load| self.text[load.name.clone()] == *"load");
+        let named = self.text.call_from(asset.start).filter(|load| self.text[load.name.clone()] == *"load");
         let named = named.and_then(|load| {
-            let file = &self.text[load.inside.start..self.text.value_end(load.inside.start, load.inside.end)];
-            loaded_as(&self.text, file.trim(), self.made.name.start)
+            let file = self.text.argument(&load.inside, 0)?;
+            loaded_as(&self.text, &self.text[file], self.made.name.start)
         });
-        Ok(named.unwrap_or(asset).to_string())
+        Ok(named.unwrap_or(&self.text[asset]).to_string())
     }
 }
 
@@ -435,15 +443,19 @@ fn call_text(name: &str, values: &[f64]) -> String {
 
 /// The script's variable of a file that it has loaded before a byte: `let NAME = load("FILE" …)`; `file` with its quotes.
 pub(super) fn loaded_as<'a>(text: &Source<'a>, file: &str, before: usize) -> Option<&'a str> {
-    let is_it = |call: &Call| {
-        let first = call.inside.start..text.value_end(call.inside.start, call.inside.end);
+    loads_of(text, file).find(|(load, _)| load.name.start < before).map(|(_, name)| name)
+}
+
+/// The calls `let NAME = load("FILE" …);` of a file outside blocks, with the names; `file` with its quotes.
+pub(super) fn loads_of<'a>(text: &Source<'a>, file: &str) -> impl Iterator<Item = (Call, &'a str)> {
+    let is_it = move |call: &Call| {
         file.starts_with('"')
-            && call.name.start < before
+            && text.argument(&call.inside, 0).is_some_and(|first| text[first] == *file)
             && text.depth_to(call.name.start) == 0
-            && text[first].trim() == file
             && text[text.skip(call.end)..].starts_with(';')
     };
-    text.calls_of("load").filter(is_it).find_map(|call| text.variable_before(call.name.start))
+    let named = move |call: Call| text.variable_before(call.name.start).map(|name| (call, name));
+    text.calls_of("load").filter(is_it).filter_map(named)
 }
 
 fn wrapped(degrees: f64) -> f64 {
@@ -473,6 +485,7 @@ pub fn euler_degrees(q: DQuat) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::edit::Anew;
     use crate::edit::marked::marked;
 
     fn at(secs: f64) -> EditTime {
@@ -495,7 +508,7 @@ mod tests {
         let text =
             "let a = |cast(\"a\", m).at(1.0, 0, 2.0); // here\nlet b = 1;\na.turn(5).at([ 3.0, -1.5, 0 ]);\n";
         let moved = |o: &ScriptObject| o.move_by(DVec3::new(0.25, 0.0, -1.0), DVec3::ZERO);
-        assert!(changed(text, moved).unwrap().contains("a.turn(5).at([ 3.25, -1.5, -1.0 ]);"));
+        assert!(changed(text, moved).unwrap().contains("a.turn(5).at([ 3.25, -1.5, -1 ]);"));
         let inline = "|cast(\"a\", m).at(1.0, 0, 2.0).play(m.clip(\"x\")).from(1.0);";
         assert_eq!(
             changed(inline, moved).unwrap(),
@@ -515,7 +528,7 @@ mod tests {
         let turned = |o: &ScriptObject| Ok(o.turn_by(rotation_of(DVec3::new(0.0, 20.0, 0.0))));
         let after = changed(text, turned).unwrap();
         assert!(
-            after.starts_with("let a = cast(\"a\", m).turn(30.0);\non_frame(|t| a.turn(10.0 * t));"),
+            after.starts_with("let a = cast(\"a\", m).turn(30);\non_frame(|t| a.turn(10.0 * t));"),
             "{after}"
         );
     }
@@ -531,6 +544,23 @@ mod tests {
         assert!(over.contains("(x + 1, 0, 0);\n  a.move_by(0.5, 0.0, 0.0);\nlet b"), "{over}");
         let nameless = changed("|cast(\"a\", m).at(x, 0, 0);", |o| o.move_by(by, by)).unwrap_err();
         assert_eq!(nameless.over, None);
+    }
+
+    #[test]
+    fn numbers_beside_a_computed_one_are_changed() {
+        let text = "|cast(\"a\", m).at(1.0 / 3.0, 0, 2.0 * x);";
+        let moved = |x: f64, y: f64, z: f64| changed(text, |o| o.move_by(DVec3::new(x, y, z), DVec3::ZERO));
+        assert_eq!(moved(1e-12, 2.0, 0.0).unwrap(), "cast(\"a\", m).at(1.0 / 3.0, 2, 2.0 * x);");
+        assert_eq!(moved(1.0, 0.0, -1e-12).unwrap(), "cast(\"a\", m).at(1.333, 0, 2.0 * x);");
+        let refused = moved(0.0, 1.0, 1.0).unwrap_err().why;
+        assert!(refused.starts_with("line 1: .at(1.0 / 3.0, 0, 2.0 * x) is computed"), "{refused}");
+        // A value that repeats what is computed is written, too.
+        let stated = |value: &str| {
+            let at = |o: &ScriptObject| o.state("at", value, Anew::Method);
+            changed("|camera(\"c\").at(0, 1, 2 * x);", at)
+        };
+        assert_eq!(stated("0.0, 2.0, 2 * x").unwrap(), "camera(\"c\").at(0, 2, 2 * x);");
+        assert!(stated("0.0, 2.0, 3.0").unwrap_err().why.contains("is computed"));
     }
 
     #[test]
@@ -567,7 +597,7 @@ mod tests {
         assert!(changed(effect, |o| o.parameter("size", "2.0")).unwrap().contains(".set(\"size\", 2.0)"));
         assert!(changed(effect, |o| o.parameter("amount", "0.3")).unwrap().contains("amount: 0.3 }"));
         assert!(changed(effect, |o| o.time("from", at(1.25))).unwrap().ends_with(".from(1.25);"));
-        assert!(changed(effect, |o| o.time("until", at(3.0))).unwrap().contains(").until(3.0).set("));
+        assert!(changed(effect, |o| o.time("until", at(3.0))).unwrap().ends_with(".from(1.0).until(3.0);"));
         let refused =
             changed("|effect(\"glow\", #{ amount: x });", |o| o.parameter("amount", "1.0")).unwrap_err();
         assert!(refused.why.contains("amount: x is computed"), "{}", refused.why);

@@ -5,20 +5,20 @@ use super::casting::free_name;
 use super::cues::statement_start;
 use super::object::ScriptObject;
 use super::refused::EditRefused;
-use super::scan::Source;
-use std::ops::Range;
+use super::scan::{Call, Source};
 
 impl ScriptObject<'_> {
     /// The variable of the asset of which an actor is cast, and the number of calls that cast it; `None` where the actor's own call makes it.
     pub fn asset_variable(&self) -> Option<(&str, usize)> {
-        let name = self.asset_argument(self.made.inside.clone());
+        let name = self.text.argument(&self.made.inside, 1)?;
         let made = self.text.made_as(&self.text[name.clone()], self.made.name.start)?;
-        let is_of_it = |inside: Range<usize>| {
-            let other = self.asset_argument(inside.clone());
-            self.text[other.clone()] == self.text[name.clone()]
-                && self.text.made_as(&self.text[other], inside.start) == Some(made)
+        let is_of_it = |call: &Call| {
+            self.text.argument(&call.inside, 1).is_some_and(|other| {
+                self.text[other.clone()] == self.text[name.clone()]
+                    && self.text.made_as(&self.text[other], call.inside.start) == Some(made)
+            })
         };
-        let count = self.text.calls_of("cast").filter(|call| is_of_it(call.inside.clone())).count();
+        let count = self.text.calls_of("cast").filter(is_of_it).count();
         Some((&self.text[name], count))
     }
 
@@ -28,7 +28,7 @@ impl ScriptObject<'_> {
     /// Its asset is made in another way.
     pub fn own_asset(&self, change: &Edit) -> Result<Edit, EditRefused> {
         let refuse = || EditRefused::at(self.line, "its asset is made elsewhere; change it there");
-        let argument = self.asset_argument(self.made.inside.clone());
+        let argument = self.text.argument(&self.made.inside, 1).ok_or_else(refuse)?;
         let made =
             self.text.made_as(&self.text[argument.clone()], self.made.name.start).ok_or_else(refuse)?;
         let changed = change.apply(&self.text);
@@ -47,12 +47,6 @@ impl ScriptObject<'_> {
         after.replace_range(argument, &name);
         after.insert_str(start, &format!("let {name} = {value};\n{indent}"));
         Ok(Edit::between(&self.text, &after))
-    }
-
-    /// The second argument of a `cast`, given by the inside of its brackets.
-    fn asset_argument(&self, inside: Range<usize>) -> Range<usize> {
-        let second = (self.text.value_end(inside.start, inside.end) + 1).min(inside.end);
-        self.text.trimmed(&(second..self.text.value_end(second, inside.end)))
     }
 }
 

@@ -397,6 +397,13 @@ impl<'a> Source<'a> {
         self.start(self.find_outside_before(self.index(end), at, |token| token == ",")).min(end)
     }
 
+    /// An argument of a call, given by the inside of its parentheses and its number from 0, without the blanks around it.
+    pub(super) fn argument(&self, inside: &Range<usize>, number: usize) -> Option<Range<usize>> {
+        let next = |at: usize| Some(self.value_end(at, inside.end) + 1).filter(|at| *at < inside.end);
+        let start = (0..number).try_fold(inside.start, |at, _| next(at))?;
+        Some(self.trimmed(&(start..self.value_end(start, inside.end)))).filter(|range| !range.is_empty())
+    }
+
     pub(crate) fn count_arguments(&self, inside: &Range<usize>) -> usize {
         let (mut at, mut count) = (inside.start, 0);
         while at < inside.end {

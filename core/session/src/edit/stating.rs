@@ -3,7 +3,7 @@
 use super::object::{ScriptObject, quoted};
 use super::scan::Call;
 use super::times::{EditTime, restated};
-use super::values::{method_place, option_value, set_option};
+use super::values::{becomes_method, option_value, set_option};
 use super::{Edit, EditRefused};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -52,14 +52,14 @@ impl<'a> ScriptObject<'a> {
         if let Some(call) = self.last(&[name]) {
             return self.overwrite(call, call.inside.clone(), value);
         }
-        let method = match anew {
-            Anew::Option => None,
-            Anew::Method => Some(self.made.end),
-            Anew::Alike => method_place(&self.text, &self.made, &self.calls, name),
+        let is_method = match anew {
+            Anew::Option => false,
+            Anew::Method => true,
+            Anew::Alike => becomes_method(&self.text, &self.made, &self.calls, name),
         };
-        match method.filter(|_| option_value(&self.text, &self.made, name).is_none()) {
-            Some(at) => Ok(self.behind(at, &format!("{name}({value})"))),
-            None => set_option(&self.text, &self.made, self.line, name, value),
+        match is_method && option_value(&self.text, &self.made, name).is_none() {
+            true => Ok(self.added(&format!("{name}({value})"))),
+            false => set_option(&self.text, &self.made, self.line, name, value),
         }
     }
 
@@ -73,7 +73,7 @@ impl<'a> ScriptObject<'a> {
             None => option_value(&self.text, &self.made, name),
         };
         match over {
-            Some(range) => Ok(Edit { range: self.text.trimmed(&range), text: value.to_string() }),
+            Some(range) => Ok(Edit::over(&self.text, self.text.trimmed(&range), value)),
             None => self.state(name, value, anew),
         }
     }
@@ -133,15 +133,7 @@ impl<'a> ScriptObject<'a> {
 
     /// An argument of the call that made it, from 0, as it is written: the target in `.follow(target, offset)`.
     pub fn argument(&self, number: usize) -> Option<&str> {
-        Some(self.text[self.argument_range(number)?].trim())
-    }
-
-    fn argument_range(&self, number: usize) -> Option<Range<usize>> {
-        let inside = &self.made.inside;
-        let next = |at: usize| Some(self.text.value_end(at, inside.end) + 1).filter(|at| *at < inside.end);
-        let start = (0..number).try_fold(inside.start, |at, _| next(at))?;
-        Some(self.text.trimmed(&(start..self.text.value_end(start, inside.end))))
-            .filter(|range| !range.is_empty())
+        Some(&self.text[self.text.argument(&self.made.inside, number)?])
     }
 
     /// Writes an argument of the call that made it anew, whatever is there.
@@ -149,9 +141,9 @@ impl<'a> ScriptObject<'a> {
     /// # Errors
     /// The call has none of this number.
     pub fn state_argument(&self, number: usize, value: &str) -> Result<Edit, EditRefused> {
-        let range = self.argument_range(number);
+        let range = self.text.argument(&self.made.inside, number);
         let range = range.ok_or_else(|| EditRefused::at(self.line, "the call has no such argument"))?;
-        Ok(Edit { range, text: value.to_string() })
+        Ok(Edit::over(&self.text, range, value))
     }
 
     /// All arguments of the call that made it, as they are written.
@@ -181,7 +173,7 @@ impl<'a> ScriptObject<'a> {
             let why = format!("{name}({}) is computed; change it there", &self.text[range]);
             return Err(EditRefused::at(self.line, &why));
         }
-        Ok(Edit { range, text: value.to_string() })
+        Ok(Edit::over(&self.text, range, value))
     }
 
     /// The arguments before its options, as they are written.
@@ -316,18 +308,12 @@ impl<'a> ScriptObject<'a> {
     /// # Errors
     /// The script makes it in another way.
     pub fn asset_object(&self) -> Result<ScriptObject<'a>, EditRefused> {
-        let inside = &self.made.inside;
-        let second = self.text.value_end(inside.start, inside.end) + 1;
         let refuse = || EditRefused::at(self.line, "its asset is made elsewhere; change it there");
-        let start = self.text.skip(second);
-        if self.text.call_from(start).is_some_and(|call| call.name.start == start && call.end <= inside.end) {
-            let (line, column) = self.text.place_of(start);
-            return ScriptObject::at(self.text.whole(), line, column);
-        }
-        let end = self.text.value_end(second, inside.end).max(second);
-        let name = self.text.get(second..end).map(str::trim).unwrap_or_default();
-        let made = self.text.made_as(name, self.made.name.start).ok_or_else(refuse)?;
-        let (line, column) = self.text.place_of(made);
+        let asset = self.text.argument(&self.made.inside, 1).ok_or_else(refuse)?;
+        let is_own = |call: &Call| call.name.start == asset.start && call.end <= asset.end;
+        let own = self.text.call_from(asset.start).filter(is_own).map(|call| call.name.start);
+        let made = own.or_else(|| self.text.made_as(&self.text[asset.clone()], self.made.name.start));
+        let (line, column) = self.text.place_of(made.ok_or_else(refuse)?);
         ScriptObject::at(self.text.whole(), line, column)
     }
 

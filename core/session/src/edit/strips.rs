@@ -8,9 +8,10 @@ use super::object::ScriptObject;
 use super::scan::{Call, Source};
 use super::times::{CueTime, EditTime, TimeLiteral};
 use super::values::{
-    format_number, is_calculation, literals, method_place, option_value, options_of, rewritten, set_option,
+    becomes_method, format_number, is_calculation, numbers_over, option_value, options_of, set_option,
 };
-use super::{Edit, EditRefused};
+use super::whole::written_like;
+use super::{Edit, EditRefused, chain};
 use choreo_stage::{Cue, Described};
 use std::ops::Range;
 
@@ -91,34 +92,22 @@ impl<'a> Strip<'a> {
     /// Writes numbers as the value of a method or an option.
     fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let Some(old) = self.value(name) else {
-            let method = method_place(&self.text, &self.call, &self.chain, name);
-            return Ok(self.add(method, (name, values)));
+            let is_method = becomes_method(&self.text, &self.call, &self.chain, name);
+            return Ok(self.add(is_method, (name, values)));
         };
-        let range = self.text.trimmed(&old);
-        let literals = literals(&self.text, &range).filter(|l| l.len() == values.len());
-        if let Some(changed) = literals.and_then(|literals| rewritten(&self.text, &literals, values)) {
-            return Ok(changed);
-        }
-        // Calculations with literals that a person typed in place of numbers.
-        let array = self.text[range.clone()].strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
-        let list = array.map_or(range.clone(), |array| range.start + 1..range.start + 1 + array.len());
-        let parts: Vec<Range<usize>> = parts(&self.text, list.start, list.end).collect();
-        match parts.len() == values.len() && parts.iter().all(|part| is_calculation(&self.text, part)) {
-            true => Ok(Edit { range: list, text: numbers(values) }),
-            false => Err(self.computed(name, &old)),
-        }
+        let changed = numbers_over(&self.text, &self.text.trimmed(&old), values);
+        changed.ok_or_else(|| self.computed(name, &old))
     }
 
-    /// Adds a value that is not stated yet as a method at a byte, else among the options; behind the call where those are computed.
-    fn add(&self, method: Option<usize>, (name, values): (&str, &[f64])) -> Edit {
+    /// Adds a value that is not stated yet as a method, else among the options; as a method, too, where those are computed.
+    fn add(&self, is_method: bool, (name, values): (&str, &[f64])) -> Edit {
         let numbers = numbers(values);
         let value = if values.len() == 1 { numbers.clone() } else { format!("[{numbers}]") };
-        let option = match method {
-            Some(_) => None,
-            None => set_option(&self.text, &self.call, self.line, name, &value).ok(),
+        let option = match is_method {
+            true => None,
+            false => set_option(&self.text, &self.call, self.line, name, &value).ok(),
         };
-        let at = method.unwrap_or(self.call.end);
-        option.unwrap_or_else(|| Edit { range: at..at, text: format!(".{name}({numbers})") })
+        option.unwrap_or_else(|| chain::added(&self.text, &self.call, &format!("{name}({numbers})")))
     }
 
     /// The comment of its line, with the blanks before it.
@@ -241,7 +230,7 @@ pub fn set_trim(
     };
     let moves = |(end, secs): &(TimeLiteral, f64)| (end.secs(fps) - secs).abs() > SAME;
     let moved = [(from, trim[0]), (to, trim[1])].into_iter().filter(moves);
-    Ok(Edit::joined(text, moved.map(|(end, secs)| end.set(EditTime { secs, fps })).collect()))
+    Ok(Edit::joined(text, moved.map(|(end, secs)| end.set(text, EditTime { secs, fps })).collect()))
 }
 
 /// The two times of a list, `0.5, f(12)` or `[0.5, f(12)]`; `None` where one is computed.
@@ -288,7 +277,8 @@ pub fn set_disabled(text: &str, line: usize, column: usize, off: bool) -> Result
         if !is_calculation(&strip.text, &old) {
             return Err(strip.computed("weight", &value));
         }
-        return Ok(Edit { text: format!("0.0 /* {} */", &strip.text[old]), range });
+        let old = &strip.text[old];
+        return Ok(Edit { text: format!("{} /* {old} */", written_like(old, "0.0")), range });
     }
     if let Some(old) = inside.split_once("/*").and_then(|(_, rest)| rest.split_once("*/")) {
         return Ok(Edit { range, text: old.0.trim().to_string() });
@@ -314,7 +304,7 @@ pub fn split_cue(
     let mut second = strip.then(|name| is_own(name) && !ENDS.contains(&name));
     let until = strip.value("until").map(|until| strip.text[until].trim().to_string());
     // The second part is written as the first is.
-    let is_method = method_place(&strip.text, &strip.call, &strip.chain, "trim").is_some();
+    let is_method = becomes_method(&strip.text, &strip.call, &strip.chain, "trim");
     match rest {
         Rest::Trim(trim) => second = with_number(&second, is_method, ("trim", &trim)),
         Rest::ClipTime(keys) => {
@@ -341,13 +331,13 @@ pub fn split_cue(
     Ok(indented(text, Edit::between(text, &after)))
 }
 
-/// A `.then(…)` with a number that it does not state yet: behind it, or as an option.
+/// A `.then(…)` with a number that it does not state yet: as a method, or as an option.
 fn with_number(then: &str, is_method: bool, number: (&str, &[f64])) -> String {
     let dot = then.len() - then.trim_start().len();
     let text = Source::new(then);
     let Some(call) = text.call_from(dot) else { return then.to_string() };
     let strip = Strip { chain: text.chain_after(call.end), text, line: 1, call };
-    strip.add(is_method.then_some(then.len()), number).apply(then)
+    strip.add(is_method, number).apply(then)
 }
 
 /// Plays the clip of a cue once more right after it, with its options, and with its keys and freezes `by` later. `until`: the end of the
@@ -385,7 +375,7 @@ pub fn shift_cue(text: &str, line: usize, column: usize, by: EditTime) -> Result
         let Some(value) = strip.value(name) else { continue };
         let old = TimeLiteral::of(&strip.text, &value).ok_or_else(|| strip.computed(name, &value))?;
         let secs = old.secs(by.fps) + by.secs;
-        let edit = old.set(EditTime { secs, fps: by.fps });
+        let edit = old.set(&after, EditTime { secs, fps: by.fps });
         after = edit.apply(&after);
     }
     Ok(Edit::between(text, &after))
@@ -408,7 +398,7 @@ pub fn shift_keys(text: &str, line: usize, column: usize, by: EditTime) -> Resul
                 let old =
                     TimeLiteral::of(&strip.text, &first).ok_or_else(|| strip.computed("freeze", &first))?;
                 let secs = old.secs(by.fps) + by.secs;
-                old.set(EditTime { secs, fps: by.fps })
+                old.set(&after, EditTime { secs, fps: by.fps })
             }
             name if is_keyed(name) && strip.text[first.clone()].trim_start().starts_with('[') => {
                 shifted_keys(&strip.text, first.clone(), by).ok_or_else(|| strip.computed(name, &first))?

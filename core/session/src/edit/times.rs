@@ -2,9 +2,9 @@
 
 use super::scan::{Call, Source, find};
 use super::values::{
-    USUAL_DIGITS, format_as_meant, is_calculation, literal, method_place, option_value, set_option, trimmed,
+    USUAL_DIGITS, becomes_method, format_as_meant, is_calculation, literal, option_value, set_option, trimmed,
 };
-use super::{Edit, EditRefused};
+use super::{Edit, EditRefused, chain};
 use std::ops::Range;
 
 /// Seconds within which two times are the same tick.
@@ -37,8 +37,8 @@ impl EditTime {
         in_frames.map_or_else(|| self.anew(script), |in_frames| self.text(in_frames))
     }
 
-    /// The time in place of another one: `f(31)` where that is in frames, too, else seconds, always with a point, so that they stay a float: to
-    /// the millisecond, and the time of a frame with the digits by which it is read back as the same frame.
+    /// The time in place of another one: `f(31)` where that is in frames, too, else seconds with a point: to the millisecond, and the time of a
+    /// frame with the digits by which it is read back as the same frame.
     pub(super) fn text(self, in_frames: bool) -> String {
         let secs = self.secs.max(0.0);
         let frame = libm::round(secs * self.fps);
@@ -82,8 +82,8 @@ impl TimeLiteral {
     }
 
     /// The edit that states another time.
-    pub fn set(self, time: EditTime) -> Edit {
-        Edit { text: time.text(self.in_frames), range: self.range }
+    pub fn set(self, text: &str, time: EditTime) -> Edit {
+        Edit::over(text, self.range, &time.text(self.in_frames))
     }
 }
 
@@ -95,7 +95,7 @@ pub(super) fn restated(text: &Source, bytes: &Range<usize>, time: EditTime) -> O
     let frames = text.call_from(range.start).filter(is_frame);
     let number = frames.as_ref().map_or(&range, |call| &call.inside);
     let in_frames = frames.is_some();
-    is_calculation(text, number).then(|| Edit { text: time.text(in_frames), range: range.clone() })
+    is_calculation(text, number).then(|| Edit::over(text, range.clone(), &time.text(in_frames)))
 }
 
 /// The part of a cue that was dragged.
@@ -148,11 +148,7 @@ pub fn set_time(
     if part == CueTime::Start && text[call.name.clone()] == *"then" {
         return refuse("it begins where the clip before it ends; change that one's end");
     }
-    // An end stands behind the start.
-    let from = chain.iter().take_while(|call| text[call.name.clone()] != *"then");
-    let from = from.filter(|call| part == CueTime::End && text[call.name.clone()] == *"from").last();
-    let at = from.map_or(call.end, |from| from.end);
-    Ok(Edit { range: at..at, text: format!(".{name}({})", time.anew(text)) })
+    Ok(chain::added(text, &call, &format!("{name}({})", time.anew(text))))
 }
 
 /// Sets the duration of the transition into a cue, where the script states it, as a fade or as inertialization, else anew.
@@ -170,10 +166,10 @@ fn set_fade(
     let stated = |name: &&str| option_value(text, call, name).is_some();
     let name = ["fade", "inertial"].into_iter().find(stated).unwrap_or("fade");
     let old = option_value(text, call, name).and_then(|bytes| restated(text, &bytes, time));
-    match (old, method_place(text, call, chain, name)) {
+    match (old, becomes_method(text, call, chain, name)) {
         (Some(edit), _) => Ok(edit),
-        (None, None) => set_option(text, call, line, name, &time.anew(text)),
-        (None, Some(at)) => Ok(Edit { range: at..at, text: format!(".{name}({})", time.anew(text)) }),
+        (None, false) => set_option(text, call, line, name, &time.anew(text)),
+        (None, true) => Ok(chain::added(text, call, &format!("{name}({})", time.anew(text)))),
     }
 }
 

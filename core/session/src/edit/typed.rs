@@ -2,6 +2,7 @@
 
 use super::times::EditTime;
 use super::values::format_number;
+use super::whole::without_point;
 use super::{Edit, EditRefused};
 
 /// A number with its text in a script: an expression where one was typed, `1.0 / 3.0`, or `f(12)`.
@@ -50,6 +51,9 @@ impl Typed {
         if self.text == format_number(self.value) {
             return made;
         }
+        // Whole numbers can stand without a point.
+        let wholes = digits.iter().filter_map(|digits| without_point(digits));
+        let digits: Vec<&str> = digits.iter().map(String::as_str).chain(wholes).collect();
         let kept =
             |edit: Edit| digits.iter().find_map(|digits| self.replaced(digits, text, &edit)).unwrap_or(edit);
         match made {
@@ -74,8 +78,9 @@ impl Typed {
             is_whole && *at <= written.end && end >= written.start
         };
         let mut found: Vec<usize> = after.match_indices(digits).map(|(at, _)| at).filter(is_it).collect();
-        // None has changed, so that nothing tells which of several was typed.
-        if found.is_empty() || stays && found.len() > 1 {
+        // Where none has changed nothing tells which of several was typed; where they are exact they do as well.
+        let is_exact = digits.parse() == Ok(self.value);
+        if found.is_empty() || found.len() > 1 && (stays || is_exact) {
             return None;
         }
         let mut typed = after.clone();

@@ -3,6 +3,7 @@
 use super::expression::calculated;
 use super::scan::{Call, Source};
 use super::times::TimeLiteral;
+use super::whole::written_like;
 use super::{Edit, EditRefused};
 use std::ops::Range;
 
@@ -47,11 +48,19 @@ pub fn literal(text: &str, bytes: &Range<usize>) -> Option<(Range<usize>, f64)> 
 
 /// `a, b, c` or `[a, b, c]`, all of them literals.
 pub fn literals(text: &Source, bytes: &Range<usize>) -> Option<Vec<(Range<usize>, f64)>> {
+    components(text, bytes).into_iter().map(|(range, number)| Some((range, number?))).collect()
+}
+
+/// One of several values: where it stands, and its number; `None` where that is no literal.
+type Component = (Range<usize>, Option<f64>);
+
+/// The parts of `a, b, c` or `[a, b, c]`.
+pub(super) fn components(text: &Source, bytes: &Range<usize>) -> Vec<Component> {
     let inside = &text[bytes.clone()];
     let array = inside.trim().strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
     let (mut at, end) = match array {
         Some(array) => {
-            let start = bytes.start + inside.find('[')? + 1;
+            let start = bytes.end - inside.trim_start().len() + 1;
             (start, start + array.len())
         }
         None => (bytes.start, bytes.end),
@@ -60,31 +69,79 @@ pub fn literals(text: &Source, bytes: &Range<usize>) -> Option<Vec<(Range<usize>
     while at < end {
         let to = text.value_end(at, end);
         if !text[at..to].trim().is_empty() {
-            found.push(literal(text, &(at..to))?);
+            found.push(match literal(text, &(at..to)) {
+                Some((range, number)) => (range, Some(number)),
+                None => (text.trimmed(&(at..to)), None),
+            });
         }
         at = to + 1;
     }
-    Some(found)
+    found
 }
 
 /// Rewrites some literals, and keeps what stands between them. Of several the edit reaches from the first that is another number to the last,
 /// also where digits are the same.
 pub fn rewritten(text: &str, old: &[(Range<usize>, f64)], new: &[f64]) -> Option<Edit> {
+    let is_alone = old.len() == 1;
+    let part = |((range, old), new): (&(Range<usize>, f64), &f64)| {
+        (range.clone(), changed(&text[range.clone()], *old, *new, is_alone))
+    };
+    replaced(text, &old.iter().zip(new).map(part).collect::<Vec<_>>())
+}
+
+/// Writes numbers over those that stand in a range, and keeps those that do not change. `None` where they are not as many, or one of them is
+/// computed; a calculation with literals alone becomes a number.
+pub(super) fn numbers_over(text: &Source, bytes: &Range<usize>, new: &[f64]) -> Option<Edit> {
+    let old = components(text, bytes);
+    let (is_alike, is_alone) = (old.len() == new.len(), old.len() == 1);
+    let part = |((range, old), new): (Component, &f64)| {
+        let written = &text[range.clone()];
+        let anew = match old {
+            Some(old) => changed(written, old, *new, is_alone),
+            None => Some(is_calculation(text, &range).then(|| written_like(written, &format_number(*new)))?),
+        };
+        Some((range, anew))
+    };
+    let parts: Option<Vec<_>> = old.into_iter().zip(new).map(part).collect();
+    replaced(text, &parts.filter(|_| is_alike)?)
+}
+
+/// Adds to numbers that stand in a range. `None` where they are not as many, or one that changes is computed.
+pub(super) fn numbers_plus(text: &Source, bytes: &Range<usize>, by: &[f64]) -> Option<Edit> {
+    let old = components(text, bytes);
+    let (is_alike, is_alone) = (old.len() == by.len(), old.len() == 1);
+    let part = |((range, old), by): (Component, &f64)| match old {
+        Some(old) => {
+            let anew = changed(&text[range.clone()], old, old + by, is_alone);
+            Some((range, anew))
+        }
+        None => (format_number(*by) == format_number(0.0)).then_some((range, None)),
+    };
+    let parts: Option<Vec<_>> = old.into_iter().zip(by).map(part).collect();
+    replaced(text, &parts.filter(|_| is_alike)?)
+}
+
+/// The text of a new number in place of `written`; one with the same digits stays as it is written. `None`: it is the same number. One
+/// that is alone is written in any case, so that an expression can take its place.
+fn changed(written: &str, old: f64, new: f64, is_alone: bool) -> Option<String> {
     /// Differences that come from single precision.
     const SAME: f64 = 2e-5;
-    let start = old.first()?.0.start;
+    let digits = format_number(new);
+    match format_number(old) == digits {
+        true => ((old - new).abs() >= SAME || is_alone).then(|| written.to_string()),
+        false => Some(written_like(written, &digits)),
+    }
+}
+
+/// Writes the texts of parts that have new ones, from the first to the last of them, and keeps what stands between them.
+fn replaced(text: &str, parts: &[(Range<usize>, Option<String>)]) -> Option<Edit> {
+    let start = parts.first()?.0.start;
     let mut edit: Option<Edit> = None;
-    for ((range, before), value) in old.iter().zip(new) {
-        let digits = format_number(*value);
-        let has_same_digits = format_number(*before) == digits;
-        if has_same_digits && (before - value).abs() < SAME && old.len() > 1 {
-            continue;
-        }
-        // A number with the same digits stays as it was written.
-        let written = if has_same_digits { &text[range.clone()] } else { digits.as_str() };
+    for (range, anew) in parts {
+        let Some(anew) = anew else { continue };
         let edit = edit.get_or_insert_with(|| Edit { range: range.start..range.start, text: String::new() });
         edit.text += &text[edit.range.end..range.start];
-        edit.text += written;
+        edit.text += anew;
         edit.range.end = range.end;
     }
     Some(edit.unwrap_or(Edit { range: start..start, text: String::new() }))
@@ -102,6 +159,16 @@ pub fn is_plain(text: &Source, bytes: &Range<usize>) -> bool {
         || is_plain_map(text, bytes)
 }
 
+/// Whether a list of numbers keeps those that are computed, where a value is written over it.
+pub(super) fn keeps_computed(text: &Source, bytes: &Range<usize>, value: &str) -> bool {
+    let (old, source) = (components(text, bytes), Source::new(value));
+    let new = components(&source, &(0..value.len()));
+    let stays = |(old, new): (&Component, &Component)| {
+        old.1.is_some() || text[old.0.clone()] == value[new.0.clone()] || is_calculation(text, &old.0)
+    };
+    old.len() > 1 && old.len() == new.len() && old.iter().zip(&new).all(stays)
+}
+
 /// Whether these bytes are a calculation with literals alone, `1.0 / 3.0`, which a person typed in place of a number.
 pub(super) fn is_calculation(text: &Source, bytes: &Range<usize>) -> bool {
     let is_number = |token: &str| token.trim_start_matches('-').starts_with(|c: char| c.is_ascii_digit());
@@ -113,15 +180,14 @@ pub(super) fn is_calculation(text: &Source, bytes: &Range<usize>) -> bool {
 const OPTION_METHODS: [&str; 11] =
     ["fade", "fade_out", "ease", "speed", "trim", "reverse", "weight", "once", "loop", "ping_pong", "hold"];
 
-/// The byte at which a value that a cue does not state yet becomes a method. `None` where it becomes an option: among others that the call
-/// has, and where it has neither options nor methods in their place, as in the lessons.
-pub(super) fn method_place(text: &Source, call: &Call, chain: &[Call], name: &str) -> Option<usize> {
-    let named = |other: &&Call, name: &str| text[other.name.clone()] == *name;
-    // A fade behind it would set the fade-out again.
-    let fade = chain.iter().rfind(|other| named(other, "fade")).filter(|_| name == "fade_out");
-    let is_option_method = |other: &Call| OPTION_METHODS.iter().any(|name| named(&other, name));
-    let takes_option = text.map_in(&call.inside).is_some() || !chain.iter().any(is_option_method);
-    fade.map(|fade| fade.end).or_else(|| (!takes_option).then_some(call.end))
+/// Whether a value that a cue does not state yet becomes a method, else an option: among others that the call has, and where it has neither
+/// options nor methods in their place, as in the lessons.
+pub(super) fn becomes_method(text: &Source, call: &Call, chain: &[Call], name: &str) -> bool {
+    // A fade behind the option would set the fade-out again.
+    let is_fade = |other: &Call| name == "fade_out" && text[other.name.clone()] == *"fade";
+    let is_option_method = |other: &Call| OPTION_METHODS.contains(&&text[other.name.clone()]);
+    let has_options = text.map_in(&call.inside).is_some();
+    chain.iter().any(|other| is_fade(other) || is_option_method(other) && !has_options)
 }
 
 fn is_plain_map(text: &Source, bytes: &Range<usize>) -> bool {
@@ -161,13 +227,13 @@ pub(crate) fn set_option(
         return Ok(Edit { range: call.inside.end..call.inside.end, text: format!("{comma}#{{ {new} }}") });
     };
     if let Some(bytes) = option_in(text, &map, name) {
-        if !is_plain(text, &bytes) {
+        if !is_plain(text, &bytes) && !keeps_computed(text, &bytes, value) {
             let shown = text[bytes].trim();
             return Err(EditRefused::at(line, &format!("{name}: {shown} is computed; change it there")));
         }
         let inside = &text[bytes.clone()];
         let start = bytes.start + (inside.len() - inside.trim_start().len());
-        return Ok(Edit { range: start..start + inside.trim().len(), text: value.to_string() });
+        return Ok(Edit::over(text, start..start + inside.trim().len(), value));
     }
     let comma = if text[map.clone()].trim().is_empty() { " " } else { ", " };
     let last = map.start + text[map.clone()].trim_end().len();

@@ -1,7 +1,7 @@
 //! Values that are stated, read and taken away, and loops that are written out: the whole text after each edit is compared.
 
 use crate::marked::marked;
-use choreo_session::edit::{Anew, EditTime, NamedBy, ScriptObject, unroll};
+use choreo_session::edit::{Anew, Edit, EditRefused, EditTime, KeyValue, NamedBy, ScriptObject, unroll};
 
 /// The object is made where `|` stands.
 fn object<R>(text: &str, then: impl FnOnce(&ScriptObject) -> R) -> R {
@@ -52,6 +52,11 @@ fn a_value_is_stated_where_it_stands_else_anew() {
     };
     let camera = "let c = |camera(\"c\");";
     assert_eq!(stated(camera, "near", "0.2", Anew::Method).unwrap(), "let c = camera(\"c\").near(0.2);");
+    let lines = "let c = |camera(\"c\")\n    .at(0, 1, 5) // far\n    .cut(2.0);";
+    assert_eq!(
+        stated(lines, "near", "0.2", Anew::Method).unwrap(),
+        "let c = camera(\"c\")\n    .at(0, 1, 5) // far\n    .near(0.2)\n    .cut(2.0);"
+    );
     let play = "a.|play(c).until(2.0).then(d).ease(\"smooth\");";
     assert_eq!(
         stated(play, "ease", "\"linear\"", Anew::Option).unwrap(),
@@ -68,6 +73,41 @@ fn a_value_is_stated_where_it_stands_else_anew() {
         object.state_over("on", "\"Head\"", Anew::Method).unwrap()
     });
     assert_eq!(over.apply(&computed.replacen('|', "", 1)), "a.play(c).on(\"Head\");");
+}
+
+/// A whole number that the script writes without a point stays one without, wherever it stands; all others keep their points.
+#[test]
+fn whole_numbers_stay_whole() {
+    let changed = |text: &str, change: &dyn Fn(&ScriptObject) -> Result<Edit, EditRefused>| {
+        object(text, |object| change(object).unwrap()).apply(&text.replacen('|', "", 1))
+    };
+    let at = |secs| EditTime { secs, fps: 25.0 };
+    for (text, number, wanted) in [
+        ("|camera(\"c\").fov(34);", "40.0", "camera(\"c\").fov(40);"),
+        ("|camera(\"c\").fov(34);", "40.5", "camera(\"c\").fov(40.5);"),
+        ("|camera(\"c\").fov(34.0);", "40.0", "camera(\"c\").fov(40.0);"),
+        ("|camera(\"c\", #{ fov: 34 });", "40.0", "camera(\"c\", #{ fov: 40 });"),
+        ("|camera(\"c\", #{ fov: 34 });", "80.0 / 3.0", "camera(\"c\", #{ fov: 80.0 / 3.0 });"),
+    ] {
+        assert_eq!(changed(text, &|o| o.state("fov", number, Anew::Option)), wanted);
+    }
+    let scaled = |text: &str, to: &[f64]| changed(text, &|o| o.set("scale", to));
+    assert_eq!(scaled("|cast(\"a\", m).scale(2);", &[3.0]), "cast(\"a\", m).scale(3);");
+    assert_eq!(scaled("|cast(\"a\", m).scale(2);", &[1.0, 2.0, 0.5]), "cast(\"a\", m).scale(1, 2, 0.5);");
+    assert_eq!(
+        scaled("|cast(\"a\", m).scale(2, 2.0, 1);", &[3.0, 3.0, 3.0]),
+        "cast(\"a\", m).scale(3, 3.0, 3);"
+    );
+    let shot = "|camera(\"c\").cut(2).key(\"fov\", [[0, 40], [2.0, 50]]);";
+    assert_eq!(changed(shot, &|o| o.time("cut", at(3.0))), shot[1..].replace("cut(2)", "cut(3)"));
+    assert_eq!(
+        changed(shot, &|o| o.move_key("fov", at(0.0), at(1.0))),
+        shot[1..].replace("[0, 40]", "[1, 40]")
+    );
+    let key = |o: &ScriptObject| o.set_key("fov", at(2.0), KeyValue::Text("30.0"));
+    assert_eq!(changed(shot, &key), shot[1..].replace("[2.0, 50]", "[2.0, 30]"));
+    let lens = |o: &ScriptObject| o.state_one_of(&["fov", "ortho"], "ortho", "3.0");
+    assert_eq!(changed("|camera(\"c\").fov(34);", &lens), "camera(\"c\").ortho(3);");
 }
 
 #[test]

@@ -62,11 +62,11 @@ fn a_new_value_is_written_as_the_others_are() {
         speed("a.|play(c, #{ fade: 0.4 }).weight(0.5);"),
         "a.play(c, #{ fade: 0.4, speed: 2.0 }).weight(0.5);"
     );
-    assert_eq!(speed("a.|play(c).from(1.0).weight(0.5);"), "a.play(c).speed(2.0).from(1.0).weight(0.5);");
+    assert_eq!(speed("a.|play(c).from(1.0).weight(0.5);"), "a.play(c).from(1.0).weight(0.5).speed(2.0);");
     assert_eq!(speed("a.|play(c, options);"), "a.play(c, options).speed(2.0);");
     let fade = |text: &str| changed(text, &|t, l, c| set_time(t, l, c, CueTime::FadeIn, at(0.8))).unwrap();
     assert_eq!(fade("a.|play(c).until(2.0);"), "a.play(c, #{ fade: 0.8 }).until(2.0);");
-    assert_eq!(fade("a.|play(c).until(2.0).weight(0.5);"), "a.play(c).fade(0.8).until(2.0).weight(0.5);");
+    assert_eq!(fade("a.|play(c).until(2.0).weight(0.5);"), "a.play(c).until(2.0).weight(0.5).fade(0.8);");
     // The one that counts is changed.
     assert_eq!(fade("a.|play(c, #{ fade: 0.1 }).fade(f(5));"), "a.play(c, #{ fade: 0.1 }).fade(f(20));");
     assert_eq!(fade("a.|play(c, #{ inertial: 0.2 });"), "a.play(c, #{ inertial: 0.8 });");
@@ -75,7 +75,7 @@ fn a_new_value_is_written_as_the_others_are() {
     let stated = |text: &str, anew| {
         changed(text, &|t, l, c| ScriptObject::at(t, l, c)?.state("speed", "1.0 / 3.0", anew)).unwrap()
     };
-    assert_eq!(stated("a.|play(c).weight(0.5);", Anew::Alike), "a.play(c).speed(1.0 / 3.0).weight(0.5);");
+    assert_eq!(stated("a.|play(c).weight(0.5);", Anew::Alike), "a.play(c).weight(0.5).speed(1.0 / 3.0);");
     assert_eq!(stated("a.|play(c);", Anew::Alike), "a.play(c, #{ speed: 1.0 / 3.0 });");
     assert_eq!(stated("a.|play(c).speed(2.0 / 3.0);", Anew::Alike), "a.play(c).speed(1.0 / 3.0);");
 }
@@ -96,6 +96,7 @@ fn a_disabled_clip_remembers_its_weight() {
         assert_eq!(on(&disabled.replace("play", "|play")), plain);
     }
     assert_eq!(off("a.|play(c).weight(0.5);"), "a.play(c).weight(0.0 /* 0.5 */);");
+    assert_eq!(off("a.|play(c).weight(1);"), "a.play(c).weight(0 /* 1 */);");
     assert!(changed("a.|play(c).weight(w);", &|t, l, c| set_disabled(t, l, c, true)).is_err());
 }
 
@@ -124,7 +125,7 @@ fn a_split_clip_is_two_with_the_same_content() {
     let layer = split("a.|play(c).fade(0.5).until(2.0).on(\"Head\");", rest, Some(0.5)).unwrap();
     assert_eq!(
         layer,
-        "a.play(c).fade(0.5).fade_out(0.0).until(1.5).on(\"Head\")\n    .then(c).trim(1.0, 2.5).until(2.0).fade_out(0.5);"
+        "a.play(c).fade(0.5).until(1.5).fade_out(0.0).on(\"Head\")\n    .then(c).trim(1.0, 2.5).until(2.0).fade_out(0.5);"
     );
     let why = split("let w = a.|play(c);", rest, None).unwrap_err();
     assert_eq!(why, "line 1: the script uses this clip as \"w\"; change it there");
@@ -162,7 +163,7 @@ fn a_duplicate_follows_the_clip() {
             1.0,
             None
         ),
-        "a.play(c).clip_time([[1.0, 0.0], [f(50), 1.0]]).freeze(1.5, 0.5).weight([[1, 0], [2, 1]])\n    .then(c).clip_time([[2.0, 0.0], [f(75), 1.0]]).freeze(2.5, 0.5).weight([[2.0, 0], [3.0, 1]]);"
+        "a.play(c).clip_time([[1.0, 0.0], [f(50), 1.0]]).freeze(1.5, 0.5).weight([[1, 0], [2, 1]])\n    .then(c).clip_time([[2.0, 0.0], [f(75), 1.0]]).freeze(2.5, 0.5).weight([[2, 0], [3, 1]]);"
     );
     assert_eq!(
         twice("a.|play(c, #{ weight: [[1, 0], [f(50), 1]], fade: 0.2 });", 1.0, None),

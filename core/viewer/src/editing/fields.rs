@@ -6,7 +6,8 @@ use crate::app::Viewer;
 use crate::state::selection::{Selected, actor};
 use choreo_script::{Place, mask_problem};
 use choreo_session::edit::{
-    Anew, CueTime, Edit, EditRefused, EditTime, KeyValue, ScriptObject, Typed, format_as_meant, set_trim,
+    Anew, CueTime, Edit, EditRefused, EditTime, KeyValue, ScriptObject, Typed, expression, format_as_meant,
+    set_trim,
 };
 use choreo_stage::{Camera, Property};
 use glam::DVec3;
@@ -125,8 +126,16 @@ impl Viewer {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let place = &scene.places.settings;
         if place.line > 0 {
+            let fps = self.playhead.fps().as_fps();
             return self.change(place, 1, |text| {
-                changed(&ScriptObject::at(text, place.line, place.column)?, text, change)
+                let object = ScriptObject::at(text, place.line, place.column)?;
+                match change {
+                    FieldChange::Value("length", length, anew) => {
+                        let in_frames = stage_length(&object, text, length, fps);
+                        in_frames.unwrap_or_else(|| object.state("length", length, *anew))
+                    }
+                    change => changed(&object, text, change),
+                }
             });
         }
         let FieldChange::Value(name, value, _) = change else { return Ok(()) };
@@ -267,6 +276,23 @@ impl Viewer {
             }
         })
     }
+}
+
+/// The change of the length of the stage to the nearest frame, where the script counts it in frames.
+fn stage_length(
+    object: &ScriptObject,
+    text: &str,
+    length: &str,
+    fps: f64,
+) -> Option<Result<Edit, EditRefused>> {
+    object.written("length").filter(|written| expression::counts_frames(written))?;
+    let secs = expression::value(length, fps)?;
+    let frame = EditTime { secs: (secs * fps).round().max(1.0) / fps, fps };
+    let made = object.state_time("length", frame, Anew::Option);
+    // An expression is kept as it was typed.
+    let typed = Typed { value: frame.secs, text: length.to_string() };
+    let is_number = length.parse::<f64>().is_ok();
+    Some(if is_number { made } else { typed.keep_time(text, made, fps) })
 }
 
 /// Whether two numbers are the same as fields show them, to the thousandth, also once single precision has rounded them.

@@ -370,7 +370,7 @@ fn lens_edit(
 ) -> Result<Option<Edit>, EditRefused> {
     let key = |property| camera.channels.iter().find(|c| c.property == property);
     let keyed = key(Property::FieldOfView).or_else(|| key(Property::FocalLength));
-    let (call, is_same) = match (lens, camera.projection) {
+    let ((name, value), is_same) = match (lens, camera.projection) {
         (Projection::Perspective { yfov, .. }, own) => {
             let (yfov, in_millimetres) = (f64::from(yfov), object.line_of_call("focal_length").is_some());
             let degrees = format_number(yfov.to_degrees());
@@ -384,10 +384,7 @@ fn lens_edit(
                 return (!is_same).then(|| object.set_key(name, when, KeyValue::Text(&value))).transpose();
             }
             let is_same = matches!(own, Projection::Perspective { yfov: own, .. } if (f64::from(own) - yfov).abs() < 1e-4);
-            (
-                if in_millimetres { format!("focal_length({length})") } else { format!("fov({degrees})") },
-                is_same,
-            )
+            (if in_millimetres { ("focal_length", length) } else { ("fov", degrees) }, is_same)
         }
         (Projection::Orthographic { .. }, _) if keyed.is_some() => {
             let in_millimetres = keyed.is_some_and(|channel| channel.property == Property::FocalLength);
@@ -398,10 +395,11 @@ fn lens_edit(
         }
         (Projection::Orthographic { height, .. }, own) => {
             let is_same = matches!(own, Projection::Orthographic { height: own, .. } if (height / own - 1.0).abs() < 1e-4);
-            (format!("ortho({})", format_number(height.into())), is_same)
+            (("ortho", format_number(height.into())), is_same)
         }
     };
-    (!is_same).then(|| object.state_one_of(&["fov", "focal_length", "ortho"], &call)).transpose()
+    let lenses = ["fov", "focal_length", "ortho"];
+    (!is_same).then(|| object.state_one_of(&lenses, name, &value)).transpose()
 }
 
 fn face_turns(line: usize) -> EditRefused {

@@ -92,9 +92,10 @@ fn rows(ui: &mut Ui, stated: &Stated, settings: &Settings) -> Option<FieldChange
             is_time: true,
         };
         let set = number.show_stated(ui, stated)?;
-        // Frames are no time before the rate is stated, which is beside it.
+        // Frames are no time before the rate is stated, which is beside it; those of the script are counted again.
+        let in_frames = stated.is_some_and(expression::counts_frames);
         Some(values::text(ui, set))
-            .filter(|text| !expression::counts_frames(text))
+            .filter(|text| in_frames || !expression::counts_frames(text))
             .or(Some(format_number(set)))
     });
     row(ui, "fps", "frames a second", &mut |ui| {

@@ -61,14 +61,11 @@ pub(super) fn takes_refused(ui: &Ui) -> bool {
     ui.data_mut(|d| d.remove_temp(refused_id(rate_id()))).unwrap_or(false)
 }
 
-/// A number of a field with its text in a script: the expression that was typed where it has more digits than are written, `1.0 / 3.0`, or
-/// counts frames, `f(12)`.
+/// A number of a field with its text in a script: the expression that was typed, `1.0 / 3.0` or `f(12)`.
 pub fn typed(ui: &Ui, value: f64) -> Typed {
-    let text = ui.data(|d| d.get_temp::<(String, f64)>(typed_id())).filter(|(_, meant)| *meant == value);
-    let number = Typed::from(value);
-    let is_exact = number.text.parse().is_ok_and(|read: f64| (read - value).abs() <= 1e-12 * value.abs());
-    let text = text.map(|(text, _)| text).filter(|text| !is_exact || expression::counts_frames(text));
-    text.and_then(|text| expression::script_text(&text)).map_or(number, |text| Typed { value, text })
+    let last = ui.data(|d| d.get_temp::<(String, f64)>(typed_id())).filter(|(_, meant)| *meant == value);
+    let text = last.and_then(|(text, _)| expression::script_text(&text));
+    text.map_or_else(|| Typed::from(value), |text| Typed { value, text })
 }
 
 /// The text of [`typed`].
@@ -77,14 +74,14 @@ pub fn text(ui: &Ui, value: f64) -> String {
 }
 
 /// The numbers of a list as they are written into a script, with a comma between them, of which the one with this index was typed. `stated`:
-/// the list as the script has it, whose other numbers stay as they are written.
+/// the list as the script has it, whose other numbers stay as they are written or computed.
 pub fn list(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize, to: f64) -> String {
     let inside = stated.unwrap_or_default().trim();
     let inside = inside.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')).unwrap_or(inside);
     let parts: Vec<&str> = inside.split(',').map(str::trim).collect();
     let count = now.len();
     let one = |(part, now): (usize, &f64)| {
-        let is_it = |text: &&&str| expression::value(text, 1.0).is_some_and(|read| (read - now).abs() < 5e-4);
+        let is_it = |text: &&&str| expression::value(text, 1.0).is_none_or(|read| (read - now).abs() < 5e-4);
         match parts.get(part).filter(|_| parts.len() == count).filter(is_it) {
             _ if part == index => text(ui, to),
             Some(stated) => stated.to_string(),

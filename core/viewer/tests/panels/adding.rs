@@ -544,6 +544,25 @@ fn the_stage_is_changed_where_nothing_is_selected() {
     }
 }
 
+/// A length that the script counts in frames stays in frames, but for an expression, which stays as it is typed.
+#[test]
+fn the_length_of_the_stage_stays_in_frames() {
+    let script = SCRIPT.replace("length: 4.0", "length: f(100)");
+    for (typed, wanted) in [("10", "f(250)"), ("9.87", "f(247)"), ("f(75)", "f(75)"), ("31/3", "31.0 / 3.0")]
+    {
+        let mut desk = desk(&script);
+        desk.get_by_label("stage length").click();
+        desk.run();
+        desk.key_press_modifiers(egui::Modifiers::COMMAND, egui::Key::A);
+        desk.event(Event::Text(typed.into()));
+        desk.key_press(Key::Enter);
+        desk.run();
+        assert_eq!(desk.state().text(), script.replace("f(100)", wanted), "{typed}");
+        desk.state_mut().reload();
+        assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
+    }
+}
+
 /// Each field of the stage writes its own setting, and shows the one that the stage has.
 #[test]
 fn every_field_of_the_stage_is_its_own() {

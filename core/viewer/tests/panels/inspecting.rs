@@ -300,7 +300,9 @@ fn fields_take_expressions_and_go_back_to_their_defaults() {
     let mut harness = Place::new(SCRIPT).harness(vec2(1500.0, 1000.0));
     harness.get_by_label("row ada").click();
     harness.run();
-    for (typed, written) in [("1/4 - 2", "-1.75"), ("2*(0.25 + 1)", "2.5")] {
+    for (typed, written) in
+        [("1/4 - 2", "1.0 / 4.0 - 2.0"), ("2*(0.25 + 1)", "2.0 * (0.25 + 1.0)"), ("-.75", "-0.75")]
+    {
         harness.get_by_label("x").click();
         harness.run();
         harness.key_press_modifiers(Modifiers::COMMAND, Key::A);
@@ -571,8 +573,13 @@ for i in [1, 2, 3] {
     desk.run();
     assert_eq!(desk.state().text(), LOOP.replace(".scale(0.5)", ".scale(1.0)"));
     desk.state_mut().reload();
-    // A computed value has no change for all.
+    // A computed value has no change for all; the numbers beside it have one.
     desk.state_mut().viewer.change_actor("ball 2", Change::Move(DVec3::X)).unwrap_err();
+    desk.run();
+    desk.get_by_label("Change all 3");
+    desk.get_by_label("Leave it").click();
+    desk.run();
+    desk.state_mut().viewer.change_actor("ball 2", Change::Move(DVec3::Y)).unwrap_err();
     desk.run();
     assert!(desk.query_by_label("Change all 3").is_none());
     let before = desk.state().viewer.scene.as_ref().unwrap().stage.clone();
@@ -678,7 +685,7 @@ let key = sun(#{ intensity: 3.0 });
     assert_eq!(line(&desk, "ada.spring"), "ada.spring(\"Head\", #{ frequency: 4.0, damping: 0.75 });");
     assert_eq!(
         line(&desk, "ada.reach"),
-        "ada.reach(\"LeftHand\", ball, #{ soft: 0.25, weight: 0.5, keep: true }).from(f(50));"
+        "ada.reach(\"LeftHand\", ball, #{ soft: 1.0 / 4.0, weight: 0.5, keep: true }).from(f(50));"
     );
     assert_eq!(line(&desk, "ada.look_at"), "ada.look_at(ball).fade(1.0);");
     reset(&mut desk, "damping");
@@ -823,9 +830,9 @@ ada.play(moves.clip(\"Walk\")).from(0.5).until(f(60));
     }
 }
 
-/// A third is written as it was typed, shown so, and changed again; where the number is exact it is written as a number.
+/// A third is written as it was typed, shown so, and changed again; three quarters, which digits would state, too.
 #[test]
-fn a_typed_expression_stays_one_where_digits_would_not_do() {
+fn a_typed_expression_is_written_as_one_shown_and_changed_again() {
     const SCENE: &str = "stage(#{ fps: 30, length: 30.0 });
 let moves = load(\"choreo:mannequin\");
 let ada = cast(\"ada\", moves);
@@ -833,14 +840,14 @@ ada.play(moves.clip(\"Walk\"), #{ fade: 0.4 }).then(moves.clip(\"Wave\")).weight
 ";
     let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
     for (number, with) in
-        [(0, ["#{ fade: 0.4 }", "#{ fade: 0.4, speed: X }"]), (1, [".weight", ".speed(X).weight"])]
+        [(0, ["#{ fade: 0.4 }", "#{ fade: 0.4, speed: X }"]), (1, [".weight(0.5)", ".weight(0.5).speed(X)"])]
     {
         desk.state_mut().reload_with(SCENE);
         desk.state_mut().viewer.selection =
             Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: number });
         desk.run();
         for (typed, written) in
-            [("1/3", "1.0 / 3.0"), ("2 / 3", "2.0 / 3.0"), ("3/4", "0.75"), ("1/7", "1.0 / 7.0")]
+            [("1/3", "1.0 / 3.0"), ("2 / 3", "2.0 / 3.0"), ("3/4", "3.0 / 4.0"), ("1/7", "1.0 / 7.0")]
         {
             type_into(&mut desk, "speed field", typed);
             let wanted = SCENE.replacen(with[0], &with[1].replace('X', written), 1);
@@ -917,7 +924,7 @@ camera(\"wide\").at(1.0 / 7.0, 1, 4.0).look_at([0.0, 1.0, 0.0]);
         // The other number of these digits stays.
         (actor("ada"), "y", "1/3", "0, 0.333)", "1.0 / 3.0, 0.333)"),
         (actor("ada"), "degrees", "100/3", "turn(10)", "turn(100.0 / 3.0)"),
-        (actor("ada"), "scale y", "1/3", "scale(2)", "scale(2.0, 1.0 / 3.0, 2.0)"),
+        (actor("ada"), "scale y", "1/3", "scale(2)", "scale(2, 1.0 / 3.0, 2)"),
         (actor("bob"), "z", "1/3", "[1.0 / 7.0, 0, 0]", "[1.0 / 7.0, 0, 1.0 / 3.0]"),
         (cue.clone(), "from field", "1/3", "from(0.5)", "from(1.0 / 3.0)"),
         (cue.clone(), "until field", "f(100)", "until(5.0)", "until(f(100))"),
@@ -943,6 +950,38 @@ camera(\"wide\").at(1.0 / 7.0, 1, 4.0).look_at([0.0, 1.0, 0.0]);
     desk.state_mut().reload_with(&SCENE.replace("0.333)", "1.0 / 3.0)"));
     desk.state_mut().viewer.change_actor("ada", Change::Move(DVec3::Z)).unwrap();
     assert_eq!(desk.state().text(), SCENE.replace("0.333)", "1.333)"));
+}
+
+/// Of a place with a computed number the others are changed, and that one is refused: of a camera, and of an actor in the viewport.
+#[test]
+fn numbers_beside_a_computed_one_are_edited() {
+    const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
+let x = 1.5;
+let box = cast(\"box\", shape(\"box\")).at(1.0 / 3.0, 0.0, 2.0 * x);
+camera(\"wide\").at(0, 1, 2.0 * x).look_at([0.0, 1.0, 0.0]);
+";
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+    desk.state_mut().viewer.change_actor("box", Change::Move(DVec3::Y)).unwrap();
+    assert_eq!(desk.state().text(), SCENE.replace("3.0, 0.0, 2.0", "3.0, 1.0, 2.0"));
+    desk.state_mut().reload_with(SCENE);
+    let refused = desk.state_mut().viewer.change_actor("box", Change::Move(DVec3::Z)).unwrap_err();
+    assert!(refused.to_string().contains("line 3: .at(1.0 / 3.0, 0.0, 2.0 * x) is computed"), "{refused}");
+    desk.state_mut().reload_with(SCENE);
+    desk.state_mut().viewer.selection = Some(Selected::Camera("wide".into()));
+    desk.run();
+    type_into(&mut desk, "camera at y", "2");
+    let higher = SCENE.replace("(0, 1, 2.0 * x)", "(0, 2, 2.0 * x)");
+    assert_eq!(desk.state().text(), higher);
+    desk.get_by_label("camera at z").click();
+    desk.run();
+    desk.key_press_modifiers(Modifiers::COMMAND, Key::A);
+    desk.event(egui::Event::Text("5".into()));
+    desk.run();
+    desk.key_press(Key::Enter);
+    desk.run();
+    let message = desk.state().viewer.message.clone().unwrap_or_default();
+    assert!(message.contains("line 4: .at(0, 2, 2.0 * x) is computed"), "{message}");
+    assert_eq!(desk.state().text(), higher);
 }
 
 /// A field of view is written in millimetres where the script states those, since it would not count before them.

@@ -103,7 +103,7 @@ fn what_is_wrong_is_read_in_the_bar_and_a_click_goes_to_the_messages() {
 #[test]
 fn a_camera_s_field_of_view_is_changed_in_the_inspector() {
     let mut desk = desk();
-    for (name, literal) in [("wide", ".fov(61.0)"), ("near", ".key(\"fov\", [[0.0, 61.0], [2.0, 50]])")] {
+    for (name, literal) in [("wide", ".fov(61.0)"), ("near", ".key(\"fov\", [[0.0, 61], [2.0, 50]])")] {
         if name == "near" {
             let text = desk
                 .state()

@@ -69,13 +69,13 @@ fn a_keyed_actor_gets_its_key_at_the_playhead() {
     at(&mut place, 4.0);
     let (sin, cos) = libm::sincos(core::f64::consts::FRAC_PI_8);
     place.viewer.change_actor("ada", Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))).unwrap();
-    assert_eq!(place.text(), SCRIPT.replace("[4.0, 360]", "[4.0, 405.0]"));
+    assert_eq!(place.text(), SCRIPT.replace("[4.0, 360]", "[4.0, 405]"));
     place.reload();
     assert_eq!(place.viewer.message, None);
     // Between two of them it has gone on, too.
     at(&mut place, 2.0);
     place.viewer.change_actor("ada", Change::Turn(DQuat::from_xyzw(0.0, sin, 0.0, cos))).unwrap();
-    assert!(place.text().contains("[[0.0, 0], [2.0, 247.5], [4.0, 405.0]]"), "{}", place.text());
+    assert!(place.text().contains("[[0.0, 0], [2.0, 247.5], [4.0, 405]]"), "{}", place.text());
     place.reload();
     // It has no keys of its size.
     place.viewer.change_actor("ada", Change::Scale(DVec3::splat(2.0))).unwrap();
@@ -201,7 +201,7 @@ fn a_color_takes_the_place_of_kelvin_if_the_user_agrees_and_keys_get_numbers() {
     let mut place = Place::new(SCRIPT);
     at(&mut place, 2.0);
     place.viewer.set_value(&Selected::Light(1), "intensity", "35.0").unwrap();
-    assert_eq!(place.text(), SCRIPT.replace("[2.0, 20]", "[2.0, 35.0]"));
+    assert_eq!(place.text(), SCRIPT.replace("[2.0, 20]", "[2.0, 35]"));
     place.reload();
     let mut harness = place.harness(vec2(1500.0, 1000.0));
     let why = harness
