@@ -105,15 +105,17 @@ impl ScriptObject<'_> {
         Err(EditRefused { over, agree: "Drop them", ..EditRefused::at(line, &why) })
     }
 
-    /// Keys that an option of a cue states as a method behind its call, which alone takes how they are interpolated; and the byte where that
+    /// Keys that an option of a cue states as a method in its chain, which alone takes how they are interpolated; and the byte where that
     /// begins then.
     fn as_method(&self, option: &Call, how: &str) -> (Edit, usize) {
         let [name, list] = [&option.name, &option.inside].map(|bytes| &self.text[bytes.clone()]);
-        let with = self.behind(self.made.end, &format!("{name}({list}, {how})")).apply(&self.text);
+        let method = format!("{name}({list}, {how})");
+        let added = self.added(&method);
+        let start = added.range.start + added.text.find(&method).unwrap_or_default();
+        let with = added.apply(&self.text);
         // The option stands before the method.
         let after = self.unstate(&[name]).apply(&with);
-        let at = self.made.end + 1 + after.len() - with.len();
-        (Edit::between(&self.text, &after), at)
+        (Edit::between(&self.text, &after), start + after.len() - with.len())
     }
 
     /// The argument behind the list of keys.

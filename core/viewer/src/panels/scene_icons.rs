@@ -42,7 +42,6 @@ enum Kind {
 fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
     let stage = &scene.stage;
     let Some(shown) = &viewer.views[index].shown else { return Vec::new() };
-    let middle = viewer.middle_of_actors().unwrap_or(DVec3::ZERO);
     let lights = scene.evaluator.stage_lights(&shown.snapshot).into_iter().enumerate();
     let lights = lights.filter_map(|(number, light)| {
         let light = light?;
