@@ -67,6 +67,9 @@ pub struct Dragging {
     pub change: Change,
 }
 
+/// A change that is made again.
+pub(crate) type ChangeAgain = Box<dyn FnOnce(&mut Viewer)>;
+
 pub struct Viewer {
     /// The script's or model's name.
     pub name: String,
@@ -78,6 +81,8 @@ pub struct Viewer {
     /// The program in which lines of the script are opened.
     pub editor: Editor,
     pub history: History,
+    /// A change of one of several things that a loop makes, and whether it is made as soon as the loop is written out.
+    pub(crate) repeat: Option<(ChangeAgain, bool)>,
     /// A change that needs a word of the user first.
     pub offer: Option<Offer>,
     /// The window is to be closed.
@@ -185,6 +190,7 @@ impl Viewer {
             shortcuts: Shortcuts::default(),
             editor: Editor::of_environment(),
             history: History::default(),
+            repeat: None,
             offer: None,
             message: None,
             message_line: None,
@@ -284,6 +290,9 @@ impl Viewer {
 
     /// The next version: swapped in whole where it is good; playhead, selection, cameras and whether it plays stay.
     pub fn take_version(&mut self, version: SceneVersion) {
+        if version.scene.is_none() && self.take_back_faulty(&version.problems) {
+            return;
+        }
         self.problems = version.problems;
         self.find_severities();
         self.work = version.work;
@@ -321,6 +330,7 @@ impl Viewer {
         self.sunlit.take();
         self.find_keys_again();
         self.check_wanted();
+        self.change_is_shown();
     }
 
     /// Messages of `choreo check` about the version with this number, which come after it.

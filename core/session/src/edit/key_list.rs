@@ -127,7 +127,7 @@ pub(super) fn retimed(text: &str, keys: &[Key], times: &[Option<EditTime>]) -> E
     order.sort_by(|a, b| secs(a).total_cmp(&secs(b)));
     if order.is_sorted() {
         let moved = keys.iter().zip(times).filter_map(|(key, time)| Some((key, (*time)?)));
-        let moved = moved.map(|(key, time)| Edit { range: key.time.clone(), text: time.text(key.in_frames) });
+        let moved = moved.map(|(key, time)| Edit::over(text, key.time.clone(), &time.text(key.in_frames)));
         return Edit::joined(text, moved.collect());
     }
     let tails: Vec<Tail> = keys.iter().map(|key| Tail::of(text, key)).collect();

@@ -11,7 +11,8 @@ const MOST_ROUNDS: usize = 64;
 
 /// Writes the innermost loop around a place out: `for NAME in [a, b]` or `in 0..3`, with the values in place of the name. Expressions that
 /// are constant then become literals, which can be edited: `"post " + i` becomes `"post 1"`, and so does a variable that holds such a
-/// literal and is never set again. Other variables of the body get a number, so that they are different ones.
+/// literal and is never set again. Other variables of the body get a number, so that they are different ones: that of the loop where texts
+/// end with it, else from 1.
 ///
 /// # Errors
 /// Why not, for the user: there is no such loop, or its values or its body do not allow it.
@@ -40,7 +41,7 @@ pub fn unroll(text: &str, line: usize, column: usize) -> Result<Edit, EditRefuse
         return Err(refuse("its body makes a variable of the loop's name; write it out in the script"));
     }
     let indent = indent_before(text, found.all.start);
-    let rounds = values.iter().enumerate().map(|(number, value)| {
+    let round = |number: &str, value: &str| {
         let mut round = Round::default();
         let mut at = found.body.start;
         for word in words.iter().filter(|word| is_variable(text, word)) {
@@ -48,7 +49,7 @@ pub fn unroll(text: &str, line: usize, column: usize) -> Result<Edit, EditRefuse
             round.text += &text[at..word.start];
             match name == found.name {
                 true => round.put_in(text, word, value),
-                false if made.contains(&name) => round.text += &format!("{name}_{}", number + 1),
+                false if made.contains(&name) => round.text += &format!("{name}_{number}"),
                 false => round.text += name,
             }
             at = word.end;
@@ -56,10 +57,21 @@ pub fn unroll(text: &str, line: usize, column: usize) -> Result<Edit, EditRefuse
         round.text += &text[at..found.body.end];
         let mut written = round.folded();
         for name in &made {
-            let name = format!("{name}_{}", number + 1);
-            written = without_constant(&written, &name).unwrap_or(written);
+            written = without_constant(&written, &format!("{name}_{number}")).unwrap_or(written);
         }
         dedented(&written, indent)
+    };
+    // `let post_0 = cast("post 0", …)`
+    let is_named = |value: &String| {
+        let (written, end) = (round("1", value), format!("{value}\""));
+        let mut ends = written.match_indices(&end).map(|(at, _)| &written[..at]);
+        let is_digit = |c: char| c.is_ascii_digit();
+        value.chars().all(is_digit) && ends.any(|before| !before.ends_with(is_digit))
+    };
+    let is_counted = text[found.values.clone()].contains("..") && values.first().is_some_and(is_named);
+    let rounds = values.iter().enumerate().map(|(number, value)| match is_counted {
+        true => round(value, value),
+        false => round(&(number + 1).to_string(), value),
     });
     let rounds: Vec<String> = rounds.collect();
     Ok(Edit { range: found.all.clone(), text: rounds.join(&format!("\n{indent}")) })

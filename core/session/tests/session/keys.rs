@@ -87,7 +87,7 @@ fn only_the_numbers_that_are_others_are_written() {
     };
     let third = 1.0 / 3.0;
     let after = of("position", 0.0, &[5.0, third, 2.0], &[5.0, third, 3.0]).unwrap();
-    assert_eq!(after, text.replace("1.0 / 3.0, 2]", "1.0 / 3.0, 3.0]"));
+    assert_eq!(after, text.replace("1.0 / 3.0, 2]", "1.0 / 3.0, 3]"));
     let after = of("position", 0.0, &[5.0, third, 2.0], &[5.0, 0.5, 2.0]).unwrap();
     assert_eq!(after, text.replace("[x, 1.0 / 3.0, 2]", "[x, 0.5, 2]"));
     let after = of("position", 2.0, &[third, 0.5], &[third, 0.75]).unwrap();
@@ -566,14 +566,14 @@ fn keys_among_options_become_a_method_where_only_that_will_do() {
         };
     let text = "a.play(c, #{ weight: [[0.0, 0], [1.0, 1]] }).until(4.0);";
     let smooth = made(text, &|o| o.set_key_how(".weight", FPS, Some("\"smooth\""))).unwrap();
-    assert_eq!(smooth, "a.play(c).weight([[0.0, 0], [1.0, 1]], \"smooth\").until(4.0);");
+    assert_eq!(smooth, "a.play(c).until(4.0).weight([[0.0, 0], [1.0, 1]], \"smooth\");");
     let linear = made(text, &|o| o.set_key_how(".weight", FPS, None)).unwrap();
     assert_eq!(linear, text);
     // Easings of single keys would be replaced.
     let eased = text.replace("[1.0, 1]", "[1.0, 1, \"in_quad\"]");
     let refused = made(&eased, &|o| o.set_key_how(".weight", FPS, Some("\"cubic\""))).unwrap_err();
     let over = refused.over.unwrap().apply(&eased);
-    assert_eq!(over, "a.play(c).weight([[0.0, 0], [1.0, 1]], \"cubic\").until(4.0);");
+    assert_eq!(over, "a.play(c).until(4.0).weight([[0.0, 0], [1.0, 1]], \"cubic\");");
     // A method counts more than the option, and a number is no list.
     let both = "a.play(c, #{ weight: [[0.0, 0]] }).weight(0.5);";
     let column = 1 + both.find("play").unwrap();
@@ -581,7 +581,7 @@ fn keys_among_options_become_a_method_where_only_that_will_do() {
     for (before, after) in [
         ("a.play(c).weight(0.5).until(2.0);", "a.play(c).weight([[1.0, 0.25]]).until(2.0);"),
         ("a.play(c, #{ weight: 0.5 });", "a.play(c, #{ weight: [[1.0, 0.25]] });"),
-        ("a.play(c).until(2.0);", "a.play(c).weight([[1.0, 0.25]]).until(2.0);"),
+        ("a.play(c).until(2.0);", "a.play(c).until(2.0).weight([[1.0, 0.25]]);"),
     ] {
         let added = made(before, &|o| o.add_keys(".weight", time(1.0), KeyValue::Text("0.25")));
         assert_eq!(added.unwrap(), after);

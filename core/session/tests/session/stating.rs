@@ -163,6 +163,10 @@ fn each_round_is_written_with_its_value() {
         "  let d_1 = cast(\"d 1\", m).at(0.0, 0, 0); // one\n  d_1.play(c, #{ i: 0 });\n  let d_2 = cast(\"d 2\", m).at(2.0, 0, 0); // one\n  d_2.play(c, #{ i: 1 });\n"
     );
     assert_eq!(
+        unrolled("for i in 0..2 { let d = |cast(\"d \" + i, m); d.play(c); }").unwrap(),
+        "let d_0 = cast(\"d 0\", m); d_0.play(c);\nlet d_1 = cast(\"d 1\", m); d_1.play(c);"
+    );
+    assert_eq!(
         unrolled("for p in [[1, 2], [3, 4]] { for q in 1..=2 { |sun(#{ p: p[q] }); } }").unwrap(),
         "for p in [[1, 2], [3, 4]] { sun(#{ p: p[1] });\nsun(#{ p: p[2] }); }"
     );

@@ -167,7 +167,7 @@ fn a_duplicate_follows_the_clip() {
     );
     assert_eq!(
         twice("a.|play(c, #{ weight: [[1, 0], [f(50), 1]], fade: 0.2 });", 1.0, None),
-        "a.play(c, #{ weight: [[1, 0], [f(50), 1]], fade: 0.2 })\n    .then(c, #{ weight: [[2.0, 0], [f(75), 1]], fade: 0.2 });"
+        "a.play(c, #{ weight: [[1, 0], [f(50), 1]], fade: 0.2 })\n    .then(c, #{ weight: [[2, 0], [f(75), 1]], fade: 0.2 });"
     );
     assert!(
         changed("a.|play(c)\n    .freeze(now, 0.5);", &|t, l, c| duplicate_cue(t, l, c, at(1.0), None))

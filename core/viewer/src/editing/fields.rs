@@ -66,6 +66,12 @@ impl Viewer {
     /// # Errors
     /// Why not, for the user; nothing has changed.
     pub(crate) fn change_field(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
+        let done = self.change_field_once(what, change);
+        let (what, change) = (what.clone(), change.clone());
+        self.or_written_out(done, move |viewer| viewer.change_field(&what, &change))
+    }
+
+    fn change_field_once(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
         match change {
             FieldChange::Time(part, time) => self.set_typed_cue(what, *part, time),
             FieldChange::FocalLength(length, text) => self.set_focal_length(what, *length, text),

@@ -37,7 +37,8 @@ use crate::state::history::{Done, Offer};
 use crate::state::keyed::KeyRef;
 use crate::state::selection::Selected;
 use choreo_files::{WriteError, write_whole};
-use choreo_script::Place;
+use choreo_script::{Place, Severity};
+use choreo_session::Problem;
 use choreo_session::edit::{
     CueTime, Edit, EditRefused, EditTime, ScriptObject, ScriptText, Typed, follows, set_marker, set_time,
 };
@@ -272,6 +273,7 @@ impl Viewer {
         }
         write(path, &after)?;
         let keys = self.keys_beside_selection();
+        self.history.unshown = Some(after.clone());
         self.history.done.push(Done { back: edit.inverse(text), text: after, keys });
         self.history.undone.clear();
         Ok(())
@@ -291,6 +293,8 @@ impl Viewer {
         }
         self.write_edit(&path, &now, edit)?;
         self.selection = offer.selects.or(self.selection.take());
+        let writes_out = offer.agree == shared::WRITE_OUT;
+        self.repeat = self.repeat.take().filter(|_| writes_out).map(|(change, _)| (change, true));
         Ok(())
     }
 
@@ -318,6 +322,38 @@ impl Viewer {
         self.restore_keys(redone, &again);
         self.history.done.push(again);
         Ok(())
+    }
+
+    /// Takes the newest change back where a script that loaded before does not load with it, and says why. Gives whether that is so.
+    pub(crate) fn take_back_faulty(&mut self, problems: &[Problem]) -> bool {
+        let is_loaded = self.scene.is_some() && !self.faulty;
+        let Some(text) = self.history.unshown.take().filter(|_| is_loaded) else { return false };
+        let is_newest = self.history.done.last().is_some_and(|done| done.text == text);
+        let is_there = self.path.as_ref().and_then(|path| read(path).ok()).is_some_and(|now| now == text);
+        if !is_newest || !is_there || self.undo().is_err() {
+            return false;
+        }
+        self.history.undone.pop();
+        self.repeat = None;
+        (self.dragging, self.placed) = (None, None);
+        let error = problems.iter().find(|problem| problem.severity == Severity::Error);
+        let (message, line) = error.map_or(("", 0), |error| (error.message.as_str(), error.line));
+        let why = format!("taken back, since the script would not load: {message}");
+        self.report(Err(EditError::Refused { why, line: Some(line).filter(|line| *line > 0) }));
+        true
+    }
+
+    /// A version is shown: a change that waits for its loop to be written out is made.
+    pub(crate) fn change_is_shown(&mut self) {
+        let Some(places) = self.scene.as_ref().map(|scene| &scene.places) else { return };
+        let shown = places.sources.get(&places.main).map(|text| text.to_string());
+        if self.history.unshown.is_some() && self.history.unshown != shown {
+            return;
+        }
+        self.history.unshown = None;
+        if let Some((change, _)) = self.repeat.take_if(|(_, is_agreed)| *is_agreed) {
+            change(self);
+        }
     }
 
     fn take_back(&self, back: &Edit, from: &str) -> Result<Done, EditError> {

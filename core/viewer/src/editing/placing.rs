@@ -89,8 +89,9 @@ impl Viewer {
     pub fn change_actor(&mut self, name: &str, change: Change) -> Result<(), EditError> {
         let scene = self.scene.clone().ok_or(EditError::NothingShown)?;
         let index = actor(&scene.stage, name).ok_or(EditError::Gone)?;
-        let change = self.change_in_parent(&scene.stage.actors[index], index, change)?;
-        self.place_actor(name, change, None)
+        let in_parent = self.change_in_parent(&scene.stage.actors[index], index, change)?;
+        let (done, name) = (self.place_actor(name, in_parent, None), name.to_string());
+        self.or_written_out(done, move |viewer| viewer.change_actor(&name, change))
     }
 
     /// The change of an actor along the axes of its parent.

@@ -7,7 +7,23 @@ use crate::state::selection::Selected;
 use choreo_script::Place;
 use choreo_session::edit::{Edit, EditRefused, ScriptObject, unroll};
 
+/// Label of the button that writes a loop out.
+pub(super) const WRITE_OUT: &str = "Write the loop out";
+
 impl Viewer {
+    /// Keeps a change of one of several things that a loop makes, which is made once the user has let the loop be written out. `done`: what
+    /// came of it.
+    pub(super) fn or_written_out(
+        &mut self,
+        done: Result<(), EditError>,
+        change: impl FnOnce(&mut Viewer) -> Result<(), EditError> + 'static,
+    ) -> Result<(), EditError> {
+        if matches!(done, Err(EditError::SharedLine { .. })) {
+            self.repeat = Some((Box::new(move |viewer| viewer.edit(change)), false));
+        }
+        done
+    }
+
     /// Offers the change of the shared line for all that it makes, and the loop written out, or else a line for one of them alone; gives the
     /// error on. `made`: the change in the text that is shown.
     pub(super) fn offer_of_shared(
@@ -38,7 +54,7 @@ impl Viewer {
             ..Offer::default()
         };
         let one = unrolled
-            .map(|edit| ("Write the loop out", "Written out, each can be changed alone:", edit))
+            .map(|edit| (WRITE_OUT, "Written out, each can be changed alone:", edit))
             .or_else(|| alone.map(|edit| ("Add the line", "A line of its own would change it alone:", edit)));
         let makes = format!("line {line} makes {objects} of them");
         self.offer = match (all, one) {

@@ -271,7 +271,7 @@ pub fn offer(ui: &Ui, viewer: &mut Viewer) {
             if let Some(offer) = &mut viewer.offer
                 && let Some(other) = offer.other.take()
             {
-                offer.edit = other.edit;
+                (offer.edit, offer.agree) = (other.edit, other.agree);
             }
             viewer.edit(|v| v.accept_offer());
         }

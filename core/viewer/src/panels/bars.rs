@@ -353,8 +353,10 @@ fn handle(
     let bar = &bars[number];
     let x = lane.x(viewer, at.as_secs());
     let rect = lane.rect;
-    // The fade's handle is above, but reaches below a key that is there; the ends' are as high as the bar.
-    let bottom = if part == CueTime::FadeIn { rect.top() + marks::BAND + 6.0 } else { rect.bottom() };
+    // The fade's handle is above, and below a key where the row has some; the ends' are as high as the bar.
+    let has_keys = viewer.timeline.rows.get(lane.row).is_some_and(|row| !row.events.is_empty());
+    let below = if has_keys { marks::BAND + 6.0 } else { marks::BAND };
+    let bottom = if part == CueTime::FadeIn { rect.top() + below } else { rect.bottom() };
     // Two bars that meet share the handle's place: the end of the first is left of the time, the start of the second right of it.
     let is_met = number.checked_sub(1).is_some_and(|before| bars[before].meets(bar));
     let (left, right) = match part {

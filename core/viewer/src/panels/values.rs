@@ -110,7 +110,8 @@ fn settled(
     default: Option<f64>,
     add: impl FnOnce(&mut Ui, &mut f64) -> Response,
 ) -> Option<f64> {
-    let mut now: f64 = ui.data(|d| d.get_temp(id)).unwrap_or(value);
+    let held: Option<f64> = ui.data(|d| d.get_temp(id));
+    let mut now = held.unwrap_or(value);
     let response = add(ui, &mut now);
     super::inspected::hold(ui, &response);
     if response.lost_focus() {
@@ -136,8 +137,8 @@ fn settled(
         // A dragged number is not the one that was typed last, even if the values are equal.
         ui.data_mut(|d| d.remove::<(String, f64)>(typed_id()));
     }
-    // An expression takes the place of digits of the same value.
-    let is_expression = done && typed(ui, now).text != format_number(now);
+    // An expression takes the place of digits of the same value, once: a field is left for two passes.
+    let is_expression = done && held.is_some() && typed(ui, now).text != format_number(now);
     let set = reset.or_else(|| (done && (!is_as_shown || is_expression)).then_some(now));
     set.filter(|now| (*now != value || is_expression) && now.is_finite())
 }

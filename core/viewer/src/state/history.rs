@@ -12,6 +12,8 @@ use std::path::PathBuf;
 pub struct History {
     pub(crate) done: Vec<Done>,
     pub(crate) undone: Vec<Done>,
+    /// The text of the newest change, until a version shows it.
+    pub(crate) unshown: Option<String>,
     /// The text that an undo has brought back, until it is shown, and the keys that were selected in it.
     pub(crate) restored: Option<(String, Vec<KeyRef>)>,
     /// The placement that the next version must show, if the change had its effect.

@@ -591,6 +591,14 @@ for i in [1, 2, 3] {
         stage.actors.iter().map(|a| (a.name.clone(), a.transform.translation)).collect()
     };
     assert_eq!(placed(&before), placed(&after), "{}", desk.state().text());
+    // The change for which it was written out is made then.
+    desk.state_mut().reload();
+    let moved = placed(&desk.state().viewer.scene.as_ref().unwrap().stage);
+    let wanted = placed(&before).into_iter().map(|(name, at)| match name.as_str() {
+        "ball 2" => (name, at + DVec3::Y),
+        _ => (name, at),
+    });
+    assert_eq!(moved, wanted.collect::<Vec<_>>(), "{}", desk.state().text());
     desk.state_mut().viewer.change_actor("ball 2", grown).unwrap();
     assert_eq!(desk.state().text().matches(".scale(2.0)").count(), 1, "{}", desk.state().text());
 }
@@ -616,6 +624,7 @@ for i in [-1, 0, 1] {
         desk.run();
     };
     reload(&mut desk);
+    reload(&mut desk);
     desk.state_mut().viewer.change_actor("post 3", Change::Move(DVec3::new(0.25, 0.0, 0.0))).unwrap();
     reload(&mut desk);
     desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "post 1".into(), layer: 0, cue: 0 });
@@ -632,7 +641,7 @@ for i in [-1, 0, 1] {
             "post_1.play(moves.clip(\"Walk\"), #{ speed: 2.0 }).from(0.5);",
             "let middle = cast(\"Middle\", moves).at(-2, 0.0, 0.0);",
             "middle.play(moves.clip(\"Walk\"), #{ speed: 1.0 }).from(1);",
-            "let post_3 = cast(\"post 3\", moves).at(-0.75, 0.0, 0.5);",
+            "let post_3 = cast(\"post 3\", moves).at(0.25, 0.0, 0.5);",
             "post_3.play(moves.clip(\"Walk\"), #{ speed: 1.25 }).from(2);",
         ]
     );
@@ -960,7 +969,7 @@ let x = 1.5;
 let box = cast(\"box\", shape(\"box\")).at(1.0 / 3.0, 0.0, 2.0 * x);
 camera(\"wide\").at(0, 1, 2.0 * x).look_at([0.0, 1.0, 0.0]);
 ";
-    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1600.0));
     desk.state_mut().viewer.change_actor("box", Change::Move(DVec3::Y)).unwrap();
     assert_eq!(desk.state().text(), SCENE.replace("3.0, 0.0, 2.0", "3.0, 1.0, 2.0"));
     desk.state_mut().reload_with(SCENE);

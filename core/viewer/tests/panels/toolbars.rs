@@ -201,7 +201,7 @@ fn entries_of_the_timeline_stay_where_they_are_whatever_is_set() {
         seek(&mut mouse, 0.0);
         assert_eq!(places(&mouse, "1.00 to 2.04 s", size).len(), 1, "the part that is played, {width}");
         assert_eq!(all(&mouse), before, "a part that is played, {width}");
-        mouse.desk.state_mut().viewer.tempo.per_minute = 120.0;
+        mouse.desk.state_mut().viewer.tempo.per_minute = 90.0;
         mouse.desk.run();
         assert_eq!((all(&mouse), places(&mouse, "first beat", size)), (before, first), "a tempo, {width}");
     }

@@ -55,9 +55,15 @@ impl Place {
     }
 
     pub fn reload(&mut self) {
+        assert!(self.show_version(), "{:?}", self.viewer.problems);
+    }
+
+    /// Shows the script as it is now; gives whether it loads.
+    pub fn show_version(&mut self) -> bool {
         let version = self.session.build(BTreeSet::new());
-        assert!(version.scene.is_some(), "{:?}", version.problems);
+        let is_good = version.scene.is_some();
         self.viewer.take_version(version);
+        is_good
     }
 
     /// Draws the next frame that is wished for, so that the viewer knows where everything stands.

@@ -85,13 +85,34 @@ fn a_keyed_actor_gets_its_key_at_the_playhead() {
 #[test]
 fn computed_keys_are_refused_with_their_line() {
     let mut place = Place::new(SCRIPT);
-    let computed = SCRIPT.replace("[f(50), [2, 0, 0]]", "[f(50), [1 + 1, 0, 0]]");
+    let computed = SCRIPT.replace("[f(50), [2, 0, 0]]", "[f(50), [\"ab\".len, 0, 0]]");
     place.write(&computed);
     place.reload();
     at(&mut place, 2.0);
     let why = place.viewer.change_actor("ada", Change::Move(DVec3::X)).unwrap_err().to_string();
     assert_ends(&why, "a.rhai: line 3: its position has keys that are computed; change them there");
     assert_eq!(place.text(), computed);
+}
+
+/// A change with which the script would not load is taken back with the reason; a fault of another program stays.
+#[test]
+fn a_change_that_does_not_load_is_taken_back() {
+    let script = format!("{SCRIPT}let lamp = point(#{{ intensity: 40.0 }});\n");
+    let mut place = Place::new(&script);
+    let lamp = Selected::Light(2);
+    place.viewer.set_value(&lamp, "intensity", "\"much\"").unwrap();
+    assert!(!place.show_version(), "the script has an error");
+    assert_eq!((place.text(), place.viewer.faulty), (script.clone(), false));
+    let why = place.viewer.message.clone().unwrap_or_default();
+    assert!(why.starts_with("taken back, since the script would not load: "), "{why}");
+    assert!(place.show_version());
+    assert!(place.viewer.undo().is_err(), "nothing is left to undo");
+    place.viewer.set_value(&lamp, "intensity", "50.0").unwrap();
+    assert!(place.show_version());
+    let faulty = place.text().replace("50.0", "\"much\"");
+    place.write(&faulty);
+    assert!(!place.show_version());
+    assert_eq!((place.text(), place.viewer.faulty), (faulty, true));
 }
 
 #[test]
