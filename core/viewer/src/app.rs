@@ -554,6 +554,20 @@ impl Viewer {
         all.filter(|what| self.bars().any(|bar| bar.what == **what)).cloned().collect()
     }
 
+    /// The selected bars, without one that is selected because its keys are.
+    pub(crate) fn bars_beside_keys(&self) -> Vec<Selected> {
+        let bars = self.selected_bars();
+        match bars.as_slice() {
+            [bar] if self.selected_keys().iter().any(|key| key.what == *bar) => Vec::new(),
+            _ => bars,
+        }
+    }
+
+    /// Whether commands are for the selected keys: bars have their own.
+    pub(crate) fn has_only_keys_selected(&self) -> bool {
+        !self.selected_keys().is_empty() && self.bars_beside_keys().is_empty()
+    }
+
     /// An actor that is locked and selected, itself, with a clip or with a key.
     pub(crate) fn locked_selection(&self) -> Option<&str> {
         let keys = self.selected_keys().iter().map(|key| &key.what);

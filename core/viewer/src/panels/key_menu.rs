@@ -190,9 +190,9 @@ fn choice(ui: &mut Ui, none: &str, names: &[String]) -> Option<Option<String>> {
     chosen
 }
 
-/// Copies and cuts keys where they alone are selected: clips have their own commands.
+/// Copies and cuts keys where they alone are selected.
 pub fn clipboard(ui: &Ui, viewer: &mut Viewer) {
-    if viewer.selected_keys().is_empty() || !viewer.selected_bars().is_empty() {
+    if !viewer.has_only_keys_selected() {
         return;
     }
     let mut asked = Vec::new();

@@ -714,6 +714,41 @@ fn k_and_the_inspector_s_diamonds_set_keys() {
     assert_eq!(desk.state().text(), replaced(&[("[2.0, 0.9]", "[1.0, 0.25], [2.0, 0.9]")]));
 }
 
+/// A camera and an effect have bars, which are selected with their keys; commands are for the keys all the same.
+#[test]
+fn keys_of_what_has_a_bar_are_duplicated_copied_and_cut_by_keyboard() {
+    let mut desk = desk();
+    desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
+    let fov = key(Selected::Camera("wide".into()), "fov", 2.0);
+    desk.state_mut().viewer.select_keys(vec![fov]);
+    desk.run();
+    press(&mut desk, Modifiers::COMMAND, Key::D);
+    assert_eq!(desk.state().text(), replaced(&[("[0.0, 40], ", "[0.0, 40], [0.48, 50], ")]));
+    undone(&mut desk);
+    let strength = key(Selected::Effect(0), "strength", 2.0);
+    desk.state_mut().viewer.select_keys(vec![strength]);
+    desk.run();
+    desk.event(Event::Copy);
+    desk.run_steps(1);
+    assert_eq!(desk.state().text(), SCRIPT);
+    let copied = desk.output().platform_output.commands.iter().find_map(|command| match command {
+        egui::OutputCommand::CopyText(text) => Some(text.clone()),
+        _ => None,
+    });
+    let copied = copied.unwrap();
+    assert_eq!(copied, ".key(\"strength\", [[2.0, 0.9]])");
+    desk.event(Event::Paste(copied));
+    desk.run();
+    assert_eq!(desk.state().text(), replaced(&[("[0.0, 0.1], ", "[0.0, 0.1], [0.48, 0.9], ")]));
+    undone(&mut desk);
+    desk.state_mut().viewer.select_keys(vec![key(Selected::Effect(0), "strength", 2.0)]);
+    desk.run();
+    desk.event(Event::Cut);
+    desk.run();
+    assert_eq!(desk.state().text(), replaced(&[(", [2.0, 0.9]", "")]));
+    undone(&mut desk);
+}
+
 #[test]
 fn k_leaves_out_curves_that_are_hidden_in_the_open_curve_editor() {
     let mut desk = curves();
