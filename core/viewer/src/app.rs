@@ -493,6 +493,12 @@ impl Viewer {
         name.unwrap_or_else(|| format!("light {}", index + 1))
     }
 
+    /// The name of an effect as it is read.
+    pub(crate) fn effect_name(&self, index: usize) -> String {
+        let scene = self.scene.as_ref();
+        scene.and_then(|scene| scene.stage.effects.get(index)).map_or_else(String::new, |e| e.plugin.clone())
+    }
+
     /// The mouse takes a view's camera over where it stands.
     pub fn free_camera(&mut self, view: usize) -> Option<&mut Orbit> {
         let near = self.point_of_interest().unwrap_or(DVec3::ZERO);

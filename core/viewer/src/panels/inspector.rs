@@ -72,9 +72,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         Selected::Actor(name) | Selected::Camera(name) => name.clone(),
         Selected::Cue { actor, .. } => format!("{actor}: {}", rows.first().map_or("", |r| r.1.as_str())),
         Selected::Light(index) => viewer.light_name(*index),
-        Selected::Effect(index) => {
-            scene.stage.effects.get(*index).map_or_else(String::new, |e| e.plugin.clone())
-        }
+        Selected::Effect(index) => viewer.effect_name(*index),
         Selected::Title(index) => format!("title {}", index + 1),
         Selected::Sky => "sky".to_string(),
     };

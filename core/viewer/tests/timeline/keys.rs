@@ -759,12 +759,51 @@ fn k_leaves_out_curves_that_are_hidden_in_the_open_curve_editor() {
     assert_eq!(desk.state().text(), replaced(&[("[1.0, [1, 0, 0]]", inserted)]));
     undone(&mut desk);
     let hidden = &mut desk.state_mut().viewer.curves.hidden;
-    hidden.extend((0..3).map(|part| ("position".to_string(), part)));
+    let hide = |what: Selected| (0..3).map(move |part| (what.clone(), "position".to_string(), part));
+    hidden.extend(hide(Selected::Actor("way".into())));
+    desk.run();
+    press(&mut desk, Modifiers::NONE, Key::K);
+    assert_eq!(desk.state().text(), replaced(&[("[1.0, [1, 0, 0]]", inserted)]), "those of another thing");
+    undone(&mut desk);
+    desk.state_mut().viewer.curves.hidden.extend(hide(ball()));
     desk.run();
     press(&mut desk, Modifiers::NONE, Key::K);
     let message = desk.state().viewer.message.clone().unwrap_or_default();
     assert!(message.starts_with("all of its curves are hidden"), "{message}");
     assert_eq!(desk.state().text(), SCRIPT);
+}
+
+/// The speed of a straight line is the same from its first key to its last one, and none behind that.
+#[test]
+fn speeds_at_keys_are_those_of_one_side() {
+    let mut place = Place::new(SCRIPT);
+    place.viewer.curves.speed = true;
+    let speed = |name: &str, secs: f64| {
+        place.viewer.curves.drawn(&property(&place, &ball(), name), Time::from_secs(secs), (0.0, 1.0))[0]
+    };
+    for (name, secs, expected) in [
+        ("rotation", 0.0, 360.0),
+        ("rotation", 1.0, 360.0),
+        ("rotation", 2.0, 360.0),
+        ("rotation", 2.01, 0.0),
+        ("position", 0.0, 1.0),
+        ("position", 0.9999, 1.0),
+        ("position", 1.0, 0.0),
+    ] {
+        assert!((speed(name, secs) - expected).abs() < 1e-3, "{name} at {secs}: {}", speed(name, secs));
+    }
+}
+
+/// The curve editor calls an effect as the rest does.
+#[test]
+fn curves_of_an_effect_have_its_name() {
+    let mut desk = curves();
+    let named = desk.query_all_by_label("vignette").count();
+    desk.state_mut().viewer.selection = Some(Selected::Effect(0));
+    desk.run();
+    assert!(desk.query_by_label("effect 1").is_none());
+    // In the inspector and above the curves.
+    assert_eq!(desk.query_all_by_label("vignette").count(), named + 2);
 }
 
 /// Curves and menus of keys of a locked row show, but change nothing.
