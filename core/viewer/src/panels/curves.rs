@@ -13,6 +13,7 @@ use super::tangents;
 use super::toolbar::Toolbar;
 use crate::app::Viewer;
 use crate::editing::ValueDrag;
+use crate::geometry::resolved;
 use crate::state::curves::KeyDrag;
 use crate::state::keyed::{KeyRef, KeyedProperty, ValueKind};
 use crate::state::selection::Selected;
@@ -62,6 +63,11 @@ impl Plot {
     pub fn y(&self, value: f64) -> f32 {
         let part = (value - self.values.from) / (self.values.to - self.values.from);
         self.rect.bottom() - (part.clamp(-1e4, 1e4) * f64::from(self.rect.height())) as f32
+    }
+
+    /// The difference of values that one pixel of the screen means.
+    pub fn value_of_pixel(&self, ui: &Ui) -> f64 {
+        self.value_of(1.0 / ui.ctx().pixels_per_point())
     }
 
     /// The difference of values that a height in points means.
@@ -593,8 +599,7 @@ fn dragged(
     let fixed = by.y.abs() < SLACK || viewer.curves.speed || !property.is_plain();
     let value = if fixed { 0.0 } else { -plot.value_of(by.y) * divide };
     let now = property.at(key.at).get(part).copied().unwrap_or_default();
-    // Written to the thousandth, as it is shown here.
-    let value = if fixed { 0.0 } else { ((now + value) * 1e3).round() / 1e3 - now };
+    let value = if fixed { 0.0 } else { resolved(now + value, plot.value_of_pixel(ui) * divide) - now };
     let drag = KeyDrag { key: key.clone(), part, by: secs, value };
     let time = viewer.shown_time(key.at + Time::from_secs(secs));
     let unit = property.unit;
