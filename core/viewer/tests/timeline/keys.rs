@@ -773,6 +773,23 @@ fn k_leaves_out_curves_that_are_hidden_in_the_open_curve_editor() {
     assert_eq!(desk.state().text(), SCRIPT);
 }
 
+/// All easings are seen at once: none is below the end of a list.
+#[test]
+fn easings_stand_in_columns_within_the_window() {
+    let mut desk = curves();
+    let at = desk.get_by_label("key position y at 50").rect().center();
+    secondary_click(&mut desk, at);
+    desk.get_by_label_contains("Easing into the key").click();
+    desk.run();
+    let names = choreo_script::easing_names();
+    let places: Vec<egui::Rect> = names.iter().map(|name| desk.get_by_label(name).rect()).collect();
+    let all = places.iter().fold(egui::Rect::NOTHING, |all, place| all.union(*place));
+    assert!(egui::Rect::from_min_size(Pos2::ZERO, vec2(1500.0, 1000.0)).contains_rect(all), "{all:?}");
+    assert!(all.height() < 360.0, "{all:?}");
+    let overlaps = |n: usize| places[..n].iter().any(|other| other.shrink(1.0).intersects(places[n]));
+    assert!(!(0..places.len()).any(overlaps), "{places:?}");
+}
+
 /// The speed of a straight line is the same from its first key to its last one, and none behind that.
 #[test]
 fn speeds_at_keys_are_those_of_one_side() {
