@@ -10,8 +10,7 @@ use choreo_asset::Asset;
 use choreo_motion::Repeat;
 use choreo_session::edit::{Anew, CueTime, quoted};
 use choreo_stage::{
-    Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Property, Shadow, Stage,
-    StageLight,
+    Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Shadow, Stage, StageLight,
 };
 use egui::{Grid, Response, RichText, Ui};
 use glam::DVec3;
@@ -293,7 +292,7 @@ fn clip(
         // Clips of upper layers fade in.
         let suits = |field: &&Field<Cue>| layer == 0 || field.name != "inertial";
         for field in Cue::FIELDS.iter().filter(|field| (field.lacks)(played).is_none()).filter(suits) {
-            wanted = match keys_of(played, field.name) {
+            wanted = match keys_of(viewer, what, played, field.name) {
                 Some(keys) => keyed(ui, stated, field.name, &keys),
                 None => described(ui, &form, played, field),
             }
@@ -326,16 +325,15 @@ fn clip(
     wanted
 }
 
-/// The keys of a value of a clip, in words; `None` where it has none.
-fn keys_of(played: &Cue, name: &str) -> Option<String> {
+/// The keys of a value of a clip as the script states them, in words; `None` where it has none.
+fn keys_of(viewer: &Viewer, what: &Selected, played: &Cue, name: &str) -> Option<String> {
     // Keys of the clip's time take the place of its speed.
-    let keys = match name {
-        "speed" => played.keys(Property::Speed).or(played.keys(Property::ClipTime)),
-        name => Cue::field(name)?.keyed.and_then(|(_, property)| played.keys(property)),
-    };
-    let times = &keys?.times;
-    let (first, last) = times.first().zip(times.last())?;
-    Some(format!("{} keys, {:.2} to {:.2} s", times.len(), first.as_secs(), last.as_secs()))
+    let is_it = |keyed: &str| keyed == name || (name, keyed) == ("speed", "clip_time");
+    let mut keyed = Cue::keyed_options().filter(|(_, property)| played.keys(*property).is_some());
+    let method = keyed.find(|(keyed, _)| is_it(keyed)).map(|(keyed, _)| format!(".{keyed}"))?;
+    let keys = viewer.keyed_properties(what).into_iter().find(|keyed| keyed.name == method)?.keys;
+    let (first, last) = keys.first().zip(keys.last())?;
+    Some(format!("{} keys, {:.2} to {:.2} s", keys.len(), first.as_secs(), last.as_secs()))
 }
 
 /// A value that keys state, in place of its field: a number would take their place.

@@ -773,6 +773,28 @@ fn k_leaves_out_curves_that_are_hidden_in_the_open_curve_editor() {
     assert_eq!(desk.state().text(), SCRIPT);
 }
 
+/// The keys of a clip that have an easing are those of the script, as an option and as a method: in rows and in the inspector.
+#[test]
+fn eased_keys_of_a_clip_are_no_samples() {
+    const KEYS: &str = "[[1.0, 1.0], [2.0, 0.0, \"in_cubic\"]]";
+    for played in [format!(", #{{ weight: {KEYS} }})"), format!(").weight({KEYS})")] {
+        let script = format!(
+            "stage(#{{ size: [64, 36], fps: 25, length: 4.0 }});
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\")).until(3.0)
+    .then(moves.clip(\"Wave\"){played};
+"
+        );
+        let mut place = Place::new(&script);
+        let row = place.viewer.timeline.rows.iter().find(|row| row.label == "ada").unwrap();
+        let keys = row.events.iter().filter(|event| event.kind == EventKind::Key);
+        assert_eq!(keys.map(|event| event.at.as_secs()).collect::<Vec<_>>(), [1.0, 2.0], "{played}");
+        place.viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 });
+        place.harness(vec2(1500.0, 1000.0)).get_by_label("2 keys, 1.00 to 2.00 s");
+    }
+}
+
 /// All easings are seen at once: none is below the end of a list.
 #[test]
 fn easings_stand_in_columns_within_the_window() {
