@@ -10,7 +10,8 @@ use choreo_asset::Asset;
 use choreo_motion::Repeat;
 use choreo_session::edit::{Anew, CueTime, quoted};
 use choreo_stage::{
-    Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Shadow, Stage, StageLight,
+    Camera, Cue, Described, Field, FieldType, FieldValue, Layer2d, Layer2dContent, Property, Shadow, Stage,
+    StageLight,
 };
 use egui::{Grid, Response, RichText, Ui};
 use glam::DVec3;
@@ -68,7 +69,7 @@ pub fn show(
         }
         Selected::Camera(name) => {
             let camera = stage.cameras.iter().find(|camera| camera.name == *name)?;
-            lens(ui, stated, what, camera)
+            lens(ui, viewer, stated, what, camera)
         }
         Selected::Title(index) => title(ui, viewer, (what, stated), stage.layers_2d.get(*index)?),
         Selected::Actor(name) => surface(ui, viewer, stage, what, name, stated),
@@ -416,11 +417,22 @@ fn layer_fields(ui: &mut Ui, stated: &Stated, asset: &Asset) -> Option<FieldChan
     wanted
 }
 
-fn lens(ui: &mut Ui, stated: &Stated, what: &Selected, camera: &Camera) -> Option<FieldChange> {
+fn lens(
+    ui: &mut Ui,
+    viewer: &Viewer,
+    stated: &Stated,
+    what: &Selected,
+    camera: &Camera,
+) -> Option<FieldChange> {
     let mut wanted = None;
+    let keyed = |property| {
+        let keys = camera.channels.iter().find(|channel| channel.property == property)?;
+        Some(keys.at(viewer.playhead.time())?[0])
+    };
     Grid::new("lens").num_columns(2).show(ui, |ui| {
         if let Some(FieldValue::Number(fov)) = Camera::field("fov").map(|field| (field.get)(camera)) {
-            let now = Camera::focal_length(fov);
+            let by_angle = || Camera::focal_length(keyed(Property::FieldOfView).unwrap_or(fov));
+            let now = keyed(Property::FocalLength).unwrap_or_else(by_angle);
             let is_stated = ["fov", "focal_length"].iter().any(|name| stated.contains_key(*name));
             let name = name_text("focal length", is_stated);
             let label = ui.add(egui::Label::new(name).sense(egui::Sense::click()));

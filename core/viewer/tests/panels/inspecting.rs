@@ -1124,6 +1124,11 @@ camera(\"wide\").key(\"fov\", [[0.0, 40], [2.0, 50]]).key(\"position\", [[0.0, [
         place.paint();
         let desk = place.harness(vec2(1500.0, 1000.0));
         desk.get_by_label("0.0° 180.0° 0.0°");
+        if let Some(length) = desk.query_by_label("focal length field") {
+            // Of 40°: 12 mm / tan 20°.
+            let length: f64 = length.value().unwrap_or_default().parse().unwrap();
+            assert!((length - 32.97).abs() < 0.01, "{length}");
+        }
         assert!(["fov", "position", "rotation"].iter().all(|name| desk.query_by_label(name).is_none()));
     }
 }
