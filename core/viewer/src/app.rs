@@ -503,6 +503,12 @@ impl Viewer {
         name.unwrap_or_else(|| format!("light {}", index + 1))
     }
 
+    /// The name of an effect as it is read.
+    pub(crate) fn effect_name(&self, index: usize) -> String {
+        let scene = self.scene.as_ref();
+        scene.and_then(|scene| scene.stage.effects.get(index)).map_or_else(String::new, |e| e.plugin.clone())
+    }
+
     /// The mouse takes a view's camera over where it stands.
     pub fn free_camera(&mut self, view: usize) -> Option<&mut Orbit> {
         let near = self.point_of_interest().unwrap_or(DVec3::ZERO);
@@ -562,6 +568,20 @@ impl Viewer {
     pub fn selected_bars(&self) -> Vec<Selected> {
         let all = self.selection.iter().chain(self.more());
         all.filter(|what| self.bars().any(|bar| bar.what == **what)).cloned().collect()
+    }
+
+    /// The selected bars, without one that is selected because its keys are.
+    pub(crate) fn bars_beside_keys(&self) -> Vec<Selected> {
+        let bars = self.selected_bars();
+        match bars.as_slice() {
+            [bar] if self.selected_keys().iter().any(|key| key.what == *bar) => Vec::new(),
+            _ => bars,
+        }
+    }
+
+    /// Whether commands are for the selected keys: bars have their own.
+    pub(crate) fn has_only_keys_selected(&self) -> bool {
+        !self.selected_keys().is_empty() && self.bars_beside_keys().is_empty()
     }
 
     /// An actor that is locked and selected, itself, with a clip or with a key.

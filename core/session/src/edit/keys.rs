@@ -514,9 +514,9 @@ fn numbers_like(near: &[f64], value: &KeyValue) -> Vec<f64> {
     }
 }
 
-/// The same angle, within half a turn of another.
+/// The same angle, within half a turn of another; at half a turn the greater one.
 fn turns(degrees: f64, near: f64) -> f64 {
-    degrees + 360.0 * libm::round((near - degrees) / 360.0)
+    degrees + 360.0 * libm::floor((near - degrees) / 360.0 + 0.5 + 1e-6)
 }
 
 /// The angles of a rotation that are nearest to others: keys go from angle to angle, not the shortest way.

@@ -472,7 +472,7 @@ pub fn rotation_of(degrees: DVec3) -> DQuat {
 }
 
 /// The angles about x, then y, then z (fixed axes) of a rotation, as in scripts, degrees; where y is ±90°, z is 0.
-pub fn euler_degrees(q: DQuat) -> DVec3 {
+pub(super) fn euler_degrees(q: DQuat) -> DVec3 {
     let m = DMat3::from_quat(q.normalize());
     let y = libm::asin((-m.x_axis.z).clamp(-1.0, 1.0));
     let (x, z) = match m.x_axis.z.abs() < 1.0 - 1e-12 {

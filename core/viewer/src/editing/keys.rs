@@ -132,13 +132,7 @@ impl Viewer {
     /// Deletes the selected clips and keys, as one change. What has lost only keys stays selected.
     pub(crate) fn delete_selected(&mut self) -> Result<(), EditError> {
         let mut steps = self.key_delete_steps(self.selected_keys())?;
-        let mut bars = self.selected_bars();
-        if let [bar] = bars.as_slice()
-            && self.selected_keys().iter().any(|key| key.what == *bar)
-        {
-            // It is selected because its keys are.
-            bars.clear();
-        }
+        let bars = self.bars_beside_keys();
         steps.extend(self.cue_delete_steps(&bars)?);
         self.change_all(steps)?;
         self.select_keys(Vec::new());

@@ -2,6 +2,7 @@
 //! drag from one ray to another means. No toolkit here.
 
 use crate::geometry::projection::Lens;
+use crate::geometry::resolved;
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,20 +107,25 @@ fn to_segment(p: DVec2, a: DVec2, b: DVec2) -> f64 {
 }
 
 impl Drag {
-    /// The change if the mouse is now at `to`. `in_steps`: rounded to whole steps.
+    /// The change if the mouse is now at `to`, in the digits that a point of the screen resolves. `in_steps`: rounded to whole steps.
     pub fn change(&self, lens: &Lens, to: DVec2, in_steps: bool) -> Change {
         let center = self.world_from_model.translation;
-        let round = |value: f64, step: f64| if in_steps { (value / step).round() * step } else { value };
+        let metres = lens.metres_a_point(center);
+        let round = |value: f64, step: f64, pixel: f64| match in_steps {
+            true => (value / step).round() * step,
+            false => resolved(value, pixel),
+        };
         match (self.tool, self.handle) {
             (Tool::Move, Handle::Axis(axis)) => {
                 let along = |at| along_axis(lens.ray(at), center, AXES[axis]);
                 let by = along(to).zip(along(self.from)).map_or(0.0, |(to, from)| to - from);
-                Change::Move(AXES[axis] * round(by, STEPS.1))
+                Change::Move(AXES[axis] * round(by, STEPS.1, metres))
             }
             (Tool::Move, Handle::Middle) => {
                 let on_ground = |at| on_plane(lens.ray(at), center, DVec3::Y);
                 let by = on_ground(to).zip(on_ground(self.from)).map_or(DVec3::ZERO, |(to, from)| to - from);
-                Change::Move(DVec3::new(round(by.x, STEPS.1), 0.0, round(by.z, STEPS.1)))
+                let round = |by| round(by, STEPS.1, metres);
+                Change::Move(DVec3::new(round(by.x), 0.0, round(by.z)))
             }
             (Tool::Turn, Handle::Axis(axis)) => {
                 // Angles are measured on the screen, where a ring seen edge-on works as well as one seen from its axis.
@@ -127,24 +133,28 @@ impl Drag {
                 let angle = |at: DVec2| libm::atan2(middle.y - at.y, at.x - middle.x);
                 let towards = if lens.to_eye(center).dot(AXES[axis]) < 0.0 { -1.0 } else { 1.0 };
                 let degrees = ((angle(to) - angle(self.from)) * towards).to_degrees();
-                let degrees = round((degrees + 540.0).rem_euclid(360.0) - 180.0, STEPS.0);
+                let pixel = (1.0 / (to - middle).length().max(1.0)).to_degrees();
+                let degrees = round((degrees + 540.0).rem_euclid(360.0) - 180.0, STEPS.0, pixel);
                 let (sin, cos) = libm::sincos(degrees.to_radians() / 2.0);
                 let v = AXES[axis] * sin;
                 Change::Turn(DQuat::from_xyzw(v.x, v.y, v.z, cos))
             }
             (Tool::Scale, handle) => {
-                let middle = lens.point(center).unwrap_or(self.from);
-                let factor = match handle {
+                let (factor, pixel) = match handle {
                     Handle::Axis(axis) => {
                         let arm = arm(Tool::Scale, axis, &self.world_from_model);
                         let along = |at| along_axis(lens.ray(at), center, arm);
                         let (from, to) = (along(self.from).unwrap_or(1.0), along(to).unwrap_or(1.0));
-                        if from.abs() < 1e-9 { 1.0 } else { to / from }
+                        let factor = if from.abs() < 1e-9 { 1.0 } else { to / from };
+                        (factor, metres / from.abs().max(1e-9))
                     }
                     // Up is larger, down is smaller.
-                    Handle::Middle => libm::pow(2.0, (middle.y - to.y - (middle.y - self.from.y)) / LENGTH),
+                    Handle::Middle => {
+                        let factor = libm::pow(2.0, (self.from.y - to.y) / LENGTH);
+                        (factor, factor * core::f64::consts::LN_2 / LENGTH)
+                    }
                 };
-                let factor = round(factor, STEPS.1).clamp(0.01, 100.0);
+                let factor = round(factor, STEPS.1, pixel).clamp(0.01, 100.0);
                 Change::Scale(match handle {
                     Handle::Axis(axis) => DVec3::ONE + AXES[axis] * (factor - 1.0),
                     Handle::Middle => DVec3::splat(factor),
@@ -217,6 +227,22 @@ mod tests {
         assert_eq!(handle_at(Tool::Move, &placed(), &lens, from), Some(Handle::Middle));
         let Change::Move(by) = ground.change(&lens, to, true) else { panic!() };
         assert!((by - DVec3::new(0.5, 0.0, -0.3)).length() < 1e-9, "{by}");
+    }
+
+    /// The view is at about 7 m: a point of the screen is 0.01 m, 0.8° of a ring and a hundredth of a scale.
+    #[test]
+    fn changes_have_the_digits_that_a_point_of_the_screen_resolves() {
+        let (lens, center) = (lens(), placed().translation);
+        let from = lens.point(center + DVec3::X * 0.5).unwrap();
+        let to = from + DVec2::new(31.3, 4.7);
+        let whole = |value: f64, parts: f64| (value * parts - (value * parts).round()).abs() < 1e-6;
+        let change = |tool, handle| drag(tool, handle, from).change(&lens, to, false);
+        let Change::Move(by) = change(Tool::Move, Handle::Axis(0)) else { panic!() };
+        assert!(by.x > 0.1 && whole(by.x, 100.0), "{by}");
+        let Change::Turn(by) = change(Tool::Turn, Handle::Axis(1)) else { panic!() };
+        assert!(whole(2.0 * libm::atan2(by.y, by.w).to_degrees(), 10.0), "{by}");
+        let Change::Scale(by) = change(Tool::Scale, Handle::Middle) else { panic!() };
+        assert!(by.x < 1.0 && whole(by.x, 100.0), "{by}");
     }
 
     #[test]

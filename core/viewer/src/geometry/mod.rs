@@ -4,3 +4,30 @@ pub mod gizmo;
 pub mod picking;
 pub mod projection;
 pub mod rig;
+
+/// Rounds a value that the mouse drags to a decimal digit that is no coarser than two pixels, and no finer than a thousandth. `pixel`: the
+/// change that one pixel makes.
+pub(crate) fn resolved(value: f64, pixel: f64) -> f64 {
+    let digits = (-libm::log10(2.0 * pixel)).ceil().clamp(0.0, 3.0);
+    let parts = libm::pow(10.0, digits);
+    (value * parts).round() / parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::resolved;
+
+    #[test]
+    fn a_dragged_value_has_the_digits_of_a_pixel() {
+        for (value, pixel, expected) in [
+            (122.443, 1.0, 122.0),
+            (119.089, 0.77, 119.0),
+            (0.988, 0.014, 0.99),
+            (1.502, 0.0094, 1.5),
+            (0.98765, 1e-5, 0.988),
+            (1234.5, 40.0, 1235.0),
+        ] {
+            assert_eq!(resolved(value, pixel), expected, "{value}, {pixel}");
+        }
+    }
+}

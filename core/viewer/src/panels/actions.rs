@@ -257,9 +257,7 @@ fn clipboard(c: &mut Context, command: bar_menu::Command) {
 }
 
 fn duplicate(c: &mut Context) {
-    // Clips have their own command.
-    let are_keys = !c.viewer.selected_keys().is_empty() && c.viewer.selected_bars().is_empty();
-    match are_keys {
+    match c.viewer.has_only_keys_selected() {
         true => key_menu::run(c.ui, c.viewer, KeyAct::Run(KeyCommand::Duplicate)),
         false => bars(c, bar_menu::Command::Duplicate),
     }

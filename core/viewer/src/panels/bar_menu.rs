@@ -103,7 +103,7 @@ pub fn entries(ui: &mut Ui, viewer: &Viewer, suits: impl Fn(Command) -> bool) ->
 
 /// Copies, cuts or pastes what is selected, clips or keys.
 pub fn run_clipboard(ui: &Ui, viewer: &mut Viewer, command: Command) {
-    let are_keys = !viewer.selected_keys().is_empty() && viewer.selected_bars().is_empty();
+    let are_keys = viewer.has_only_keys_selected();
     match command {
         Command::Copy if are_keys => key_menu::run(ui, viewer, KeyAct::Run(KeyCommand::Copy)),
         Command::Cut if are_keys => key_menu::run(ui, viewer, KeyAct::Run(KeyCommand::Cut)),

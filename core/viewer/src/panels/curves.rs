@@ -1,18 +1,19 @@
 //! The curve editor: the keyed values of the selection over time, as the stage has them, with the keys as points to be dragged.
 
 use super::bars::beside;
+use super::fixed_digits;
 use super::headers;
 use super::held;
 use super::hint::Hint;
 use super::key_menu::{self, KeyAct};
 use super::marks::SELECTED;
 use super::overlay::{X, Y, Z};
-use super::rounded;
 use super::sequencer::{LABELS, RULER, over_all, scrub};
 use super::tangents;
 use super::toolbar::Toolbar;
 use crate::app::Viewer;
 use crate::editing::ValueDrag;
+use crate::geometry::resolved;
 use crate::state::curves::KeyDrag;
 use crate::state::keyed::{KeyRef, KeyedProperty, ValueKind};
 use crate::state::selection::Selected;
@@ -62,6 +63,11 @@ impl Plot {
     pub fn y(&self, value: f64) -> f32 {
         let part = (value - self.values.from) / (self.values.to - self.values.from);
         self.rect.bottom() - (part.clamp(-1e4, 1e4) * f64::from(self.rect.height())) as f32
+    }
+
+    /// The difference of values that one pixel of the screen means.
+    pub fn value_of_pixel(&self, ui: &Ui) -> f64 {
+        self.value_of(1.0 / ui.ctx().pixels_per_point())
     }
 
     /// The difference of values that a height in points means.
@@ -173,7 +179,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
         let name = match what {
             Selected::Actor(name) | Selected::Camera(name) => name.clone(),
             Selected::Light(index) => viewer.light_name(*index),
-            Selected::Effect(index) => format!("effect {}", index + 1),
+            Selected::Effect(index) => viewer.effect_name(*index),
             Selected::Title(index) => format!("title {}", index + 1),
             Selected::Cue { actor, .. } => actor.clone(),
             Selected::Sky => "sky".to_string(),
@@ -299,11 +305,6 @@ fn grid(ui: &Ui, viewer: &Viewer, plot: &Plot, all: &[KeyedProperty]) {
     }
 }
 
-/// A number with as many digits behind the point; what rounds to nothing has no sign.
-fn fixed_digits(value: f64, digits: usize) -> String {
-    format!("{:.digits$}", rounded(value, libm::pow(10.0, digits as f64)))
-}
-
 /// The curves' names: a click hides one or shows it, with Ctrl alone.
 fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
     let mut toggled = None;
@@ -350,7 +351,8 @@ fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
                     weak,
                 );
                 if response.hint("a click hides or shows it, with Ctrl: it alone").clicked() {
-                    toggled = Some(((property.name.clone(), part), held::modifiers(ui).command));
+                    let curve = (property.what.clone(), property.name.clone(), part);
+                    toggled = Some((curve, held::modifiers(ui).command));
                 }
             }
         }
@@ -358,10 +360,13 @@ fn names(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, all: &[KeyedProperty]) {
     let Some((curve, alone)) = toggled else { return };
     let hidden = &mut viewer.curves.hidden;
     if alone {
-        let parts = |p: &KeyedProperty| (0..p.width()).map(|part| (p.name.clone(), part)).collect::<Vec<_>>();
+        let parts = |p: &KeyedProperty| {
+            let part = |part| (p.what.clone(), p.name.clone(), part);
+            (0..p.width()).map(part).collect::<Vec<_>>()
+        };
         let others: Vec<_> = all.iter().flat_map(parts).filter(|other| *other != curve).collect();
         let is_alone = others.iter().all(|other| hidden.contains(other));
-        hidden.clear();
+        hidden.retain(|(what, ..)| *what != curve.0);
         hidden.extend(others.into_iter().filter(|_| !is_alone));
     } else if !hidden.remove(&curve) {
         hidden.insert(curve);
@@ -380,15 +385,18 @@ pub(super) fn color(ui: &Ui, property: &KeyedProperty, index: usize, part: usize
         (_, 2) => Z,
         _ => Color32::GRAY,
     };
-    match ui.visuals().dark_mode {
-        true => color,
-        false => Color32::from_rgb(dark(color.r()), dark(color.g()), dark(color.b())),
-    }
+    shaded(color, property.kind == ValueKind::Rotation, ui.visuals().dark_mode)
 }
 
-/// Three quarters as bright, for lines on white.
-fn dark(value: u8) -> u8 {
-    (u16::from(value) * 3 / 4) as u8
+/// The color on the ground of a theme. Rotations stand out more from it than places along the same axis.
+fn shaded(color: Color32, is_rotation: bool, dark_mode: bool) -> Color32 {
+    let of = |value: u8| match (dark_mode, is_rotation) {
+        (true, false) => value,
+        (true, true) => value + (255 - value) / 2,
+        (false, false) => (u16::from(value) * 3 / 4) as u8,
+        (false, true) => value / 2,
+    };
+    Color32::from_rgb(of(color.r()), of(color.g()), of(color.b()))
 }
 
 /// A drag over free places selects the keys in a box, the middle button pans, a double click on a curve sets a key.
@@ -591,8 +599,7 @@ fn dragged(
     let fixed = by.y.abs() < SLACK || viewer.curves.speed || !property.is_plain();
     let value = if fixed { 0.0 } else { -plot.value_of(by.y) * divide };
     let now = property.at(key.at).get(part).copied().unwrap_or_default();
-    // Written to the thousandth, as it is shown here.
-    let value = if fixed { 0.0 } else { ((now + value) * 1e3).round() / 1e3 - now };
+    let value = if fixed { 0.0 } else { resolved(now + value, plot.value_of_pixel(ui) * divide) - now };
     let drag = KeyDrag { key: key.clone(), part, by: secs, value };
     let time = viewer.shown_time(key.at + Time::from_secs(secs));
     let unit = property.unit;
@@ -677,20 +684,19 @@ fn bezier(ease: &str) -> Option<[f64; 4]> {
 
 #[cfg(test)]
 mod tests {
-    use super::fixed_digits;
+    use super::{X, Y, Z, shaded};
 
     #[test]
-    fn a_number_that_rounds_to_nothing_has_no_sign() {
-        // A line at nothing that is reached by adding steps is a little beside it.
-        for (value, digits, text) in [
-            (-1e-17, 1, "0.0"),
-            (-0.0, 2, "0.00"),
-            (-0.04, 1, "0.0"),
-            (-0.06, 1, "-0.1"),
-            (-0.4, 0, "0"),
-            (12.375, 2, "12.38"),
-        ] {
-            assert_eq!(fixed_digits(value, digits), text);
+    fn rotations_have_other_colors_than_places() {
+        for dark_mode in [true, false] {
+            for axis in [X, Y, Z] {
+                let [place, rotation] = [false, true].map(|is| shaded(axis, is, dark_mode));
+                let apart = |of: fn(&egui::Color32) -> u8| of(&place).abs_diff(of(&rotation));
+                let apart = u32::from(apart(egui::Color32::r))
+                    + u32::from(apart(egui::Color32::g))
+                    + u32::from(apart(egui::Color32::b));
+                assert!(apart > 80, "{place:?} {rotation:?}");
+            }
         }
     }
 }

@@ -69,7 +69,7 @@ pub fn show(
         }
         Selected::Camera(name) => {
             let camera = stage.cameras.iter().find(|camera| camera.name == *name)?;
-            lens(ui, stated, what, camera)
+            lens(ui, viewer, stated, what, camera)
         }
         Selected::Title(index) => title(ui, viewer, (what, stated), stage.layers_2d.get(*index)?),
         Selected::Actor(name) => surface(ui, viewer, stage, what, name, stated),
@@ -293,7 +293,7 @@ fn clip(
         // Clips of upper layers fade in.
         let suits = |field: &&Field<Cue>| layer == 0 || field.name != "inertial";
         for field in Cue::FIELDS.iter().filter(|field| (field.lacks)(played).is_none()).filter(suits) {
-            wanted = match keys_of(played, field.name) {
+            wanted = match keys_of(viewer, what, played, field.name) {
                 Some(keys) => keyed(ui, stated, field.name, &keys),
                 None => described(ui, &form, played, field),
             }
@@ -326,16 +326,15 @@ fn clip(
     wanted
 }
 
-/// The keys of a value of a clip, in words; `None` where it has none.
-fn keys_of(played: &Cue, name: &str) -> Option<String> {
+/// The keys of a value of a clip as the script states them, in words; `None` where it has none.
+fn keys_of(viewer: &Viewer, what: &Selected, played: &Cue, name: &str) -> Option<String> {
     // Keys of the clip's time take the place of its speed.
-    let keys = match name {
-        "speed" => played.keys(Property::Speed).or(played.keys(Property::ClipTime)),
-        name => Cue::field(name)?.keyed.and_then(|(_, property)| played.keys(property)),
-    };
-    let times = &keys?.times;
-    let (first, last) = times.first().zip(times.last())?;
-    Some(format!("{} keys, {:.2} to {:.2} s", times.len(), first.as_secs(), last.as_secs()))
+    let is_it = |keyed: &str| keyed == name || (name, keyed) == ("speed", "clip_time");
+    let mut keyed = Cue::keyed_options().filter(|(_, property)| played.keys(*property).is_some());
+    let method = keyed.find(|(keyed, _)| is_it(keyed)).map(|(keyed, _)| format!(".{keyed}"))?;
+    let keys = viewer.keyed_properties(what).into_iter().find(|keyed| keyed.name == method)?.keys;
+    let (first, last) = keys.first().zip(keys.last())?;
+    Some(format!("{} keys, {:.2} to {:.2} s", keys.len(), first.as_secs(), last.as_secs()))
 }
 
 /// A value that keys state, in place of its field: a number would take their place.
@@ -418,11 +417,22 @@ fn layer_fields(ui: &mut Ui, stated: &Stated, asset: &Asset) -> Option<FieldChan
     wanted
 }
 
-fn lens(ui: &mut Ui, stated: &Stated, what: &Selected, camera: &Camera) -> Option<FieldChange> {
+fn lens(
+    ui: &mut Ui,
+    viewer: &Viewer,
+    stated: &Stated,
+    what: &Selected,
+    camera: &Camera,
+) -> Option<FieldChange> {
     let mut wanted = None;
+    let keyed = |property| {
+        let keys = camera.channels.iter().find(|channel| channel.property == property)?;
+        Some(keys.at(viewer.playhead.time())?[0])
+    };
     Grid::new("lens").num_columns(2).show(ui, |ui| {
         if let Some(FieldValue::Number(fov)) = Camera::field("fov").map(|field| (field.get)(camera)) {
-            let now = Camera::focal_length(fov);
+            let by_angle = || Camera::focal_length(keyed(Property::FieldOfView).unwrap_or(fov));
+            let now = keyed(Property::FocalLength).unwrap_or_else(by_angle);
             let is_stated = ["fov", "focal_length"].iter().any(|name| stated.contains_key(*name));
             let name = name_text("focal length", is_stated);
             let label = ui.add(egui::Label::new(name).sense(egui::Sense::click()));

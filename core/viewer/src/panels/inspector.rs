@@ -14,7 +14,7 @@ use choreo_asset::{Asset, LightKind, Projection};
 use choreo_motion::Time;
 use choreo_plugin::{OptionKind, OptionSpec};
 use choreo_script::Place;
-use choreo_session::edit::Typed;
+use choreo_session::edit::{Typed, euler_degrees_near};
 use choreo_session::{FrameInfo, Scene};
 use choreo_stage::{
     ActiveClip, ActorState, Camera, Described, EffectUse, FieldType, FieldValue, Rig, Sky, Stage, StageLight,
@@ -61,14 +61,18 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         return;
     };
     let line = super::script::line_of(viewer, &selection);
-    let rows = rows(viewer, &scene, &selection);
+    let known = match &selection {
+        what @ Selected::Cue { .. } => Some(Arc::new(keyed::of_cue(&scene, what))),
+        what => viewer.known_properties(what).map(|(all, _)| all),
+    };
+    let known = known.unwrap_or_default();
+    let keyable: Keyable = &known;
+    let rows = rows(viewer, &scene, &selection, keyable);
     let title = match &selection {
         Selected::Actor(name) | Selected::Camera(name) => name.clone(),
         Selected::Cue { actor, .. } => format!("{actor}: {}", rows.first().map_or("", |r| r.1.as_str())),
         Selected::Light(index) => viewer.light_name(*index),
-        Selected::Effect(index) => {
-            scene.stage.effects.get(*index).map_or_else(String::new, |e| e.plugin.clone())
-        }
+        Selected::Effect(index) => viewer.effect_name(*index),
         Selected::Title(index) => format!("title {}", index + 1),
         Selected::Sky => "sky".to_string(),
     };
@@ -91,12 +95,6 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         })
         .inner
     });
-    let known = match &selection {
-        what @ Selected::Cue { .. } => Some(Arc::new(keyed::of_cue(&scene, what))),
-        what => viewer.known_properties(what).map(|(all, _)| all),
-    };
-    let known = known.unwrap_or_default();
-    let keyable: Keyable = &known;
     match &selection {
         Selected::Actor(name) => wanted = transform(ui, viewer, &scene.stage, (name, &written), keyable),
         Selected::Light(index) => wanted = light(ui, viewer, (&scene.stage, *index), keyable, &written),
@@ -751,7 +749,14 @@ fn point(p: DVec3) -> String {
     format!("{x:.3} {y:.3} {z:.3}")
 }
 
-fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, String)> {
+/// Angles about x, y and z.
+fn degrees(angles: DVec3) -> String {
+    let [x, y, z] = angles.to_array().map(|v| super::rounded(v, 10.0));
+    format!("{x:.1}° {y:.1}° {z:.1}°")
+}
+
+/// Values that have no field.
+fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected, keyable: Keyable) -> Vec<(String, String)> {
     let stage = &scene.stage;
     let mut rows = Vec::new();
     let mut row = |name: &str, value: String| rows.push((name.to_string(), value));
@@ -761,7 +766,16 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
         Selected::Camera(name) => {
             if let Some(camera) = stage.cameras.iter().find(|c| c.name == *name) {
                 row("rig", rig_name(&camera.rig).into());
-                fields(viewer, camera, &mut row);
+                let height = Camera::field("height").and_then(|field| field.shown_with_unit(camera));
+                height.into_iter().for_each(|height| row("height", height));
+                if let Some(rotation) = keyable.iter().find(|property| property.name == "rotation") {
+                    let angles = match rotation.at(viewer.playhead.time())[..] {
+                        [x, y, z] => DVec3::new(x, y, z),
+                        [y, ..] => DVec3::new(0.0, y, 0.0),
+                        [] => DVec3::ZERO,
+                    };
+                    row("turned x, y, z", degrees(angles));
+                }
                 if camera.far().is_none() {
                     row("far", "any distance".into());
                 }
@@ -793,17 +807,6 @@ fn rows(viewer: &Viewer, scene: &Scene, selection: &Selected) -> Vec<(String, St
         }
     }
     rows
-}
-
-/// The described fields of a cue, camera or light.
-fn fields<T: Described>(viewer: &Viewer, of: &T, row: &mut impl FnMut(&str, String)) {
-    for field in T::FIELDS.iter().filter(|field| (field.lacks)(of).is_none()) {
-        let shown = match ((field.get)(of), field.of_type) {
-            (FieldValue::Time(time), FieldType::Time) => Some(viewer.shown_time(time)),
-            _ => field.shown_with_unit(of),
-        };
-        shown.into_iter().for_each(|shown| row(&field.name.replace('_', " "), shown));
-    }
 }
 
 fn of_cue(
@@ -846,9 +849,7 @@ fn of_actor(viewer: &Viewer, stage: &Stage, name: &str, row: &mut impl FnMut(&st
         row("visible", state.visible.to_string());
         row("stands at", point(state.world_from_model.translation));
         let (scale, rotation, _) = state.world_from_model.to_scale_rotation_translation();
-        let degrees = choreo_session::edit::euler_degrees(rotation).to_array();
-        let [x, y, z] = degrees.map(|v| super::rounded(v, 10.0));
-        row("turned x, y, z", format!("{x:.1}° {y:.1}° {z:.1}°"));
+        row("turned x, y, z", degrees(euler_degrees_near(rotation, DVec3::ZERO)));
         row("scale", point(scale));
     }
     if let Some(to) = found.parent_at(viewer.playhead.time()).and_then(|parent| parent.to) {

@@ -11,8 +11,7 @@ use choreo_script::{KEY_INTERPOLATIONS, easing_names};
 use choreo_session::edit::{KeyShape, Typed, are_keys_of_cue};
 use egui::containers::menu::menu_style;
 use egui::{
-    Align, Button, Event, Id, Layout, Popup, PopupAnchor, PopupCloseBehavior, PopupKind, Pos2, Response,
-    ScrollArea, Ui,
+    Align, Button, Event, Id, Layout, Popup, PopupAnchor, PopupCloseBehavior, PopupKind, Pos2, Response, Ui,
 };
 
 /// A change of keys by the user.
@@ -171,28 +170,31 @@ fn numbers(ui: &mut Ui, property: &KeyedProperty, key: &KeyRef) -> Option<KeyAct
     index.and_then(|index| tangents::numbers(ui, property, index)).or(act)
 }
 
-/// A list of names to choose from, with one for none.
+/// Names to choose from, with one for none: those of easings in a column for each way, so that all are seen at once.
 fn choice(ui: &mut Ui, none: &str, names: &[String]) -> Option<Option<String>> {
-    let mut chosen = None;
-    ScrollArea::vertical().max_height(360.0).show(ui, |ui| {
-        if ui.button(none).clicked() {
-            chosen = Some(None);
-        }
-        for name in names {
+    const WAYS: [&str; 3] = ["in_out_", "in_", "out_"];
+    let way_of = |name: &str| WAYS.iter().position(|way| name.starts_with(way));
+    let mut chosen = ui.button(none).clicked().then_some(None);
+    let mut column = |ui: &mut Ui, way: Option<usize>| {
+        for name in names.iter().filter(|name| way_of(name) == way) {
             if ui.button(name).clicked() {
                 chosen = Some(Some(format!("\"{name}\"")));
             }
         }
-        if ui.button("Bézier curve, with handles").clicked() {
-            chosen = Some(Some(BEZIER.to_string()));
-        }
+    };
+    column(ui, None);
+    ui.horizontal_top(|ui| {
+        (0..WAYS.len()).for_each(|way| drop(ui.vertical(|ui| column(ui, Some(way)))));
     });
+    if ui.button("Bézier curve, with handles").clicked() {
+        chosen = Some(Some(BEZIER.to_string()));
+    }
     chosen
 }
 
-/// Copies and cuts keys where they alone are selected: clips have their own commands.
+/// Copies and cuts keys where they alone are selected.
 pub fn clipboard(ui: &Ui, viewer: &mut Viewer) {
-    if viewer.selected_keys().is_empty() || !viewer.selected_bars().is_empty() {
+    if !viewer.has_only_keys_selected() {
         return;
     }
     let mut asked = Vec::new();

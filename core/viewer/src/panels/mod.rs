@@ -431,9 +431,34 @@ fn rounded(value: f64, parts: f64) -> f64 {
     (value * parts).round() / parts + 0.0
 }
 
+/// A number with as many digits behind the point; what rounds to nothing has no sign.
+fn fixed_digits(value: f64, digits: usize) -> String {
+    format!("{:.digits$}", rounded(value, libm::pow(10.0, digits as f64)))
+}
+
 /// A line of text that ends with … where it is wider than there is room for.
 fn elided(painter: &Painter, text: &str, size: f32, color: Color32, width: f32) -> Arc<Galley> {
     let mut job = LayoutJob::simple_singleline(text.to_string(), FontId::proportional(size), color);
     job.wrap = TextWrapping::truncate_at_width(width.max(1.0));
     painter.layout_job(job)
+}
+
+#[cfg(test)]
+mod digits {
+    use super::fixed_digits;
+
+    #[test]
+    fn a_number_that_rounds_to_nothing_has_no_sign() {
+        // A line at nothing that is reached by adding steps is a little beside it.
+        for (value, digits, text) in [
+            (-1e-17, 1, "0.0"),
+            (-0.0, 2, "0.00"),
+            (-0.04, 1, "0.0"),
+            (-0.06, 1, "-0.1"),
+            (-0.4, 0, "0"),
+            (12.375, 2, "12.38"),
+        ] {
+            assert_eq!(fixed_digits(value, digits), text);
+        }
+    }
 }

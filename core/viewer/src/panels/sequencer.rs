@@ -231,12 +231,13 @@ pub(super) fn scrub(ui: &mut Ui, viewer: &mut Viewer, (ruler, span): (Rect, Span
     while line * step <= in_units.to {
         let x = ruler.left() + in_units.x_of(line * step, ruler.width());
         painter.vline(x, ruler.bottom() - 5.0..=ruler.bottom(), Stroke::new(1.0, visuals.weak_text_color()));
-        let text = match viewer.in_seconds {
-            true if step < 0.01 => format!("{:.3}", line * step),
-            true if step < 0.1 => format!("{:.2}", line * step),
-            true if step < 1.0 => format!("{:.1}", line * step),
-            _ => format!("{:.0}", line * step),
+        let digits = match viewer.in_seconds {
+            true if step < 0.01 => 3,
+            true if step < 0.1 => 2,
+            true if step < 1.0 => 1,
+            _ => 0,
         };
+        let text = super::fixed_digits(line * step, digits);
         // The first and the last are read whole, too.
         let galley = painter.layout_no_wrap(text, font.clone(), visuals.weak_text_color());
         let half = galley.size().x / 2.0;

@@ -6,6 +6,7 @@ use super::hint::Hint;
 use super::key_menu::KeyAct;
 use super::values;
 use crate::app::Viewer;
+use crate::geometry::resolved;
 use crate::state::keyed::{KeyRef, KeyedProperty};
 use crate::state::tangents::{HandleDrag, KeyHandle, TangentChoice};
 use choreo_session::edit::KeyShape;
@@ -133,7 +134,8 @@ impl Place<'_> {
         let modifiers = held::modifiers(ui);
         let weight = modifiers.command.then_some((length * 100.0).round() / 100.0);
         let (side, part) = (self.side, self.part);
-        Some(HandleDrag { side, part, tangent: super::rounded(slope, 1e3), weight, breaks: modifiers.alt })
+        let pixel = plot.value_of_pixel(ui) * self.scale.1 / (length * span);
+        Some(HandleDrag { side, part, tangent: resolved(slope, pixel), weight, breaks: modifiers.alt })
     }
 
     /// The spans beside the key as they will be.

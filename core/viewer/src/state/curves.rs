@@ -15,8 +15,8 @@ pub struct Curves {
     pub time: Span,
     /// Values at the lower and the upper edge.
     pub values: Span,
-    /// Numbers that are not shown, by property and index.
-    pub hidden: BTreeSet<(String, usize)>,
+    /// Numbers that are not shown, by what has them, property and index.
+    pub hidden: BTreeSet<(Selected, String, usize)>,
     /// Changes a second instead of values.
     pub speed: bool,
     /// Each property fills the height by itself.
@@ -102,7 +102,7 @@ impl Curves {
     }
 
     pub(crate) fn is_shown(&self, property: &KeyedProperty, part: usize) -> bool {
-        !self.hidden.contains(&(property.name.clone(), part))
+        !self.hidden.contains(&(property.what.clone(), property.name.clone(), part))
     }
 
     /// Whether all curves of a property are hidden in the curve editor, and that is open.
@@ -163,8 +163,9 @@ impl Curves {
         let mut times: Vec<Time> = (0..=count)
             .map(|n| Time(from.0 + (i128::from(length) * i128::from(n) / i128::from(count)) as i64))
             .collect();
-        // Keys and the ticks before them, so that bends and jumps are where they are.
+        // Keys and the ticks before them, so that bends and jumps are where they are; the speed ends after the last key.
         let bends = property.keys.iter().flat_map(|key| [*key - Time(1), *key]);
+        let bends = bends.chain(property.keys.last().map(|key| *key + Time(1)));
         times.extend(bends.filter(|time| from <= *time && *time <= to).take(2 * MOST_SAMPLES));
         times.sort_unstable();
         times.dedup();
@@ -181,11 +182,21 @@ impl Curves {
     }
 }
 
-/// The change of a value a second, between a thousandth of a second before and after.
+/// The change of a value a second, within a thousandth of a second before and after and between the keys around: at a key, that behind it; at
+/// the last key, that before it.
 fn speed(property: &KeyedProperty, time: Time) -> Vec<f64> {
-    let step = Time::from_secs(1e-3);
-    let (before, after) = (property.at(time - step), property.at(time + step));
-    before.iter().zip(&after).map(|(a, b)| (b - a) / (2.0 * step.as_secs())).collect()
+    let (step, keys) = (Time::from_secs(1e-3), &property.keys);
+    let next = keys.partition_point(|key| *key <= time) - usize::from(keys.last() == Some(&time));
+    let (mut from, mut to) = (time - step, time + step);
+    let start = next.checked_sub(1).map_or(from, |before| from.max(keys[before]));
+    // The value of a step is there at its key.
+    let end = keys.get(next).map_or(to, |key| to.min(*key - Time(1)));
+    // Keys that are nearer are a jump.
+    if (end - start).0 > step.0 / 4 {
+        (from, to) = (start, end);
+    }
+    let length = (to - from).as_secs();
+    property.at(from).iter().zip(property.at(to)).map(|(a, b)| (b - a) / length).collect()
 }
 
 impl Span {

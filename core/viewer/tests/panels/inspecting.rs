@@ -1118,3 +1118,26 @@ effect(\"outline\", #{ color: \"#ffd060\" }).on(ada);
     assert_eq!(desk.state().text(), SCENE.replace("#ffd060", "#1080f0"));
     assert!(desk.state().viewer.problems.is_empty(), "{:?}", desk.state().viewer.problems);
 }
+
+/// Values without fields are those at the playhead, and none of them has a field, too. Angles are those that a person would type.
+#[test]
+fn rows_of_the_inspector_agree_with_its_fields() {
+    const SCENE: &str = "stage(#{ size: [64, 36], fps: 25, length: 4.0 });
+let cube = shape(\"box\", #{ size: 1.0 });
+cast(\"ada\", cube).turn(180);
+camera(\"wide\").key(\"fov\", [[0.0, 40], [2.0, 50]]).key(\"position\", [[0.0, [0, 1, -4]]]).key(\"rotation\", [[0.0, [0, 180, 0]]]);
+";
+    for what in [Selected::Camera("wide".into()), Selected::Actor("ada".into())] {
+        let mut place = Place::new(SCENE);
+        place.viewer.selection = Some(what);
+        place.paint();
+        let desk = place.harness(vec2(1500.0, 1000.0));
+        desk.get_by_label("0.0° 180.0° 0.0°");
+        if let Some(length) = desk.query_by_label("focal length field") {
+            // Of 40°: 12 mm / tan 20°.
+            let length: f64 = length.value().unwrap_or_default().parse().unwrap();
+            assert!((length - 32.97).abs() < 0.01, "{length}");
+        }
+        assert!(["fov", "position", "rotation"].iter().all(|name| desk.query_by_label(name).is_none()));
+    }
+}

@@ -714,6 +714,41 @@ fn k_and_the_inspector_s_diamonds_set_keys() {
     assert_eq!(desk.state().text(), replaced(&[("[2.0, 0.9]", "[1.0, 0.25], [2.0, 0.9]")]));
 }
 
+/// A camera and an effect have bars, which are selected with their keys; commands are for the keys all the same.
+#[test]
+fn keys_of_what_has_a_bar_are_duplicated_copied_and_cut_by_keyboard() {
+    let mut desk = desk();
+    desk.state_mut().viewer.playhead.seek(Time::from_secs(0.48));
+    let fov = key(Selected::Camera("wide".into()), "fov", 2.0);
+    desk.state_mut().viewer.select_keys(vec![fov]);
+    desk.run();
+    press(&mut desk, Modifiers::COMMAND, Key::D);
+    assert_eq!(desk.state().text(), replaced(&[("[0.0, 40], ", "[0.0, 40], [0.48, 50], ")]));
+    undone(&mut desk);
+    let strength = key(Selected::Effect(0), "strength", 2.0);
+    desk.state_mut().viewer.select_keys(vec![strength]);
+    desk.run();
+    desk.event(Event::Copy);
+    desk.run_steps(1);
+    assert_eq!(desk.state().text(), SCRIPT);
+    let copied = desk.output().platform_output.commands.iter().find_map(|command| match command {
+        egui::OutputCommand::CopyText(text) => Some(text.clone()),
+        _ => None,
+    });
+    let copied = copied.unwrap();
+    assert_eq!(copied, ".key(\"strength\", [[2.0, 0.9]])");
+    desk.event(Event::Paste(copied));
+    desk.run();
+    assert_eq!(desk.state().text(), replaced(&[("[0.0, 0.1], ", "[0.0, 0.1], [0.48, 0.9], ")]));
+    undone(&mut desk);
+    desk.state_mut().viewer.select_keys(vec![key(Selected::Effect(0), "strength", 2.0)]);
+    desk.run();
+    desk.event(Event::Cut);
+    desk.run();
+    assert_eq!(desk.state().text(), replaced(&[(", [2.0, 0.9]", "")]));
+    undone(&mut desk);
+}
+
 #[test]
 fn k_leaves_out_curves_that_are_hidden_in_the_open_curve_editor() {
     let mut desk = curves();
@@ -724,12 +759,90 @@ fn k_leaves_out_curves_that_are_hidden_in_the_open_curve_editor() {
     assert_eq!(desk.state().text(), replaced(&[("[1.0, [1, 0, 0]]", inserted)]));
     undone(&mut desk);
     let hidden = &mut desk.state_mut().viewer.curves.hidden;
-    hidden.extend((0..3).map(|part| ("position".to_string(), part)));
+    let hide = |what: Selected| (0..3).map(move |part| (what.clone(), "position".to_string(), part));
+    hidden.extend(hide(Selected::Actor("way".into())));
+    desk.run();
+    press(&mut desk, Modifiers::NONE, Key::K);
+    assert_eq!(desk.state().text(), replaced(&[("[1.0, [1, 0, 0]]", inserted)]), "those of another thing");
+    undone(&mut desk);
+    desk.state_mut().viewer.curves.hidden.extend(hide(ball()));
     desk.run();
     press(&mut desk, Modifiers::NONE, Key::K);
     let message = desk.state().viewer.message.clone().unwrap_or_default();
     assert!(message.starts_with("all of its curves are hidden"), "{message}");
     assert_eq!(desk.state().text(), SCRIPT);
+}
+
+/// The keys of a clip that have an easing are those of the script, as an option and as a method: in rows and in the inspector.
+#[test]
+fn eased_keys_of_a_clip_are_no_samples() {
+    const KEYS: &str = "[[1.0, 1.0], [2.0, 0.0, \"in_cubic\"]]";
+    for played in [format!(", #{{ weight: {KEYS} }})"), format!(").weight({KEYS})")] {
+        let script = format!(
+            "stage(#{{ size: [64, 36], fps: 25, length: 4.0 }});
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\")).until(3.0)
+    .then(moves.clip(\"Wave\"){played};
+"
+        );
+        let mut place = Place::new(&script);
+        let row = place.viewer.timeline.rows.iter().find(|row| row.label == "ada").unwrap();
+        let keys = row.events.iter().filter(|event| event.kind == EventKind::Key);
+        assert_eq!(keys.map(|event| event.at.as_secs()).collect::<Vec<_>>(), [1.0, 2.0], "{played}");
+        place.viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 });
+        place.harness(vec2(1500.0, 1000.0)).get_by_label("2 keys, 1.00 to 2.00 s");
+    }
+}
+
+/// All easings are seen at once: none is below the end of a list.
+#[test]
+fn easings_stand_in_columns_within_the_window() {
+    let mut desk = curves();
+    let at = desk.get_by_label("key position y at 50").rect().center();
+    secondary_click(&mut desk, at);
+    desk.get_by_label_contains("Easing into the key").click();
+    desk.run();
+    let names = choreo_script::easing_names();
+    let places: Vec<egui::Rect> = names.iter().map(|name| desk.get_by_label(name).rect()).collect();
+    let all = places.iter().fold(egui::Rect::NOTHING, |all, place| all.union(*place));
+    assert!(egui::Rect::from_min_size(Pos2::ZERO, vec2(1500.0, 1000.0)).contains_rect(all), "{all:?}");
+    assert!(all.height() < 360.0, "{all:?}");
+    let overlaps = |n: usize| places[..n].iter().any(|other| other.shrink(1.0).intersects(places[n]));
+    assert!(!(0..places.len()).any(overlaps), "{places:?}");
+}
+
+/// The speed of a straight line is the same from its first key to its last one, and none behind that.
+#[test]
+fn speeds_at_keys_are_those_of_one_side() {
+    let mut place = Place::new(SCRIPT);
+    place.viewer.curves.speed = true;
+    let speed = |name: &str, secs: f64| {
+        place.viewer.curves.drawn(&property(&place, &ball(), name), Time::from_secs(secs), (0.0, 1.0))[0]
+    };
+    for (name, secs, expected) in [
+        ("rotation", 0.0, 360.0),
+        ("rotation", 1.0, 360.0),
+        ("rotation", 2.0, 360.0),
+        ("rotation", 2.01, 0.0),
+        ("position", 0.0, 1.0),
+        ("position", 0.9999, 1.0),
+        ("position", 1.0, 0.0),
+    ] {
+        assert!((speed(name, secs) - expected).abs() < 1e-3, "{name} at {secs}: {}", speed(name, secs));
+    }
+}
+
+/// The curve editor calls an effect as the rest does.
+#[test]
+fn curves_of_an_effect_have_its_name() {
+    let mut desk = curves();
+    let named = desk.query_all_by_label("vignette").count();
+    desk.state_mut().viewer.selection = Some(Selected::Effect(0));
+    desk.run();
+    assert!(desk.query_by_label("effect 1").is_none());
+    // In the inspector and above the curves.
+    assert!(desk.query_all_by_label("vignette").count() >= named + 2);
 }
 
 /// Curves and menus of keys of a locked row show, but change nothing.
