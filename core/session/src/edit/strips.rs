@@ -1,6 +1,6 @@
 //! Cues as strips of a timeline: trimmed, slipped, split, duplicated, disabled.
 
-use super::cues::{CueChange, comment_behind, set_times};
+use super::cues::{CueChange, comment_behind, set_times, statement_start};
 use super::indenting::indented;
 use super::key_list::parts;
 use super::keys::shifted_keys;
@@ -58,11 +58,14 @@ pub enum Rest {
 
 impl<'a> Strip<'a> {
     pub(super) fn at(text: &'a str, line: usize, column: usize) -> Result<Strip<'a>, EditRefused> {
-        let text = Source::new(text);
-        let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
-        let call = call.ok_or_else(|| EditRefused::at(line, "there is no play or then to be changed"))?;
+        let within = Strip::within(Source::new(text), line, column);
+        within.ok_or_else(|| EditRefused::at(line, "there is no play or then to be changed"))
+    }
+
+    fn within(text: Source<'a>, line: usize, column: usize) -> Option<Strip<'a>> {
+        let call = text.byte_at(line, column).and_then(|at| text.call_from(at))?;
         let chain = text.chain_after(call.end);
-        Ok(Strip { text, line, call, chain })
+        Some(Strip { text, line, call, chain })
     }
 
     pub(super) fn name(&self, call: &Call) -> &str {
@@ -148,6 +151,27 @@ impl<'a> Strip<'a> {
         all
     }
 
+    /// The name of the cue that it follows in its chain: the one before it there, or the last one of a variable, `walk.then(…)`. `all`: the
+    /// cues among which that one is.
+    fn before<'s>(&'s self, all: &'s [Option<Strip<'a>>]) -> Option<Range<usize>> {
+        if self.name(&self.call) != "then" {
+            return None;
+        }
+        let cues = self.cues();
+        let before = cues.iter().take_while(|cue| cue.call.name != self.call.name).last();
+        if let Some(before) = before {
+            return Some(before.call.name.clone());
+        }
+        let start = statement_start(&self.text, &self.call)?;
+        let variable = self.text.word_at(start);
+        let is_it = |cue: &&Strip| {
+            let made = statement_start(&cue.text, &cue.first()).filter(|made| *made < start);
+            made.and_then(|made| cue.text.variable_before(made)) == Some(variable)
+        };
+        let made = all.iter().flatten().filter(is_it).max_by_key(|cue| cue.call.name.start)?;
+        made.cues().last().map(|cue| cue.call.name.clone())
+    }
+
     /// Separator before a `.then` that is added: a line of its own, indented.
     fn new_line(&self) -> String {
         let start = self.text[..self.first().name.start].rfind('\n').map_or(0, |n| n + 1);
@@ -206,6 +230,18 @@ impl<'a> Strip<'a> {
     pub(super) fn dotted(&self, call: &Call) -> String {
         format!(".{}", &self.text[call.name.start..call.end])
     }
+}
+
+/// For each of these cues (line and column of its `play` or `then`) the number of the one that it follows in its chain.
+pub fn cues_before(text: &str, places: &[(usize, usize)]) -> Vec<Option<usize>> {
+    let text = Source::new(text);
+    let cue = |(line, column): &(usize, usize)| Strip::within(text.clone(), *line, *column);
+    let all: Vec<Option<Strip>> = places.iter().map(cue).collect();
+    let before = |cue: &Option<Strip>| {
+        let before = cue.as_ref()?.before(&all)?;
+        all.iter().position(|other| other.as_ref().is_some_and(|other| other.call.name == before))
+    };
+    all.iter().map(before).collect()
 }
 
 fn numbers(values: &[f64]) -> String {

@@ -39,7 +39,7 @@ use crate::state::selection::Selected;
 use choreo_files::{WriteError, write_whole};
 use choreo_script::Place;
 use choreo_session::edit::{
-    CueTime, Edit, EditRefused, EditTime, ScriptObject, ScriptText, Typed, follows, set_marker, set_time,
+    CueTime, Edit, EditRefused, EditTime, ScriptObject, ScriptText, Typed, set_marker, set_time,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -104,18 +104,15 @@ impl Viewer {
     ) -> Result<(), EditError> {
         let (bar, secs) = (self.bar(what)?, typed.value);
         let place = bar.place.clone();
-        let known = self.known();
         if part == CueTime::Start {
             self.check_begins(&place, &bar.label, secs)?;
-        }
-        if let (Selected::Cue { actor, layer, cue: 1.. }, CueTime::Start) = (what, part)
-            && known.as_ref().is_some_and(|text| follows(text, place.line, place.column))
-            && let Selected::Cue { cue, .. } = what
-        {
-            // Where two clips meet is written as the end of the first.
-            let before = Selected::Cue { actor: actor.clone(), layer: *layer, cue: cue - 1 };
-            self.check_boundary(Some(&self.bar(&before)?), &bar, secs)?;
-            return self.set_typed_cue(&before, CueTime::End, typed);
+            let layer = self.layer_of(what);
+            let at = layer.iter().position(|other| other.what == *what);
+            if let Some(before) = at.and_then(|at| self.followed(&layer)[at]) {
+                // Where two clips meet is written as the end of the first.
+                self.check_boundary(Some(&layer[before]), &bar, secs)?;
+                return self.set_typed_cue(&layer[before].what, CueTime::End, typed);
+            }
         }
         let siblings = self.bars().filter(|other| other.place == place).count();
         match part {

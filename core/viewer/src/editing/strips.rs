@@ -6,8 +6,8 @@ use crate::state::selection::{Selected, actor};
 use crate::state::timeline::{Bar, Strip};
 use choreo_motion::Repeat;
 use choreo_session::edit::{
-    CueTime, EditTime, Rest, ScriptObject, copied_cues, copied_start, copy_cue, duplicate_cue, follows,
-    has_end, paste_cue, set_disabled, set_number, split_cue,
+    CueTime, EditTime, Rest, ScriptObject, copied_cues, copied_start, copy_cue, duplicate_cue, has_end,
+    paste_cue, set_disabled, set_number, split_cue,
 };
 
 /// Seconds of a clip that count as none.
@@ -61,9 +61,8 @@ impl Viewer {
             vec![self.step(&bar, move |text, line, column| duplicate_cue(text, line, column, by, until))];
         let moved = self.move_steps(&layer, &|index| index > at, length)?;
         // Cues that follow its end follow it again.
-        let first_follows =
-            layer.get(at + 1).is_some_and(|next| follows(&known, next.place.line, next.place.column));
-        steps.extend(moved.into_iter().filter(|step| !(first_follows && step.place == bar.place)));
+        let is_followed = self.followed(&layer).contains(&Some(at));
+        steps.extend(moved.into_iter().filter(|step| !(is_followed && step.place == bar.place)));
         let note = self.pushed_out(&layer[at + 1..], length);
         self.change_all(steps)?;
         self.note = note;

@@ -6,7 +6,7 @@ use crate::app::Viewer;
 use crate::state::selection::Selected;
 use crate::state::timeline::{Bar, Strip};
 use choreo_motion::Repeat;
-use choreo_session::edit::{CueTime, follows, has_end, set_trim};
+use choreo_session::edit::{CueTime, has_end, set_trim};
 
 impl Viewer {
     /// Lets a clip begin at another time with what it shows from there on: its start is trimmed. Where it follows another clip, or meets its
@@ -20,11 +20,11 @@ impl Viewer {
     pub fn trim_cue(&mut self, what: &Selected, secs: f64) -> Result<(), EditError> {
         let (bar, strip) = self.strip(what)?;
         let known = self.known().ok_or(EditError::NothingShown)?;
-        let (line, column) = (bar.place.line, bar.place.column);
         let layer = self.layer_of(what);
         let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
-        let before = at.checked_sub(1).map(|before| &layer[before]);
-        let is_chained = before.is_some() && follows(&known, line, column);
+        let followed = self.followed(&layer)[at];
+        let is_chained = followed.is_some();
+        let before = followed.or(at.checked_sub(1)).map(|before| &layer[before]);
         let meets = before.is_some_and(|before| before.meets(&bar));
         let trim = match strip.repeat {
             Repeat::Once => Some(trimmed_from(&bar, &strip, secs)?),
@@ -52,11 +52,10 @@ impl Viewer {
 
     /// Lets a bar end at another time. The end of a clip that another one takes over from is not moved beyond that, where nobody would see it.
     pub(crate) fn set_end(&mut self, bar: &Bar, secs: f64) -> Result<(), EditError> {
-        let known = self.known().ok_or(EditError::NothingShown)?;
         let layer = self.layer_of(&bar.what);
-        let next = layer.iter().skip_while(|other| other.what != bar.what).nth(1);
-        let is_over = |next: &&Bar| bar.meets(next) && secs > next.start.as_secs();
-        let next = next.filter(is_over).filter(|next| !follows(&known, next.place.line, next.place.column));
+        let at = layer.iter().position(|other| other.what == bar.what);
+        let next = at.and_then(|at| layer.get(at + 1).filter(|_| self.followed(&layer)[at + 1] != Some(at)));
+        let next = next.filter(|next| bar.meets(next) && secs > next.start.as_secs());
         if let Some(next) = next {
             let (label, start) = (&next.label, self.shown_time(next.start));
             let why =
