@@ -20,16 +20,21 @@ const ENDS: [&str; 8] = ["fade", "fade_out", "ease", "in_step", "inertial", "tri
 /// Calls and options that say when a cue plays.
 pub(super) const TIMES: [&str; 2] = ["from", "until"];
 /// Calls of a layer, which hold for all cues of a chain.
-pub(super) const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_weight"];
+const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_weight"];
 /// Calls with times of the stage in their keys, beside those of the described fields of a cue.
 const KEYED: [&str; 2] = ["clip_time", "layer_weight"];
 
 /// Seconds within which two ends of a part of a clip are the same.
 const SAME: f64 = 2e-5;
 
+/// Whether a call of a cue is about its layer, and so holds for all cues of its chain.
+pub fn is_of_layer(name: &str) -> bool {
+    LAYER.contains(&name)
+}
+
 /// Whether a call or option belongs to one cue, wherever it stands on the timeline.
 fn is_own(name: &str) -> bool {
-    !TIMES.contains(&name) && !LAYER.contains(&name)
+    !TIMES.contains(&name) && !is_of_layer(name)
 }
 
 /// Whether the keys of a call have times of the stage.

@@ -86,6 +86,9 @@ impl Viewer {
                 if let Some(why) = self.problem_of_mask(what, change) {
                     return Err(EditError::refused_at(&place, &why));
                 }
+                if let Some(shared) = self.offer_of_layer(what, change) {
+                    return Err(shared);
+                }
                 if matches!(change, FieldChange::Material(..))
                     && let Some(shared) =
                         self.offer_of_asset(what, &place, |object, text| changed(object, text, change))
@@ -300,7 +303,8 @@ pub(super) fn is_as_shown(a: f64, b: f64) -> bool {
     (a - b).abs() < 2e-5
 }
 
-fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Edit, EditRefused> {
+/// The edit that makes a change of what a call makes.
+pub(super) fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Edit, EditRefused> {
     match change {
         FieldChange::Value(name, value, anew) => object.state(name, value, *anew),
         FieldChange::Text(name, value, anew) => object.state_over(name, value, *anew),

@@ -12,6 +12,7 @@ mod documents;
 mod error;
 mod fields;
 mod keys;
+mod layers;
 mod next_clip;
 mod objects;
 pub mod placing;

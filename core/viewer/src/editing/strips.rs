@@ -117,7 +117,7 @@ impl Viewer {
     }
 
     /// A clip as text for the clipboard.
-    fn copied(&self, bar: &Bar) -> Result<String, EditError> {
+    pub(super) fn copied(&self, bar: &Bar) -> Result<String, EditError> {
         let known = self.known().ok_or(EditError::NothingShown)?;
         let (line, column) = (bar.place.line, bar.place.column);
         let until = has_end(&known, line, column).then(|| self.edit_time(bar.until.as_secs()));
