@@ -107,6 +107,8 @@ pub enum CueTime {
     End,
     /// `#{ fade: … }`
     FadeIn,
+    /// `#{ fade_out: … }`
+    FadeOut,
 }
 
 /// Sets a time of the cue that the call at a place makes (`play` or `then`; line and column in characters, from 1).
@@ -128,7 +130,8 @@ pub fn set_time(
     let name = match part {
         CueTime::Start => "from",
         CueTime::End => "until",
-        CueTime::FadeIn => return set_fade(text, (&call, &chain), line, time),
+        CueTime::FadeIn => return set_fade(text, (&call, &chain), line, (&["fade", "inertial"], time)),
+        CueTime::FadeOut => return set_fade(text, (&call, &chain), line, (&["fade_out"], time)),
     };
     if let Some(argument) = find(&chain, text, name) {
         return match restated(text, &argument, time) {
@@ -151,20 +154,21 @@ pub fn set_time(
     Ok(chain::added(text, &call, &format!("{name}({})", time.anew(text))))
 }
 
-/// Sets the duration of the transition into a cue, where the script states it, as a fade or as inertialization, else anew.
+/// Sets the duration of the transition into a cue or out of it, where the script states it, under one of these names, else anew under the first.
 fn set_fade(
     text: &Source,
     (call, chain): (&Call, &[Call]),
     line: usize,
-    time: EditTime,
+    (names, time): (&[&str], EditTime),
 ) -> Result<Edit, EditRefused> {
-    if let Some(argument) = find(chain, text, "fade") {
-        let why =
-            || format!("the time in .fade({}) is computed; change it there", text[argument.clone()].trim());
-        return restated(text, &argument, time).ok_or_else(|| EditRefused::at(line, &why()));
+    let name = names[0];
+    if let Some(argument) = find(chain, text, name) {
+        let shown = text[argument.clone()].trim();
+        let why = format!("the time in .{name}({shown}) is computed; change it there");
+        return restated(text, &argument, time).ok_or_else(|| EditRefused::at(line, &why));
     }
-    let stated = |name: &&str| option_value(text, call, name).is_some();
-    let name = ["fade", "inertial"].into_iter().find(stated).unwrap_or("fade");
+    let stated = |name: &&&str| option_value(text, call, name).is_some();
+    let name = names.iter().find(stated).unwrap_or(&name);
     let old = option_value(text, call, name).and_then(|bytes| restated(text, &bytes, time));
     match (old, becomes_method(text, call, chain, name)) {
         (Some(edit), _) => Ok(edit),

@@ -172,7 +172,7 @@ impl Viewer {
                     let name = match part {
                         CueTime::Start => "from",
                         CueTime::End => "until",
-                        CueTime::FadeIn => "fade",
+                        CueTime::FadeIn | CueTime::FadeOut => "fade",
                     };
                     let made = object.state_time(name, EditTime { secs: time.value, fps }, Anew::Option);
                     time.keep_time(text, made, fps)

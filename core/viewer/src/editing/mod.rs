@@ -133,7 +133,7 @@ impl Viewer {
                     match part {
                         CueTime::Start => object.time("from", time),
                         CueTime::End => object.time("until", time),
-                        CueTime::FadeIn => object.set("fade", &[secs]),
+                        CueTime::FadeIn | CueTime::FadeOut => object.set("fade", &[secs]),
                     }
                 }
                 _ => set_time(text, place.line, place.column, part, time),

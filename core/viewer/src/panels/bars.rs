@@ -240,6 +240,9 @@ fn handles(bar: &Bar) -> Vec<(CueTime, Time)> {
             let fade = (bar.start + bar.fade_in).min(bar.end);
             let mut all = vec![(CueTime::Start, bar.start), (CueTime::End, bar.until)];
             all.extend((bar.fade_in > Time::ZERO).then_some((CueTime::FadeIn, fade)));
+            // A title has one fade for both of its ends.
+            let fades_out = bar.strip.is_some() && bar.fade_out > Time::ZERO;
+            all.extend(fades_out.then_some((CueTime::FadeOut, (bar.end - bar.fade_out).max(bar.start))));
             all
         }
         Selected::Effect(_) => vec![(CueTime::Start, bar.start), (CueTime::End, bar.until)],
@@ -353,8 +356,9 @@ fn handle(
     let bar = &bars[number];
     let x = lane.x(viewer, at.as_secs());
     let rect = lane.rect;
-    // The fade's handle is above, but reaches below a key that is there; the ends' are as high as the bar.
-    let bottom = if part == CueTime::FadeIn { rect.top() + marks::BAND + 6.0 } else { rect.bottom() };
+    // The handle of a fade is above, but reaches below a key that is there; the ends' are as high as the bar.
+    let is_fade = matches!(part, CueTime::FadeIn | CueTime::FadeOut);
+    let bottom = if is_fade { rect.top() + marks::BAND + 6.0 } else { rect.bottom() };
     // Two bars that meet share the handle's place: the end of the first is left of the time, the start of the second right of it.
     let is_met = number.checked_sub(1).is_some_and(|before| bars[before].meets(bar));
     let (left, right) = match part {
@@ -371,6 +375,7 @@ fn handle(
         CueTime::Start => "start of",
         CueTime::End => "end of",
         CueTime::FadeIn => "fade of",
+        CueTime::FadeOut => "fade-out of",
     };
     let label = format!("{name} {} in row {}", bar.label, lane.row);
     let (response, dragged) = grip(ui, (place, pos2(x, rect.top())), id, label, CursorIcon::ResizeHorizontal);
@@ -395,7 +400,11 @@ fn handle(
     for (width, color) in [(4.0, outer), (2.0, inner)] {
         ui.painter_at(rect).vline(lane.x(viewer, secs), rect.y_range(), Stroke::new(width, color));
     }
-    let value = if part == CueTime::FadeIn { (secs - bar.start.as_secs()).max(0.0) } else { secs };
+    let value = match part {
+        CueTime::FadeIn => (secs - bar.start.as_secs()).max(0.0),
+        CueTime::FadeOut => (bar.end.as_secs() - secs).max(0.0),
+        _ => secs,
+    };
     if let (CueTime::Start, Some(strip)) = (part, bar.strip) {
         let text = match (keep, strip.repeat) {
             (false, _) => "its content moves along; Alt: stays",
@@ -404,7 +413,11 @@ fn handle(
         };
         beside(ui, pos2(lane.x(viewer, secs), rect.top()), text);
     }
-    let before = if part == CueTime::FadeIn { bar.fade_in } else { at };
+    let before = match part {
+        CueTime::FadeIn => bar.fade_in,
+        CueTime::FadeOut => bar.fade_out,
+        _ => at,
+    };
     let is_moved = (value - before.as_secs()).abs() > 1e-6;
     (response.drag_stopped() && is_moved).then(|| Act::Time(bar.clone(), part, value, keep))
 }

@@ -179,6 +179,35 @@ fn a_key_on_an_edge_leaves_the_handles_in_reach() {
     }
 }
 
+/// Where a fade-out begins it is dragged as a fade is, also where only the fade is stated, and is written as that is.
+#[test]
+fn a_fade_out_is_dragged_where_it_begins() {
+    let (method, option) = (
+        "\"Bow\")).from(1.0).until(3.0).on(\"RightShoulder..\").fade(0.2)",
+        "\"Bow\"), #{ fade: 0.2 }).from(1.0).until(3.0).on(\"RightShoulder..\")",
+    );
+    for (bow, from, to) in [
+        (method, ".fade(0.2)", ".fade(0.2).fade_out(0.6)"),
+        (option, "fade: 0.2", "fade: 0.2, fade_out: 0.6"),
+    ] {
+        let script = SCRIPT.replace(method, bow);
+        let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
+        let by = second(&desk);
+        desk.get_by_label("Bow on ada +1").click();
+        desk.run();
+        let at = desk.get_by_label("fade-out of Bow in row 2").rect().center();
+        drag_briefly(&mut desk, Modifiers::NONE, at, at - vec2(by * 0.4, 0.0));
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().text(), script.replace(from, to));
+        // And back, over what is stated now.
+        desk.state_mut().reload();
+        desk.run();
+        let at = desk.get_by_label("fade-out of Bow in row 2").rect().center();
+        drag_briefly(&mut desk, Modifiers::NONE, at, at + vec2(by * 0.2, 0.0));
+        assert_eq!(desk.state().text(), script.replace(from, &to.replace("0.6", "0.4")));
+    }
+}
+
 /// The boundary of two clips that repeat moves alone: the first goes on with its loop, the second begins its rounds there.
 #[test]
 fn a_boundary_of_clips_that_repeat_is_rolled() {
