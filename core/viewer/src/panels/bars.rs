@@ -23,6 +23,10 @@ use std::borrow::Cow;
 const REACH: f32 = 6.0;
 /// Points beyond its row at which a dragged bar still stays in it.
 const ROW_SLACK: f32 = 5.0;
+/// Points from an end of a bar to the edge of its handle inside of the bar; a handle of a narrow bar is narrower.
+const GRIP: f32 = 6.0;
+/// Points by which the handle of an end reaches over it, where no other bar is.
+const OUTSIDE: f32 = 4.0;
 /// Dashes of the outline of a whole clip, points.
 const DASH: f32 = 5.0;
 /// Marks of rounds in one bar at most; further ones could not be distinguished.
@@ -361,10 +365,13 @@ fn handle(
     let bottom = if is_fade { rect.top() + marks::BAND + 6.0 } else { rect.bottom() };
     // Two bars that meet share the handle's place: the end of the first is left of the time, the start of the second right of it.
     let is_met = number.checked_sub(1).is_some_and(|before| bars[before].meets(bar));
+    let meets = bars.get(number + 1).is_some_and(|next| bar.meets(next));
+    let width = lane.x(viewer, bar.until.as_secs()) - lane.x(viewer, bar.start.as_secs());
+    let inside = (width / 3.0).clamp(OUTSIDE, GRIP);
     let (left, right) = match part {
-        CueTime::Start if is_met => (x, x + 5.0),
-        CueTime::Start => (x - 4.0, x + 5.0),
-        _ => (x - 4.0, x + 4.0),
+        CueTime::Start => (x - if is_met { 0.0 } else { OUTSIDE }, x + inside),
+        CueTime::End => (x - inside, x + if meets { 0.0 } else { OUTSIDE }),
+        _ => (x - OUTSIDE, x + OUTSIDE),
     };
     let place = Rect::from_min_max(pos2(left, rect.top()), pos2(right, bottom)).intersect(rect);
     if place.width() <= 0.0 {
@@ -422,10 +429,11 @@ fn handle(
     (response.drag_stopped() && is_moved).then(|| Act::Time(bar.clone(), part, value, keep))
 }
 
-/// The corner below the end of what a selected clip plays: dragged, it plays faster or slower.
+/// The corner below the end of what a selected clip plays, beside the handle of the end: dragged, it plays faster or slower.
 fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane) -> Option<Act> {
     let (x, bottom) = (lane.x(viewer, bar.played_until().as_secs()), lane.rect.bottom() - STRIP - 1.0);
-    let place = Rect::from_min_max(pos2(x - 14.0, bottom - 7.0), pos2(x - 4.0, bottom)).intersect(lane.rect);
+    let place = Rect::from_min_max(pos2(x - GRIP - 11.0, bottom - 7.0), pos2(x - GRIP - 1.0, bottom))
+        .intersect(lane.rect);
     if place.width() <= 0.0 {
         return None;
     }

@@ -236,6 +236,25 @@ fn a_boundary_of_clips_that_repeat_is_rolled() {
     assert!(why.contains("it repeats, so a trim would shorten every round"), "{why}");
 }
 
+/// A roll begins on either side of a joint, also at the bottom of a selected bar, where the corner of its speed is beside the joint.
+#[test]
+fn a_joint_is_rolled_from_both_of_its_sides() {
+    let script = SCRIPT.replace("\"Walk\")).until(2.0)", "\"Wave\"), #{ repeat: \"once\" }).until(2.0)");
+    let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
+    let (by, run) = (second(&desk), desk.get_by_label("Run on ada").rect());
+    for side in [-5.5, 5.5] {
+        desk.state_mut().viewer.selection = Some(cue(0, 0));
+        desk.run();
+        assert!(desk.get_by_label("speed of Wave").rect().right() <= run.left() - 6.0);
+        let from = pos2(run.left() + side, run.bottom() - 3.0);
+        drag_briefly(&mut desk, Modifiers::ALT, from, from + vec2(by * 0.6, 0.0));
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().text(), script.replace("until(2.0)", "until(2.6)"));
+        desk.state_mut().reload_with(&script);
+        desk.run();
+    }
+}
+
 #[test]
 fn a_slip_needs_no_trim_but_a_rest_of_the_clip() {
     let mut place = Place::new(SCRIPT);
