@@ -24,7 +24,7 @@ impl Viewer {
         self.check_begins(&layer[at].place, &layer[at].label, secs)?;
         let steps = self.move_steps(&layer, &|index| index == at || ripple && index > at, by)?;
         let note = self.pushed_out(&layer[at + 1..], by).filter(|_| ripple);
-        let note = note.or_else(|| self.moved_end(&layer, at, by));
+        let note = note.or_else(|| self.moved_end(what, std::slice::from_ref(what), by));
         self.change_all(steps)?;
         self.note = note;
         Ok(())
@@ -42,11 +42,25 @@ impl Viewer {
         Err(EditError::refused_at(place, &why))
     }
 
-    /// The end that moves with the start of a bar of a layer, which follows another one, in words.
-    fn moved_end(&self, layer: &[Bar], at: usize, by: f64) -> Option<String> {
-        let before = self.followed(layer)[at]?;
-        let ends = self.shown_time(layer[at].start + Time::from_secs(by));
-        Some(format!("{}, which it follows, now ends at {ends}", layer[before].label))
+    /// The clip at whose end a bar begins.
+    pub(super) fn followed_bar(&self, what: &Selected) -> Option<Bar> {
+        let layer = self.layer_of(what);
+        let at = layer.iter().position(|bar| bar.what == *what)?;
+        let before = self.followed(&layer)[at]?;
+        layer.into_iter().nth(before)
+    }
+
+    /// The end that moves with the start of a bar which follows another one, in words, where that is none of `all`, which move, too.
+    pub(crate) fn moved_end(&self, what: &Selected, all: &[Selected], by: f64) -> Option<String> {
+        let before = self.followed_bar(what).filter(|before| !all.contains(&before.what))?;
+        let ends = self.shown_time(self.bar(what).ok()?.start + Time::from_secs(by));
+        Some(format!("{}, which it follows, now ends at {ends}", before.label))
+    }
+
+    /// The ends that move with these bars, in words.
+    fn moved_ends(&self, all: &[Selected], by: f64) -> Option<String> {
+        let ends: Vec<String> = all.iter().filter_map(|what| self.moved_end(what, all, by)).collect();
+        (!ends.is_empty()).then(|| ends.join("; "))
     }
 
     /// Bars that are no longer seen since they begin later by a time, in words.
@@ -69,8 +83,10 @@ impl Viewer {
     /// # Errors
     /// Why not, for the user; nothing has changed.
     pub fn move_bars(&mut self, all: &[Selected], by: f64) -> Result<(), EditError> {
-        let steps = self.bar_move_steps(all, by)?;
-        self.change_all(steps)
+        let (steps, note) = (self.bar_move_steps(all, by)?, self.moved_ends(all, by));
+        self.change_all(steps)?;
+        self.note = note;
+        Ok(())
     }
 
     /// Moves the selected bars and keys by a time, as one change.
@@ -81,7 +97,9 @@ impl Viewer {
         let (bars, keys) = (self.selected_bars(), self.selected_keys().to_vec());
         let mut steps = self.key_drag_steps(&keys, by, None)?;
         steps.extend(self.bar_move_steps(&bars, by)?);
+        let note = self.moved_ends(&bars, by);
         self.change_all(steps)?;
+        self.note = note;
         self.keys_have_moved(&keys, by);
         Ok(())
     }

@@ -107,12 +107,13 @@ impl Viewer {
         let place = bar.place.clone();
         if part == CueTime::Start {
             self.check_begins(&place, &bar.label, secs)?;
-            let layer = self.layer_of(what);
-            let at = layer.iter().position(|other| other.what == *what);
-            if let Some(before) = at.and_then(|at| self.followed(&layer)[at]) {
+            if let Some(before) = self.followed_bar(what) {
                 // Where two clips meet is written as the end of the first.
-                self.check_boundary(Some(&layer[before]), &bar, secs)?;
-                return self.set_typed_cue(&layer[before].what, CueTime::End, typed);
+                self.check_boundary(Some(&before), &bar, secs)?;
+                let note = self.moved_end(what, &[], secs - bar.start.as_secs());
+                self.set_typed_cue(&before.what, CueTime::End, typed)?;
+                self.note = note;
+                return Ok(());
             }
         }
         let siblings = self.bars().filter(|other| other.place == place).count();

@@ -304,7 +304,14 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
         (_, true) => Drag::Overlap,
         _ => Drag::Alone,
     };
-    let moved = response.drag_stopped() && start != bar.start.as_secs();
+    let by = start - bar.start.as_secs();
+    let all = viewer.selected_bars();
+    let all = if drag == Drag::Alone && all.contains(&bar.what) { all } else { vec![bar.what.clone()] };
+    let end = viewer.moved_end(&bar.what, &all, by).filter(|_| by != 0.0 && drag != Drag::Overlap);
+    if let Some(end) = end {
+        beside(ui, response.interact_pointer_pos()?, &end);
+    }
+    let moved = response.drag_stopped() && by != 0.0;
     moved.then(|| Act::Move(bar.clone(), start, drag))
 }
 
@@ -418,7 +425,9 @@ fn handle(
             (true, Repeat::Once) => "its content stays where it is",
             (true, _) => "the boundary moves; it begins its rounds there",
         };
-        beside(ui, pos2(lane.x(viewer, secs), rect.top()), text);
+        let end = viewer.moved_end(&bar.what, &[], secs - bar.start.as_secs()).filter(|_| !keep);
+        let text = end.map_or_else(|| text.to_string(), |end| format!("{text}\n{end}"));
+        beside(ui, pos2(lane.x(viewer, secs), rect.top()), &text);
     }
     let before = match part {
         CueTime::FadeIn => bar.fade_in,

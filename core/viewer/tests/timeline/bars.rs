@@ -361,6 +361,39 @@ fn what_would_begin_after_the_scene_is_refused() {
     assert_eq!(note, "Run now begins after the end of the scene at 8.000 s: make the stage longer");
 }
 
+/// The end that goes along with a clip is named while the clip is dragged, by its middle or its start, and once it is let go, also where others
+/// move with it.
+#[test]
+fn an_end_that_goes_along_is_named() {
+    let mut desk = desk();
+    let (by, run) = (second(&desk), desk.get_by_label("Run on ada").rect());
+    let note = "Walk, which it follows, now ends at 2.600 s";
+    let start = pos2(run.left() + 3.0, run.center().y);
+    for (from, are_several) in [(run.center(), false), (start, false), (run.center(), true)] {
+        desk.state_mut().viewer.selection = Some(cue(0, 1));
+        desk.run();
+        if are_several {
+            let wave = desk.get_by_label("Wave on bob").rect().center();
+            drag_briefly(&mut desk, Modifiers::COMMAND, wave, wave);
+            assert_eq!(desk.state().viewer.selected_bars().len(), 2);
+        }
+        let to = from + vec2(by * 0.6, 0.0);
+        desk.hover_at(from);
+        desk.run();
+        desk.drag_at(from);
+        desk.run();
+        desk.hover_at(to);
+        desk.run();
+        let is_said = |shape: &egui::epaint::ClippedShape| matches!(&shape.shape, egui::Shape::Text(text) if text.galley.text().contains(note));
+        assert!(desk.output().shapes.iter().any(is_said), "at {from:?}");
+        desk.drop_at(to);
+        desk.run();
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().viewer.note.as_deref(), Some(note), "at {from:?}");
+        back(&mut desk);
+    }
+}
+
 /// Layers above the first crossfade, and are stretched and weighted, as the base layer is.
 #[test]
 fn layers_crossfade_are_stretched_and_weighted_as_the_base_layer_is() {
