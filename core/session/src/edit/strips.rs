@@ -101,15 +101,16 @@ impl<'a> Strip<'a> {
     fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let Some(old) = self.value(name) else {
             let is_method = becomes_method(&self.text, &self.call, &self.chain, name);
-            return Ok(self.add(is_method, (name, values)));
+            let numbers: Vec<String> = values.iter().map(|value| format_number(*value)).collect();
+            return Ok(self.add(is_method, (name, &numbers)));
         };
         let changed = numbers_over(&self.text, &self.text.trimmed(&old), values);
         changed.ok_or_else(|| self.computed(name, &old))
     }
 
     /// Adds a value that is not stated yet as a method, else among the options; as a method, too, where those are computed.
-    fn add(&self, is_method: bool, (name, values): (&str, &[f64])) -> Edit {
-        let numbers = numbers(values);
+    fn add(&self, is_method: bool, (name, values): (&str, &[String])) -> Edit {
+        let numbers = values.join(", ");
         let value = if values.len() == 1 { numbers.clone() } else { format!("[{numbers}]") };
         let option = match is_method {
             true => None,
@@ -249,11 +250,12 @@ pub fn cues_before(text: &str, places: &[(usize, usize)]) -> Vec<Option<usize>> 
     all.iter().map(before).collect()
 }
 
-fn numbers(values: &[f64]) -> String {
-    values.iter().map(|value| format_number(*value)).collect::<Vec<_>>().join(", ")
+/// Seconds with the digits of times, so that a time that stands elsewhere, too, has one text.
+fn seconds(times: &[f64], fps: f64) -> Vec<String> {
+    times.iter().map(|secs| EditTime { secs: *secs, fps }.text(false)).collect()
 }
 
-/// Plays another part of the clip, in seconds of the clip; `fps`: frames a second of the stage, for ends that are stated in frames.
+/// Plays another part of the clip, in seconds of the clip; `fps`: frames a second of the stage.
 ///
 /// # Errors
 /// Why not, for the user: the script computes it; here and below.
@@ -265,10 +267,11 @@ pub fn set_trim(
     fps: f64,
 ) -> Result<Edit, EditRefused> {
     let strip = Strip::at(text, line, column)?;
-    let ends = strip.value("trim").and_then(|value| times_in(&strip.text, &value));
-    let Some([from, to]) = ends.filter(|ends| ends.iter().any(|end| end.in_frames)) else {
-        return strip.set("trim", &trim);
+    let Some(value) = strip.value("trim") else {
+        let is_method = becomes_method(&strip.text, &strip.call, &strip.chain, "trim");
+        return Ok(strip.add(is_method, ("trim", &seconds(&trim, fps))));
     };
+    let [from, to] = times_in(&strip.text, &value).ok_or_else(|| strip.computed("trim", &value))?;
     let moves = |(end, secs): &(TimeLiteral, f64)| (end.secs(fps) - secs).abs() > SAME;
     let moved = [(from, trim[0]), (to, trim[1])].into_iter().filter(moves);
     Ok(Edit::joined(text, moved.map(|(end, secs)| end.set(text, EditTime { secs, fps })).collect()))
@@ -347,7 +350,7 @@ pub fn split_cue(
     // The second part is written as the first is.
     let is_method = becomes_method(&strip.text, &strip.call, &strip.chain, "trim");
     match rest {
-        Rest::Trim(trim) => second = with_number(&second, is_method, ("trim", &trim)),
+        Rest::Trim(trim) => second = with_value(&second, is_method, ("trim", &seconds(&trim, at.fps))),
         Rest::ClipTime(keys) => {
             let keys = keys.map(|[when, shown]| {
                 let when = EditTime { secs: when, fps: at.fps }.anew(&strip.text);
@@ -361,7 +364,7 @@ pub fn split_cue(
         second += &format!(".until({until})");
     }
     if let Some(fade_out) = fade_out {
-        second = with_number(&second, is_method, ("fade_out", &[fade_out]));
+        second = with_value(&second, is_method, ("fade_out", &seconds(&[fade_out], at.fps)));
     }
     let mut after = strip.followed_by(&second);
     let first_end = CueChange { line, column, part: CueTime::End, time: at };
@@ -372,13 +375,13 @@ pub fn split_cue(
     Ok(indented(text, Edit::between(text, &after)))
 }
 
-/// A `.then(…)` with a number that it does not state yet: as a method, or as an option.
-fn with_number(then: &str, is_method: bool, number: (&str, &[f64])) -> String {
+/// A `.then(…)` with a value that it does not state yet: as a method, or as an option.
+fn with_value(then: &str, is_method: bool, value: (&str, &[String])) -> String {
     let dot = then.len() - then.trim_start().len();
     let text = Source::new(then);
     let Some(call) = text.call_from(dot) else { return then.to_string() };
     let strip = Strip { chain: text.chain_after(call.end), text, line: 1, call };
-    strip.add(is_method, number).apply(then)
+    strip.add(is_method, value).apply(then)
 }
 
 /// Plays the clip of a cue once more right after it, with its options, and with its keys and freezes `by` later. `until`: the end of the

@@ -1,5 +1,6 @@
 //! Clips as strips: split, duplicated, copied and pasted, disabled, faster, weaker.
 
+use super::trimming::within;
 use super::{EditError, Step};
 use crate::app::Viewer;
 use crate::state::selection::{Selected, actor};
@@ -25,7 +26,10 @@ impl Viewer {
             if at <= bar.start.as_secs() + NOTHING || at >= bar.until.as_secs() - NOTHING {
                 return Err(EditError::refused_at(&bar.place, "the playhead is not within this clip"));
             }
-            let rest = rest(&bar, &strip, at)?;
+            let rest = match rest(&bar, &strip, at)? {
+                Rest::Trim(trim) => Rest::Trim(within(&strip, trim, self.playhead.fps().as_fps())),
+                rest => rest,
+            };
             let upper = matches!(what, Selected::Cue { layer: 1.., .. });
             let fade_out = Some(bar.fade_out.as_secs()).filter(|fade| upper && *fade > 0.0);
             let time = self.edit_time(at);

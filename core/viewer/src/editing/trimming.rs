@@ -98,6 +98,7 @@ impl Viewer {
 
     fn trim_step(&self, bar: &Bar, trim: [f64; 2]) -> Step<'static> {
         let fps = self.playhead.fps().as_fps();
+        let trim = bar.strip.map_or(trim, |strip| within(&strip, trim, fps));
         self.step(bar, move |text, line, column| set_trim(text, line, column, trim, fps))
     }
 }
@@ -114,7 +115,7 @@ fn trimmed_from(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditErr
         let why = format!("its clip has nothing there: it runs from 0 s to {:.3} s", strip.clip);
         return Err(EditError::refused_at(&bar.place, &why));
     }
-    Ok(within(strip, [from, to]))
+    Ok([from, to])
 }
 
 /// The part of the clip that is then played; `None` where all of it is seen already.
@@ -132,21 +133,21 @@ fn slipped(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
     // Keys state which part is seen, and of a clip in rounds all of it is: the trim moves as a whole.
     if strip.is_keyed || !fits {
         let by = (by * strip.speed.signum()).clamp(-from, strip.clip - to);
-        return (by.abs() > NOTHING).then(|| within(strip, [from + by, to + by]));
+        return (by.abs() > NOTHING).then_some([from + by, to + by]);
     }
     // What lies behind the seen part counts: only the seen part must be there.
     let (before, after) = (strip.before(), strip.clip - length - strip.before());
     let slipped = (before + by).clamp(0.0, (strip.clip - seen.min(length)).max(0.0));
     let rest = if after < NOTHING { 0.0 } else { (after + before - slipped).max(0.0) };
     let part = if strip.speed < 0.0 { [rest, strip.clip - slipped] } else { [slipped, strip.clip - rest] };
-    ((slipped - before).abs() > NOTHING).then(|| within(strip, part))
+    ((slipped - before).abs() > NOTHING).then_some(part)
 }
 
-/// A part that lies within the clip also when it is written to the thousandth.
-fn within(strip: &Strip, [from, to]: [f64; 2]) -> [f64; 2] {
-    let rounded = (to * 1e3).round() / 1e3;
-    let to = if rounded > strip.clip { (strip.clip * 1e3).floor() / 1e3 } else { rounded };
-    [from.max(0.0), to]
+/// A part that lies within the clip also when it is written: to the thousandth, where it ends on no frame.
+pub(super) fn within(strip: &Strip, [from, to]: [f64; 2], fps: f64) -> [f64; 2] {
+    let is_frame = ((to * fps).round() - to * fps).abs() < 1e-4;
+    let is_beyond = !is_frame && (to * 1e3).round() / 1e3 > strip.clip;
+    [from.max(0.0), if is_beyond { (strip.clip * 1e3).floor() / 1e3 } else { to }]
 }
 
 #[cfg(test)]
@@ -205,7 +206,8 @@ mod tests {
     #[test]
     fn a_trim_ends_within_the_clip_when_it_is_written() {
         let odd = Strip { clip: 2.0 / 3.0, ..strip([0.0, 2.0 / 3.0], 1.0, Repeat::Once) };
-        assert_eq!(within(&odd, [0.25, 2.0 / 3.0]), [0.25, 0.666]);
-        assert_eq!(within(&odd, [0.0, 0.5]), [0.0, 0.5]);
+        assert_eq!(within(&odd, [0.25, 2.0 / 3.0], 25.0), [0.25, 0.666]);
+        assert_eq!(within(&odd, [0.25, 2.0 / 3.0], 30.0), [0.25, 2.0 / 3.0]);
+        assert_eq!(within(&odd, [0.0, 0.5], 25.0), [0.0, 0.5]);
     }
 }

@@ -372,3 +372,20 @@ fn a_clip_follows_the_one_before_it_in_its_chain() {
     let deleted = format!("{head}ada.play(m.clip(\"Wave\")).from(2.0).until(4.0);\n{run}");
     assert_eq!(place.text(), deleted);
 }
+
+/// The trim of the second part of a split has the digits of the time at which the first ends.
+#[test]
+fn a_trim_has_the_digits_of_times() {
+    let script = "stage(#{ size: [64, 36], fps: 30, length: 8.0 });\nlet m = load(\"choreo:mannequin\");\nlet ada = cast(\"ada\", m);\nada.play(m.clip(\"Wave\"), #{ repeat: \"once\" });\n";
+    let mut place = Place::new(script);
+    place.viewer.split_cues(&[cue(0, 0)], 41.0 / 30.0).unwrap();
+    let split = script.replace(
+        "\"once\" });",
+        "\"once\" }).until(1.366666667)\n    .then(m.clip(\"Wave\"), #{ repeat: \"once\", trim: [1.366666667, 3.0] });",
+    );
+    assert_eq!(place.text(), split);
+    place.reload();
+    // One that is stated is written over in the same way.
+    place.viewer.trim_cue(&cue(0, 1), 50.0 / 30.0).unwrap();
+    assert_eq!(place.text(), split.replace("1.366666667", "1.666666667"));
+}
