@@ -3,6 +3,7 @@
 
 use super::Edit;
 use super::scan::{Call, Source};
+use super::strips::is_of_layer;
 
 /// Calls whose results are other objects or values: what follows them is no longer about the object of the chain.
 const OTHERS: [&str; 15] = [
@@ -30,15 +31,13 @@ const PLACES: [&str; 10] =
     ["at", "move_by", "turn", "rotate", "scale", "face", "look_at", "follow", "orbit", "frame"];
 /// Methods of an actor in whose space the placing methods behind them are.
 const PARENTS: [&str; 2] = ["attach", "detach"];
-/// Methods about the layer of a clip.
-const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_weight"];
 
 /// The place of a method in the order in which a person writes them.
 fn order(is_timed: bool, name: &str) -> usize {
     match name {
         "from" if is_timed => 0,
         "until" if is_timed => 1,
-        name if is_timed => 2 + usize::from(LAYER.contains(&name)),
+        name if is_timed => 2 + usize::from(is_of_layer(name)),
         name if PLACES.contains(&name) => 0,
         "from" => 2,
         "until" => 3,

@@ -3,7 +3,7 @@
 use super::indenting::indented;
 use super::object::{ScriptObject, loaded_as, quoted};
 use super::scan::{Call, Source};
-use super::strips::{LAYER, Strip, TIMES, shift_cue};
+use super::strips::{Strip, TIMES, is_of_layer, shift_cue};
 use super::times::{EditTime, TimeLiteral};
 use super::{Edit, EditRefused};
 
@@ -30,7 +30,7 @@ pub fn copy_cue(
     // Those of its layer that stand at another cue of the chain, and those in later lines about its variable.
     let cues = strip.cues();
     let others = cues.iter().filter(|cue| cue.call.name != strip.call.name).flat_map(|cue| &cue.chain);
-    let of_layer = others.filter(|call| LAYER.contains(&strip.name(call)));
+    let of_layer = others.filter(|call| is_of_layer(strip.name(call)));
     let own = ScriptObject::at(text, line, column)?.calls;
     let later = own.iter().filter(|call| call.name.start > strip.end());
     let later = later.filter(|call| !TIMES.contains(&strip.name(call)));

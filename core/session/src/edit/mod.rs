@@ -49,7 +49,10 @@ pub use refused::EditRefused;
 pub use renaming::{NamedBy, Renaming};
 pub use reordering::{RowSide, reorder};
 pub use stating::Anew;
-pub use strips::{Rest, duplicate_cue, set_disabled, set_number, set_trim, shift_cue, shift_keys, split_cue};
+pub use strips::{
+    Rest, cues_before, duplicate_cue, is_of_layer, set_disabled, set_number, set_trim, shift_cue, shift_keys,
+    split_cue,
+};
 pub use times::{CueTime, EditTime, follows, set_time};
 pub use typed::Typed;
 pub use unroll::unroll;

@@ -312,11 +312,6 @@ impl<'a> Source<'a> {
         is_alone.then_some(before.len()..end)
     }
 
-    /// Whether the script states times in frames, `f(12)`.
-    pub(super) fn counts_frames(&self) -> bool {
-        self.calls_of("f").next().is_some()
-    }
-
     /// All calls of a function, in order.
     pub fn calls_of(&self, name: &str) -> impl Iterator<Item = Call> {
         let is_it =

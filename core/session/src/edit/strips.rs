@@ -1,6 +1,6 @@
 //! Cues as strips of a timeline: trimmed, slipped, split, duplicated, disabled.
 
-use super::cues::{CueChange, comment_behind, set_times};
+use super::cues::{CueChange, comment_behind, set_times, statement_start};
 use super::indenting::indented;
 use super::key_list::parts;
 use super::keys::shifted_keys;
@@ -20,16 +20,21 @@ const ENDS: [&str; 8] = ["fade", "fade_out", "ease", "in_step", "inertial", "tri
 /// Calls and options that say when a cue plays.
 pub(super) const TIMES: [&str; 2] = ["from", "until"];
 /// Calls of a layer, which hold for all cues of a chain.
-pub(super) const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_weight"];
+const LAYER: [&str; 5] = ["on", "additive", "subtractive", "priority", "layer_weight"];
 /// Calls with times of the stage in their keys, beside those of the described fields of a cue.
 const KEYED: [&str; 2] = ["clip_time", "layer_weight"];
 
 /// Seconds within which two ends of a part of a clip are the same.
 const SAME: f64 = 2e-5;
 
+/// Whether a call of a cue is about its layer, and so holds for all cues of its chain.
+pub fn is_of_layer(name: &str) -> bool {
+    LAYER.contains(&name)
+}
+
 /// Whether a call or option belongs to one cue, wherever it stands on the timeline.
 fn is_own(name: &str) -> bool {
-    !TIMES.contains(&name) && !LAYER.contains(&name)
+    !TIMES.contains(&name) && !is_of_layer(name)
 }
 
 /// Whether the keys of a call have times of the stage.
@@ -58,11 +63,14 @@ pub enum Rest {
 
 impl<'a> Strip<'a> {
     pub(super) fn at(text: &'a str, line: usize, column: usize) -> Result<Strip<'a>, EditRefused> {
-        let text = Source::new(text);
-        let call = text.byte_at(line, column).and_then(|at| text.call_from(at));
-        let call = call.ok_or_else(|| EditRefused::at(line, "there is no play or then to be changed"))?;
+        let within = Strip::within(Source::new(text), line, column);
+        within.ok_or_else(|| EditRefused::at(line, "there is no play or then to be changed"))
+    }
+
+    fn within(text: Source<'a>, line: usize, column: usize) -> Option<Strip<'a>> {
+        let call = text.byte_at(line, column).and_then(|at| text.call_from(at))?;
         let chain = text.chain_after(call.end);
-        Ok(Strip { text, line, call, chain })
+        Some(Strip { text, line, call, chain })
     }
 
     pub(super) fn name(&self, call: &Call) -> &str {
@@ -93,15 +101,16 @@ impl<'a> Strip<'a> {
     fn set(&self, name: &str, values: &[f64]) -> Result<Edit, EditRefused> {
         let Some(old) = self.value(name) else {
             let is_method = becomes_method(&self.text, &self.call, &self.chain, name);
-            return Ok(self.add(is_method, (name, values)));
+            let numbers: Vec<String> = values.iter().map(|value| format_number(*value)).collect();
+            return Ok(self.add(is_method, (name, &numbers)));
         };
         let changed = numbers_over(&self.text, &self.text.trimmed(&old), values);
         changed.ok_or_else(|| self.computed(name, &old))
     }
 
     /// Adds a value that is not stated yet as a method, else among the options; as a method, too, where those are computed.
-    fn add(&self, is_method: bool, (name, values): (&str, &[f64])) -> Edit {
-        let numbers = numbers(values);
+    fn add(&self, is_method: bool, (name, values): (&str, &[String])) -> Edit {
+        let numbers = values.join(", ");
         let value = if values.len() == 1 { numbers.clone() } else { format!("[{numbers}]") };
         let option = match is_method {
             true => None,
@@ -146,6 +155,27 @@ impl<'a> Strip<'a> {
             all.extend(Some(cue).filter(|cue| matches!(self.name(&cue.call), "play" | "then")));
         }
         all
+    }
+
+    /// The name of the cue that it follows in its chain: the one before it there, or the last one of a variable, `walk.then(…)`. `all`: the
+    /// cues among which that one is.
+    fn before<'s>(&'s self, all: &'s [Option<Strip<'a>>]) -> Option<Range<usize>> {
+        if self.name(&self.call) != "then" {
+            return None;
+        }
+        let cues = self.cues();
+        let before = cues.iter().take_while(|cue| cue.call.name != self.call.name).last();
+        if let Some(before) = before {
+            return Some(before.call.name.clone());
+        }
+        let start = statement_start(&self.text, &self.call)?;
+        let variable = self.text.word_at(start);
+        let is_it = |cue: &&Strip| {
+            let made = statement_start(&cue.text, &cue.first()).filter(|made| *made < start);
+            made.and_then(|made| cue.text.variable_before(made)) == Some(variable)
+        };
+        let made = all.iter().flatten().filter(is_it).max_by_key(|cue| cue.call.name.start)?;
+        made.cues().last().map(|cue| cue.call.name.clone())
     }
 
     /// Separator before a `.then` that is added: a line of its own, indented.
@@ -208,11 +238,24 @@ impl<'a> Strip<'a> {
     }
 }
 
-fn numbers(values: &[f64]) -> String {
-    values.iter().map(|value| format_number(*value)).collect::<Vec<_>>().join(", ")
+/// For each of these cues (line and column of its `play` or `then`) the number of the one that it follows in its chain.
+pub fn cues_before(text: &str, places: &[(usize, usize)]) -> Vec<Option<usize>> {
+    let text = Source::new(text);
+    let cue = |(line, column): &(usize, usize)| Strip::within(text.clone(), *line, *column);
+    let all: Vec<Option<Strip>> = places.iter().map(cue).collect();
+    let before = |cue: &Option<Strip>| {
+        let before = cue.as_ref()?.before(&all)?;
+        all.iter().position(|other| other.as_ref().is_some_and(|other| other.call.name == before))
+    };
+    all.iter().map(before).collect()
 }
 
-/// Plays another part of the clip, in seconds of the clip; `fps`: frames a second of the stage, for ends that are stated in frames.
+/// Seconds with the digits of times, so that a time that stands elsewhere, too, has one text.
+fn seconds(times: &[f64], fps: f64) -> Vec<String> {
+    times.iter().map(|secs| EditTime { secs: *secs, fps }.text(false)).collect()
+}
+
+/// Plays another part of the clip, in seconds of the clip; `fps`: frames a second of the stage.
 ///
 /// # Errors
 /// Why not, for the user: the script computes it; here and below.
@@ -224,10 +267,11 @@ pub fn set_trim(
     fps: f64,
 ) -> Result<Edit, EditRefused> {
     let strip = Strip::at(text, line, column)?;
-    let ends = strip.value("trim").and_then(|value| times_in(&strip.text, &value));
-    let Some([from, to]) = ends.filter(|ends| ends.iter().any(|end| end.in_frames)) else {
-        return strip.set("trim", &trim);
+    let Some(value) = strip.value("trim") else {
+        let is_method = becomes_method(&strip.text, &strip.call, &strip.chain, "trim");
+        return Ok(strip.add(is_method, ("trim", &seconds(&trim, fps))));
     };
+    let [from, to] = times_in(&strip.text, &value).ok_or_else(|| strip.computed("trim", &value))?;
     let moves = |(end, secs): &(TimeLiteral, f64)| (end.secs(fps) - secs).abs() > SAME;
     let moved = [(from, trim[0]), (to, trim[1])].into_iter().filter(moves);
     Ok(Edit::joined(text, moved.map(|(end, secs)| end.set(text, EditTime { secs, fps })).collect()))
@@ -306,7 +350,7 @@ pub fn split_cue(
     // The second part is written as the first is.
     let is_method = becomes_method(&strip.text, &strip.call, &strip.chain, "trim");
     match rest {
-        Rest::Trim(trim) => second = with_number(&second, is_method, ("trim", &trim)),
+        Rest::Trim(trim) => second = with_value(&second, is_method, ("trim", &seconds(&trim, at.fps))),
         Rest::ClipTime(keys) => {
             let keys = keys.map(|[when, shown]| {
                 let when = EditTime { secs: when, fps: at.fps }.anew(&strip.text);
@@ -320,7 +364,7 @@ pub fn split_cue(
         second += &format!(".until({until})");
     }
     if let Some(fade_out) = fade_out {
-        second = with_number(&second, is_method, ("fade_out", &[fade_out]));
+        second = with_value(&second, is_method, ("fade_out", &seconds(&[fade_out], at.fps)));
     }
     let mut after = strip.followed_by(&second);
     let first_end = CueChange { line, column, part: CueTime::End, time: at };
@@ -331,13 +375,13 @@ pub fn split_cue(
     Ok(indented(text, Edit::between(text, &after)))
 }
 
-/// A `.then(…)` with a number that it does not state yet: as a method, or as an option.
-fn with_number(then: &str, is_method: bool, number: (&str, &[f64])) -> String {
+/// A `.then(…)` with a value that it does not state yet: as a method, or as an option.
+fn with_value(then: &str, is_method: bool, value: (&str, &[String])) -> String {
     let dot = then.len() - then.trim_start().len();
     let text = Source::new(then);
     let Some(call) = text.call_from(dot) else { return then.to_string() };
     let strip = Strip { chain: text.chain_after(call.end), text, line: 1, call };
-    strip.add(is_method, number).apply(then)
+    strip.add(is_method, value).apply(then)
 }
 
 /// Plays the clip of a cue once more right after it, with its options, and with its keys and freezes `by` later. `until`: the end of the

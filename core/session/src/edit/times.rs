@@ -1,5 +1,6 @@
 //! Times of cues, and of what else begins and ends.
 
+use super::key_list::{arguments, keys_in};
 use super::scan::{Call, Source, find};
 use super::values::{
     USUAL_DIGITS, becomes_method, format_as_meant, is_calculation, literal, option_value, set_option, trimmed,
@@ -24,12 +25,27 @@ impl EditTime {
         self.anew(&Source::new(script))
     }
 
-    /// The time where none stands yet: in seconds; where those need more digits than a person would write and the script counts in frames, in
-    /// frames, too.
+    /// The time where none stands yet: in seconds; where those need more digits than a person would write and most times of the script count
+    /// frames, in frames, too.
     pub(super) fn anew(self, script: &Source) -> String {
+        self.short(|| counts_frames(script, self.fps))
+    }
+
+    /// Like [`EditTime::anew`], in the style of the times of these names that a call states, where it states some.
+    fn beside(self, text: &Source, call: &Call, names: &[&str]) -> String {
+        let stated = names.iter().filter_map(|name| TimeLiteral::of(text, &stated_time(text, call, name)?));
+        let styles: Vec<bool> = stated.map(|time| time.in_frames).collect();
+        let frames = styles.iter().filter(|in_frames| **in_frames).count();
+        self.short(
+            || if styles.is_empty() { counts_frames(text, self.fps) } else { 2 * frames > styles.len() },
+        )
+    }
+
+    /// The time in seconds; in frames where seconds need more digits than a person would write and the times around it count those.
+    fn short(self, counts_frames: impl FnOnce() -> bool) -> String {
         let text = self.text(false);
         let is_long = text.split('.').nth(1).is_some_and(|digits| digits.len() > USUAL_DIGITS);
-        if is_long && script.counts_frames() { self.text(true) } else { text }
+        if is_long && counts_frames() { self.text(true) } else { text }
     }
 
     /// The time in the style of another one, `in_frames` or not, else as it stands where none does yet.
@@ -52,6 +68,23 @@ impl EditTime {
             false => trimmed(&format!("{secs:.USUAL_DIGITS$}")),
         }
     }
+}
+
+/// Whether more of the times that a script states count frames, `f(12)`, than seconds: starts, ends, cuts and keys. `fps`: frames a second of
+/// the stage.
+fn counts_frames(text: &Source, fps: f64) -> bool {
+    let tokens: Vec<&str> = text.tokens_within(&(0..text.len())).collect();
+    let is_in_seconds = |tokens: &&[&str]| {
+        matches!(tokens[0], "from" | "until" | "cut")
+            && matches!(tokens[1], "(" | ":")
+            && tokens[2].starts_with(|c: char| c.is_ascii_digit())
+    };
+    let times = tokens.windows(3).filter(is_in_seconds).count();
+    let calls = text.calls_within(&(0..text.len()));
+    let calls = calls.iter().filter(|call| text[call.name.clone()] == *"key");
+    let keys = calls.flat_map(|call| arguments(text, call)).filter_map(|bytes| keys_in(text, bytes, fps));
+    let keys = keys.flatten().filter(|key| !key.in_frames).count();
+    text.calls_of("f").count() > times + keys
 }
 
 /// A time that stands in a script as a number of seconds, or as `f(12)`.
@@ -107,6 +140,8 @@ pub enum CueTime {
     End,
     /// `#{ fade: … }`
     FadeIn,
+    /// `#{ fade_out: … }`
+    FadeOut,
 }
 
 /// Sets a time of the cue that the call at a place makes (`play` or `then`; line and column in characters, from 1).
@@ -128,7 +163,8 @@ pub fn set_time(
     let name = match part {
         CueTime::Start => "from",
         CueTime::End => "until",
-        CueTime::FadeIn => return set_fade(text, (&call, &chain), line, time),
+        CueTime::FadeIn => return set_fade(text, (&call, &chain), line, (&["fade", "inertial"], time)),
+        CueTime::FadeOut => return set_fade(text, (&call, &chain), line, (&["fade_out"], time)),
     };
     if let Some(argument) = find(&chain, text, name) {
         return match restated(text, &argument, time) {
@@ -148,28 +184,31 @@ pub fn set_time(
     if part == CueTime::Start && text[call.name.clone()] == *"then" {
         return refuse("it begins where the clip before it ends; change that one's end");
     }
-    Ok(chain::added(text, &call, &format!("{name}({})", time.anew(text))))
+    let written = time.beside(text, &call, &["from", "until"]);
+    Ok(chain::added(text, &call, &format!("{name}({written})")))
 }
 
-/// Sets the duration of the transition into a cue, where the script states it, as a fade or as inertialization, else anew.
+/// Sets the duration of the transition into a cue or out of it, where the script states it, under one of these names, else anew under the first.
 fn set_fade(
     text: &Source,
     (call, chain): (&Call, &[Call]),
     line: usize,
-    time: EditTime,
+    (names, time): (&[&str], EditTime),
 ) -> Result<Edit, EditRefused> {
-    if let Some(argument) = find(chain, text, "fade") {
-        let why =
-            || format!("the time in .fade({}) is computed; change it there", text[argument.clone()].trim());
-        return restated(text, &argument, time).ok_or_else(|| EditRefused::at(line, &why()));
+    let name = names[0];
+    if let Some(argument) = find(chain, text, name) {
+        let shown = text[argument.clone()].trim();
+        let why = format!("the time in .{name}({shown}) is computed; change it there");
+        return restated(text, &argument, time).ok_or_else(|| EditRefused::at(line, &why));
     }
-    let stated = |name: &&str| option_value(text, call, name).is_some();
-    let name = ["fade", "inertial"].into_iter().find(stated).unwrap_or("fade");
+    let stated = |name: &&&str| option_value(text, call, name).is_some();
+    let name = names.iter().find(stated).unwrap_or(&name);
     let old = option_value(text, call, name).and_then(|bytes| restated(text, &bytes, time));
+    let written = time.beside(text, call, &["fade", "fade_out"]);
     match (old, becomes_method(text, call, chain, name)) {
         (Some(edit), _) => Ok(edit),
-        (None, false) => set_option(text, call, line, name, &time.anew(text)),
-        (None, true) => Ok(chain::added(text, call, &format!("{name}({})", time.anew(text)))),
+        (None, false) => set_option(text, call, line, name, &written),
+        (None, true) => Ok(chain::added(text, call, &format!("{name}({written})"))),
     }
 }
 
@@ -284,6 +323,25 @@ mod tests {
             set("a.|play(c).from(f(3));", CueTime::End, 2.5).unwrap(),
             "a.play(c).from(f(3)).until(2.5);"
         );
+    }
+
+    /// A new time that needs all digits has the style of the times beside it, else of most times of the script.
+    #[test]
+    fn a_new_time_is_written_as_most_others_are() {
+        let ended = |text: &str| set(text, CueTime::End, 61.0 / 30.0).unwrap();
+        for (before, call, written) in [
+            ("b.play(d).from(1.0).until(2.0);\ne.cut(f(75));\n", "a.|play(c);", "2.033333333"),
+            ("b.play(d).from(f(30)).until(f(45));\ne.cut(1.0);\n", "a.|play(c);", "f(61)"),
+            ("b.play(d).from(1.0).until(2.0);\n", "a.|play(c).from(f(3));", "f(61)"),
+            ("b.play(d).from(f(30)).until(f(45));\n", "a.|play(c).from(0.5);", "2.033333333"),
+        ] {
+            let wanted = format!("{before}{}.until({written});", call.replace('|', "").trim_end_matches(';'));
+            assert_eq!(ended(&format!("{before}{call}")), wanted);
+        }
+        let time = EditTime { secs: 14.0 / 30.0, fps: 30.0 };
+        let keyed = "a.key(\"scale\", [[0.0, 1], [1.0, 2]]);\nb.cut(f(75));\n";
+        assert_eq!(time.written(keyed), "0.466666667");
+        assert_eq!(time.written(&keyed.replace("0.0, 1", "f(0), 1")), "f(14)");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::state::timeline::Bar;
 use choreo_motion::Time;
 use choreo_script::Place;
 use choreo_session::edit::{
-    CueTime, EditTime, delete_cue, follows, has_end, set_number, set_time, shift_keys,
+    CueTime, EditTime, cues_before, delete_cue, follows, has_end, set_number, set_time, shift_keys,
 };
 use std::collections::BTreeSet;
 
@@ -24,7 +24,7 @@ impl Viewer {
         self.check_begins(&layer[at].place, &layer[at].label, secs)?;
         let steps = self.move_steps(&layer, &|index| index == at || ripple && index > at, by)?;
         let note = self.pushed_out(&layer[at + 1..], by).filter(|_| ripple);
-        let note = note.or_else(|| self.moved_end(&layer[..=at], by));
+        let note = note.or_else(|| self.moved_end(what, std::slice::from_ref(what), by));
         self.change_all(steps)?;
         self.note = note;
         Ok(())
@@ -42,12 +42,25 @@ impl Viewer {
         Err(EditError::refused_at(place, &why))
     }
 
-    /// The end that moves with the start of the last of these bars, which follows another one, in words.
-    fn moved_end(&self, bars: &[Bar], by: f64) -> Option<String> {
-        let [.., before, bar] = bars else { return None };
-        let follows = follows(&self.known()?, bar.place.line, bar.place.column);
-        let ends = self.shown_time(bar.start + Time::from_secs(by));
-        follows.then(|| format!("{}, which it follows, now ends at {ends}", before.label))
+    /// The clip at whose end a bar begins.
+    pub(super) fn followed_bar(&self, what: &Selected) -> Option<Bar> {
+        let layer = self.layer_of(what);
+        let at = layer.iter().position(|bar| bar.what == *what)?;
+        let before = self.followed(&layer)[at]?;
+        layer.into_iter().nth(before)
+    }
+
+    /// The end that moves with the start of a bar which follows another one, in words, where that is none of `all`, which move, too.
+    pub(crate) fn moved_end(&self, what: &Selected, all: &[Selected], by: f64) -> Option<String> {
+        let before = self.followed_bar(what).filter(|before| !all.contains(&before.what))?;
+        let ends = self.shown_time(self.bar(what).ok()?.start + Time::from_secs(by));
+        Some(format!("{}, which it follows, now ends at {ends}", before.label))
+    }
+
+    /// The ends that move with these bars, in words.
+    fn moved_ends(&self, all: &[Selected], by: f64) -> Option<String> {
+        let ends: Vec<String> = all.iter().filter_map(|what| self.moved_end(what, all, by)).collect();
+        (!ends.is_empty()).then(|| ends.join("; "))
     }
 
     /// Bars that are no longer seen since they begin later by a time, in words.
@@ -70,8 +83,10 @@ impl Viewer {
     /// # Errors
     /// Why not, for the user; nothing has changed.
     pub fn move_bars(&mut self, all: &[Selected], by: f64) -> Result<(), EditError> {
-        let steps = self.bar_move_steps(all, by)?;
-        self.change_all(steps)
+        let (steps, note) = (self.bar_move_steps(all, by)?, self.moved_ends(all, by));
+        self.change_all(steps)?;
+        self.note = note;
+        Ok(())
     }
 
     /// Moves the selected bars and keys by a time, as one change.
@@ -82,7 +97,9 @@ impl Viewer {
         let (bars, keys) = (self.selected_bars(), self.selected_keys().to_vec());
         let mut steps = self.key_drag_steps(&keys, by, None)?;
         steps.extend(self.bar_move_steps(&bars, by)?);
+        let note = self.moved_ends(&bars, by);
         self.change_all(steps)?;
+        self.note = note;
         self.keys_have_moved(&keys, by);
         Ok(())
     }
@@ -119,14 +136,14 @@ impl Viewer {
         by: f64,
     ) -> Result<Vec<Step<'static>>, EditError> {
         let known = self.known().ok_or(EditError::NothingShown)?;
-        let mut steps = Vec::new();
+        let (mut steps, followed) = (Vec::new(), self.followed(layer));
         let later = |time: Time| (time.as_secs() + by).max(0.0);
         for (index, bar) in layer.iter().enumerate().filter(|(index, _)| moves(*index)) {
             let (line, column) = (bar.place.line, bar.place.column);
-            match (follows(&known, line, column), index.checked_sub(1)) {
+            match followed[index] {
                 // It begins where the clip before it ends, and that has been moved.
-                (true, Some(before)) if moves(before) => {}
-                (true, Some(before)) => {
+                Some(before) if moves(before) => {}
+                Some(before) => {
                     self.check_boundary(
                         Some(&layer[before]),
                         bar,
@@ -134,7 +151,7 @@ impl Viewer {
                     )?;
                     steps.push(self.time_step(&layer[before], CueTime::End, later(bar.start)));
                 }
-                _ => steps.push(self.time_step(bar, CueTime::Start, later(bar.start))),
+                None => steps.push(self.time_step(bar, CueTime::Start, later(bar.start))),
             }
             if has_end(&known, line, column) {
                 steps.push(self.time_step(bar, CueTime::End, later(bar.until)));
@@ -197,7 +214,10 @@ impl Viewer {
             let layer = self.layer_of(what);
             let at = layer.iter().position(|bar| bar.what == *what);
             let at = at.ok_or_else(|| EditError::refused("only clips are deleted here; delete its line"))?;
-            let next = layer[at + 1..].iter().find(|bar| !all.contains(&bar.what));
+            let before = self.cues_before(&layer);
+            let next = |at| before.iter().position(|before| *before == Some(at));
+            let mut later = std::iter::successors(next(at), |at| next(*at)).map(|at| &layer[at]);
+            let next = later.find(|bar| !all.contains(&bar.what));
             let next = next.map(|bar| self.edit_time(bar.start.as_secs()));
             steps.push(self.step(&layer[at], move |text, line, column| delete_cue(text, line, column, next)));
         }
@@ -217,6 +237,20 @@ impl Viewer {
         let Selected::Cue { actor, layer, .. } = what else { return Vec::new() };
         let is_in = |bar: &&Bar| matches!(&bar.what, Selected::Cue { actor: a, layer: l, .. } if a == actor && l == layer);
         self.bars().filter(is_in).cloned().collect()
+    }
+
+    /// For each bar of a layer the number of the one before it in its chain of the script, which need not be the one before it in the row.
+    pub(super) fn cues_before(&self, layer: &[Bar]) -> Vec<Option<usize>> {
+        let places: Vec<_> = layer.iter().map(|bar| (bar.place.line, bar.place.column)).collect();
+        self.known().map_or_else(|| vec![None; layer.len()], |text| cues_before(&text, &places))
+    }
+
+    /// For each bar of a layer the number of the one at whose end it begins.
+    pub(super) fn followed(&self, layer: &[Bar]) -> Vec<Option<usize>> {
+        let (before, known) = (self.cues_before(layer), self.known().unwrap_or_default());
+        let begins_there = |bar: &Bar| follows(&known, bar.place.line, bar.place.column);
+        let all = before.into_iter().zip(layer);
+        all.map(|(before, bar)| before.filter(|_| begins_there(bar))).collect()
     }
 
     pub(crate) fn bars(&self) -> impl Iterator<Item = &Bar> {

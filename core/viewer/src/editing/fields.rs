@@ -92,6 +92,9 @@ impl Viewer {
                 if let Some(why) = self.problem_of_mask(what, change) {
                     return Err(EditError::refused_at(&place, &why));
                 }
+                if let Some(shared) = self.offer_of_layer(what, change) {
+                    return Err(shared);
+                }
                 if matches!(change, FieldChange::Material(..))
                     && let Some(shared) =
                         self.offer_of_asset(what, &place, |object, text| changed(object, text, change))
@@ -175,7 +178,7 @@ impl Viewer {
                     let name = match part {
                         CueTime::Start => "from",
                         CueTime::End => "until",
-                        CueTime::FadeIn => "fade",
+                        CueTime::FadeIn | CueTime::FadeOut => "fade",
                     };
                     let made = object.state_time(name, EditTime { secs: time.value, fps }, Anew::Option);
                     time.keep_time(text, made, fps)
@@ -306,7 +309,8 @@ pub(super) fn is_as_shown(a: f64, b: f64) -> bool {
     (a - b).abs() < 2e-5
 }
 
-fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Edit, EditRefused> {
+/// The edit that makes a change of what a call makes.
+pub(super) fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Edit, EditRefused> {
     match change {
         FieldChange::Value(name, value, anew) => object.state(name, value, *anew),
         FieldChange::Text(name, value, anew) => object.state_over(name, value, *anew),

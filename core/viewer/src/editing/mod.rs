@@ -12,6 +12,7 @@ mod documents;
 mod error;
 mod fields;
 mod keys;
+mod layers;
 mod next_clip;
 mod objects;
 pub mod placing;
@@ -40,7 +41,7 @@ use choreo_files::{WriteError, write_whole};
 use choreo_script::{Place, Severity};
 use choreo_session::Problem;
 use choreo_session::edit::{
-    CueTime, Edit, EditRefused, EditTime, ScriptObject, ScriptText, Typed, follows, set_marker, set_time,
+    CueTime, Edit, EditRefused, EditTime, ScriptObject, ScriptText, Typed, set_marker, set_time,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -105,18 +106,16 @@ impl Viewer {
     ) -> Result<(), EditError> {
         let (bar, secs) = (self.bar(what)?, typed.value);
         let place = bar.place.clone();
-        let known = self.known();
         if part == CueTime::Start {
             self.check_begins(&place, &bar.label, secs)?;
-        }
-        if let (Selected::Cue { actor, layer, cue: 1.. }, CueTime::Start) = (what, part)
-            && known.as_ref().is_some_and(|text| follows(text, place.line, place.column))
-            && let Selected::Cue { cue, .. } = what
-        {
-            // Where two clips meet is written as the end of the first.
-            let before = Selected::Cue { actor: actor.clone(), layer: *layer, cue: cue - 1 };
-            self.check_boundary(Some(&self.bar(&before)?), &bar, secs)?;
-            return self.set_typed_cue(&before, CueTime::End, typed);
+            if let Some(before) = self.followed_bar(what) {
+                // Where two clips meet is written as the end of the first.
+                self.check_boundary(Some(&before), &bar, secs)?;
+                let note = self.moved_end(what, &[], secs - bar.start.as_secs());
+                self.set_typed_cue(&before.what, CueTime::End, typed)?;
+                self.note = note;
+                return Ok(());
+            }
         }
         let siblings = self.bars().filter(|other| other.place == place).count();
         match part {
@@ -136,7 +135,7 @@ impl Viewer {
                     match part {
                         CueTime::Start => object.time("from", time),
                         CueTime::End => object.time("until", time),
-                        CueTime::FadeIn => object.set("fade", &[secs]),
+                        CueTime::FadeIn | CueTime::FadeOut => object.set("fade", &[secs]),
                     }
                 }
                 _ => set_time(text, place.line, place.column, part, time),

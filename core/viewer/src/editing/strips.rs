@@ -1,13 +1,14 @@
 //! Clips as strips: split, duplicated, copied and pasted, disabled, faster, weaker.
 
+use super::trimming::within;
 use super::{EditError, Step};
 use crate::app::Viewer;
 use crate::state::selection::{Selected, actor};
 use crate::state::timeline::{Bar, Strip};
 use choreo_motion::Repeat;
 use choreo_session::edit::{
-    CueTime, EditTime, Rest, ScriptObject, copied_cues, copied_start, copy_cue, duplicate_cue, follows,
-    has_end, paste_cue, set_disabled, set_number, split_cue,
+    CueTime, EditTime, Rest, ScriptObject, copied_cues, copied_start, copy_cue, duplicate_cue, has_end,
+    paste_cue, set_disabled, set_number, split_cue,
 };
 
 /// Seconds of a clip that count as none.
@@ -25,7 +26,10 @@ impl Viewer {
             if at <= bar.start.as_secs() + NOTHING || at >= bar.until.as_secs() - NOTHING {
                 return Err(EditError::refused_at(&bar.place, "the playhead is not within this clip"));
             }
-            let rest = rest(&bar, &strip, at)?;
+            let rest = match rest(&bar, &strip, at)? {
+                Rest::Trim(trim) => Rest::Trim(within(&strip, trim, self.playhead.fps().as_fps())),
+                rest => rest,
+            };
             let upper = matches!(what, Selected::Cue { layer: 1.., .. });
             let fade_out = Some(bar.fade_out.as_secs()).filter(|fade| upper && *fade > 0.0);
             let time = self.edit_time(at);
@@ -61,9 +65,8 @@ impl Viewer {
             vec![self.step(&bar, move |text, line, column| duplicate_cue(text, line, column, by, until))];
         let moved = self.move_steps(&layer, &|index| index > at, length)?;
         // Cues that follow its end follow it again.
-        let first_follows =
-            layer.get(at + 1).is_some_and(|next| follows(&known, next.place.line, next.place.column));
-        steps.extend(moved.into_iter().filter(|step| !(first_follows && step.place == bar.place)));
+        let is_followed = self.followed(&layer).contains(&Some(at));
+        steps.extend(moved.into_iter().filter(|step| !(is_followed && step.place == bar.place)));
         let note = self.pushed_out(&layer[at + 1..], length);
         self.change_all(steps)?;
         self.note = note;
@@ -118,7 +121,7 @@ impl Viewer {
     }
 
     /// A clip as text for the clipboard.
-    fn copied(&self, bar: &Bar) -> Result<String, EditError> {
+    pub(super) fn copied(&self, bar: &Bar) -> Result<String, EditError> {
         let known = self.known().ok_or(EditError::NothingShown)?;
         let (line, column) = (bar.place.line, bar.place.column);
         let until = has_end(&known, line, column).then(|| self.edit_time(bar.until.as_secs()));

@@ -6,7 +6,7 @@ use crate::app::Viewer;
 use crate::state::selection::Selected;
 use crate::state::timeline::{Bar, Strip};
 use choreo_motion::Repeat;
-use choreo_session::edit::{CueTime, follows, has_end, set_trim};
+use choreo_session::edit::{CueTime, has_end, set_trim};
 
 impl Viewer {
     /// Lets a clip begin at another time with what it shows from there on: its start is trimmed. Where it follows another clip, or meets its
@@ -20,11 +20,11 @@ impl Viewer {
     pub fn trim_cue(&mut self, what: &Selected, secs: f64) -> Result<(), EditError> {
         let (bar, strip) = self.strip(what)?;
         let known = self.known().ok_or(EditError::NothingShown)?;
-        let (line, column) = (bar.place.line, bar.place.column);
         let layer = self.layer_of(what);
         let at = layer.iter().position(|other| other.what == *what).ok_or(EditError::Gone)?;
-        let before = at.checked_sub(1).map(|before| &layer[before]);
-        let is_chained = before.is_some() && follows(&known, line, column);
+        let followed = self.followed(&layer)[at];
+        let is_chained = followed.is_some();
+        let before = followed.or(at.checked_sub(1)).map(|before| &layer[before]);
         let meets = before.is_some_and(|before| before.meets(&bar));
         let trim = match strip.repeat {
             Repeat::Once => Some(trimmed_from(&bar, &strip, secs)?),
@@ -52,11 +52,10 @@ impl Viewer {
 
     /// Lets a bar end at another time. The end of a clip that another one takes over from is not moved beyond that, where nobody would see it.
     pub(crate) fn set_end(&mut self, bar: &Bar, secs: f64) -> Result<(), EditError> {
-        let known = self.known().ok_or(EditError::NothingShown)?;
         let layer = self.layer_of(&bar.what);
-        let next = layer.iter().skip_while(|other| other.what != bar.what).nth(1);
-        let is_over = |next: &&Bar| bar.meets(next) && secs > next.start.as_secs();
-        let next = next.filter(is_over).filter(|next| !follows(&known, next.place.line, next.place.column));
+        let at = layer.iter().position(|other| other.what == bar.what);
+        let next = at.and_then(|at| layer.get(at + 1).filter(|_| self.followed(&layer)[at + 1] != Some(at)));
+        let next = next.filter(|next| bar.meets(next) && secs > next.start.as_secs());
         if let Some(next) = next {
             let (label, start) = (&next.label, self.shown_time(next.start));
             let why =
@@ -99,6 +98,7 @@ impl Viewer {
 
     fn trim_step(&self, bar: &Bar, trim: [f64; 2]) -> Step<'static> {
         let fps = self.playhead.fps().as_fps();
+        let trim = bar.strip.map_or(trim, |strip| within(&strip, trim, fps));
         self.step(bar, move |text, line, column| set_trim(text, line, column, trim, fps))
     }
 }
@@ -115,7 +115,7 @@ fn trimmed_from(bar: &Bar, strip: &Strip, secs: f64) -> Result<[f64; 2], EditErr
         let why = format!("its clip has nothing there: it runs from 0 s to {:.3} s", strip.clip);
         return Err(EditError::refused_at(&bar.place, &why));
     }
-    Ok(within(strip, [from, to]))
+    Ok([from, to])
 }
 
 /// The part of the clip that is then played; `None` where all of it is seen already.
@@ -133,21 +133,21 @@ fn slipped(bar: &Bar, strip: &Strip, by: f64) -> Option<[f64; 2]> {
     // Keys state which part is seen, and of a clip in rounds all of it is: the trim moves as a whole.
     if strip.is_keyed || !fits {
         let by = (by * strip.speed.signum()).clamp(-from, strip.clip - to);
-        return (by.abs() > NOTHING).then(|| within(strip, [from + by, to + by]));
+        return (by.abs() > NOTHING).then_some([from + by, to + by]);
     }
     // What lies behind the seen part counts: only the seen part must be there.
     let (before, after) = (strip.before(), strip.clip - length - strip.before());
     let slipped = (before + by).clamp(0.0, (strip.clip - seen.min(length)).max(0.0));
     let rest = if after < NOTHING { 0.0 } else { (after + before - slipped).max(0.0) };
     let part = if strip.speed < 0.0 { [rest, strip.clip - slipped] } else { [slipped, strip.clip - rest] };
-    ((slipped - before).abs() > NOTHING).then(|| within(strip, part))
+    ((slipped - before).abs() > NOTHING).then_some(part)
 }
 
-/// A part that lies within the clip also when it is written to the thousandth.
-fn within(strip: &Strip, [from, to]: [f64; 2]) -> [f64; 2] {
-    let rounded = (to * 1e3).round() / 1e3;
-    let to = if rounded > strip.clip { (strip.clip * 1e3).floor() / 1e3 } else { rounded };
-    [from.max(0.0), to]
+/// A part that lies within the clip also when it is written: to the thousandth, where it ends on no frame.
+pub(super) fn within(strip: &Strip, [from, to]: [f64; 2], fps: f64) -> [f64; 2] {
+    let is_frame = ((to * fps).round() - to * fps).abs() < 1e-4;
+    let is_beyond = !is_frame && (to * 1e3).round() / 1e3 > strip.clip;
+    [from.max(0.0), if is_beyond { (strip.clip * 1e3).floor() / 1e3 } else { to }]
 }
 
 #[cfg(test)]
@@ -206,7 +206,8 @@ mod tests {
     #[test]
     fn a_trim_ends_within_the_clip_when_it_is_written() {
         let odd = Strip { clip: 2.0 / 3.0, ..strip([0.0, 2.0 / 3.0], 1.0, Repeat::Once) };
-        assert_eq!(within(&odd, [0.25, 2.0 / 3.0]), [0.25, 0.666]);
-        assert_eq!(within(&odd, [0.0, 0.5]), [0.0, 0.5]);
+        assert_eq!(within(&odd, [0.25, 2.0 / 3.0], 25.0), [0.25, 0.666]);
+        assert_eq!(within(&odd, [0.25, 2.0 / 3.0], 30.0), [0.25, 2.0 / 3.0]);
+        assert_eq!(within(&odd, [0.0, 0.5], 25.0), [0.0, 0.5]);
     }
 }

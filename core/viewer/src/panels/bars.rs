@@ -23,6 +23,10 @@ use std::borrow::Cow;
 const REACH: f32 = 6.0;
 /// Points beyond its row at which a dragged bar still stays in it.
 const ROW_SLACK: f32 = 5.0;
+/// Points from an end of a bar to the edge of its handle inside of the bar; a handle of a narrow bar is narrower.
+const GRIP: f32 = 6.0;
+/// Points by which the handle of an end reaches over it, where no other bar is.
+const OUTSIDE: f32 = 4.0;
 /// Dashes of the outline of a whole clip, points.
 const DASH: f32 = 5.0;
 /// Marks of rounds in one bar at most; further ones could not be distinguished.
@@ -240,6 +244,9 @@ fn handles(bar: &Bar) -> Vec<(CueTime, Time)> {
             let fade = (bar.start + bar.fade_in).min(bar.end);
             let mut all = vec![(CueTime::Start, bar.start), (CueTime::End, bar.until)];
             all.extend((bar.fade_in > Time::ZERO).then_some((CueTime::FadeIn, fade)));
+            // A title has one fade for both of its ends.
+            let fades_out = bar.strip.is_some() && bar.fade_out > Time::ZERO;
+            all.extend(fades_out.then_some((CueTime::FadeOut, (bar.end - bar.fade_out).max(bar.start))));
             all
         }
         Selected::Effect(_) => vec![(CueTime::Start, bar.start), (CueTime::End, bar.until)],
@@ -297,7 +304,14 @@ fn carried(ui: &Ui, viewer: &Viewer, bar: &Bar, response: &Response, lane: &Lane
         (_, true) => Drag::Overlap,
         _ => Drag::Alone,
     };
-    let moved = response.drag_stopped() && start != bar.start.as_secs();
+    let by = start - bar.start.as_secs();
+    let all = viewer.selected_bars();
+    let all = if drag == Drag::Alone && all.contains(&bar.what) { all } else { vec![bar.what.clone()] };
+    let end = viewer.moved_end(&bar.what, &all, by).filter(|_| by != 0.0 && drag != Drag::Overlap);
+    if let Some(end) = end {
+        beside(ui, response.interact_pointer_pos()?, &end);
+    }
+    let moved = response.drag_stopped() && by != 0.0;
     moved.then(|| Act::Move(bar.clone(), start, drag))
 }
 
@@ -353,16 +367,20 @@ fn handle(
     let bar = &bars[number];
     let x = lane.x(viewer, at.as_secs());
     let rect = lane.rect;
-    // The fade's handle is above, and below a key where the row has some; the ends' are as high as the bar.
+    // The handle of a fade is above, and below a key where the row has some; the ends' are as high as the bar.
+    let is_fade = matches!(part, CueTime::FadeIn | CueTime::FadeOut);
     let has_keys = viewer.timeline.rows.get(lane.row).is_some_and(|row| !row.events.is_empty());
     let below = if has_keys { marks::BAND + 6.0 } else { marks::BAND };
-    let bottom = if part == CueTime::FadeIn { rect.top() + below } else { rect.bottom() };
+    let bottom = if is_fade { rect.top() + below } else { rect.bottom() };
     // Two bars that meet share the handle's place: the end of the first is left of the time, the start of the second right of it.
     let is_met = number.checked_sub(1).is_some_and(|before| bars[before].meets(bar));
+    let meets = bars.get(number + 1).is_some_and(|next| bar.meets(next));
+    let width = lane.x(viewer, bar.until.as_secs()) - lane.x(viewer, bar.start.as_secs());
+    let inside = (width / 3.0).clamp(OUTSIDE, GRIP);
     let (left, right) = match part {
-        CueTime::Start if is_met => (x, x + 5.0),
-        CueTime::Start => (x - 4.0, x + 5.0),
-        _ => (x - 4.0, x + 4.0),
+        CueTime::Start => (x - if is_met { 0.0 } else { OUTSIDE }, x + inside),
+        CueTime::End => (x - inside, x + if meets { 0.0 } else { OUTSIDE }),
+        _ => (x - OUTSIDE, x + OUTSIDE),
     };
     let place = Rect::from_min_max(pos2(left, rect.top()), pos2(right, bottom)).intersect(rect);
     if place.width() <= 0.0 {
@@ -373,6 +391,7 @@ fn handle(
         CueTime::Start => "start of",
         CueTime::End => "end of",
         CueTime::FadeIn => "fade of",
+        CueTime::FadeOut => "fade-out of",
     };
     let label = format!("{name} {} in row {}", bar.label, lane.row);
     let (response, dragged) = grip(ui, (place, pos2(x, rect.top())), id, label, CursorIcon::ResizeHorizontal);
@@ -397,24 +416,35 @@ fn handle(
     for (width, color) in [(4.0, outer), (2.0, inner)] {
         ui.painter_at(rect).vline(lane.x(viewer, secs), rect.y_range(), Stroke::new(width, color));
     }
-    let value = if part == CueTime::FadeIn { (secs - bar.start.as_secs()).max(0.0) } else { secs };
+    let value = match part {
+        CueTime::FadeIn => (secs - bar.start.as_secs()).max(0.0),
+        CueTime::FadeOut => (bar.end.as_secs() - secs).max(0.0),
+        _ => secs,
+    };
     if let (CueTime::Start, Some(strip)) = (part, bar.strip) {
         let text = match (keep, strip.repeat) {
             (false, _) => "its content moves along; Alt: stays",
             (true, Repeat::Once) => "its content stays where it is",
             (true, _) => "the boundary moves; it begins its rounds there",
         };
-        beside(ui, pos2(lane.x(viewer, secs), rect.top()), text);
+        let end = viewer.moved_end(&bar.what, &[], secs - bar.start.as_secs()).filter(|_| !keep);
+        let text = end.map_or_else(|| text.to_string(), |end| format!("{text}\n{end}"));
+        beside(ui, pos2(lane.x(viewer, secs), rect.top()), &text);
     }
-    let before = if part == CueTime::FadeIn { bar.fade_in } else { at };
+    let before = match part {
+        CueTime::FadeIn => bar.fade_in,
+        CueTime::FadeOut => bar.fade_out,
+        _ => at,
+    };
     let is_moved = (value - before.as_secs()).abs() > 1e-6;
     (response.drag_stopped() && is_moved).then(|| Act::Time(bar.clone(), part, value, keep))
 }
 
-/// The corner below the end of what a selected clip plays: dragged, it plays faster or slower.
+/// The corner below the end of what a selected clip plays, beside the handle of the end: dragged, it plays faster or slower.
 fn speed_handle(ui: &Ui, viewer: &Viewer, bar: &Bar, number: usize, lane: &Lane) -> Option<Act> {
     let (x, bottom) = (lane.x(viewer, bar.played_until().as_secs()), lane.rect.bottom() - STRIP - 1.0);
-    let place = Rect::from_min_max(pos2(x - 14.0, bottom - 7.0), pos2(x - 4.0, bottom)).intersect(lane.rect);
+    let place = Rect::from_min_max(pos2(x - GRIP - 11.0, bottom - 7.0), pos2(x - GRIP - 1.0, bottom))
+        .intersect(lane.rect);
     if place.width() <= 0.0 {
         return None;
     }

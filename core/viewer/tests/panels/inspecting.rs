@@ -509,6 +509,37 @@ ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
     }
 }
 
+/// A mask that is typed for one clip of a chain would be that of the others, too: it is offered for that clip alone, and for all of them.
+#[test]
+fn a_mask_of_a_clip_of_a_chain_is_offered_for_it_alone() {
+    const CHAIN: &str = "stage(#{ fps: 25, length: 8.0 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\")).until(2.0)
+    .then(moves.clip(\"Wave\"), #{ fade: 0.3 }).until(4.0)
+    .then(moves.clip(\"Bow\")).until(6.0);
+";
+    let alone = CHAIN.replace(
+        "until(2.0)\n    .then(moves.clip(\"Wave\"), #{ fade: 0.3 }).until(4.0)\n    .then(moves.clip(\"Bow\")).until(6.0);\n",
+        "until(4.0)\n    .then(moves.clip(\"Bow\")).until(6.0);\nada.play(moves.clip(\"Wave\"), #{ fade: 0.3 }).from(2.0).until(4.0).on(\"RightShoulder..\");\n",
+    );
+    let all = CHAIN.replace("until(2.0)", "until(2.0).on(\"RightShoulder..\")");
+    for (agree, wanted) in [("Take Wave out of the chain", alone), ("Change all 3", all)] {
+        let mut place = Place::new(CHAIN);
+        place.viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 });
+        let mut desk = place.harness(vec2(1500.0, 1000.0));
+        type_into(&mut desk, "on field", "RightShoulder..");
+        let why = desk.state().viewer.message.clone().unwrap_or_default();
+        assert_eq!(why, "a.rhai:5: the mask is that of the whole row: Walk, Wave and Bow would get it");
+        assert_eq!(desk.state().text(), CHAIN);
+        desk.get_by_label(agree).click();
+        desk.run();
+        assert_eq!(desk.state().text(), wanted);
+        desk.state_mut().reload();
+        assert_eq!(desk.state().viewer.message, None);
+    }
+}
+
 #[test]
 fn lights_lenses_titles_and_materials_are_edited_and_reset() {
     const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });

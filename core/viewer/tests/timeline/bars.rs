@@ -179,6 +179,35 @@ fn a_key_on_an_edge_leaves_the_handles_in_reach() {
     }
 }
 
+/// Where a fade-out begins it is dragged as a fade is, also where only the fade is stated, and is written as that is.
+#[test]
+fn a_fade_out_is_dragged_where_it_begins() {
+    let (method, option) = (
+        "\"Bow\")).from(1.0).until(3.0).on(\"RightShoulder..\").fade(0.2)",
+        "\"Bow\"), #{ fade: 0.2 }).from(1.0).until(3.0).on(\"RightShoulder..\")",
+    );
+    for (bow, from, to) in [
+        (method, ".fade(0.2)", ".fade(0.2).fade_out(0.6)"),
+        (option, "fade: 0.2", "fade: 0.2, fade_out: 0.6"),
+    ] {
+        let script = SCRIPT.replace(method, bow);
+        let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
+        let by = second(&desk);
+        desk.get_by_label("Bow on ada +1").click();
+        desk.run();
+        let at = desk.get_by_label("fade-out of Bow in row 2").rect().center();
+        drag_briefly(&mut desk, Modifiers::NONE, at, at - vec2(by * 0.4, 0.0));
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().text(), script.replace(from, to));
+        // And back, over what is stated now.
+        desk.state_mut().reload();
+        desk.run();
+        let at = desk.get_by_label("fade-out of Bow in row 2").rect().center();
+        drag_briefly(&mut desk, Modifiers::NONE, at, at + vec2(by * 0.2, 0.0));
+        assert_eq!(desk.state().text(), script.replace(from, &to.replace("0.6", "0.4")));
+    }
+}
+
 /// The boundary of two clips that repeat moves alone: the first goes on with its loop, the second begins its rounds there.
 #[test]
 fn a_boundary_of_clips_that_repeat_is_rolled() {
@@ -205,6 +234,25 @@ fn a_boundary_of_clips_that_repeat_is_rolled() {
     // A bar that meets none has nothing to roll with.
     let why = desk.state_mut().viewer.trim_cue(&cue(0, 0), 0.5).unwrap_err().to_string();
     assert!(why.contains("it repeats, so a trim would shorten every round"), "{why}");
+}
+
+/// A roll begins on either side of a joint, also at the bottom of a selected bar, where the corner of its speed is beside the joint.
+#[test]
+fn a_joint_is_rolled_from_both_of_its_sides() {
+    let script = SCRIPT.replace("\"Walk\")).until(2.0)", "\"Wave\"), #{ repeat: \"once\" }).until(2.0)");
+    let mut desk = Place::new(&script).harness(vec2(1500.0, 1000.0));
+    let (by, run) = (second(&desk), desk.get_by_label("Run on ada").rect());
+    for side in [-5.5, 5.5] {
+        desk.state_mut().viewer.selection = Some(cue(0, 0));
+        desk.run();
+        assert!(desk.get_by_label("speed of Wave").rect().right() <= run.left() - 6.0);
+        let from = pos2(run.left() + side, run.bottom() - 3.0);
+        drag_briefly(&mut desk, Modifiers::ALT, from, from + vec2(by * 0.6, 0.0));
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().text(), script.replace("until(2.0)", "until(2.6)"));
+        desk.state_mut().reload_with(&script);
+        desk.run();
+    }
 }
 
 #[test]
@@ -311,6 +359,39 @@ fn what_would_begin_after_the_scene_is_refused() {
     desk.state_mut().viewer.edit(|v| v.move_cue(&cue(0, 0), 6.5, true));
     let note = desk.state().viewer.note.clone().unwrap_or_default();
     assert_eq!(note, "Run now begins after the end of the scene at 8.000 s: make the stage longer");
+}
+
+/// The end that goes along with a clip is named while the clip is dragged, by its middle or its start, and once it is let go, also where others
+/// move with it.
+#[test]
+fn an_end_that_goes_along_is_named() {
+    let mut desk = desk();
+    let (by, run) = (second(&desk), desk.get_by_label("Run on ada").rect());
+    let note = "Walk, which it follows, now ends at 2.600 s";
+    let start = pos2(run.left() + 3.0, run.center().y);
+    for (from, are_several) in [(run.center(), false), (start, false), (run.center(), true)] {
+        desk.state_mut().viewer.selection = Some(cue(0, 1));
+        desk.run();
+        if are_several {
+            let wave = desk.get_by_label("Wave on bob").rect().center();
+            drag_briefly(&mut desk, Modifiers::COMMAND, wave, wave);
+            assert_eq!(desk.state().viewer.selected_bars().len(), 2);
+        }
+        let to = from + vec2(by * 0.6, 0.0);
+        desk.hover_at(from);
+        desk.run();
+        desk.drag_at(from);
+        desk.run();
+        desk.hover_at(to);
+        desk.run();
+        let is_said = |shape: &egui::epaint::ClippedShape| matches!(&shape.shape, egui::Shape::Text(text) if text.galley.text().contains(note));
+        assert!(desk.output().shapes.iter().any(is_said), "at {from:?}");
+        desk.drop_at(to);
+        desk.run();
+        assert_eq!(desk.state().viewer.message, None);
+        assert_eq!(desk.state().viewer.note.as_deref(), Some(note), "at {from:?}");
+        back(&mut desk);
+    }
 }
 
 /// Layers above the first crossfade, and are stretched and weighted, as the base layer is.

@@ -334,3 +334,58 @@ fn what_is_muted_does_not_play() {
     place.reload_with(&without);
     assert!(farthest(&shown, &pose(&place, at)) < 1e-6);
 }
+
+/// The clip that another one follows is the one before it in its chain of the script, which need not be the one before it in the row.
+#[test]
+fn a_clip_follows_the_one_before_it_in_its_chain() {
+    let head = "stage(#{ size: [64, 36], fps: 25, length: 8.0 });\nlet m = load(\"choreo:mannequin\");\nlet ada = cast(\"ada\", m);\n";
+    let run = "ada.play(m.clip(\"Run\"), #{ fade: 0.3 }).from(1.0);\n";
+    let chain =
+        format!("{head}ada.play(m.clip(\"Walk\")).until(2.0).then(m.clip(\"Wave\")).until(4.0);\n{run}");
+    let variable = format!(
+        "{head}let walk = ada.play(m.clip(\"Walk\")).until(2.0);\n{run}walk.then(m.clip(\"Wave\")).until(4.0);\n"
+    );
+    let wave = cue(0, 2);
+    for script in [chain.as_str(), &variable] {
+        let mut place = Place::new(script);
+        let starts: Vec<Time> = place.viewer.timeline.rows[1].bars.iter().map(|bar| bar.start).collect();
+        assert_eq!(starts, [0.0, 1.0, 2.0].map(Time::from_secs));
+        place.viewer.set_cue(&wave, choreo_session::edit::CueTime::Start, 1.8).unwrap();
+        assert_eq!(place.text(), script.replace("until(2.0)", "until(1.8)"));
+        place.reload_with(script);
+        for moves_bars in [false, true] {
+            let moved = match moves_bars {
+                false => place.viewer.move_cue(&wave, 2.4, false),
+                true => place.viewer.move_bars(std::slice::from_ref(&wave), 0.4),
+            };
+            moved.unwrap();
+            let note = "Walk, which it follows, now ends at 2.400 s";
+            assert!(moves_bars || place.viewer.note.as_deref() == Some(note), "{:?}", place.viewer.note);
+            let both = script.replace("until(2.0)", "until(2.4)").replace("until(4.0)", "until(4.4)");
+            assert_eq!(place.text(), both);
+            place.reload_with(script);
+        }
+    }
+    // The clip that stands first once the first one is deleted begins where it began, and not where the next bar of the row does.
+    let mut place = Place::new(&chain);
+    place.viewer.delete_cue(&cue(0, 0)).unwrap();
+    let deleted = format!("{head}ada.play(m.clip(\"Wave\")).from(2.0).until(4.0);\n{run}");
+    assert_eq!(place.text(), deleted);
+}
+
+/// The trim of the second part of a split has the digits of the time at which the first ends.
+#[test]
+fn a_trim_has_the_digits_of_times() {
+    let script = "stage(#{ size: [64, 36], fps: 30, length: 8.0 });\nlet m = load(\"choreo:mannequin\");\nlet ada = cast(\"ada\", m);\nada.play(m.clip(\"Wave\"), #{ repeat: \"once\" });\n";
+    let mut place = Place::new(script);
+    place.viewer.split_cues(&[cue(0, 0)], 41.0 / 30.0).unwrap();
+    let split = script.replace(
+        "\"once\" });",
+        "\"once\" }).until(1.366666667)\n    .then(m.clip(\"Wave\"), #{ repeat: \"once\", trim: [1.366666667, 3.0] });",
+    );
+    assert_eq!(place.text(), split);
+    place.reload();
+    // One that is stated is written over in the same way.
+    place.viewer.trim_cue(&cue(0, 1), 50.0 / 30.0).unwrap();
+    assert_eq!(place.text(), split.replace("1.366666667", "1.666666667"));
+}

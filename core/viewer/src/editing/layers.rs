@@ -1,0 +1,86 @@
+//! Values of a layer, a mask or a priority, which hold for all clips of a chain: typed for one of several, they are offered for it alone, as a clip
+//! of its own, and for all of them.
+
+use super::fields::changed;
+use super::{EditError, FieldChange, Step, difference, made_of, read};
+use crate::app::Viewer;
+use crate::state::history::{Alternative, Offer};
+use crate::state::selection::Selected;
+use crate::state::timeline::Bar;
+use choreo_session::edit::{
+    CueTime, Edit, ScriptObject, delete_cue, has_end, is_of_layer, paste_cue, set_time,
+};
+
+impl Viewer {
+    /// Offers a value of the layer of a clip for the clip taken out of its chain, and for the whole chain; gives why it is not made at once.
+    /// `None` where it is about this clip alone, or the clip states it already.
+    pub(super) fn offer_of_layer(&mut self, what: &Selected, change: &FieldChange) -> Option<EditError> {
+        let (FieldChange::Value(name, ..) | FieldChange::Text(name, ..)) = change else { return None };
+        let (place, siblings) = self.place_of(what).filter(|_| is_of_layer(name))?;
+        self.check_place(&place, siblings).ok().filter(|()| self.written(what, name).is_none())?;
+        let (known, path) = (self.known()?, self.path.clone()?);
+        let text = read(&path).ok().filter(|text| **text == *known && !self.faulty)?;
+        let layer = self.layer_of(what);
+        let before = self.cues_before(&layer);
+        let first = |at| std::iter::successors(Some(at), |at| before[*at]).last();
+        let at = layer.iter().position(|bar| bar.what == *what)?;
+        let chain: Vec<usize> = (0..layer.len()).filter(|other| first(*other) == first(at)).collect();
+        let labels: Vec<&str> = chain.iter().map(|at| layer[*at].label.as_str()).collect();
+        let (last, others) = labels.split_last().filter(|(_, others)| !others.is_empty())?;
+        let value = if *name == "on" { "the mask" } else { *name };
+        let why = format!("{value} is that of the whole row: {} and {last} would get it", others.join(", "));
+        let of_all = &layer[first(at)?].place;
+        let all = ScriptObject::at(&text, of_all.line, of_all.column);
+        let all = all.and_then(|object| changed(&object, &text, change)).ok();
+        let all = all.map(|edit| (format!("Change all {}", chain.len()), edit));
+        let neighbours =
+            [before[at], before.iter().position(|before| *before == Some(at))].map(|at| Some(&layer[at?]));
+        let alone = self.taken_out(&layer[at], neighbours, change, &text);
+        let alone = alone.map(|edit| (format!("Take {} out of the chain", layer[at].label), edit));
+        let lines = |edit: &Edit| difference::lines(&text, &edit.apply(&text));
+        let mut offers = alone.into_iter().chain(all);
+        if let Some((agree, edit)) = offers.next() {
+            let other =
+                offers.next().map(|(agree, edit)| Alternative { agree, difference: lines(&edit), edit });
+            let selects = what.actor().map(|name| Selected::Actor(name.to_string()));
+            let (why, difference) = (format!("{why}. This would change:"), lines(&edit));
+            self.offer =
+                Some(Offer { why, agree, difference, edit, other, text, selects, ..Offer::default() });
+        }
+        Some(EditError::refused_at(&place, &why))
+    }
+
+    /// The edit that plays a clip of a chain as one of its own, with a change of it; the clip before it in the chain goes on in its place.
+    fn taken_out(
+        &self,
+        bar: &Bar,
+        [before, next]: [Option<&Bar>; 2],
+        change: &FieldChange,
+        text: &str,
+    ) -> Option<Edit> {
+        let (actor, siblings) = self.place_of(&Selected::Actor(bar.what.actor()?.to_string()))?;
+        let [from, until] = [bar.start, bar.until].map(|time| self.edit_time(time.as_secs()));
+        let is_stated = has_end(text, bar.place.line, bar.place.column);
+        let mut copied = self.copied(bar).ok()?;
+        if next.is_some() && !is_stated {
+            copied = set_time(&copied, 1, 1, CueTime::End, until).ok()?.apply(&copied);
+        }
+        let own = ScriptObject::at(&copied, 1, 1).ok()?;
+        let copied = changed(&own, &copied, change).ok()?.apply(&copied);
+        let begins = next.map(|next| self.edit_time(next.start.as_secs()));
+        let mut steps =
+            vec![self.step(bar, move |text, line, column| delete_cue(text, line, column, begins))];
+        steps.extend(before.map(|before| match next.is_some() || is_stated {
+            true => self.time_step(before, CueTime::End, until.secs),
+            false => self.step(before, |text, line, column| {
+                Ok(ScriptObject::at(text, line, column)?.unstate(&["until"]))
+            }),
+        }));
+        // Those at later places come first, as in `change_all`.
+        steps.push(Step::new(actor, siblings, move |text, line, column| {
+            paste_cue(text, line, column, &copied, from)
+        }));
+        steps.sort_by_key(|step| std::cmp::Reverse((step.place.line, step.place.column)));
+        made_of(&steps, text).ok()
+    }
+}
