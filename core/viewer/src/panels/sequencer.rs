@@ -491,11 +491,6 @@ fn dropped(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) -> Optio
     }
     let clip = response.dnd_release_payload::<ClipDrag>()?;
     match on {
-        Some(on) if viewer.toggles.locked.contains(on) => {
-            let why = headers::is_locked(on);
-            viewer.edit(|_| Err(EditError::refused(why)));
-            None
-        }
         Some(on) => Some(((*clip).clone(), on.to_string(), secs)),
         None => {
             viewer.edit(|_| Err(EditError::refused("clips are played by actors: drop it on the row of one")));
