@@ -1235,3 +1235,30 @@ cast(\"ball\", shape(\"sphere\", #{ color: \"#ff0000\" }));
     assert_eq!(desk.state().text(), SHAPE.replace("#ff0000\"", "#ff0000\", alpha: \"blend\""));
     assert_eq!(material(&desk).alpha_mode, choreo_asset::AlphaMode::Blend);
 }
+
+/// A drag of a number changes it by a hundredth of it a point, and with Shift by a tenth of that.
+#[test]
+fn a_drag_of_a_number_is_as_fast_as_it_is_large() {
+    const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
+effect(\"bloom\", #{ threshold: 0.9 });
+text(\"Hello\", #{ size: 0.12 });
+";
+    for (what, field, name, now) in [
+        (Selected::Effect(0), "threshold number", "threshold: ", 0.9),
+        (Selected::Title(0), "size field", "size: ", 0.12),
+    ] {
+        for (held, fastest) in [(Modifiers::NONE, 0.5), (Modifiers::SHIFT, 0.05)] {
+            let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+            desk.state_mut().viewer.selection = Some(what.clone());
+            desk.run();
+            assert!(desk.query_by_role_and_label(Role::Slider, "threshold").is_none());
+            let at = desk.get_by_label(field).rect().center();
+            desk.event(egui::Event::ModifiersChanged(held));
+            drag(&mut desk, at, at + vec2(30.0, 0.0));
+            let text = desk.state().text();
+            let number = text.split(name).nth(1).and_then(|rest| rest.split([',', ' ']).next()).unwrap();
+            let to: f64 = number.parse().unwrap();
+            assert!(to > now && to - now <= fastest * now, "{held:?}: {now} became {to}");
+        }
+    }
+}
