@@ -70,6 +70,7 @@ impl Viewer {
         secs: Option<f64>,
         layer: usize,
     ) -> Result<(), EditError> {
+        self.check_unlocked(name)?;
         let secs = secs.unwrap_or_else(|| self.after_last_clip(name));
         let (place, _) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::Gone)?;
         if Time::from_secs(secs) >= self.timeline.length {

@@ -75,6 +75,7 @@ impl Viewer {
         let name = self.selection.as_ref().and_then(Selected::actor).map(str::to_string);
         let name =
             name.ok_or_else(|| EditError::refused("select the actor that is to have the constraint"))?;
+        self.check_unlocked(&name)?;
         let index = actor(&scene.stage, &name).ok_or(EditError::Gone)?;
         let found = &scene.stage.actors[index];
         let (place, siblings) = self.place_of(&Selected::Actor(name.clone())).ok_or(EditError::Gone)?;

@@ -7,7 +7,7 @@ use crate::state::selection::{Selected, actor};
 use choreo_script::{Place, mask_problem};
 use choreo_session::edit::{
     Anew, CueTime, Edit, EditRefused, EditTime, KeyValue, ScriptObject, Typed, expression, format_as_meant,
-    set_trim,
+    set_time, set_trim,
 };
 use choreo_stage::{Camera, Property};
 use glam::DVec3;
@@ -73,6 +73,17 @@ impl Viewer {
 
     fn change_field_once(&mut self, what: &Selected, change: &FieldChange) -> Result<(), EditError> {
         match change {
+            FieldChange::Time(CueTime::FadeIn, time) if matches!(what, Selected::Cue { .. }) => {
+                let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
+                let when = self.edit_time(time.value);
+                self.change(&place, siblings, |text| {
+                    let (line, column) = (place.line, place.column);
+                    let made = in_place_of(text, (line, column), &["inertial"], |text| {
+                        set_time(text, line, column, CueTime::FadeIn, when)
+                    });
+                    time.keep_time(text, made, when.fps)
+                })
+            }
             FieldChange::Time(part, time) => self.set_typed_cue(what, *part, time),
             FieldChange::FocalLength(length, text) => self.set_focal_length(what, *length, text),
             FieldChange::KeyedPoint(name, point, typed) => {
@@ -89,7 +100,7 @@ impl Viewer {
             }
             change => {
                 let (place, siblings) = self.place_of(what).ok_or(EditError::Gone)?;
-                if let Some(why) = self.problem_of_mask(what, change) {
+                if let Some(why) = self.problem_of_mask(what, change).or_else(|| problem_of_speed(change)) {
                     return Err(EditError::refused_at(&place, &why));
                 }
                 if let Some(shared) = self.offer_of_layer(what, change) {
@@ -287,6 +298,13 @@ impl Viewer {
     }
 }
 
+/// Why a clip cannot have the speed that a change writes.
+fn problem_of_speed(change: &FieldChange) -> Option<String> {
+    let FieldChange::Value("speed", speed, _) = change else { return None };
+    let stands = expression::value(speed, 1.0)?.abs() < 1e-3;
+    stands.then(|| format!("a clip has a speed of at least 0.001, or at most -0.001 backwards, not {speed}"))
+}
+
 /// The change of the length of the stage to the nearest frame, where the script counts it in frames.
 fn stage_length(
     object: &ScriptObject,
@@ -309,24 +327,44 @@ pub(super) fn is_as_shown(a: f64, b: f64) -> bool {
     (a - b).abs() < 2e-5
 }
 
+/// A change that excludes other values of the call at a place, which it takes away. `make` gives it for the text without those.
+fn in_place_of(
+    text: &str,
+    (line, column): (usize, usize),
+    others: &[&str],
+    make: impl Fn(&str) -> Result<Edit, EditRefused>,
+) -> Result<Edit, EditRefused> {
+    let object = ScriptObject::at(text, line, column)?;
+    if others.iter().all(|other| object.written(other).is_none()) {
+        return make(text);
+    }
+    // Nothing before the call has changed.
+    let unstated = object.unstate(others);
+    let plain = unstated.apply(text);
+    let edit = make(&plain).map_err(|refused| refused.before(text, &[unstated]))?;
+    Ok(Edit::between(text, &edit.apply(&plain)))
+}
+
 /// The edit that makes a change of what a call makes.
 pub(super) fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -> Result<Edit, EditRefused> {
     match change {
+        FieldChange::Value("inertial", value, anew) => {
+            let (line, column) = object.place();
+            in_place_of(text, (line, column), &["fade", "in_step"], |text| {
+                ScriptObject::at(text, line, column)?.state("inertial", value, *anew)
+            })
+        }
         FieldChange::Value(name, value, anew) => object.state(name, value, *anew),
         FieldChange::Text(name, value, anew) => object.state_over(name, value, *anew),
         FieldChange::Reset(names) => Ok(object.unstate(names)),
         FieldChange::Clip(name) => object.state_clip(name),
         FieldChange::Words(words) => object.state_words(words),
         FieldChange::Repeat(how) => {
-            let unstated = object.unstate(&REPEATS);
-            let plain = unstated.apply(text);
-            // Nothing before the call has changed.
-            let place = object.place();
+            let (line, column) = object.place();
             let value = format!("\"{how}\"");
-            let after = ScriptObject::at(&plain, place.0, place.1)?
-                .state("repeat", &value, Anew::Option)
-                .map_err(|refused| refused.before(text, &[unstated]))?;
-            Ok(Edit::between(text, &after.apply(&plain)))
+            in_place_of(text, (line, column), &REPEATS, |text| {
+                ScriptObject::at(text, line, column)?.state("repeat", &value, Anew::Option)
+            })
         }
         FieldChange::Within(option, name, value) => match value {
             Some(value) => object.state_within(option, name, value),
@@ -336,6 +374,8 @@ pub(super) fn changed(object: &ScriptObject, text: &str, change: &FieldChange) -
             let asset = object.asset_object()?;
             match value {
                 Some(value) => asset.state(name, value, Anew::Option),
+                // A strength alone is refused.
+                None if *name == "emissive" => Ok(asset.unstate(&["emissive", "emissive_strength"])),
                 None => Ok(asset.unstate(&[name])),
             }
         }

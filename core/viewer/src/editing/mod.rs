@@ -250,6 +250,14 @@ impl Viewer {
         }
     }
 
+    /// Refuses what would add something to the row of an actor that is locked.
+    pub(crate) fn check_unlocked(&self, name: &str) -> Result<(), EditError> {
+        match self.toggles.locked.contains(name) {
+            true => Err(EditError::refused(is_locked(name))),
+            false => Ok(()),
+        }
+    }
+
     /// Makes a change of the script; keeps why it was not made, to be read where the pointer is.
     pub fn edit(&mut self, change: impl FnOnce(&mut Viewer) -> Result<(), EditError>) {
         self.note = None;
@@ -375,6 +383,11 @@ impl Viewer {
         let keys = taken_back.map(|done| done.keys).filter(|(beside, _)| *beside == self.selection);
         self.history.restored = keys.map(|(_, keys)| (again.text.clone(), keys));
     }
+}
+
+/// Why nothing in the rows of an actor is changed.
+pub(crate) fn is_locked(name: &str) -> String {
+    format!("the row of {name} is locked; press the lock beside its name to unlock it")
 }
 
 /// Several changes of a text as one.

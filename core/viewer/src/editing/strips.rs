@@ -131,6 +131,7 @@ impl Viewer {
 
     /// Plays copied clips on an actor, the first of them from a time on.
     pub fn paste_cues(&mut self, name: &str, copied: &str, secs: f64) -> Result<(), EditError> {
+        self.check_unlocked(name)?;
         let (place, siblings) = self.place_of(&Selected::Actor(name.to_string())).ok_or(EditError::Gone)?;
         let fps = self.playhead.fps().as_fps();
         let cues: Vec<String> = copied_cues(copied).into_iter().map(str::to_string).collect();

@@ -100,7 +100,7 @@ pub(crate) fn handle_at(tool: Tool, world_from_model: &DAffine3, lens: &Lens, at
     (nearest.0 < GRAB).then_some(Handle::Axis(nearest.1))
 }
 
-fn to_segment(p: DVec2, a: DVec2, b: DVec2) -> f64 {
+pub(crate) fn to_segment(p: DVec2, a: DVec2, b: DVec2) -> f64 {
     let along = (b - a).length_squared();
     let part = if along > 0.0 { ((p - a).dot(b - a) / along).clamp(0.0, 1.0) } else { 0.0 };
     (p - a - (b - a) * part).length()

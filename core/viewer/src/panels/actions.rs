@@ -77,9 +77,16 @@ pub(crate) const ACTIONS: &[Action] = &[
     free("next_event", "to the next thing that begins, ends or happens", "Down", |c| {
         c.viewer.seek_to_next(false)
     }),
-    free("range_from", "play from here; again: all of it", "I", |c| keys::range(c.viewer, false)),
-    free("range_to", "play up to here; again: all of it", "O", |c| keys::range(c.viewer, true)),
-    free("loop", "again and again, or once", "L", |c| c.viewer.playhead.looping ^= true),
+    free("range_from", "range start: play from here; again: all of it", "I", |c| {
+        keys::range(c.viewer, false)
+    }),
+    free("range_to", "range end: play up to here; again: all of it", "O", |c| keys::range(c.viewer, true)),
+    free("loop", "loop: play again and again, or once", "L", |c| c.viewer.playhead.looping ^= true),
+    free("speed_tenth", "playback speed: a tenth", "", |c| c.viewer.playhead.set_speed(0.1)),
+    free("speed_quarter", "playback speed: a quarter", "", |c| c.viewer.playhead.set_speed(0.25)),
+    free("speed_half", "playback speed: half", "", |c| c.viewer.playhead.set_speed(0.5)),
+    free("speed_normal", "playback speed: normal", "", |c| c.viewer.playhead.set_speed(1.0)),
+    free("speed_double", "playback speed: double", "", |c| c.viewer.playhead.set_speed(2.0)),
     free("seconds", "times as seconds or frames", "T", |c| c.viewer.in_seconds ^= true),
     free("snap", "dragged times snap to frames", "N", |c| c.viewer.snap ^= true),
     outside(
@@ -140,16 +147,17 @@ pub(crate) const ACTIONS: &[Action] = &[
     free("select_next", "select the next", "PageDown", |c| keys::next_selection(c.viewer, false)),
     free("move", "move what is selected", "G", |c| c.viewer.tool = Tool::Move),
     free("turn", "turn what is selected", "R", |c| c.viewer.tool = Tool::Turn),
-    free("scale", "make bigger what is selected", "B", |c| c.viewer.tool = Tool::Scale),
+    free("scale", "scale what is selected", "B", |c| c.viewer.tool = Tool::Scale),
     free("hide", "hide or show what is selected", "H", |c| keys::hide(c.viewer)),
+    free("isolate", "isolate what is selected: only what is solo is shown", "", |c| keys::isolate(c.viewer)),
     free("camera", "the script's camera or a free one", "C", |c| viewport::toggle_camera(c.viewer)),
-    free("focus", "look at what is selected", "F", |c| viewport::focus(c.viewer)),
+    free("focus", "frame what is selected: look at it", "F", |c| viewport::focus(c.viewer)),
     free("screenshot", "save the image", "P", |c| viewport::screenshot(c.viewer)),
-    outside("undo", "take a change of the script back", "Ctrl+Z", |c| c.viewer.edit(|v| v.undo())),
-    outside("redo", "make it again", "Ctrl+Shift+Z, Ctrl+Y", |c| c.viewer.edit(|v| v.redo())),
-    always("larger", "larger", "Ctrl+Plus, Ctrl+Equals", |c| scale(c.panels, 0.1)),
-    always("smaller", "smaller", "Ctrl+Minus", |c| scale(c.panels, -0.1)),
-    always("usual_size", "as large as at first", "Ctrl+0", |c| c.panels.scale = 1.0),
+    outside("undo", "undo: take a change of the script back", "Ctrl+Z", |c| c.viewer.edit(|v| v.undo())),
+    outside("redo", "redo: make the change again", "Ctrl+Shift+Z, Ctrl+Y", |c| c.viewer.edit(|v| v.redo())),
+    always("larger", "larger texts and buttons", "Ctrl+Plus, Ctrl+Equals", |c| scale(c.panels, 0.1)),
+    always("smaller", "smaller texts and buttons", "Ctrl+Minus", |c| scale(c.panels, -0.1)),
+    always("usual_size", "texts and buttons as large as at first", "Ctrl+0", |c| c.panels.scale = 1.0),
     always("palette", "search actions, actors, clips and lines", "Ctrl+P", |c| c.panels.palette.toggle()),
     always("new", "new script", "Ctrl+N", |c| ask(c, Purpose::New(TEMPLATES[0]))),
     always("open", "open a script or a model", "Ctrl+O", |c| ask(c, Purpose::Open)),
@@ -169,6 +177,46 @@ pub(crate) const ACTIONS: &[Action] = &[
 /// The usual keys that open a panel and go there.
 const PANEL_KEYS: [&str; 9] =
     ["Ctrl+1", "Ctrl+2", "Ctrl+3", "Ctrl+4", "Ctrl+5", "Ctrl+6", "Ctrl+7", "Ctrl+8", "Ctrl+9"];
+
+/// Other words for actions and panels, by which they are found as well: those of Blender, Unity and players.
+const OTHER_WORDS: [(&str, &str); 31] = [
+    ("play", "playback stop preview"),
+    ("previous_frame", "step backward"),
+    ("next_frame", "step forward"),
+    ("first_frame", "jump to start, go to beginning, fit, frame all"),
+    ("last_frame", "jump to end"),
+    ("previous_event", "jump to previous keyframe, marker, edit"),
+    ("next_event", "jump to next keyframe, marker, edit"),
+    ("range_from", "in point, preview range"),
+    ("range_to", "out point, preview range"),
+    ("loop", "repeat cycle"),
+    ("snap", "snapping, magnet, grid"),
+    ("delete", "remove erase"),
+    ("set_keys", "insert keyframe, record"),
+    ("split", "cut blade razor trim"),
+    ("disable", "mute deactivate"),
+    ("duplicate", "clone copy"),
+    ("move", "translate grab position"),
+    ("turn", "rotate rotation"),
+    ("scale", "resize size bigger smaller"),
+    ("hide", "visibility show unhide"),
+    ("isolate", "solo local view"),
+    ("focus", "frame selected, view selected, zoom to, center"),
+    ("screenshot", "render image, export, picture"),
+    ("larger", "zoom in, ui scale"),
+    ("smaller", "zoom out, ui scale"),
+    ("help", "shortcuts, hotkeys, keyboard, key bindings"),
+    ("close", "quit exit"),
+    ("panel_sequencer", "timeline, dope sheet, nla, tracks, clips"),
+    ("panel_curves", "graph editor, f-curves, animation curves, keyframes"),
+    ("panel_stage", "outliner, hierarchy, scene tree"),
+    ("panel_assets", "project, asset browser, files, library"),
+];
+
+/// The other words of an action or a panel, by its name in the file of shortcuts.
+pub(super) fn other_words(id: &str) -> &'static str {
+    OTHER_WORDS.iter().find(|(other, _)| *other == id).map_or("", |(_, words)| words)
+}
 
 /// The action of that name.
 pub fn action(id: &str) -> Option<&'static Action> {
@@ -408,6 +456,14 @@ mod tests {
         );
         viewer.shortcuts.own = BTreeMap::from([("cut".to_string(), "F7".to_string())]);
         assert_eq!(keys_of(&viewer, "cut"), "Ctrl X, F7");
+    }
+
+    #[test]
+    fn other_words_are_of_actions_and_panels() {
+        let all: Vec<String> = all_keyed(&Viewer::new("x")).into_iter().map(|keyed| keyed.id).collect();
+        for (id, _) in OTHER_WORDS {
+            assert!(all.iter().any(|known| known == id), "{id}");
+        }
     }
 
     #[test]

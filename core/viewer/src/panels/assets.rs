@@ -203,7 +203,11 @@ fn chosen(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &mu
     let on = character(viewer);
     ui.horizontal_top(|ui| {
         let width = (ui.available_width() * 0.5).clamp(100.0, 224.0);
-        ui.vertical(|ui| preview(ui, viewer, browser, pictures, file, width));
+        // What is written below the image is no wider than the image, so that the clips stay where they are.
+        ui.vertical(|ui| {
+            ui.set_width(width);
+            preview(ui, viewer, browser, pictures, file, width);
+        });
         // A scroll area takes the layout around it: without a column the clips would stand side by side.
         ui.vertical(|ui| {
             ScrollArea::vertical().id_salt("clips").auto_shrink([false, false]).show(ui, |ui| {

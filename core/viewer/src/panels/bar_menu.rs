@@ -129,9 +129,6 @@ fn paste(viewer: &mut Viewer, text: &str) {
         return key_menu::paste(viewer, text);
     }
     let Some(name) = viewer.paste_target() else { return };
-    if viewer.toggles.locked.contains(&name) {
-        return viewer.edit(|_| Err(EditError::refused(headers::is_locked(&name))));
-    }
     let secs = viewer.playhead.time().as_secs();
     viewer.edit(|v| v.paste_cues(&name, text, secs));
 }

@@ -6,7 +6,7 @@ use super::values::{self, Number};
 use crate::app::Viewer;
 use crate::editing::{FieldChange, expression};
 use crate::state::selection::{Selected, actor};
-use choreo_asset::Asset;
+use choreo_asset::{AlphaMode, Asset, Material};
 use choreo_motion::Repeat;
 use choreo_session::edit::{Anew, CueTime, quoted};
 use choreo_stage::{
@@ -20,13 +20,8 @@ use std::collections::BTreeMap;
 /// Seconds of a clip at most, and of a part of one at least.
 const LONGEST: f64 = 1e6;
 const LEAST: f64 = 0.01;
-/// Options of shapes that make up their material, with the least and the greatest value.
-const MATERIAL: [(&str, f64, f64, f64); 4] = [
-    ("roughness", 0.0, 1.0, 0.9),
-    ("metallic", 0.0, 1.0, 0.0),
-    ("emissive_strength", 0.0, 1e6, 1.0),
-    ("alpha", 0.0, 1.0, 1.0),
-];
+/// Numbers of a shape's metallic-roughness material, with the least, the greatest and the default value.
+const SURFACE: [(&str, f64, f64, f64); 2] = [("roughness", 0.0, 1.0, 0.9), ("metallic", 0.0, 1.0, 0.0)];
 
 /// Everything that the script states of the selection, by name.
 pub type Stated = BTreeMap<String, String>;
@@ -595,16 +590,12 @@ fn surface(
         let materials = &found.asset.materials;
         for (index, name) in colors.iter().enumerate() {
             let now = materials.get(index).map_or(glam::Vec3::ONE, |material| material.base_color.truncate());
-            wanted = option_label(ui, &written, name).or(wanted.take());
-            let shown = now.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)));
-            if let Some([r, g, b]) = values::color(ui, &format!("asset {name}"), shown) {
-                wanted = Some(FieldChange::Material(name, Some(format!("\"#{r:02x}{g:02x}{b:02x}\""))));
-            }
-            ui.end_row();
+            wanted = asset_color(ui, &written, name, now).or(wanted.take());
         }
         if is_shape {
             wanted = size(ui, &written, &arguments, &found.asset).or(wanted.take());
-            wanted = material(ui, viewer, &written).or(wanted.take());
+            let made = materials.first().cloned().unwrap_or_default();
+            wanted = material(ui, viewer, &written, &made).or(wanted.take());
         }
     });
     wanted
@@ -637,7 +628,8 @@ fn size(ui: &mut Ui, written: &Stated, kind: &str, asset: &Asset) -> Option<Fiel
     ui.horizontal(|ui| {
         for (index, axis) in axes.iter().enumerate() {
             let name = format!("size {}", ["x", "y", "z"][*axis]);
-            let Some(to) = values::number(ui, &name, now[index], 0.01, 1e-4..=1e6) else { continue };
+            let range = size_range(kind, *axis, &now);
+            let Some(to) = values::number(ui, &name, now[index], 0.01, range) else { continue };
             let all = values::list(ui, written.get("size").map(String::as_str), &now, index, to);
             wanted = Some(FieldChange::Material("size", Some(format!("[{all}]"))));
         }
@@ -647,16 +639,58 @@ fn size(ui: &mut Ui, written: &Stated, kind: &str, asset: &Asset) -> Option<Fiel
     wanted
 }
 
-/// The numbers of a shape's material.
-fn material(ui: &mut Ui, viewer: &Viewer, written: &Stated) -> Option<FieldChange> {
-    let (fps, mut wanted) = (viewer.playhead.fps().as_fps(), None);
-    for (name, low, high, usual) in MATERIAL {
-        wanted = option_label(ui, written, name).or(wanted);
-        let value = written.get(name).and_then(|text| expression::value(text, fps)).unwrap_or(usual);
-        if let Some(to) = number(ui, name, value, low..=high, "") {
-            wanted = Some(FieldChange::Material(name, Some(values::text(ui, to))));
-        }
-        ui.end_row();
+/// Metres that a shape can have along an axis beside its other sizes: a capsule is as high as it is wide at least, a torus half as high at
+/// most.
+fn size_range(kind: &str, axis: usize, now: &[f64]) -> std::ops::RangeInclusive<f64> {
+    let (least, most) = (1e-4, 1e6);
+    match (kind, axis, now) {
+        ("\"capsule\"", 1, [x, _, z]) => x.max(*z)..=most,
+        ("\"capsule\"", _, [_, y, _]) => least..=*y,
+        ("\"torus\"", 1, [x, _, z]) => least..=0.5 * x.min(*z),
+        ("\"torus\"", _, [_, y, _]) => 2.0 * y..=most,
+        _ => least..=most,
     }
-    wanted
+}
+
+/// A color of what an actor is made of, in a row of a grid.
+fn asset_color(ui: &mut Ui, written: &Stated, name: &'static str, linear: glam::Vec3) -> Option<FieldChange> {
+    let wanted = option_label(ui, written, name);
+    let shown = linear.to_array().map(|v| egui::ecolor::gamma_u8_from_linear_f32(v.clamp(0.0, 1.0)));
+    let set = values::color(ui, &format!("asset {name}"), shown);
+    ui.end_row();
+    let text = |[r, g, b]: [u8; 3]| format!("\"#{r:02x}{g:02x}{b:02x}\"");
+    set.map(|color| FieldChange::Material(name, Some(text(color)))).or(wanted)
+}
+
+/// A shape's material. Options that exclude each other, or need another one, are offered where the script takes them.
+fn material(ui: &mut Ui, viewer: &Viewer, written: &Stated, made: &Material) -> Option<FieldChange> {
+    let (fps, mut wanted) = (viewer.playhead.fps().as_fps(), None);
+    let row = |ui: &mut Ui, (name, low, high, usual): (&'static str, f64, f64, f64)| {
+        let label = option_label(ui, written, name);
+        let value = written.get(name).and_then(|text| expression::value(text, fps)).unwrap_or(usual);
+        let set = number(ui, name, value, low..=high, "");
+        ui.end_row();
+        let set = set.map(|to| FieldChange::Material(name, Some(values::text(ui, to))));
+        (set.or(label), value)
+    };
+    // Blinn–Phong has neither.
+    for option in SURFACE.into_iter().filter(|_| !written.contains_key("shininess")) {
+        wanted = row(ui, option).0.or(wanted);
+    }
+    let mut strength = 1.0;
+    if written.contains_key("emissive") {
+        let (change, value) = row(ui, ("emissive_strength", 0.0, 1e6, 1.0));
+        (wanted, strength) = (change.or(wanted), value);
+    }
+    let emissive = made.emissive / (strength as f32).max(f32::MIN_POSITIVE);
+    wanted = asset_color(ui, written, "emissive", emissive).or(wanted);
+    wanted = option_label(ui, written, "alpha").or(wanted);
+    let now = match made.alpha_mode {
+        AlphaMode::Opaque => "opaque",
+        AlphaMode::Mask(_) => "mask",
+        AlphaMode::Blend => "blend",
+    };
+    let set = choice(ui, "alpha", now, ["opaque", "mask", "blend"].into_iter());
+    ui.end_row();
+    set.map(|mode| FieldChange::Material("alpha", Some(quoted(&mode)))).or(wanted)
 }

@@ -5,6 +5,7 @@ use super::hint::Hint;
 use super::icons;
 use crate::app::Viewer;
 use crate::editing::EditError;
+pub(super) use crate::editing::is_locked;
 use crate::state::selection::Selected;
 use crate::state::timeline::Timeline;
 use egui::{Align2, FontId, Rect, Response, Sense, Ui, pos2, vec2};
@@ -42,11 +43,6 @@ pub(super) fn refuses_locked(viewer: &mut Viewer) -> bool {
         viewer.edit(|_| Err(EditError::refused(why)));
     }
     is_refused
-}
-
-/// Why nothing in the rows of an actor is changed.
-pub(super) fn is_locked(name: &str) -> String {
-    format!("the row of {name} is locked; press the lock beside its name to unlock it")
 }
 
 fn has_layers(timeline: &Timeline, index: usize) -> bool {

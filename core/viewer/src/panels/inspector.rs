@@ -380,7 +380,8 @@ fn light(
                 }
                 (FieldValue::Number(n), FieldType::Degrees(low, high)) => {
                     wanted = default_menu(ui, written, field.name).or(wanted.take());
-                    values::written(ui, &name, n.to_degrees(), 0.25, low..=high, written.get(field.name))
+                    let range = cone_range(&light, field.name, written).unwrap_or(low..=high);
+                    values::written(ui, &name, n.to_degrees(), 0.25, range, written.get(field.name))
                 }
                 (_, FieldType::Color) => {
                     wanted = default_menu(ui, written, field.name).or(wanted.take());
@@ -414,6 +415,19 @@ fn light(
         wanted = aim(ui, &light, written, is_aimed(keyable)).or(wanted.take());
     });
     wanted
+}
+
+/// Degrees that an angle of a spot's cone can have: the inner one is less than the outer one.
+fn cone_range(light: &StageLight, name: &str, written: &stated::Stated) -> Option<RangeInclusive<f64>> {
+    const APART: f64 = 0.01;
+    let LightKind::Spot { inner, outer } = light.light.kind else { return None };
+    let [inner, outer] = [inner, outer].map(|angle| f64::from(angle).to_degrees());
+    match name {
+        "inner" => Some(0.0..=(outer - APART).max(0.0)),
+        // One that is not stated follows the outer one.
+        "outer" if written.contains_key("inner") => Some((inner + APART).min(90.0)..=90.0),
+        _ => None,
+    }
 }
 
 /// Whether keys turn a light.

@@ -5,7 +5,10 @@ use super::hint::Hint;
 use super::{icons, values};
 use crate::app::Viewer;
 use crate::state::shortcuts::{Chord, PRESETS};
-use egui::{Event, Grid, Key, Modifiers, RichText, ScrollArea, Ui, WidgetType};
+use egui::{Event, Grid, Key, Label, Modifiers, RichText, ScrollArea, Ui, WidgetType};
+
+/// Points after which a line goes on in the next one.
+const TEXT_WIDTH: f32 = 600.0;
 
 /// State of the list.
 #[derive(Default)]
@@ -108,7 +111,9 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
                 for keyed in &all {
                     ui.horizontal(|ui| key(ui, choosing, keyed, viewer));
                     ui.vertical(|ui| {
-                        ui.label(&keyed.title).hint(format!("in shortcuts.json: \"{}\"", keyed.id));
+                        ui.set_max_width(TEXT_WIDTH);
+                        ui.add(Label::new(&keyed.title).wrap())
+                            .hint(format!("in shortcuts.json: \"{}\"", keyed.id));
                         if let Some(others) = others(keyed, &all) {
                             ui.label(RichText::new(others).small().color(ui.visuals().warn_fg_color));
                         }
@@ -117,7 +122,10 @@ pub fn show(ui: &Ui, list: &mut KeyList, viewer: &mut Viewer) {
                 }
                 for (keys, what) in MOUSE {
                     ui.monospace(keys);
-                    ui.label(what);
+                    ui.vertical(|ui| {
+                        ui.set_max_width(TEXT_WIDTH);
+                        ui.add(Label::new(what).wrap());
+                    });
                     ui.end_row();
                 }
             });

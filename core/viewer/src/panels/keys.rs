@@ -81,6 +81,15 @@ pub fn hide(viewer: &mut Viewer) {
     }
 }
 
+/// Shows the selected actor alone, or others again.
+pub(super) fn isolate(viewer: &mut Viewer) {
+    if let Some(name) = viewer.selection.as_ref().and_then(Selected::actor).map(str::to_string)
+        && !viewer.toggles.solo.remove(&name)
+    {
+        viewer.toggles.solo.insert(name);
+    }
+}
+
 pub(crate) fn next_selection(viewer: &mut Viewer, back: bool) {
     let Some(scene) = viewer.scene.clone() else { return };
     let actors = scene.stage.actors.iter().map(|a| Selected::Actor(a.name.clone()));

@@ -34,6 +34,17 @@ enum Target {
     Line(usize),
 }
 
+impl Target {
+    /// Words by which it is found beside those that are shown.
+    fn other_words(&self) -> &'static str {
+        match self {
+            Target::Action(id) => actions::other_words(id),
+            Target::Panel(tab) => actions::other_words(&actions::panel_id(*tab)),
+            _ => "",
+        }
+    }
+}
+
 #[derive(Clone, Debug)]
 struct Entry {
     text: String,
@@ -68,7 +79,8 @@ impl Palette {
         let words: Vec<&str> = text.split_whitespace().collect();
         let mut found: Vec<(usize, usize, &Entry)> = Vec::new();
         for (number, entry) in self.all.iter().enumerate() {
-            let searched = format!("{} {}", entry.text, entry.note).to_lowercase();
+            let other_words = entry.target.other_words();
+            let searched = format!("{} {} {other_words}", entry.text, entry.note).to_lowercase();
             if words.iter().all(|word| searched.contains(word)) {
                 let first = words.first().and_then(|word| searched.find(word)).unwrap_or(0);
                 found.push((usize::from(first > 0), number, entry));

@@ -3,6 +3,7 @@
 use super::canvas::Canvas;
 use super::overlay::{line, point};
 use crate::app::Viewer;
+use crate::geometry::gizmo::to_segment;
 use crate::geometry::projection::Lens;
 use crate::geometry::rig;
 use crate::state::dragged_icon::{DraggedIcon, IconOf};
@@ -15,6 +16,8 @@ use glam::{DVec2, DVec3};
 
 /// Points around a icon's middle in which the mouse takes it.
 const REACH: f64 = 14.0;
+/// The same beside a line of it.
+const REACH_OF_LINE: f64 = 5.0;
 /// Metres from what a sun shines on to its icon.
 const SUN: f64 = 3.0;
 
@@ -84,6 +87,36 @@ fn targets(scene: &Scene, shown: &FrameInfo) -> Vec<SceneIcon> {
     icons
 }
 
+/// The part of an icon that the mouse takes: its disc, and the cone of a spot.
+struct Handle {
+    disc: Option<DVec2>,
+    lines: Vec<[DVec2; 2]>,
+}
+
+impl Handle {
+    fn of(viewer: &Viewer, icon: &SceneIcon, lens: &Lens) -> Handle {
+        let chosen = viewer.selection == Some(icon.what.selected());
+        let lines = icon.beam(chosen).map(|beam| beam.cone()).unwrap_or_default();
+        let lines = lines.into_iter().filter_map(|[a, b]| lens.line(a, b));
+        Handle { disc: lens.point(icon.at), lines: lines.collect() }
+    }
+
+    /// How far away a point is, where the mouse takes it there; lines are further than discs.
+    fn to(&self, at: DVec2) -> Option<f64> {
+        let to_disc = self.disc.map(|disc| (disc - at).length()).filter(|d| *d <= REACH);
+        let to_line = self.lines.iter().map(|[a, b]| to_segment(at, *a, *b)).min_by(f64::total_cmp);
+        to_disc.or(to_line.filter(|d| *d <= REACH_OF_LINE).map(|d| REACH + d))
+    }
+}
+
+impl SceneIcon {
+    /// The cone of a spot, as it is drawn.
+    fn beam(&self, chosen: bool) -> Option<Beam> {
+        let Kind::Spot(along, angle) = self.kind else { return None };
+        Some(Beam { at: self.at, along, angle, length: if chosen { 1.0 } else { 0.4 } })
+    }
+}
+
 /// Gives whether the mouse is at one, and belongs to nothing else.
 pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     let Canvas { index, response, lens, .. } = canvas;
@@ -97,12 +130,10 @@ pub fn show(ui: &Ui, viewer: &mut Viewer, canvas: &Canvas) -> bool {
     if let Some(dragged) = &viewer.dragged_icon {
         icons.iter_mut().filter(|icon| icon.what == dragged.what).for_each(|icon| icon.at = dragged.to);
     }
+    let handles: Vec<Handle> = icons.iter().map(|icon| Handle::of(viewer, icon, lens)).collect();
     let near = |at: DVec2| {
-        let distance = |icon: &SceneIcon| lens.point(icon.at).map(|p| (p - at).length());
-        let within = icons.iter().filter(|icon| distance(icon).is_some_and(|d| d <= REACH));
-        within
-            .min_by(|a, b| distance(a).partial_cmp(&distance(b)).unwrap_or(std::cmp::Ordering::Equal))
-            .cloned()
+        let reached = icons.iter().zip(&handles).filter_map(|(icon, handle)| Some((icon, handle.to(at)?)));
+        reached.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(icon, _)| icon.clone())
     };
     let hot = canvas.hovered().and_then(near);
     for icon in &icons {
@@ -128,21 +159,20 @@ fn drag(
     near: impl Fn(DVec2) -> Option<SceneIcon>,
 ) -> bool {
     let Canvas { index, response, lens, .. } = canvas;
-    if let Some(icon) = canvas.drag_start(ui).and_then(near) {
-        viewer.selection = Some(icon.what.selected());
-        viewer.dragged_icon = Some(DraggedIcon { view: *index, what: icon.what, from: icon.at, to: icon.at });
+    let start = canvas.drag_start(ui);
+    if let Some((icon, start)) = start.and_then(|start| Some((near(start)?, start))) {
+        let (what, from) = (icon.what, icon.at);
+        let taken_at = beside(lens, from, start).unwrap_or(from);
+        viewer.selection = Some(what.selected());
+        viewer.dragged_icon = Some(DraggedIcon { view: *index, what, from, to: from, taken_at });
     }
     // One that is dragged in another viewport is moved there.
     let Some(dragged) = viewer.dragged_icon.as_mut().filter(|dragged| dragged.view == *index) else {
         return false;
     };
-    if let Some(at) = canvas.pointer().filter(|_| response.dragged()) {
-        let (origin, direction) = lens.ray(at);
-        let normal = lens.forward();
-        let along = (dragged.from - origin).dot(normal) / direction.dot(normal);
-        if along.is_finite() && along > 0.0 {
-            dragged.to = origin + direction * along;
-        }
+    let pointer = canvas.pointer().filter(|_| response.dragged());
+    if let Some(at) = pointer.and_then(|at| beside(lens, dragged.from, at)) {
+        dragged.to = dragged.from + (at - dragged.taken_at);
     }
     let at = dragged.to.to_array().map(|v| super::rounded(v, 1e3));
     if ui.input(|i| i.key_pressed(egui::Key::Escape)) {
@@ -156,6 +186,14 @@ fn drag(
         viewer.dragged_icon = None;
     }
     true
+}
+
+/// The place of the world at a point of the screen that is as far away as another place.
+fn beside(lens: &Lens, place: DVec3, at: DVec2) -> Option<DVec3> {
+    let (origin, direction) = lens.ray(at);
+    let normal = lens.forward();
+    let along = (place - origin).dot(normal) / direction.dot(normal);
+    (along.is_finite() && along > 0.0).then(|| origin + direction * along)
 }
 
 /// Writes a icon's new place into the script.
@@ -219,10 +257,10 @@ fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, lens: &Len
             painter.circle_filled(at, 1.5, color);
             (0..4).for_each(|i| ray(turn * (i as f32 + 0.5) / 4.0, 5.5, 8.0));
         }
-        Kind::Spot(direction, angle) => {
+        Kind::Spot(..) => {
             painter.circle_filled(at, 3.0, color);
-            let length = if chosen { 1.0 } else { 0.4 };
-            cone(painter, lens, &Beam { at: icon.at, along: *direction, angle: *angle, length }, stroke);
+            let lines = icon.beam(chosen).map(|beam| beam.cone()).unwrap_or_default();
+            lines.into_iter().for_each(|[a, b]| line(painter, lens, a, b, stroke));
         }
         Kind::Reach(joint) => {
             painter.circle_stroke(at, 6.0, stroke);
@@ -258,17 +296,20 @@ fn across(direction: DVec3) -> [DVec3; 2] {
     [right, right.cross(direction)]
 }
 
-fn cone(painter: &Painter, lens: &Lens, beam: &Beam, stroke: Stroke) {
-    let Beam { at, along, angle, length } = *beam;
-    let [right, up] = across(along);
-    let radius = libm::tan(angle.min(1.4)) * length;
-    let ring = (0..=16).map(|i| {
-        let (sin, cos) = libm::sincos(f64::from(i) / 16.0 * core::f64::consts::TAU);
-        at + along * length + (right * cos + up * sin) * radius
-    });
-    let ring: Vec<DVec3> = ring.collect();
-    ring.windows(2).for_each(|w| line(painter, lens, w[0], w[1], stroke));
-    [0, 4, 8, 12].iter().for_each(|i: &usize| line(painter, lens, at, ring[*i], stroke));
+impl Beam {
+    /// The lines of a cone: its ring and its sides.
+    fn cone(&self) -> Vec<[DVec3; 2]> {
+        let Beam { at, along, angle, length } = *self;
+        let [right, up] = across(along);
+        let radius = libm::tan(angle.min(1.4)) * length;
+        let ring = (0..=16).map(|i| {
+            let (sin, cos) = libm::sincos(f64::from(i) / 16.0 * core::f64::consts::TAU);
+            at + along * length + (right * cos + up * sin) * radius
+        });
+        let ring: Vec<DVec3> = ring.collect();
+        let sides = [0, 4, 8, 12].map(|i: usize| [at, ring[i]]);
+        ring.windows(2).map(|ends| [ends[0], ends[1]]).chain(sides).collect()
+    }
 }
 
 /// The pyramid that a camera sees, for an image of 16 to 9.

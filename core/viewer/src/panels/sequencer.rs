@@ -11,6 +11,7 @@ use super::{
 use crate::app::Viewer;
 use crate::editing::{ClipOf, EditError};
 use crate::state::keyed::KeyRef;
+use crate::state::playhead::SPEEDS;
 use crate::state::selection::Selected;
 use crate::state::span::Span;
 use crate::state::tempo::Tempo;
@@ -124,6 +125,7 @@ fn transport(ui: &mut Ui, viewer: &mut Viewer, now: f64) {
         bar.icon(icons::ARROWS_OUT_LINE_HORIZONTAL, "Whole", hint, |viewer| {
             viewer.span = Span::whole(viewer.playhead.length().as_secs());
         });
+        speeds(&mut bar, viewer.playhead.speed());
         bar.show(ui, viewer, 0.0);
     });
 }
@@ -185,6 +187,19 @@ fn moves(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     let hint = "dragged times are whole frames (N)";
     bar.icon_toggle(icons::MAGNET, viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
     bar.widget("tempo", true, beats);
+}
+
+/// The menu of the speed of playback.
+fn speeds(bar: &mut Toolbar<Viewer>, now: f64) {
+    let name = |speed: f64| format!("{speed}×");
+    bar.menu(&name(now), "speed of playback; the script stays as it is", move |ui, viewer| {
+        for speed in SPEEDS {
+            if ui.selectable_label(speed == now, name(speed)).clicked() {
+                viewer.playhead.set_speed(speed);
+            }
+        }
+    });
+    bar.other_faces(SPEEDS.map(name).iter().map(String::as_str));
 }
 
 /// The time of the frame that is nearest to a time, seconds.
@@ -492,11 +507,6 @@ fn dropped(ui: &Ui, viewer: &mut Viewer, number: RowNumber, lane: Rect) -> Optio
     }
     let clip = response.dnd_release_payload::<ClipDrag>()?;
     match on {
-        Some(on) if viewer.toggles.locked.contains(on) => {
-            let why = headers::is_locked(on);
-            viewer.edit(|_| Err(EditError::refused(why)));
-            None
-        }
         Some(on) => Some(((*clip).clone(), on.to_string(), secs)),
         None => {
             viewer.edit(|_| Err(EditError::refused("clips are played by actors: drop it on the row of one")));

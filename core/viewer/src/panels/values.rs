@@ -10,7 +10,7 @@ use std::ops::RangeInclusive;
 pub struct Number<'n> {
     pub name: &'n str,
     pub value: f64,
-    /// Change of the value a point of a drag.
+    /// Change of the value a point of a drag where the number is 0; see [`speed_of_drag`].
     pub speed: f64,
     pub range: RangeInclusive<f64>,
     /// The value to which the menu of the right mouse button sets it.
@@ -91,15 +91,42 @@ pub fn list(ui: &Ui, stated: Option<&str>, now: &[f64], index: usize, to: f64) -
     now.iter().enumerate().map(one).collect::<Vec<_>>().join(", ")
 }
 
+/// Ranges that are no wider are small: a drag goes through them at the same speed everywhere.
+const SMALL_RANGE: f64 = 2.0;
+/// Ranges that are wider have no slider, of which a point would be too much.
+const WIDE_RANGE: f64 = 10.0;
+/// Decimals of a number at most.
+const MOST_DECIMALS: usize = 3;
+
+/// Change of a number a point of a drag (with Shift a tenth of it): of a small range 1/200, else 1/100 of the number. `step`: that of a number
+/// that is 0, of which numbers near 0 have a tenth.
+fn speed_of_drag(value: f64, step: f64, range: &RangeInclusive<f64>) -> f64 {
+    let width = range.end() - range.start();
+    if width <= SMALL_RANGE {
+        width / 200.0
+    } else if value == 0.0 {
+        step
+    } else {
+        (value.abs() / 100.0).max(step / 10.0)
+    }
+}
+
 /// A number as a field shows it: what rounds to nothing has no sign.
 fn number_text(value: f64, decimals: RangeInclusive<usize>) -> String {
     let value = if super::rounded(value, 1e3) == 0.0 { 0.0 } else { value };
     format_with_decimals_in_range(value, decimals)
 }
 
-/// A field for a number, to the thousandth; expressions can be typed into it.
-fn field<'n>(ui: &Ui, id: Id, now: &'n mut f64, is_time: bool) -> DragValue<'n> {
-    DragValue::new(now).max_decimals(3).custom_formatter(number_text).custom_parser(parser(ui, id, is_time))
+/// A field for a number, to the thousandth; expressions can be typed into it. `now`: the number during a drag.
+fn field<'n>(ui: &Ui, id: Id, number: &Number, now: &'n mut f64) -> DragValue<'n> {
+    // As many decimals whatever the number is.
+    let least = (1.0 / number.speed).log10().ceil().clamp(0.0, MOST_DECIMALS as f64) as usize;
+    DragValue::new(now)
+        .speed(speed_of_drag(number.value, number.speed, &number.range))
+        .range(number.range.clone())
+        .max_decimals(MOST_DECIMALS)
+        .custom_formatter(move |number, _| number_text(number, least..=MOST_DECIMALS))
+        .custom_parser(parser(ui, id, number.is_time))
 }
 
 /// The new value, once it is meant.
@@ -212,9 +239,10 @@ pub fn unstated(
     let id = ui.id().with(("number", name));
     let weak = ui.visuals().weak_text_color();
     let from = derived.unwrap_or(*range.start());
+    let number = Number { name, value: from, speed: 0.01, range, default: None, is_time };
     settled(ui, id, from, None, |ui, now| {
         let is_untouched = *now == from;
-        let widget = field(ui, id, now, is_time).speed(0.01).range(range);
+        let widget = field(ui, id, &number, now);
         let widget = match derived {
             None if is_untouched => widget.custom_formatter(|_, _| String::new()),
             _ => widget,
@@ -280,15 +308,13 @@ impl Number<'_> {
     }
 
     fn show_as(self, ui: &mut Ui, shown: Option<&str>) -> Option<f64> {
-        let Number { name, value, speed, range, default, is_time } = self;
+        let Number { name, value, default, .. } = self;
         let id = ui.id().with(("number", name));
         let set = settled(ui, id, value, default, |ui, now| {
-            let mut widget = field(ui, id, now, is_time).speed(speed).range(range);
+            let shown = shown.filter(|_| *now == value);
+            let mut widget = field(ui, id, &self, now);
             if let Some(shown) = shown {
-                widget = widget.custom_formatter(move |number, digits| match number == value {
-                    true => shown.to_string(),
-                    false => number_text(number, digits),
-                });
+                widget = widget.custom_formatter(move |_, _| shown.to_string());
             }
             named(ui.add(widget), WidgetType::DragValue, name)
         });
@@ -297,19 +323,25 @@ impl Number<'_> {
         set.filter(|now| *now != value || there.is_none_or(|there| there != typed(ui, *now).text))
     }
 
-    /// The same as a slider.
+    /// The same with a slider, where its range is not wide.
     pub fn slider(self, ui: &mut Ui) -> Option<f64> {
-        let Number { name, value, speed, range, default, is_time } = self;
+        let Number { name, value, default, .. } = self;
         let id = ui.id().with(("slider", name));
-        let wide = *range.start() > 0.0 && range.end() / range.start() > 1e3;
+        let is_wide = self.range.end() - self.range.start() > WIDE_RANGE;
         settled(ui, id, value, default, |ui, now| {
             ui.horizontal(|ui| {
-                let widget = Slider::new(now, range.clone()).logarithmic(wide).show_value(false);
-                let slider = named(ui.add(widget), WidgetType::Slider, name);
-                let widget = field(ui, id, now, is_time).speed(speed).range(range);
+                let slider = (!is_wide).then(|| {
+                    let widget = Slider::new(now, self.range.clone()).show_value(false);
+                    named(ui.add(widget), WidgetType::Slider, name)
+                });
+                let widget = field(ui, id, &self, now);
                 let typed = named(ui.add(widget), WidgetType::DragValue, &format!("{name} number"));
                 let is_typed = typed.gained_focus() || typed.has_focus() || typed.lost_focus();
-                if is_typed { typed.union(slider) } else { slider.union(typed) }
+                match slider {
+                    Some(slider) if is_typed => typed.union(slider),
+                    Some(slider) => slider.union(typed),
+                    None => typed,
+                }
             })
             .inner
         })
@@ -363,4 +395,27 @@ fn picker(ui: &mut Ui, name: &str, value: [u8; 3]) -> Option<[u8; 3]> {
         return Some(now);
     }
     None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::speed_of_drag;
+
+    #[test]
+    fn a_drag_is_as_fast_as_the_number_is_large() {
+        let speed = |value, step, range| speed_of_drag(value, step, &range);
+        // An opacity, a threshold, the size of a title, an intensity, a place.
+        for (speed, expected) in [
+            (speed(0.5, 0.01, 0.0..=1.0), 0.005),
+            (speed(0.0, 0.01, 0.0..=1.0), 0.005),
+            (speed(0.9, 0.01, 0.0..=100.0), 0.009),
+            (speed(0.12, 0.01, 0.001..=10.0), 0.0012),
+            (speed(5000.0, 0.05, 0.0..=1e9), 50.0),
+            (speed(-3.0, 0.01, -1e9..=1e9), 0.03),
+            (speed(0.0, 0.01, -1e9..=1e9), 0.01),
+            (speed(1e-6, 0.01, -1e9..=1e9), 0.001),
+        ] {
+            assert!((speed - expected).abs() < 1e-12, "{speed} for {expected}");
+        }
+    }
 }

@@ -30,4 +30,6 @@ pub struct DraggedIcon {
     /// Place at which it was, and at which it is by now.
     pub from: DVec3,
     pub to: DVec3,
+    /// Place of the world at which the mouse took it: as far away as the icon, also beside it.
+    pub taken_at: DVec3,
 }

@@ -13,12 +13,18 @@ pub struct Playhead {
     range: Option<(Time, Time)>,
     /// The clock when playing began, seconds, and the time on stage then.
     began: Option<(f64, Time)>,
+    /// Seconds on stage for each second of the clock while it plays.
+    speed: f64,
 }
+
+/// Speeds of playback that are offered.
+pub(crate) const SPEEDS: [f64; 5] = [0.1, 0.25, 0.5, 1.0, 2.0];
 
 impl Default for Playhead {
     fn default() -> Playhead {
         let fps = FrameRate { num: 30, den: 1 };
-        Playhead { time: Time::ZERO, fps, length: fps.time_of(1), looping: true, range: None, began: None }
+        let (time, length) = (Time::ZERO, fps.time_of(1));
+        Playhead { time, fps, length, looping: true, range: None, began: None, speed: 1.0 }
     }
 }
 
@@ -85,6 +91,16 @@ impl Playhead {
         self.range.unwrap_or((Time::ZERO, self.fps.time_of(self.frames())))
     }
 
+    pub fn speed(&self) -> f64 {
+        self.speed
+    }
+
+    /// Sets the speed of playback; a playhead that plays goes on from its frame.
+    pub(crate) fn set_speed(&mut self, speed: f64) {
+        self.speed = speed;
+        self.seek(self.time);
+    }
+
     pub fn is_playing(&self) -> bool {
         self.began.is_some()
     }
@@ -132,7 +148,7 @@ impl Playhead {
         let began = if began.is_nan() { now } else { began };
         self.began = Some((began, from));
         let (first, end) = self.ends();
-        let mut to = from + Time::from_secs((now - began).max(0.0));
+        let mut to = from + Time::from_secs((now - began).max(0.0) * self.speed);
         if to >= end {
             if !self.looping {
                 self.time = self.fps.time_of(self.frame_at(end - Time(1)));
@@ -144,7 +160,7 @@ impl Playhead {
         }
         let frame = self.frame_at(to);
         self.time = self.fps.time_of(frame);
-        Some((self.fps.time_of(frame + 1) - to).as_secs().max(0.0))
+        Some((self.fps.time_of(frame + 1) - to).as_secs().max(0.0) / self.speed)
     }
 }
 
@@ -197,6 +213,23 @@ mod tests {
         assert_eq!(p.frame(), 25, "the clock counts from now");
         p.tick(7.08);
         assert_eq!(p.frame(), 27);
+    }
+
+    #[test]
+    fn it_plays_slower_or_faster() {
+        let mut p = playhead();
+        p.set_speed(0.5);
+        p.play(0.0);
+        // Half a second of the clock is a quarter on stage, in frame 6, which ends at 0.28 s.
+        assert!((p.tick(0.5).unwrap() - 0.06).abs() < 1e-9);
+        assert_eq!(p.frame(), 6);
+        p.set_speed(2.0);
+        p.tick(0.5);
+        assert_eq!(p.frame(), 6, "it goes on from where it is");
+        p.tick(0.71);
+        assert_eq!(p.frame(), 16);
+        p.set_scene(FrameRate { num: 25, den: 1 }, Time::from_secs(4.0));
+        assert_eq!(p.speed(), 2.0);
     }
 
     #[test]

@@ -411,6 +411,13 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
     assert_eq!(harness.state().text(), SCRIPT.replace("camera(", &format!("{line}camera(")));
     harness.state_mut().reload_with(SCRIPT);
     harness.run_steps(4);
+    // The list stays where it is under the mouse.
+    let button = format!("play {} of the file", clip.name);
+    let places = |harness: &Harness<'static, Place>| {
+        let name = harness.get_by_role_and_label(Role::Button, &entry).rect();
+        [harness.get_by_label(&button).rect(), name]
+    };
+    let before = places(&harness);
     harness.get_by_role_and_label(Role::Button, &entry).click();
     harness.run_steps(4);
     let number = harness.state().viewer.scene.as_ref().unwrap().number;
@@ -418,8 +425,11 @@ camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
     let subject = Subject { file: BUILT_IN.into(), clip: Some(clip.name.clone()), on };
     let preview = made(&mut harness.state_mut().viewer.documents.thumbnails, &subject, Some(&asset));
     assert!((preview.secs - clip.secs).abs() < 1e-6, "{} {}", preview.secs, clip.secs);
-    harness.step();
-    harness.get_by_label(&format!("play {} of the file", clip.name)).click();
+    harness.run_steps(4);
+    let note = preview.note.clone().expect("how many joints follow");
+    assert!(harness.query_by_label(&note).is_some(), "{note}");
+    assert_eq!(places(&harness), before);
+    harness.get_by_label(&button).click();
     harness.step();
     assert!(harness.state().text().contains("ada.play(moves.clip("), "{}", harness.state().text());
     // Put on stage, it goes by a name that a person would choose.

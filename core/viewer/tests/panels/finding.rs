@@ -61,6 +61,59 @@ fn the_palette_runs_actions_and_goes_to_actors_clips_and_lines() {
     assert!(desk.query_by_label("delete the selected clips and keys from the script").is_none());
 }
 
+/// Words of Blender, Unity and players find the actions and panels.
+#[test]
+fn the_palette_knows_the_words_of_other_programs() {
+    let mut desk = desk();
+    for (words, found) in [
+        ("loop", "loop: play again and again"),
+        ("range start", "range start: play from here"),
+        ("range end", "range end: play up to here"),
+        ("speed", "playback speed: half"),
+        ("keyframe", "set keys of the selection"),
+        ("dope sheet", "panel Sequencer"),
+        ("graph editor", "panel Curves"),
+        ("hide", "hide or show what is selected"),
+        ("isolate", "isolate what is selected"),
+        ("frame selected", "frame what is selected"),
+        ("snap", "dragged times snap to frames"),
+        ("undo", "undo: take a change"),
+        ("play", "play, pause"),
+        ("render", "panel Render"),
+        ("rotate", "turn what is selected"),
+        ("outliner", "panel Stage"),
+    ] {
+        desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
+        desk.run();
+        desk.event(egui::Event::Text(words.to_string()));
+        desk.run();
+        assert!(desk.query_all_by_label_contains(found).next().is_some(), "{words}");
+        desk.key_press(Key::Escape);
+        desk.run();
+    }
+    command(&mut desk, "ada actor");
+    command(&mut desk, "isolate");
+    assert!(desk.state().viewer.toggles.solo.contains("ada"));
+    command(&mut desk, "isolate");
+    assert!(desk.state().viewer.toggles.solo.is_empty());
+    command(&mut desk, "playback speed half");
+    assert_eq!(desk.state().viewer.playhead.speed(), 0.5);
+}
+
+/// A long line of the list of keys is wrapped.
+#[test]
+fn the_list_of_keys_fits_the_window() {
+    let mut desk = Place::new(SCRIPT).harness(vec2(1600.0, 1000.0));
+    desk.key_press(Key::F1);
+    desk.run();
+    let list = desk.ctx.memory(|m| m.area_rect(egui::Id::new("Keys"))).unwrap();
+    for line in ["set keys of the selection at the playhead: of what", "curves: a key in time and value"] {
+        let labels = desk.query_all_by_label_contains(line).map(|node| node.rect());
+        let widest = labels.max_by(|a, b| a.width().total_cmp(&b.width())).unwrap();
+        assert!(widest.width() < 640.0 && widest.right() < list.right(), "{line}: {widest} in {list}");
+    }
+}
+
 #[test]
 fn arrows_choose_in_the_palette_and_a_click_takes() {
     let mut desk = desk();

@@ -2,12 +2,14 @@
 //! with a difference; undo and redo.
 
 use crate::place::{Desk, Place, drag, secondary_click};
+use choreo_script::Severity;
 use choreo_session::{Problem, SceneSource, Session};
 use choreo_viewer::editing::expression;
 use choreo_viewer::geometry::gizmo::Change;
 use choreo_viewer::state::selection::Selected;
+use egui::accesskit::Role;
 use egui::{Key, Modifiers, pos2, vec2};
-use egui_kittest::kittest::Queryable;
+use egui_kittest::kittest::{NodeT, Queryable};
 use glam::{DQuat, DVec3};
 use std::collections::BTreeSet;
 use std::fs;
@@ -1170,5 +1172,156 @@ camera(\"wide\").key(\"fov\", [[0.0, 40], [2.0, 50]]).key(\"position\", [[0.0, [
             assert!((length - 32.97).abs() < 0.01, "{length}");
         }
         assert!(["fov", "position", "rotation"].iter().all(|name| desk.query_by_label(name).is_none()));
+    }
+}
+
+/// The fields of the inspector with a number or a color: the name of each, and what to type. Those that are there while nothing is selected
+/// are not meant.
+fn fields_of(desk: &mut Desk, what: &Selected) -> Vec<(String, String)> {
+    let mut all = |what: Option<&Selected>| {
+        desk.state_mut().viewer.selection = what.cloned();
+        desk.run();
+        let fields = desk.query_all_by(|node| {
+            let is_color = node.label().is_some_and(|label| label.ends_with(" hex"));
+            node.role() == Role::SpinButton || is_color
+        });
+        let field = |node: egui_kittest::Node<'_>| {
+            let node = node.accesskit_node();
+            let low = node.min_numeric_value().unwrap_or(f64::NEG_INFINITY);
+            let high = node.max_numeric_value().unwrap_or(f64::INFINITY);
+            let text = match node.numeric_value() {
+                None => "#336699".to_string(),
+                Some(_) if high - low < 1e3 => format!("{:.3}", low + 0.37 * (high - low)),
+                Some(now) => format!("{:.3}", (now + 1.0).clamp(low, high)),
+            };
+            Some((node.label()?, text))
+        };
+        fields.filter_map(field).collect::<Vec<_>>()
+    };
+    let others: BTreeSet<String> = all(None).into_iter().map(|(name, _)| name).collect();
+    all(Some(what)).into_iter().filter(|(name, _)| !others.contains(name)).collect()
+}
+
+/// A number or color that is within the range of its field is written, and the script still loads.
+#[test]
+fn every_field_takes_what_is_in_its_range() {
+    const SCENE: &str = "stage(#{ fps: 25, length: 6.0 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\")).until(3.0).then(moves.clip(\"Wave\"), #{ fade: 0.5 });
+ada.play(moves.clip(\"Bow\")).on(\"Spine..\");
+let ball = cast(\"ball\", shape(\"sphere\", #{ emissive: \"#ff0000\" }));
+let pill = cast(\"pill\", shape(\"capsule\"));
+let ring = cast(\"ring\", shape(\"torus\"));
+let wax = cast(\"wax\", shape(\"box\", #{ shininess: 40.0 }));
+ada.reach(\"LeftHand\", ball);
+ada.spring(\"Head\");
+camera(\"wide\").at(0.0, 1.0, 5.0).look_at([0.0, 1.0, 0.0]);
+camera(\"round\").orbit([0.0, 1.0, 0.0], #{ distance: 3.0 });
+sun(#{ shadow: #{ softness: 0.1 } });
+point();
+spot(#{ inner: 20.0, outer: 30.0 });
+effect(\"bloom\");
+text(\"Hello\", #{ size: 0.1 }).from(1.0);
+";
+    let cue = |layer, cue| Selected::Cue { actor: "ada".into(), layer, cue };
+    let actors = ["ada", "ball", "pill", "ring", "wax"].map(|name| Selected::Actor(name.into()));
+    let cameras = ["wide", "round"].map(|name| Selected::Camera(name.into()));
+    let lights = [0, 1, 2].map(Selected::Light);
+    let others = [cue(0, 0), cue(0, 1), cue(1, 0), Selected::Effect(0), Selected::Title(0)];
+    let mut desk = Place::new(SCENE).harness(vec2(1500.0, 2400.0));
+    for what in actors.into_iter().chain(cameras).chain(lights).chain(others) {
+        let fields = fields_of(&mut desk, &what);
+        assert!(!fields.is_empty(), "{what:?}");
+        for (name, text) in fields {
+            type_into(&mut desk, &name, &text);
+            let viewer = &desk.state().viewer;
+            assert_eq!(viewer.message, None, "{what:?}, {name}: {text}");
+            assert!(viewer.problems.iter().all(|p| p.severity != Severity::Error), "{:?}", viewer.problems);
+            assert_ne!(desk.state().text(), SCENE, "{what:?}, {name}: {text}");
+            desk.state_mut().reload_with(SCENE);
+            desk.run();
+        }
+    }
+}
+
+/// A clip begins at once or fades in: stating one takes the other away.
+#[test]
+fn a_fade_and_an_inertial_start_take_each_other_away() {
+    const CLIPS: &str = "stage(#{ fps: 25, length: 6.0 });
+let moves = load(\"choreo:mannequin\");
+let ada = cast(\"ada\", moves);
+ada.play(moves.clip(\"Walk\")).until(3.0).then(moves.clip(\"Wave\"), #{ fade: 0.5 });
+";
+    let mut desk = Place::new(CLIPS).harness(vec2(1500.0, 1000.0));
+    desk.state_mut().viewer.selection = Some(Selected::Cue { actor: "ada".into(), layer: 0, cue: 1 });
+    desk.run();
+    type_into(&mut desk, "inertial field", "0.1");
+    assert_eq!(desk.state().text(), CLIPS.replace("fade: 0.5", "inertial: 0.1"));
+    type_into(&mut desk, "fade field", "0.25");
+    assert_eq!(desk.state().text(), CLIPS.replace("fade: 0.5", "fade: 0.25"));
+    // One change each.
+    desk.state_mut().viewer.undo().unwrap();
+    assert_eq!(desk.state().text(), CLIPS.replace("fade: 0.5", "inertial: 0.1"));
+    // A clip that does not move is refused before the script is.
+    desk.state_mut().reload_with(CLIPS);
+    desk.run();
+    type_into(&mut desk, "speed field", "0");
+    assert_eq!(desk.state().text(), CLIPS);
+    let message = desk.state().viewer.message.clone().unwrap_or_default();
+    assert!(message.contains("a clip has a speed of at least 0.001"), "{message}");
+}
+
+/// A strength needs a color of light, and goes with it; the transparency of a shape is one of three words.
+#[test]
+fn materials_of_shapes_are_edited_as_the_script_takes_them() {
+    const SHAPE: &str = "stage(#{ fps: 25, length: 4.0 });
+cast(\"ball\", shape(\"sphere\", #{ color: \"#ff0000\" }));
+";
+    let mut desk = Place::new(SHAPE).harness(vec2(1500.0, 1000.0));
+    desk.state_mut().viewer.selection = Some(Selected::Actor("ball".into()));
+    desk.run();
+    assert!(desk.query_by_label("emissive_strength field").is_none());
+    type_into(&mut desk, "asset emissive hex", "#ffffff");
+    type_into(&mut desk, "emissive_strength field", "4");
+    let material =
+        |desk: &Desk| desk.state().viewer.scene.as_ref().unwrap().stage.actors[0].asset.materials[0].clone();
+    assert_eq!(material(&desk).emissive, glam::Vec3::splat(4.0), "{}", desk.state().text());
+    reset(&mut desk, "emissive");
+    assert_eq!(desk.state().text(), SHAPE);
+    desk.get_by_label("alpha: opaque").click();
+    desk.run();
+    desk.get_by_label("blend").click();
+    desk.run();
+    desk.state_mut().reload();
+    desk.run();
+    assert_eq!(desk.state().text(), SHAPE.replace("#ff0000\"", "#ff0000\", alpha: \"blend\""));
+    assert_eq!(material(&desk).alpha_mode, choreo_asset::AlphaMode::Blend);
+}
+
+/// A drag of a number changes it by a hundredth of it a point, and with Shift by a tenth of that.
+#[test]
+fn a_drag_of_a_number_is_as_fast_as_it_is_large() {
+    const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
+effect(\"bloom\", #{ threshold: 0.9 });
+text(\"Hello\", #{ size: 0.12 });
+";
+    for (what, field, name, now) in [
+        (Selected::Effect(0), "threshold number", "threshold: ", 0.9),
+        (Selected::Title(0), "size field", "size: ", 0.12),
+    ] {
+        for (held, fastest) in [(Modifiers::NONE, 0.5), (Modifiers::SHIFT, 0.05)] {
+            let mut desk = Place::new(SCENE).harness(vec2(1500.0, 1000.0));
+            desk.state_mut().viewer.selection = Some(what.clone());
+            desk.run();
+            assert!(desk.query_by_role_and_label(Role::Slider, "threshold").is_none());
+            let at = desk.get_by_label(field).rect().center();
+            desk.event(egui::Event::ModifiersChanged(held));
+            drag(&mut desk, at, at + vec2(30.0, 0.0));
+            let text = desk.state().text();
+            let number = text.split(name).nth(1).and_then(|rest| rest.split([',', ' ']).next()).unwrap();
+            let to: f64 = number.parse().unwrap();
+            assert!(to > now && to - now <= fastest * now, "{held:?}: {now} became {to}");
+        }
     }
 }

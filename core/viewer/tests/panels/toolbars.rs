@@ -222,3 +222,16 @@ fn the_overlays_are_chosen_in_one_menu() {
         assert!(mouse.desk.query_by_label("Safe areas").is_none(), "a click beside it closes it");
     }
 }
+
+/// The menu of the speed shows the one that is chosen; the script stays as it is.
+#[test]
+fn the_timeline_plays_slower_by_its_menu() {
+    let size = vec2(1600.0, 600.0);
+    let mut mouse = opened(size.x, "Sequencer");
+    mouse.menu(&["1×", "0.5×"]);
+    let state = mouse.desk.state();
+    assert_eq!((state.viewer.playhead.speed(), state.text().as_str()), (0.5, SCRIPT));
+    assert_eq!(places(&mouse, "0.5×", size).len(), 1);
+    mouse.menu(&["0.5×", "1×"]);
+    assert_eq!(mouse.desk.state().viewer.playhead.speed(), 1.0);
+}

@@ -4,6 +4,8 @@
 use crate::place::{Desk, Place, drag};
 use choreo_motion::Time;
 use choreo_viewer::app::Viewer;
+use choreo_viewer::editing::ClipOf;
+use choreo_viewer::editing::constraining::{ConstraintCall, NewConstraint};
 use choreo_viewer::library::file_dialog::Purpose;
 use choreo_viewer::state::selection::Selected;
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, pos2, vec2};
@@ -322,6 +324,37 @@ fn a_locked_row_says_so_when_a_bar_is_dragged() {
         assert_eq!(desk.state().viewer.message.as_deref(), Some(why), "{key:?}");
         assert_eq!(desk.state().text(), SCRIPT);
     }
+}
+
+/// Nothing is added to a locked row: by the inspector, the assets, a drop, the clipboard or the menu of constraints.
+#[test]
+fn nothing_is_added_to_a_locked_row() {
+    let mut desk = Place::new(SCRIPT).harness(vec2(1500.0, 1400.0));
+    let copied = desk.state().viewer.copy_cues(&[cue(0, 0)]).unwrap();
+    desk.get_by_label("lock the row of ada").click();
+    desk.run();
+    let refused = |desk: &mut Desk| {
+        let why = desk.state_mut().viewer.message.take();
+        assert_eq!(
+            why.as_deref(),
+            Some("the row of ada is locked; press the lock beside its name to unlock it")
+        );
+        assert_eq!(desk.state().text(), SCRIPT);
+    };
+    desk.state_mut().viewer.selection = Some(Selected::Actor("ada".into()));
+    desk.run();
+    desk.get_by_label("play Wave").click();
+    desk.run();
+    refused(&mut desk);
+    let viewer = &mut desk.state_mut().viewer;
+    let of = ClipOf::Actor("ada".into());
+    viewer.edit(|v| v.add_clip_to_layer("ada", &of, "Wave", None, 0));
+    refused(&mut desk);
+    desk.state_mut().viewer.edit(|v| v.paste_cues("ada", &copied, 7.0));
+    refused(&mut desk);
+    let look = NewConstraint { call: ConstraintCall::LookAt, target: None };
+    desk.state_mut().viewer.edit(|v| v.add_constraint(&look));
+    refused(&mut desk);
 }
 
 /// Nothing is put where it would never be seen.

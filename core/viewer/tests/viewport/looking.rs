@@ -120,6 +120,32 @@ fn a_light_and_a_camera_are_picked_and_dragged_by_their_icons() {
     assert!((height - 2.0).abs() < 0.01 && line.ends_with(".look_at(ada);"), "{line}");
 }
 
+/// The ring of a spot is its handle, too: it moves by as much as the mouse, and the view stays.
+#[test]
+fn a_spot_is_dragged_by_its_ring() {
+    let spot = "let spot = spot(#{ position: [-1.0, 2.0, 0.0], direction: [0.0, -1.0, 0.0], outer: 40.0 });";
+    let mut place = Place::new(&format!("{SCRIPT}{spot}\n"));
+    place.paint();
+    place.viewer.free_camera(0);
+    let mut desk = place.harness(vec2(1280.0, 860.0));
+    painted(&mut desk);
+    let camera = desk.state().viewer.views[0].camera.clone();
+    // The left end of the ring, which is 0.4 m below the spot.
+    let ring = DVec3::new(-1.0 - 0.4 * 40f64.to_radians().tan(), 1.6, 0.0);
+    let (from, to) = (on_screen(&desk, ring), on_screen(&desk, ring + DVec3::new(0.2, 0.3, 0.0)));
+    assert!((from - on_screen(&desk, DVec3::new(-1.0, 2.0, 0.0))).length() > 30.0);
+    drag(&mut desk, from, to);
+    assert_eq!(desk.state().viewer.message, None);
+    assert_eq!(desk.state().viewer.views[0].camera, camera, "the view is not turned");
+    assert_eq!(desk.state().viewer.selection, Some(Selected::Light(1)));
+    let text = desk.state().text();
+    let line = text.lines().find(|line| line.starts_with("let spot")).unwrap();
+    let numbers = line.split('[').nth(1).unwrap().split(']').next().unwrap();
+    let numbers: Vec<f64> = numbers.split(',').map(|n| n.trim().parse().unwrap()).collect();
+    let off = DVec3::from_slice(&numbers) - DVec3::new(-0.8, 2.3, 0.0);
+    assert!(off.length() < 0.01, "{line}");
+}
+
 /// A camera that follows gets another offset, one that circles another distance and angles; both go on with that, and nothing else changes.
 #[test]
 fn cameras_that_follow_and_circle_are_dragged_by_their_icons() {
