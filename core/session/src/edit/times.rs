@@ -84,7 +84,7 @@ fn counts_frames(text: &Source, fps: f64) -> bool {
     let calls = calls.iter().filter(|call| text[call.name.clone()] == *"key");
     let keys = calls.flat_map(|call| arguments(text, call)).filter_map(|bytes| keys_in(text, bytes, fps));
     let keys = keys.flatten().filter(|key| !key.in_frames).count();
-    text.calls_of("f").count() > times + keys
+    tokens.windows(2).filter(|tokens| matches!(tokens, ["f", "("])).count() > times + keys
 }
 
 /// A time that stands in a script as a number of seconds, or as `f(12)`.

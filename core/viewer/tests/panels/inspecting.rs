@@ -1009,6 +1009,7 @@ camera(\"wide\").at(0, 1, 2.0 * x).look_at([0.0, 1.0, 0.0]);
     let refused = desk.state_mut().viewer.change_actor("box", Change::Move(DVec3::Z)).unwrap_err();
     assert!(refused.to_string().contains("line 3: .at(1.0 / 3.0, 0.0, 2.0 * x) is computed"), "{refused}");
     desk.state_mut().reload_with(SCENE);
+    desk.state_mut().viewer.offer = None;
     desk.state_mut().viewer.selection = Some(Selected::Camera("wide".into()));
     desk.run();
     type_into(&mut desk, "camera at y", "2");

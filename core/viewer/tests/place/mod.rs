@@ -55,7 +55,7 @@ impl Place {
     }
 
     pub fn reload(&mut self) {
-        assert!(self.show_version(), "{:?}", self.viewer.problems);
+        assert!(self.show_version(), "{:?} {:?}", self.viewer.message, self.viewer.problems);
     }
 
     /// Shows the script as it is now; gives whether it loads.
