@@ -444,8 +444,10 @@ impl<'a> Source<'a> {
     /// The calls that begin in a range, in order.
     pub(crate) fn calls_within(&self, range: &Range<usize>) -> Vec<Call> {
         let tokens = self.index(range.start)..self.index(range.end);
-        let calls = tokens.filter_map(|index| self.call_from(self.start(index)));
-        calls.filter(|call| range.contains(&call.name.start)).collect()
+        // A method is found by its name, and not by its dot, too.
+        let call =
+            |index| self.call_from(self.start(index)).filter(|call| call.name.start == self.start(index));
+        tokens.filter_map(call).collect()
     }
 
     /// The byte of the call behind `let NAME =` or `NAME =`, the last before a byte.

@@ -238,7 +238,7 @@ impl<'a> Strip<'a> {
     }
 }
 
-/// For each of these cues (line and column of its `play` or `then`) the number of the one that it follows in its chain.
+/// Number of the cue that each of these follows in its chain; a cue is given by line and column of its `play` or `then`.
 pub fn cues_before(text: &str, places: &[(usize, usize)]) -> Vec<Option<usize>> {
     let text = Source::new(text);
     let cue = |(line, column): &(usize, usize)| Strip::within(text.clone(), *line, *column);

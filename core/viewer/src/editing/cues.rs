@@ -239,13 +239,13 @@ impl Viewer {
         self.bars().filter(is_in).cloned().collect()
     }
 
-    /// For each bar of a layer the number of the one before it in its chain of the script, which need not be the one before it in the row.
+    /// Number of the bar before each one of a layer in its chain of the script, which need not be the one before it in the row.
     pub(super) fn cues_before(&self, layer: &[Bar]) -> Vec<Option<usize>> {
         let places: Vec<_> = layer.iter().map(|bar| (bar.place.line, bar.place.column)).collect();
         self.known().map_or_else(|| vec![None; layer.len()], |text| cues_before(&text, &places))
     }
 
-    /// For each bar of a layer the number of the one at whose end it begins.
+    /// Number of the bar at whose end each one of a layer begins.
     pub(super) fn followed(&self, layer: &[Bar]) -> Vec<Option<usize>> {
         let (before, known) = (self.cues_before(layer), self.known().unwrap_or_default());
         let begins_there = |bar: &Bar| follows(&known, bar.place.line, bar.place.column);
