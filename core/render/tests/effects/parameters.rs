@@ -235,17 +235,17 @@ fn uniform_bytes_grow_with_declared_parameters() {
     assert_eq!(rows(&["on_surfaces", "small", "on_pixels"]), (2 + 16 + 2, 64));
 }
 
-/// The stairs of an edge are as wide as in every image, so that the search along them is, too; lines have their share of the height.
+/// The stairs of an edge are as wide as in every image, so that the search along them is, too; grains have their share of the height.
 #[test]
 fn a_preview_smooths_edges_as_any_image_of_its_size() {
-    let all = effects::named(&["fxaa", "outline"]);
+    let all = effects::named(&["fxaa", "film_grain"]);
     let bytes = |effect: &str, preview_of: Option<[u32; 2]>| {
-        let mut scene = wall(0.5, unlit(Vec4::ONE));
+        let mut scene = wall(0.5, unlit(Vec4::new(0.3, 0.3, 0.3, 1.0)));
         scene.snapshot.actors[0].world_from_model *= DAffine3::from_rotation_z(0.2);
         use_effect(&mut scene, effect, &[], &[]);
         let options = PlanOptions { effects: &all, preview_of, ..PlanOptions::new([200, 150], 1) };
         draw(&scene, &options).rgba
     };
     assert_eq!(bytes("fxaa", Some([800, 600])), bytes("fxaa", None));
-    assert_ne!(bytes("outline", Some([50, 38])), bytes("outline", None));
+    assert_ne!(bytes("film_grain", Some([800, 600])), bytes("film_grain", None));
 }
