@@ -130,10 +130,10 @@ mod tests {
             (cast, ".at(1, 0, 0);", "scale(2.0)", ".at(1, 0, 0).scale(2.0);"),
             (cast, ".tint(x).play(c);", "at(1.0)", ".at(1.0).tint(x).play(c);"),
             (cast, ".at(1).key(\"x\", k);", "tint(x)", ".at(1).tint(x).key(\"x\", k);"),
-            // What follows is about a joint or a constraint.
+            // Calls behind it are about a joint or a constraint.
             (cast, ".joint(\"J\").turn(5);", "turn(9.0)", ".turn(9.0).joint(\"J\").turn(5);"),
             (cast, ".look_at(p).fade(1);", "tint(x)", ".tint(x).look_at(p).fade(1);"),
-            // In the space of what it hangs on it would stand elsewhere.
+            // A placing method behind `attach` is one in the space of the parent.
             (cast, ".attach(b).turn(5);", "at(1.0)", ".at(1.0).attach(b).turn(5);"),
             (camera, ".at(1).look_at(p).cut(2);", "fov(40.0)", ".at(1).look_at(p).fov(40.0).cut(2);"),
             ("text(\"a\")", ".from(1);", "until(2.0)", ".from(1).until(2.0);"),
@@ -156,7 +156,7 @@ mod tests {
             ("\n    .at(1); // left\nb();", "\n    .at(1) // left\n    .scale(2.0);\nb();"),
             (" // she\n    .play(c);", " // she\n    .scale(2.0)\n    .play(c);"),
             ("\n    .at(1) /* a\n b */ .tint(x);", "\n    .at(1)\n    .scale(2.0) /* a\n b */ .tint(x);"),
-            // Where several stand on one line, it does, too.
+            // A line with several methods gets one more.
             (".at(1)\n    .play(c);", ".at(1).scale(2.0)\n    .play(c);"),
             ("\n    .at(1).tint(x)\n    .play(c);", "\n    .at(1).scale(2.0).tint(x)\n    .play(c);"),
         ] {

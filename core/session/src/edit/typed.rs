@@ -78,7 +78,7 @@ impl Typed {
             is_whole && *at <= written.end && end >= written.start
         };
         let mut found: Vec<usize> = after.match_indices(digits).map(|(at, _)| at).filter(is_it).collect();
-        // Where none has changed nothing tells which of several was typed; where they are exact they do as well.
+        // Nothing tells which of several was typed if none has changed; exact digits do as well.
         let is_exact = digits.parse() == Ok(self.value);
         if found.is_empty() || found.len() > 1 && (stays || is_exact) {
             return None;

@@ -76,7 +76,7 @@ impl Viewer {
                 Ok(ScriptObject::at(text, line, column)?.unstate(&["until"]))
             }),
         }));
-        // Those at later places come first, as in `change_all`.
+        // Later places come first, as in `change_all`.
         steps.push(Step::new(actor, siblings, move |text, line, column| {
             paste_cue(text, line, column, &copied, from)
         }));

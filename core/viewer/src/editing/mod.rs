@@ -109,7 +109,7 @@ impl Viewer {
         if part == CueTime::Start {
             self.check_begins(&place, &bar.label, secs)?;
             if let Some(before) = self.followed_bar(what) {
-                // Where two clips meet is written as the end of the first.
+                // The joint of two clips is written as the end of the first.
                 self.check_boundary(Some(&before), &bar, secs)?;
                 let note = self.moved_end(what, &[], secs - bar.start.as_secs());
                 self.set_typed_cue(&before.what, CueTime::End, typed)?;

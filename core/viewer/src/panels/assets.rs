@@ -203,7 +203,7 @@ fn chosen(ui: &mut Ui, viewer: &mut Viewer, browser: &mut Browser, pictures: &mu
     let on = character(viewer);
     ui.horizontal_top(|ui| {
         let width = (ui.available_width() * 0.5).clamp(100.0, 224.0);
-        // What is written below the image is no wider than the image, so that the clips stay where they are.
+        // Text below the image is no wider than the image, so that the clips stay where they are.
         ui.vertical(|ui| {
             ui.set_width(width);
             preview(ui, viewer, browser, pictures, file, width);

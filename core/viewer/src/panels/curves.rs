@@ -200,7 +200,7 @@ fn toolbar(ui: &mut Ui, viewer: &mut Viewer, what: &Selected, all: &[KeyedProper
         bar.toggle(viewer.snap, "Snap", hint, |viewer| viewer.snap ^= true);
         let hint = "keys at the playhead, of the curves that are shown (K)";
         bar.button("Set key", hint, key_menu::set_keys);
-        // After the buttons, whose places do not depend on it.
+        // The name stands after the buttons, whose places do not depend on it.
         bar.widget("name", true, move |ui, _| drop(ui.strong(name)));
         let frame = viewer.playhead.frame();
         let time = format!("{:.3} s   frame {frame}", viewer.playhead.time().as_secs());

@@ -45,7 +45,7 @@ pub(crate) fn nudge(viewer: &mut Viewer, part: CueTime, frames: i64) {
         Err(why) => return viewer.edit(|_| Err(why)),
     };
     if matches!(bar.what, Selected::Camera(_)) {
-        // It moves on, also where it leaves the playhead.
+        // The shot stays the one that is moved, also where it leaves the playhead.
         viewer.shot = Some(bar.clone());
     }
     let time = if part == CueTime::End { bar.until } else { bar.start };

@@ -136,7 +136,7 @@ fn beats(ui: &mut Ui, viewer: &mut Viewer) {
     let set = values::number(ui, "beats a minute", tempo.per_minute, 0.5, 0.0..=Tempo::FASTEST);
     tempo.per_minute = set.unwrap_or(tempo.per_minute);
     ui.weak("bpm").hint("beats a minute of the music; dragged times snap to beats. 0: none");
-    // Without a tempo it keeps its place, so that the entries after it stay where they are.
+    // The field keeps its place without a tempo, so that the entries after it stay where they are.
     ui.add_enabled_ui(tempo.per_minute > 0.0, |ui| {
         let set = values::time(ui, "first beat", tempo.first, 0.01, 0.0..=Tempo::LATEST);
         tempo.first = set.unwrap_or(tempo.first);
@@ -181,7 +181,7 @@ fn moves(bar: &mut Toolbar<'_, Viewer>, viewer: &Viewer, now: f64) {
     };
     bar.button(&text(from, to), hint, |viewer| viewer.playhead.set_range(None));
     bar.enabled(playhead.range().is_some());
-    // As wide as the widest text, so that the entries after it stay where they are.
+    // The button is as wide as its widest text, so that the entries after it stay where they are.
     let widest = text(length, length).replace(|c: char| c.is_ascii_digit(), "8");
     bar.other_faces([widest.as_str()].into_iter());
     let hint = "dragged times are whole frames (N)";

@@ -119,7 +119,7 @@ fn number_text(value: f64, decimals: RangeInclusive<usize>) -> String {
 
 /// A field for a number, to the thousandth; expressions can be typed into it. `now`: the number during a drag.
 fn field<'n>(ui: &Ui, id: Id, number: &Number, now: &'n mut f64) -> DragValue<'n> {
-    // As many decimals whatever the number is.
+    // The number of decimals does not depend on the value.
     let least = libm::log10(1.0 / number.speed).ceil().clamp(0.0, MOST_DECIMALS as f64) as usize;
     DragValue::new(now)
         .speed(speed_of_drag(number.value, number.speed, &number.range))

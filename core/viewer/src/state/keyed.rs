@@ -201,7 +201,7 @@ impl KeyedProperty {
             ValueKind::Rotation if numbers.len() > 1 && !self.states_angles() => {
                 ValueText::Turn(choreo_session::edit::rotation_of(three()))
             }
-            // Its length is free.
+            // The length of a direction is free.
             ValueKind::Direction => ValueText::Point(three()),
             _ => each(),
         }

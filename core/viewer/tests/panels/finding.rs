@@ -155,7 +155,7 @@ fn the_palette_takes_the_clicks_beside_it() {
     assert_eq!(desk.state().viewer.selection, None);
     click(&mut desk);
     assert_eq!(desk.state().viewer.selection, Some(Selected::Actor("ada".into())));
-    // Where a text has found nothing, the list has its height again for the next one.
+    // The list has its height again for the text after one that has found nothing.
     desk.key_press_modifiers(Modifiers::COMMAND, Key::P);
     desk.run();
     let area = |desk: &Desk| desk.ctx.memory(|m| m.area_rect(egui::Id::new(("dialog", "Commands"))));

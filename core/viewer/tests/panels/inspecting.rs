@@ -994,7 +994,7 @@ camera(\"wide\").at(1.0 / 7.0, 1, 4.0).look_at([0.0, 1.0, 0.0]);
     assert_eq!(desk.state().text(), SCENE.replace("0.333)", "1.333)"));
 }
 
-/// Of a place with a computed number the others are changed, and that one is refused: of a camera, and of an actor in the viewport.
+/// A computed number of a place is refused, and the others are changed: of a camera, and of an actor in the viewport.
 #[test]
 fn numbers_beside_a_computed_one_are_edited() {
     const SCENE: &str = "stage(#{ fps: 25, length: 4.0 });
@@ -1168,7 +1168,7 @@ camera(\"wide\").key(\"fov\", [[0.0, 40], [2.0, 50]]).key(\"position\", [[0.0, [
         let desk = place.harness(vec2(1500.0, 1000.0));
         desk.get_by_label("0.0° 180.0° 0.0°");
         if let Some(length) = desk.query_by_label("focal length field") {
-            // Of 40°: 12 mm / tan 20°.
+            // The focal length of 40° is 12 mm / tan 20°.
             let length: f64 = length.value().unwrap_or_default().parse().unwrap();
             assert!((length - 32.97).abs() < 0.01, "{length}");
         }

@@ -181,7 +181,7 @@ fn a_key_on_an_edge_leaves_the_handles_in_reach() {
     }
 }
 
-/// Where a fade-out begins it is dragged as a fade is, also where only the fade is stated, and is written as that is.
+/// A fade-out is dragged where it begins, as a fade is, also where only the fade is stated, and is written as that is.
 #[test]
 fn a_fade_out_is_dragged_where_it_begins() {
     let (method, option) = (

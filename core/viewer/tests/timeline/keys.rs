@@ -841,7 +841,7 @@ fn curves_of_an_effect_have_its_name() {
     desk.state_mut().viewer.selection = Some(Selected::Effect(0));
     desk.run();
     assert!(desk.query_by_label("effect 1").is_none());
-    // In the inspector and above the curves.
+    // The inspector and the line above the curves have the name.
     assert!(desk.query_all_by_label("vignette").count() >= named + 2);
 }
 

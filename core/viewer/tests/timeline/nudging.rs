@@ -83,7 +83,7 @@ fn a_clip_that_follows_another_moves_as_a_whole() {
     assert!(why.contains("Wave takes over from it at 2.000 s"), "{why}");
 }
 
-/// Of the shots of a camera the one that was clicked moves, else the one at the playhead.
+/// The clicked shot of a camera moves, else the one at the playhead.
 #[test]
 fn of_several_shots_of_a_camera_the_selected_one_moves() {
     const SHOTS: &str = r#"stage(#{ size: [64, 36], fps: 25, length: 8.0 });
@@ -126,7 +126,7 @@ two.cut(6.0);
     assert_eq!(text, SHOTS);
     let why = why.expect("neither shot is at the playhead");
     assert!(why.contains("two has several shots: click the bar of one"), "{why}");
-    // It moves on after it has left the playhead.
+    // The shot moves on after it has left the playhead.
     select(&mut desk, 6.0);
     for to in ["two.cut(6.04)", "two.cut(6.08)"] {
         assert_eq!(later(&mut desk, Modifiers::ALT), (SHOTS.replace("two.cut(6.0)", to), None));

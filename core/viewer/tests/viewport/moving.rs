@@ -103,7 +103,7 @@ fn what_is_named_without_room_is_cut_short_and_read_as_a_hint() {
     assert_eq!(drawn(&desk, "3 frames dropped").len(), 2, "the text and the hint");
 }
 
-/// In a small window the text ends before the axes in the other corner.
+/// The text of an image ends before its axes, also in a small window.
 #[test]
 fn what_is_named_leaves_the_axes_their_place() {
     let mut place = reduced(0.0);
