@@ -13,8 +13,8 @@ pub fn parse(text: &str) -> Result<Vec4, ApiError> {
     choreo_plugin::color::parse(text).map_err(|e| ApiError::new(e.message))
 }
 
-/// The valid range of [`kelvin`].
-pub(crate) const KELVIN: (f64, f64) = (1667.0, 25_000.0);
+/// The valid range of [`kelvin`], in kelvin.
+pub const KELVIN: (f64, f64) = (1667.0, 25_000.0);
 
 /// Linear sRGB color of a black body, brightest channel 1. Chromaticity of the Planckian locus after Kim et al.,
 /// US patent 7 024 034 (2002), valid from 1667 K to 25 000 K; then CIE xyY → XYZ → linear sRGB.

@@ -55,6 +55,7 @@ mod walk;
 pub use api_error::Place;
 pub use build::Parameter;
 pub use cache::AssetCache;
+pub use color::KELVIN;
 pub use content::content_of;
 pub use diagnostic::{Diagnostic, Severity, printable, printable_line, steers_terminal};
 pub use folders::{Folders, LoadError};

@@ -453,8 +453,7 @@ fn aim(ui: &mut Ui, light: &StageLight, written: &stated::Stated, keyed: bool) -
     }
     wanted = default_menu(ui, written, "kelvin").or(wanted);
     let now = written.get("kelvin").and_then(|text| expression::value(text, 1.0));
-    // The temperatures for which scripts know colors.
-    let range = 1667.0..=25_000.0;
+    let range = choreo_script::KELVIN.0..=choreo_script::KELVIN.1;
     let set = match now {
         _ if written.contains_key("color") => {
             ui.weak("the color is stated");
