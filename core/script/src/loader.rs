@@ -376,11 +376,7 @@ impl Loader {
             compress_clips(&mut asset, tolerance, watch)?;
         }
         if !needs.geometry && self.needs.geometry {
-            // Reported where the asset is cast, and only there.
-            asset.warnings.push(choreo_asset::Warning {
-                place: String::new(),
-                text: "it was loaded for its clips only, so nothing of it can be seen; leave only: \"clips\" out".into(),
-            });
+            asset.warnings.push(clips_only_warning());
         }
         let asset = Arc::new(asset);
         let side_files = near.read.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -422,6 +418,15 @@ struct Making<'a> {
     clips: &'a PlayedClips,
     needs: ImportScope,
     front: Option<Front>,
+}
+
+/// The warning of an asset without its geometry; it is reported only if the asset is cast.
+fn clips_only_warning() -> choreo_asset::Warning {
+    choreo_asset::Warning {
+        place: String::new(),
+        text: "it was loaded for its clips only, so nothing of it can be seen; leave only: \"clips\" out"
+            .into(),
+    }
 }
 
 fn compress_clips(asset: &mut Asset, tolerance: f64, watch: &Import) -> Result<(), LoadError> {

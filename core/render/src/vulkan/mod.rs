@@ -384,42 +384,7 @@ impl VulkanRenderer {
             }
         }
         self.pipelines.prepare(&self.gpu, &self.layouts, &ids)?;
-        let mut uploads = Uploads::default();
-        let prepared = self
-            .resources
-            .prepare(&self.gpu, &self.layouts, &self.scene_resources, &recording, &mut uploads)
-            .and_then(|()| self.slots[index].prepare_flats(&self.gpu, plan, &mut uploads))
-            .and_then(|()| {
-                let (known, posed) =
-                    ((&*self.scene_resources, &self.resources), &mut self.slots[index].posed);
-                posed.prepare(&self.gpu, &self.layouts, &mut self.pools, known, plan, &recording)
-            })
-            .and_then(|()| {
-                let slot = &mut self.slots[index];
-                let seen = self.targets.as_ref().map(Targets::seen).unwrap_or_default();
-                let (sky, texels) = (self.resources.sky.as_ref(), self.texels.as_ref());
-                let images = FrameImages { sky, texels, faults: self.pipelines.fault_bytes(), ..seen };
-                slot.write(&self.gpu, &self.layouts, &mut self.pools, plan, &recording, images)
-            })
-            .and_then(|()| {
-                let (slot, pools) = (&mut self.slots[index], &mut self.pools);
-                let (layouts, scene_resources) = (&self.layouts, &self.scene_resources);
-                slot.write_changed(
-                    &self.gpu,
-                    layouts,
-                    pools,
-                    scene_resources,
-                    &recording,
-                    &mut self.resources,
-                )
-            })
-            .and_then(|()| match self.frugal && !uploads.is_empty() {
-                true => self.upload_in_parts(index, std::mem::take(&mut uploads)),
-                false => Ok(()),
-            })
-            .and_then(|()| self.record_commands(index, &recording, &ids, uploads))
-            .and_then(|()| self.queue(index));
-        if let Err(e) = prepared {
+        if let Err(e) = self.upload_and_queue(index, plan, &recording, &ids) {
             // The uploads never arrived: forget the resources, so that the next frame creates them again.
             self.wait_idle()?;
             self.resources.forget(&self.gpu);
@@ -438,6 +403,32 @@ impl VulkanRenderer {
             return Err(e);
         }
         Ok(())
+    }
+
+    /// Uploads what the recording refers to, writes the frame's buffers, records the commands and queues them.
+    fn upload_and_queue(
+        &mut self,
+        index: usize,
+        plan: &Plan,
+        recording: &Recording,
+        ids: &[Option<pipelines::Id>],
+    ) -> Result<(), RenderError> {
+        let mut uploads = Uploads::default();
+        let (gpu, layouts, pools) = (&self.gpu, &self.layouts, &mut self.pools);
+        let (scene_resources, slot) = (&*self.scene_resources, &mut self.slots[index]);
+        self.resources.prepare(gpu, layouts, scene_resources, recording, &mut uploads)?;
+        slot.prepare_flats(gpu, plan, &mut uploads)?;
+        slot.posed.prepare(gpu, layouts, pools, (scene_resources, &self.resources), plan, recording)?;
+        let seen = self.targets.as_ref().map(Targets::seen).unwrap_or_default();
+        let (sky, texels) = (self.resources.sky.as_ref(), self.texels.as_ref());
+        let images = FrameImages { sky, texels, faults: self.pipelines.fault_bytes(), ..seen };
+        slot.write(gpu, layouts, pools, plan, recording, images)?;
+        slot.write_changed(gpu, layouts, pools, scene_resources, recording, &mut self.resources)?;
+        if self.frugal && !uploads.is_empty() {
+            self.upload_in_parts(index, std::mem::take(&mut uploads))?;
+        }
+        self.record_commands(index, recording, ids, uploads)?;
+        self.queue(index)
     }
 }
 

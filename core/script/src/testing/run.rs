@@ -218,15 +218,7 @@ fn run_here(
         return Ok(None);
     }
     let sections = listing.as_ref().map_or(&test.sections, |listing| &listing.sections);
-    let info = match sections.get(index) {
-        Some(info) => info.clone(),
-        None if sections.is_empty() && index == 0 => as_it_stands(name, text),
-        None => {
-            let count = sections.len();
-            let error = Diagnostic::error(format!("section {index} is gone: the file has {count} now"));
-            return Err(vec![error.in_file(name)]);
-        }
-    };
+    let info = section_info(sections, index, name, text)?;
     let (all_expected, wrong_comments) = match &file {
         Ok(file) => (&file.expected, file.wrong_comments.clone()),
         Err(_) => {
@@ -272,6 +264,24 @@ fn run_here(
         printed: std::mem::take(&mut build.printed),
         files_used,
     }))
+}
+
+/// The section with this number; a file without sections is one section as it stands.
+fn section_info(
+    sections: &[SectionInfo],
+    index: usize,
+    name: &str,
+    text: &str,
+) -> Result<SectionInfo, Vec<Diagnostic>> {
+    match sections.get(index) {
+        Some(info) => Ok(info.clone()),
+        None if sections.is_empty() && index == 0 => Ok(as_it_stands(name, text)),
+        None => {
+            let count = sections.len();
+            let error = Diagnostic::error(format!("section {index} is gone: the file has {count} now"));
+            Err(vec![error.in_file(name)])
+        }
+    }
 }
 
 /// The unknown variables without those in other sections.

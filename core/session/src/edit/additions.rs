@@ -74,7 +74,6 @@ pub struct Subject<'a> {
 /// bob.play(bob_model.clip("Idle"));
 /// ```
 pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<String>) {
-    let point = |p: DVec3| p.to_array().map(format_number).join(", ");
     let place = |p: DVec3| if p == DVec3::ZERO { String::new() } else { format!(".at({})", point(p)) };
     let [from, until] = [at.from, at.until].map(|time| time.written(text));
     let is_quoted = |name: &str| text.contains(&quoted(name));
@@ -104,36 +103,8 @@ pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<
             );
             (line, Some(name))
         }
-        Addition::Orbit(of) => {
-            let (name, target, distance) = match (of, at.subject) {
-                (Some(of), Some(Subject { variable, distance, .. })) => {
-                    let round = two_digits(distance, distance);
-                    (free_label(&format!("around {of}"), is_quoted), variable.to_string(), round)
-                }
-                _ => {
-                    let middle = point(at.point + DVec3::new(0.0, 0.95, 0.0));
-                    (numbered_name("round", is_quoted), format!("[{middle}]"), 4.5)
-                }
-            };
-            let distance = format_number(distance);
-            let line = format!(
-                "camera({}).orbit({target}, #{{ distance: {distance}, elevation: 10.0, speed: 30.0 }}).cut({from});\n",
-                quoted(&name)
-            );
-            (line, Some(name))
-        }
-        Addition::Follow(of) => {
-            let name = free_label(&format!("with {of}"), is_quoted);
-            let (variable, offset) = match at.subject {
-                Some(Subject { variable, distance, direction }) => {
-                    let offset = (direction * distance).to_array().map(|v| two_digits(v, distance));
-                    (variable, DVec3::from_array(offset))
-                }
-                None => (of.as_str(), DVec3::new(0.0, 0.0, 4.5)),
-            };
-            let (label, offset) = (quoted(&name), point(offset));
-            (format!("camera({label}).follow({variable}, [{offset}]).cut({from});\n"), Some(name))
-        }
+        Addition::Orbit(of) => orbiting_camera(text, of.as_deref(), &at, &from),
+        Addition::Follow(of) => following_camera(text, of, &at, &from),
         Addition::Sun => plain("sun(#{ direction: [-0.5, -1.0, -0.8], intensity: 2.8, shadow: true });"),
         Addition::Point => {
             let above = at.point + DVec3::new(0.0, 2.5, 1.0);
@@ -158,6 +129,45 @@ pub fn added_lines(text: &str, what: &Addition, at: AddedAt) -> (String, Option<
             plain(&format!("marker(\"{name}\", {from});"))
         }
     }
+}
+
+/// Components as they are written in a list.
+fn point(p: DVec3) -> String {
+    p.to_array().map(format_number).join(", ")
+}
+
+/// The line of a camera that orbits a character (`of`: its name), or the middle of the stage; and the camera's name.
+fn orbiting_camera(text: &str, of: Option<&str>, at: &AddedAt, from: &str) -> (String, Option<String>) {
+    let is_quoted = |name: &str| text.contains(&quoted(name));
+    let (name, target, distance) = match (of, &at.subject) {
+        (Some(of), Some(Subject { variable, distance, .. })) => {
+            let name = free_label(&format!("around {of}"), is_quoted);
+            (name, variable.to_string(), two_digits(*distance, *distance))
+        }
+        _ => {
+            let middle = point(at.point + DVec3::new(0.0, 0.95, 0.0));
+            (numbered_name("round", is_quoted), format!("[{middle}]"), 4.5)
+        }
+    };
+    let (label, distance) = (quoted(&name), format_number(distance));
+    let line = format!(
+        "camera({label}).orbit({target}, #{{ distance: {distance}, elevation: 10.0, speed: 30.0 }}).cut({from});\n"
+    );
+    (line, Some(name))
+}
+
+/// The line of a camera that follows a character (`of`: its name), and the camera's name.
+fn following_camera(text: &str, of: &str, at: &AddedAt, from: &str) -> (String, Option<String>) {
+    let name = free_label(&format!("with {of}"), |name: &str| text.contains(&quoted(name)));
+    let (variable, offset) = match at.subject {
+        Some(Subject { variable, distance, direction }) => {
+            let offset = (direction * distance).to_array().map(|v| two_digits(v, distance));
+            (variable, DVec3::from_array(offset))
+        }
+        None => (of, DVec3::new(0.0, 0.0, 4.5)),
+    };
+    let (label, offset) = (quoted(&name), point(offset));
+    (format!("camera({label}).follow({variable}, [{offset}]).cut({from});\n"), Some(name))
 }
 
 /// Rounds to two digits of the number `like`, so that lines have the numbers that a person would write.

@@ -367,22 +367,7 @@ fn handle(
     let bar = &bars[number];
     let x = lane.x(viewer, at.as_secs());
     let rect = lane.rect;
-    // The handle of a fade is above, and below a key where the row has some; the ends' are as high as the bar.
-    let is_fade = matches!(part, CueTime::FadeIn | CueTime::FadeOut);
-    let has_keys = viewer.timeline.rows.get(lane.row).is_some_and(|row| !row.events.is_empty());
-    let below = if has_keys { marks::BAND + 6.0 } else { marks::BAND };
-    let bottom = if is_fade { rect.top() + below } else { rect.bottom() };
-    // Two bars that meet share the handle's place: the end of the first is left of the time, the start of the second right of it.
-    let is_met = number.checked_sub(1).is_some_and(|before| bars[before].meets(bar));
-    let meets = bars.get(number + 1).is_some_and(|next| bar.meets(next));
-    let width = lane.x(viewer, bar.until.as_secs()) - lane.x(viewer, bar.start.as_secs());
-    let inside = (width / 3.0).clamp(OUTSIDE, GRIP);
-    let (left, right) = match part {
-        CueTime::Start => (x - if is_met { 0.0 } else { OUTSIDE }, x + inside),
-        CueTime::End => (x - inside, x + if meets { 0.0 } else { OUTSIDE }),
-        _ => (x - OUTSIDE, x + OUTSIDE),
-    };
-    let place = Rect::from_min_max(pos2(left, rect.top()), pos2(right, bottom)).intersect(rect);
+    let place = handle_place(viewer, (bars, number), part, x, lane);
     if place.width() <= 0.0 {
         return None;
     }
@@ -438,6 +423,34 @@ fn handle(
     };
     let is_moved = (value - before.as_secs()).abs() > 1e-6;
     (response.drag_stopped() && is_moved).then(|| Act::Time(bar.clone(), part, value, keep))
+}
+
+/// The rectangle of a handle at `x`, within the row; without width if the handle is out of view.
+fn handle_place(
+    viewer: &Viewer,
+    (bars, number): (&[Bar], usize),
+    part: CueTime,
+    x: f32,
+    lane: &Lane,
+) -> Rect {
+    let bar = &bars[number];
+    let rect = lane.rect;
+    // The handle of a fade is above, and below a key where the row has some; the ends' are as high as the bar.
+    let is_fade = matches!(part, CueTime::FadeIn | CueTime::FadeOut);
+    let has_keys = viewer.timeline.rows.get(lane.row).is_some_and(|row| !row.events.is_empty());
+    let below = if has_keys { marks::BAND + 6.0 } else { marks::BAND };
+    let bottom = if is_fade { rect.top() + below } else { rect.bottom() };
+    // Two bars that meet share the handle's place: the end of the first is left of the time, the start of the second right of it.
+    let is_met = number.checked_sub(1).is_some_and(|before| bars[before].meets(bar));
+    let meets = bars.get(number + 1).is_some_and(|next| bar.meets(next));
+    let width = lane.x(viewer, bar.until.as_secs()) - lane.x(viewer, bar.start.as_secs());
+    let inside = (width / 3.0).clamp(OUTSIDE, GRIP);
+    let (left, right) = match part {
+        CueTime::Start => (x - if is_met { 0.0 } else { OUTSIDE }, x + inside),
+        CueTime::End => (x - inside, x + if meets { 0.0 } else { OUTSIDE }),
+        _ => (x - OUTSIDE, x + OUTSIDE),
+    };
+    Rect::from_min_max(pos2(left, rect.top()), pos2(right, bottom)).intersect(rect)
 }
 
 /// The corner below the end of what a selected clip plays, beside the handle of the end: dragged, it plays faster or slower.

@@ -5,7 +5,7 @@ use crate::app::Viewer;
 use crate::editing::{EditError, read};
 use crate::state::selection::Selected;
 use choreo_script::Severity;
-use egui::{Color32, CursorIcon, FontId, RichText, ScrollArea, Sense, TextStyle, Ui};
+use egui::{Color32, CursorIcon, FontId, RichText, ScrollArea, Sense, TextStyle, Ui, Visuals};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -30,22 +30,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             ui.label(RichText::new("as it is on disk; the last good version is shown").small().weak());
         }
     });
-    let main = places.as_ref().map(|p| p.main.clone());
-    let here = |file: &str, line: usize| (main.as_deref().is_none_or(|m| m == file)).then_some(line);
-    let time = viewer.playhead.time();
-    let on: BTreeSet<usize> = match viewer.faulty {
-        // Its lines may be others.
-        true => BTreeSet::new(),
-        false => {
-            viewer.timeline.on_at(time).filter_map(|bar| here(&bar.place.file, bar.place.line)).collect()
-        }
-    };
-    let of = |severity| {
-        let of_it = viewer.problems.iter().filter(move |p| p.severity == severity);
-        of_it.filter_map(|p| here(&p.file, p.line)).collect::<BTreeSet<usize>>()
-    };
-    let (wrong, warned) = (of(Severity::Error), of(Severity::Warning));
-    let selected = viewer.selection.as_ref().and_then(|s| line_of(viewer, s)).filter(|_| !viewer.faulty);
+    let marked = MarkedLines::new(viewer, places.as_ref().map(|p| p.main.as_str()));
     let font = FontId::monospace(TextStyle::Monospace.resolve(ui.style()).size);
     let height = ui.text_style_height(&TextStyle::Monospace);
     let lines: Vec<&str> = text.lines().collect();
@@ -60,17 +45,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
     area.show_rows(ui, height, lines.len(), |ui, rows| {
         for row in rows {
             let line = row + 1;
-            let back = if selected == Some(line) {
-                visuals.selection.bg_fill
-            } else if wrong.contains(&line) {
-                visuals.error_fg_color.gamma_multiply(0.35)
-            } else if warned.contains(&line) {
-                visuals.warn_fg_color.gamma_multiply(0.35)
-            } else if on.contains(&line) {
-                visuals.selection.bg_fill.gamma_multiply(0.4)
-            } else {
-                Color32::TRANSPARENT
-            };
+            let back = marked.background(line, &visuals);
             let text =
                 RichText::new(format!("{line:4} {}", lines[row])).font(font.clone()).background_color(back);
             let label = ui.add(egui::Label::new(text).extend().sense(Sense::click()));
@@ -94,6 +69,53 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         Some((line, true)) => open_in_editor(viewer, line),
         Some((line, false)) => select_line(viewer, line),
         None => {}
+    }
+}
+
+/// Lines of the main file with a colored background.
+struct MarkedLines {
+    /// The line of the selection.
+    selected: Option<usize>,
+    errors: BTreeSet<usize>,
+    warnings: BTreeSet<usize>,
+    /// Lines of the cues that are active at the playhead.
+    active: BTreeSet<usize>,
+}
+
+impl MarkedLines {
+    /// `main`: name of the main file; `None` if no version was loaded.
+    fn new(viewer: &Viewer, main: Option<&str>) -> MarkedLines {
+        let here = |file: &str, line: usize| main.is_none_or(|m| m == file).then_some(line);
+        let with = |severity| {
+            let problems = viewer.problems.iter().filter(move |p| p.severity == severity);
+            problems.filter_map(|p| here(&p.file, p.line)).collect()
+        };
+        let (errors, warnings) = (with(Severity::Error), with(Severity::Warning));
+        // A faulty version is not the one on the timeline: its lines may be others.
+        if viewer.faulty {
+            return MarkedLines { selected: None, errors, warnings, active: BTreeSet::new() };
+        }
+        let bars = viewer.timeline.on_at(viewer.playhead.time());
+        MarkedLines {
+            selected: viewer.selection.as_ref().and_then(|s| line_of(viewer, s)),
+            errors,
+            warnings,
+            active: bars.filter_map(|bar| here(&bar.place.file, bar.place.line)).collect(),
+        }
+    }
+
+    fn background(&self, line: usize, visuals: &Visuals) -> Color32 {
+        if self.selected == Some(line) {
+            visuals.selection.bg_fill
+        } else if self.errors.contains(&line) {
+            visuals.error_fg_color.gamma_multiply(0.35)
+        } else if self.warnings.contains(&line) {
+            visuals.warn_fg_color.gamma_multiply(0.35)
+        } else if self.active.contains(&line) {
+            visuals.selection.bg_fill.gamma_multiply(0.4)
+        } else {
+            Color32::TRANSPARENT
+        }
     }
 }
 

@@ -7,6 +7,7 @@ use super::icons;
 use crate::app::Viewer;
 use crate::state::events;
 use crate::state::selection::Selected;
+use choreo_stage::Stage;
 use egui::{RichText, Ui};
 use std::collections::BTreeSet;
 
@@ -38,38 +39,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
             viewer.selection = None;
         }
     }
-    section(ui, "actors", stage.actors.len());
-    for (index, actor) in stage.actors.iter().enumerate() {
-        // A search finds joints, too.
-        let names = actor.asset.skeleton.names();
-        let found = |n: &&String| !wanted.is_empty() && n.to_lowercase().contains(&wanted);
-        let joints: Vec<&String> = names.iter().filter(found).take(MOST_JOINTS).collect();
-        if !matches(&actor.name) && joints.is_empty() {
-            continue;
-        }
-        if is_skipped(ui, joints.len()) {
-            continue;
-        }
-        let visible = viewer.shown().and_then(|s| s.snapshot.actors.get(index)).is_none_or(|a| a.visible);
-        let mut text = RichText::new(&actor.name);
-        if !visible {
-            text = text.weak();
-        }
-        ui.horizontal(|ui| {
-            let toggles = &mut viewer.toggles;
-            let eye = [icons::EYE, icons::EYE_SLASH];
-            toggle(ui, &mut toggles.hidden, &actor.name, eye, ["hide", "not seen here (H)"]);
-            let star = [icons::STAR; 2];
-            toggle(ui, &mut toggles.solo, &actor.name, star, ["solo", "only what is solo is seen here"]);
-            let lock = [icons::LOCK_SIMPLE_OPEN, icons::LOCK_SIMPLE];
-            let about = ["lock", "neither picked nor moved with the mouse"];
-            toggle(ui, &mut toggles.locked, &actor.name, lock, about);
-            select(ui, viewer, text, Selected::Actor(actor.name.clone()));
-        });
-        for joint in joints {
-            ui.label(RichText::new(format!("    {joint}")).weak());
-        }
-    }
+    actors(ui, viewer, stage, &wanted);
     section(ui, "cameras", stage.cameras.len());
     let on = viewer.shown().and_then(|s| s.snapshot.camera.camera);
     for (index, camera) in stage.cameras.iter().enumerate().filter(|(_, c)| matches(&c.name)) {
@@ -96,6 +66,42 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         let name = events::title(layer);
         if matches(&name) {
             select(ui, viewer, RichText::new(name), Selected::Title(index));
+        }
+    }
+}
+
+/// Rows of the actors whose name, or the name of one of whose joints, contains the search text (in lower case).
+fn actors(ui: &mut Ui, viewer: &mut Viewer, stage: &Stage, wanted: &str) {
+    section(ui, "actors", stage.actors.len());
+    for (index, actor) in stage.actors.iter().enumerate() {
+        // A search finds joints, too.
+        let names = actor.asset.skeleton.names();
+        let found = |n: &&String| !wanted.is_empty() && n.to_lowercase().contains(wanted);
+        let joints: Vec<&String> = names.iter().filter(found).take(MOST_JOINTS).collect();
+        if !actor.name.to_lowercase().contains(wanted) && joints.is_empty() {
+            continue;
+        }
+        if is_skipped(ui, joints.len()) {
+            continue;
+        }
+        let visible = viewer.shown().and_then(|s| s.snapshot.actors.get(index)).is_none_or(|a| a.visible);
+        let mut text = RichText::new(&actor.name);
+        if !visible {
+            text = text.weak();
+        }
+        ui.horizontal(|ui| {
+            let toggles = &mut viewer.toggles;
+            let eye = [icons::EYE, icons::EYE_SLASH];
+            toggle(ui, &mut toggles.hidden, &actor.name, eye, ["hide", "not seen here (H)"]);
+            let star = [icons::STAR; 2];
+            toggle(ui, &mut toggles.solo, &actor.name, star, ["solo", "only what is solo is seen here"]);
+            let lock = [icons::LOCK_SIMPLE_OPEN, icons::LOCK_SIMPLE];
+            let about = ["lock", "neither picked nor moved with the mouse"];
+            toggle(ui, &mut toggles.locked, &actor.name, lock, about);
+            select(ui, viewer, text, Selected::Actor(actor.name.clone()));
+        });
+        for joint in joints {
+            ui.label(RichText::new(format!("    {joint}")).weak());
         }
     }
 }

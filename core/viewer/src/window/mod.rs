@@ -89,15 +89,9 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         let _ = termination::watch(move || drop(proxy.send_event(News::Close)));
     }
     let registry = program.registry.clone();
-    let shaders = asked.files.like().shaders.clone();
-    let frame_renderer = {
-        let proxy = proxy.clone();
-        // A window that has gone needs no image; here and below.
-        let report = move |reply| drop(proxy.send_event(News::Frame(Box::new(reply))));
-        let renderer = start::renderer(registry.effects().to_vec(), shaders, asked.device, event_log);
-        FrameRenderer::start(renderer, report)
-    };
-    let frame_renderer = frame_renderer.map_err(ViewerError::Thread)?;
+    let effects = registry.effects().to_vec();
+    let renderer = start::renderer(effects, asked.files.like().shaders.clone(), asked.device, event_log);
+    let frame_renderer = sending_frames(renderer, &proxy)?;
     let live = source.clone().map(|source| watched(source, &registry, &proxy, FIRST)).transpose()?;
     let settings_file = Settings::file();
     let settings = settings_file.as_deref().map(Settings::read).unwrap_or_default();
@@ -159,6 +153,17 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
         }
     }
     app.failed.take().map_or(Ok(()), Err)
+}
+
+/// Starts the thread of a renderer, which sends its frames to the event loop.
+fn sending_frames(
+    renderer: StartRenderer,
+    proxy: &EventLoopProxy<News>,
+) -> Result<FrameRenderer, ViewerError> {
+    let proxy = proxy.clone();
+    // After the window is closed, nothing receives the image; here and below.
+    let report = move |reply| drop(proxy.send_event(News::Frame(Box::new(reply))));
+    FrameRenderer::start(renderer, report).map_err(ViewerError::Thread)
 }
 
 fn watched(
