@@ -21,7 +21,7 @@ use std::rc::Rc;
 const MOST_TURN: f32 = 0.05;
 
 /// The parts that actors are written from.
-pub struct Scene<'a, 'b> {
+pub struct ActorWriter<'a, 'b> {
     pub stage: &'a Stage,
     pub baked: &'b Baked<'a>,
     pub sets: &'b Sets<'a>,
@@ -33,7 +33,7 @@ pub struct Scene<'a, 'b> {
 /// Paths of animations by the set that moves the joints.
 pub type KnownAnimations = BTreeMap<usize, String>;
 
-impl<'a> Scene<'a, '_> {
+impl<'a> ActorWriter<'a, '_> {
     /// The prim of an actor.
     pub fn actor(
         &self,

@@ -105,7 +105,7 @@ fn layer<'a>(
     let (models, library) = models(stage, baked, sets, common);
     let mut top = Prim::new("Xform", root.clone());
     let mut names = Names::default();
-    let all = actors::Scene { stage, baked, sets, frames, path: format!("/{root}") };
+    let all = actors::ActorWriter { stage, baked, sets, frames, path: format!("/{root}") };
     let mut known = KnownAnimations::new();
     for (index, actor) in stage.actors.iter().enumerate() {
         if baked.motions[index].hidden {

@@ -94,7 +94,7 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope) -> Result<Asse
     let mut clips = Clips { budget: &budget, notes: &notes, start, rate, curves, properties };
     objects::add(&tree, metres, &mut clips, &mut asset)?;
     let materials = Materials::new(&layer.root, (&packages, &budget, &notes), needs.textures);
-    let mut scene = Scene {
+    let mut scene = MeshReader {
         tree: &tree,
         clips,
         materials,
@@ -108,7 +108,7 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope) -> Result<Asse
     for node in tree.nodes.iter().filter(|node| node.prim.kind == "PointInstancer") {
         scene.instancer(node, &mut asset)?;
     }
-    let Scene { mut clips, materials, .. } = scene;
+    let MeshReader { mut clips, materials, .. } = scene;
     if needs.clips {
         clips.places(&tree)?;
         for (path, rig) in &tree.rigs {
@@ -154,7 +154,7 @@ fn animation_of<'a>(tree: &'a Tree<'a>, skeleton: &str) -> Option<(&'a Prim, Str
 }
 
 /// The scene while its meshes are read.
-struct Scene<'a, 'b> {
+struct MeshReader<'a, 'b> {
     tree: &'a Tree<'a>,
     clips: Clips<'b>,
     materials: Materials<'b>,
@@ -164,7 +164,7 @@ struct Scene<'a, 'b> {
     needs: ImportScope,
 }
 
-impl<'b> Scene<'_, 'b> {
+impl<'b> MeshReader<'_, 'b> {
     /// Adds the mesh of a prim at a joint.
     fn mesh(
         &mut self,

@@ -9,7 +9,7 @@ use crate::hook::own_captures;
 use crate::modules::read_text;
 use crate::resolve::finish_stage;
 use crate::suggest::{did_you_mean, list};
-use crate::test_data::{Asked, Claim, ImageExpectation, PlanOptions, Scene, SectionInfo};
+use crate::test_data::{Asked, Claim, ImageExpectation, PlanOptions, RunningScript, SectionInfo};
 use crate::value::{ActorRef, CameraRef, ExpectRef, HandleKind, LightRef, PlanRef, SceneRef, StageRef};
 use choreo_image_diff::{ImageMetric, METRICS};
 use choreo_motion::Time;
@@ -218,7 +218,7 @@ fn scene(c: &mut Call) -> Reply {
         let mut test = c.shared.test();
         test.scene_at = Some(c.place.clone());
         test.scenes.push((name.clone(), c.place.clone()));
-        test.scene = Some(Scene { folder, set: set.clone() });
+        test.scene = Some(RunningScript { folder, set: set.clone() });
         test.running = false;
     }
     // The other script's parameters are its own.

@@ -10,7 +10,7 @@ pub use expectation::{
     SameOther, SameWhat, Subject, TextsQuantity, TextsTest, Value, ValueTest, VectorGoal, VectorQuantity,
     VectorTest, When,
 };
-pub(crate) use state::{Asked, Scene, TestState};
+pub(crate) use state::{Asked, RunningScript, TestState};
 pub use timeout::{TimeUsedUp, Timeout};
 
 /// A `test(…)` of a file, found without running it; or a file without any, which is a test as it stands.

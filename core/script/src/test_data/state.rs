@@ -27,7 +27,7 @@ pub(crate) struct TestState {
     /// 0: the section's own stage is being built; n: the n-th of `stages`.
     pub current_stage: usize,
     /// The other script that is being run.
-    pub scene: Option<Scene>,
+    pub scene: Option<RunningScript>,
     /// Other scripts by their names in messages, with the place of the call that ran them.
     pub scenes: Vec<(String, Place)>,
     /// Place of the call of `scene` for the stage being built.
@@ -57,7 +57,7 @@ pub(crate) struct Asked {
 
 /// Another script while it runs.
 #[derive(Clone, Debug)]
-pub struct Scene {
+pub struct RunningScript {
     /// Canonical.
     pub folder: PathBuf,
     /// Parameters in place of `--set`.

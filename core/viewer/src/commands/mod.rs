@@ -29,7 +29,7 @@ pub struct Commands {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum OutputKind {
     Film,
     /// A file for each frame.
     Images,
@@ -40,7 +40,7 @@ pub enum Kind {
 /// A file format that a plugin writes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Format {
-    pub kind: Kind,
+    pub kind: OutputKind,
     /// Extension of the file, without the dot.
     pub extension: String,
     pub about: String,
@@ -50,15 +50,15 @@ pub struct Format {
 
 impl Commands {
     pub fn formats_of(registry: &Registry) -> Vec<Format> {
-        let format = |kind: Kind, manifest: &choreo_plugin::Manifest| {
+        let format = |kind: OutputKind, manifest: &choreo_plugin::Manifest| {
             let extension = manifest.extensions.first()?.clone();
             let options = manifest.options.iter().map(|o| (o.name.clone(), o.about.clone())).collect();
             Some(Format { kind, extension, about: manifest.about.clone(), options })
         };
-        let images = |one: bool| if one { Kind::Images } else { Kind::Film };
+        let images = |one: bool| if one { OutputKind::Images } else { OutputKind::Film };
         let exporters = registry.exporters().iter();
         let frames = exporters.map(|e| format(images(e.one_frame_per_file()), e.manifest()));
-        let scenes = registry.scene_exporters().iter().map(|e| format(Kind::Scene, e.manifest()));
+        let scenes = registry.scene_exporters().iter().map(|e| format(OutputKind::Scene, e.manifest()));
         frames.chain(scenes).flatten().collect()
     }
 

@@ -60,8 +60,8 @@ fn subjects(viewer: &Viewer) -> Vec<String> {
 fn cameras(ui: &mut Ui, viewer: &Viewer) -> Option<Addition> {
     const FOLLOWING: &str = "goes with it as it moves, and is on from the playhead on";
     const AROUND: &str = "circles it, and is on from the playhead on";
-    type Kind = (&'static str, &'static str, fn(String) -> Addition);
-    let kinds: [Kind; 2] = [
+    type CameraAddition = (&'static str, &'static str, fn(String) -> Addition);
+    let kinds: [CameraAddition; 2] = [
         ("Camera following", FOLLOWING, Addition::Follow),
         ("Camera around", AROUND, |name| Addition::Orbit(Some(name))),
     ];

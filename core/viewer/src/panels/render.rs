@@ -5,7 +5,7 @@ use super::icons;
 use super::values::named;
 use crate::app::Viewer;
 use crate::commands::queue::{Job, JobState};
-use crate::commands::{Format, Kind};
+use crate::commands::{Format, OutputKind};
 use crate::state::render_form::{FormScene, Range, RenderForm, Size, free_output};
 use egui::{Button, ComboBox, DragValue, Grid, Label, ProgressBar, RichText, TextEdit, Ui, WidgetType};
 use std::path::Path;
@@ -39,7 +39,7 @@ pub fn show(ui: &mut Ui, viewer: &mut Viewer) {
         let jobs = viewer.renders.jobs();
         let writer = jobs.iter().find(|job| job.is_to_write(&request.output));
         ui.horizontal_wrapped(|ui| {
-            let what = if format.kind == Kind::Scene { "Export" } else { "Render" };
+            let what = if format.kind == OutputKind::Scene { "Export" } else { "Render" };
             let add = ui.add_enabled(writer.is_none(), Button::new(RichText::new(what).strong()));
             let add = add.hint(request.about.clone());
             if let Some(writer) = writer {
@@ -109,7 +109,7 @@ fn fields(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene, formats: &[Form
         }
     });
     ui.end_row();
-    if format.kind != Kind::Scene {
+    if format.kind != OutputKind::Scene {
         of_images(ui, form, scene);
     }
 
@@ -160,9 +160,9 @@ fn of_images(ui: &mut Ui, form: &mut RenderForm, scene: &FormScene) {
 
 fn name(format: &Format) -> String {
     let what = match format.kind {
-        Kind::Film => "film",
-        Kind::Images => "images",
-        Kind::Scene => "scene",
+        OutputKind::Film => "film",
+        OutputKind::Images => "images",
+        OutputKind::Scene => "scene",
     };
     format!(".{} ({what})", format.extension)
 }

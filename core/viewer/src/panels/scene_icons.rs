@@ -26,11 +26,11 @@ const SUN: f64 = 3.0;
 struct SceneIcon {
     what: IconOf,
     at: DVec3,
-    kind: Kind,
+    kind: IconKind,
 }
 
 #[derive(Clone, Debug)]
-enum Kind {
+enum IconKind {
     /// Place that it shines on.
     Sun(DVec3),
     Point,
@@ -50,9 +50,9 @@ fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
         let light = light?;
         let direction = light.direction.as_dvec3();
         let (at, kind) = match light.light.kind {
-            LightKind::Directional => (viewer.sunlit() - direction * SUN, Kind::Sun(viewer.sunlit())),
-            LightKind::Spot { outer, .. } => (light.position, Kind::Spot(direction, f64::from(outer))),
-            LightKind::Point => (light.position, Kind::Point),
+            LightKind::Directional => (viewer.sunlit() - direction * SUN, IconKind::Sun(viewer.sunlit())),
+            LightKind::Spot { outer, .. } => (light.position, IconKind::Spot(direction, f64::from(outer))),
+            LightKind::Point => (light.position, IconKind::Point),
         };
         Some(SceneIcon { what: IconOf::Light(number), at, kind })
     });
@@ -62,7 +62,7 @@ fn icons(viewer: &Viewer, index: usize, scene: &Scene) -> Vec<SceneIcon> {
             Projection::Perspective { yfov, .. } => f64::from(yfov),
             Projection::Orthographic { .. } => 0.0,
         };
-        Some(SceneIcon { what: IconOf::Camera(camera.name.clone()), at, kind: Kind::Camera(target, angle) })
+        Some(SceneIcon { what: IconOf::Camera(camera.name.clone()), at, kind: IconKind::Camera(target, angle) })
     });
     lights.chain(cameras).chain(targets(scene, shown)).collect()
 }
@@ -80,7 +80,7 @@ fn targets(scene: &Scene, shown: &FrameInfo) -> Vec<SceneIcon> {
             icons.push(SceneIcon {
                 what: IconOf::Reach(actor.name.clone(), number),
                 at: *point + reach.offset.unwrap_or(DVec3::ZERO),
-                kind: Kind::Reach(state.world_from_model.transform_point3(joint)),
+                kind: IconKind::Reach(state.world_from_model.transform_point3(joint)),
             });
         }
     }
@@ -112,7 +112,7 @@ impl Handle {
 impl SceneIcon {
     /// The cone of a spot, as it is drawn.
     fn beam(&self, chosen: bool) -> Option<Beam> {
-        let Kind::Spot(along, angle) = self.kind else { return None };
+        let IconKind::Spot(along, angle) = self.kind else { return None };
         Some(Beam { at: self.at, along, angle, length: if chosen { 1.0 } else { 0.4 } })
     }
 }
@@ -247,27 +247,27 @@ fn draw(painter: &Painter, icon: &SceneIcon, chosen: bool, hot: bool, lens: &Len
     };
     let turn = std::f32::consts::TAU;
     match &icon.kind {
-        Kind::Sun(on) => {
+        IconKind::Sun(on) => {
             painter.circle_filled(at, 3.5, color);
             (0..8).for_each(|i| ray(turn * i as f32 / 8.0, 5.5, 8.0));
             line(painter, lens, icon.at, *on, thin);
         }
-        Kind::Point => {
+        IconKind::Point => {
             painter.circle_stroke(at, 4.0, stroke);
             painter.circle_filled(at, 1.5, color);
             (0..4).for_each(|i| ray(turn * (i as f32 + 0.5) / 4.0, 5.5, 8.0));
         }
-        Kind::Spot(..) => {
+        IconKind::Spot(..) => {
             painter.circle_filled(at, 3.0, color);
             let lines = icon.beam(chosen).map(|beam| beam.cone()).unwrap_or_default();
             lines.into_iter().for_each(|[a, b]| line(painter, lens, a, b, stroke));
         }
-        Kind::Reach(joint) => {
+        IconKind::Reach(joint) => {
             painter.circle_stroke(at, 6.0, stroke);
             (0..4).for_each(|i| ray(turn * i as f32 / 4.0, 2.0, 9.0));
             line(painter, lens, icon.at, *joint, thin);
         }
-        Kind::Camera(target, angle) => {
+        IconKind::Camera(target, angle) => {
             let body = Rect::from_center_size(at, egui::vec2(9.0, 7.0));
             painter.rect_stroke(body, 1.0, stroke, egui::StrokeKind::Inside);
             let beak = [at + egui::vec2(4.5, 0.0), at + egui::vec2(8.0, -3.5), at + egui::vec2(8.0, 3.5)];

@@ -17,7 +17,7 @@ use egui::{Color32, CursorIcon, Id, Pos2, Rect, Response, Sense, Stroke, Ui, pos
 const SHORTEST: f64 = 0.02;
 
 /// The place of one handle: which key, which number, which side.
-struct Place<'p> {
+struct HandlePlace<'p> {
     property: &'p KeyedProperty,
     key: usize,
     part: usize,
@@ -48,7 +48,7 @@ pub fn show(
             for (side, handle) in handles.iter().enumerate() {
                 let Some(handle) = handle else { continue };
                 let color = color(ui, property, index, part);
-                let place = Place { property, key, part, side, color, scale };
+                let place = HandlePlace { property, key, part, side, color, scale };
                 let shape = place.handle(ui, viewer, plot, handle);
                 done = shape.map(|shape| (key_of(property, *at), shape)).or(done);
             }
@@ -57,7 +57,7 @@ pub fn show(
     done
 }
 
-impl Place<'_> {
+impl HandlePlace<'_> {
     fn sign(&self) -> f64 {
         if self.side == 0 { -1.0 } else { 1.0 }
     }

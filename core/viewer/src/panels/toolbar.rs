@@ -19,7 +19,7 @@ const MORE: &str = "»";
 type Act<'a, C> = Box<dyn FnOnce(&mut C) + 'a>;
 type Show<'a, C> = Box<dyn FnOnce(&mut Ui, &mut C) + 'a>;
 
-enum Kind<'a, C> {
+enum EntryKind<'a, C> {
     Button(Act<'a, C>),
     /// A button that is on or off.
     Toggle(bool, Act<'a, C>),
@@ -43,12 +43,12 @@ struct Entry<'a, C> {
     stays_open: bool,
     /// It leaves the line before those that do not.
     yields: bool,
-    kind: Kind<'a, C>,
+    kind: EntryKind<'a, C>,
 }
 
 impl<C> Entry<'_, C> {
     fn is_separator(&self) -> bool {
-        matches!(self.kind, Kind::Separator)
+        matches!(self.kind, EntryKind::Separator)
     }
 
     fn is_icon(&self) -> bool {
@@ -76,7 +76,7 @@ impl<'a, C> Toolbar<'a, C> {
         Toolbar { id: egui::Id::new(("toolbar", id)), entries: Vec::new() }
     }
 
-    fn add(&mut self, face: &str, name: &str, hint: &str, kind: Kind<'a, C>) {
+    fn add(&mut self, face: &str, name: &str, hint: &str, kind: EntryKind<'a, C>) {
         let [face, name, hint] = [face, name, hint].map(str::to_string);
         let (other_faces, stays_open) = (Vec::new(), false);
         self.entries.push(Entry {
@@ -113,15 +113,15 @@ impl<'a, C> Toolbar<'a, C> {
     }
 
     pub fn button(&mut self, text: &str, hint: &str, act: impl FnOnce(&mut C) + 'a) {
-        self.add(text, text, hint, Kind::Button(Box::new(act)));
+        self.add(text, text, hint, EntryKind::Button(Box::new(act)));
     }
 
     pub fn icon(&mut self, icon: &str, name: &str, hint: &str, act: impl FnOnce(&mut C) + 'a) {
-        self.add(icon, name, hint, Kind::Button(Box::new(act)));
+        self.add(icon, name, hint, EntryKind::Button(Box::new(act)));
     }
 
     pub fn toggle(&mut self, on: bool, text: &str, hint: &str, act: impl FnOnce(&mut C) + 'a) {
-        self.add(text, text, hint, Kind::Toggle(on, Box::new(act)));
+        self.add(text, text, hint, EntryKind::Toggle(on, Box::new(act)));
     }
 
     pub fn icon_toggle(
@@ -132,16 +132,16 @@ impl<'a, C> Toolbar<'a, C> {
         hint: &str,
         act: impl FnOnce(&mut C) + 'a,
     ) {
-        self.add(icon, name, hint, Kind::Toggle(on, Box::new(act)));
+        self.add(icon, name, hint, EntryKind::Toggle(on, Box::new(act)));
     }
 
     pub fn menu(&mut self, text: &str, hint: &str, show: impl FnOnce(&mut Ui, &mut C) + 'a) {
-        self.add(text, text, hint, Kind::Menu(Box::new(show)));
+        self.add(text, text, hint, EntryKind::Menu(Box::new(show)));
     }
 
     /// `name`: by which it differs from the others.
     pub fn widget(&mut self, name: &str, yields: bool, show: impl FnOnce(&mut Ui, &mut C) + 'a) {
-        self.add(name, name, "", Kind::Widget(Box::new(show)));
+        self.add(name, name, "", EntryKind::Widget(Box::new(show)));
         if let Some(last) = self.entries.last_mut() {
             last.yields = yields;
         }
@@ -149,14 +149,14 @@ impl<'a, C> Toolbar<'a, C> {
 
     /// A text, which leaves the line before buttons do.
     pub fn text(&mut self, text: &str, hint: &str, style: TextStyle) {
-        self.add(text, text, hint, Kind::Text(style));
+        self.add(text, text, hint, EntryKind::Text(style));
         if let Some(last) = self.entries.last_mut() {
             last.yields = true;
         }
     }
 
     pub fn separator(&mut self) {
-        self.add("", "", "", Kind::Separator);
+        self.add("", "", "", EntryKind::Separator);
     }
 
     /// Points of the whole line.
@@ -168,9 +168,9 @@ impl<'a, C> Toolbar<'a, C> {
     fn widths(&self, ui: &Ui) -> Vec<f32> {
         let padding = 2.0 * ui.spacing().button_padding.x;
         let width = |entry: &Entry<'a, C>| match &entry.kind {
-            Kind::Separator => SEPARATOR,
-            Kind::Widget(_) => ui.data(|d| d.get_temp(self.id.with(&entry.name))).unwrap_or(UNKNOWN),
-            Kind::Text(style) => text_width(ui, &entry.face, style.clone()),
+            EntryKind::Separator => SEPARATOR,
+            EntryKind::Widget(_) => ui.data(|d| d.get_temp(self.id.with(&entry.name))).unwrap_or(UNKNOWN),
+            EntryKind::Text(style) => text_width(ui, &entry.face, style.clone()),
             _ => {
                 let faces = std::iter::once(&entry.face).chain(&entry.other_faces);
                 let widths = faces.map(|face| text_width(ui, face, TextStyle::Button));
@@ -185,8 +185,8 @@ impl<'a, C> Toolbar<'a, C> {
         let spacing = ui.spacing().item_spacing.x;
         let more = text_width(ui, MORE, TextStyle::Button) + 2.0 * ui.spacing().button_padding.x;
         let widths = self.widths(ui);
-        let parts: Vec<Part> = std::iter::zip(&self.entries, &widths)
-            .map(|(entry, width)| Part {
+        let parts: Vec<EntryLayout> = std::iter::zip(&self.entries, &widths)
+            .map(|(entry, width)| EntryLayout {
                 width: *width,
                 yields: entry.yields,
                 is_separator: entry.is_separator(),
@@ -234,12 +234,12 @@ fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width:
     let Entry { face, name, hint, enabled, kind, other_faces, .. } = entry;
     let least = if other_faces.is_empty() { 0.0 } else { width };
     let add = |ui: &mut Ui| match kind {
-        Kind::Separator => drop(ui.separator()),
-        Kind::Text(style) => {
+        EntryKind::Separator => drop(ui.separator()),
+        EntryKind::Text(style) => {
             let label = ui.add(egui::Label::new(RichText::new(face).text_style(style)).extend());
             described(label, false, &name, &hint, None);
         }
-        Kind::Widget(show) => {
+        EntryKind::Widget(show) => {
             let begin = ui.cursor().left();
             show(ui, context);
             let width = (ui.min_rect().right() - begin).max(0.0);
@@ -249,19 +249,19 @@ fn line_entry<C>(ui: &mut Ui, id: (egui::Id, usize), entry: Entry<'_, C>, width:
                 ui.ctx().request_repaint();
             }
         }
-        Kind::Button(act) => {
+        EntryKind::Button(act) => {
             let button = ui.add(Button::new(face).min_size(vec2(least, 0.0)));
             if described(button, is_icon, &name, &hint, None).clicked() {
                 act(context);
             }
         }
-        Kind::Toggle(on, act) => {
+        EntryKind::Toggle(on, act) => {
             let button = ui.add(Button::selectable(on, face).min_size(vec2(least, 0.0)));
             if described(button, is_icon, &name, &hint, Some(on)).clicked() {
                 act(context);
             }
         }
-        Kind::Menu(show) => {
+        EntryKind::Menu(show) => {
             let button = Button::new(face).min_size(vec2(width, 0.0));
             let (response, _) = MenuButton::from_button(button).config(menu).ui(ui, |ui| show(ui, context));
             described(response, false, &name, &hint, None);
@@ -276,8 +276,8 @@ fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
     let Entry { face, name, hint, enabled, kind, .. } = entry;
     let words = if is_icon { format!("{face}  {name}") } else { name.clone() };
     match kind {
-        Kind::Separator => drop(ui.separator()),
-        Kind::Text(style) => {
+        EntryKind::Separator => drop(ui.separator()),
+        EntryKind::Text(style) => {
             let room = ui.ctx().content_rect().width() - 40.0;
             let label = egui::Label::new(RichText::new(&face).text_style(style.clone()));
             let label = match text_width(ui, &face, style) > room {
@@ -289,22 +289,22 @@ fn menu_entry<C>(ui: &mut Ui, entry: Entry<'_, C>, context: &mut C) {
             };
             described(label, false, &name, &hint, None);
         }
-        Kind::Widget(show) => drop(ui.horizontal(|ui| show(ui, context))),
-        Kind::Button(act) => {
+        EntryKind::Widget(show) => drop(ui.horizontal(|ui| show(ui, context))),
+        EntryKind::Button(act) => {
             let response = ui.add_enabled(enabled, Button::new(words));
             if described(response, is_icon, &name, &hint, None).clicked() {
                 act(context);
                 ui.close();
             }
         }
-        Kind::Toggle(on, act) => {
+        EntryKind::Toggle(on, act) => {
             let response = ui.add_enabled(enabled, Button::selectable(on, words));
             if described(response, is_icon, &name, &hint, Some(on)).clicked() {
                 act(context);
                 ui.close();
             }
         }
-        Kind::Menu(show) => {
+        EntryKind::Menu(show) => {
             ui.add_enabled_ui(enabled, |ui| {
                 let menu = SubMenuButton::new(words).config(menu);
                 let (response, _) = menu.ui(ui, |ui| show(ui, context));
@@ -332,7 +332,7 @@ fn described(response: Response, is_icon: bool, name: &str, hint: &str, on: Opti
 }
 
 /// The properties of an entry that decide about its place.
-struct Part {
+struct EntryLayout {
     width: f32,
     yields: bool,
     is_separator: bool,
@@ -340,7 +340,7 @@ struct Part {
 
 /// Whether each entry is on the line. Where not all have room, those that yield leave first, then the others, the last ones first, until
 /// the rest has room beside the menu, which is `more` wide. Separators between nothing leave, too.
-fn placed(parts: &[Part], spacing: f32, room: f32, more: f32) -> Vec<bool> {
+fn placed(parts: &[EntryLayout], spacing: f32, room: f32, more: f32) -> Vec<bool> {
     let mut on_line = vec![true; parts.len()];
     let taken = |on_line: &[bool]| {
         let widths =
@@ -384,14 +384,14 @@ fn placed(parts: &[Part], spacing: f32, room: f32, more: f32) -> Vec<bool> {
 mod tests {
     use super::*;
 
-    fn part(width: f32) -> Part {
-        Part { width, yields: false, is_separator: false }
+    fn part(width: f32) -> EntryLayout {
+        EntryLayout { width, yields: false, is_separator: false }
     }
 
     #[test]
     fn what_has_no_room_leaves_from_the_end_and_texts_leave_first() {
-        let separator = || Part { is_separator: true, ..part(6.0) };
-        let text = || Part { yields: true, ..part(100.0) };
+        let separator = || EntryLayout { is_separator: true, ..part(6.0) };
+        let text = || EntryLayout { yields: true, ..part(100.0) };
         let parts = [part(20.0), separator(), text(), separator(), part(20.0), part(20.0)];
         let shown = |room: f32| -> String {
             placed(&parts, 4.0, room, 10.0).into_iter().map(|on| if on { '1' } else { '0' }).collect()

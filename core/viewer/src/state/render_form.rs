@@ -1,7 +1,7 @@
 //! Choices of a render or export, as they stand in the panel, and the words of the command that does it.
 
 use crate::commands::queue::Request;
-use crate::commands::{Format, Kind};
+use crate::commands::{Format, OutputKind};
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
@@ -118,11 +118,11 @@ impl RenderForm {
         let stem = scene.input.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let extension = &format.extension;
         let name = match format.kind {
-            Kind::Film | Kind::Scene => format!("{stem}.{extension}"),
-            Kind::Images if self.range == Range::Playhead => {
+            OutputKind::Film | OutputKind::Scene => format!("{stem}.{extension}"),
+            OutputKind::Images if self.range == Range::Playhead => {
                 format!("{stem}_{}.{extension}", self.frames(scene)[0])
             }
-            Kind::Images => format!("{stem}_frames/%04d.{extension}"),
+            OutputKind::Images => format!("{stem}_frames/%04d.{extension}"),
         };
         scene.input.with_file_name(name)
     }
@@ -138,7 +138,7 @@ impl RenderForm {
             true => format!("frame {first}"),
             false => format!("frames {first} to {last}"),
         };
-        if format.kind != Kind::Scene {
+        if format.kind != OutputKind::Scene {
             let [width, height] = self.pixels(scene);
             options.extend(["--progress-lines".into(), "--discard".into()]);
             options.extend(["--size".into(), format!("{width}x{height}").into()]);
@@ -152,7 +152,7 @@ impl RenderForm {
             options.extend(["--export".into(), option.into()]);
             about += &format!(", {option}");
         }
-        let command = if format.kind == Kind::Scene { "export" } else { "render" };
+        let command = if format.kind == OutputKind::Scene { "export" } else { "render" };
         Request { command, output, about, options }
     }
 }
@@ -171,7 +171,7 @@ mod tests {
         }
     }
 
-    fn format(kind: Kind, extension: &str) -> Format {
+    fn format(kind: OutputKind, extension: &str) -> Format {
         Format { kind, extension: extension.into(), about: String::new(), options: Vec::new() }
     }
 
@@ -203,7 +203,7 @@ mod tests {
     #[test]
     fn a_form_becomes_the_words_of_a_command() {
         let mut form = RenderForm::default();
-        let film = format(Kind::Film, "mp4");
+        let film = format(OutputKind::Film, "mp4");
         let all = "--progress-lines --discard --size 640x362";
         assert_eq!(words(&form, &film), format!("render plays/dance.mp4 --frames 0..90 {all}"));
         form.range = Range::Shown;
@@ -216,11 +216,11 @@ mod tests {
              --export crf=30 --export speed=fast"
         );
         form.options.clear();
-        let scenes = format(Kind::Scene, "glb");
+        let scenes = format(OutputKind::Scene, "glb");
         assert_eq!(words(&form, &scenes), "export plays/dance.glb --frames 10..90");
         form.range = Range::Playhead;
         form.size = Size::Chosen;
-        let images = format(Kind::Images, "png");
+        let images = format(OutputKind::Images, "png");
         assert!(words(&form, &images).starts_with("render plays/dance_31.png --frames 31..32 "));
         form.range = Range::Chosen;
         form.chosen = [80, 20];

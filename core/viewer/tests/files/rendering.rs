@@ -3,7 +3,7 @@
 use crate::place::Place;
 use choreo_viewer::commands::queue::{Job, JobState};
 use choreo_viewer::commands::test_report::Status;
-use choreo_viewer::commands::{AS_PROGRAM, Commands, Kind};
+use choreo_viewer::commands::{AS_PROGRAM, Commands, OutputKind};
 use choreo_viewer::panels::Panels;
 use choreo_viewer::state::render_form::{Range, Size};
 use choreo_viewer::state::settings::Settings;
@@ -60,7 +60,7 @@ fn ended(harness: &mut Harness<'static, Place>, index: usize) -> Job {
     })
 }
 
-fn choose_format(harness: &mut Harness<'static, Place>, kind: Kind, extension: &str) {
+fn choose_format(harness: &mut Harness<'static, Place>, kind: OutputKind, extension: &str) {
     let viewer = &mut harness.state_mut().viewer;
     let found = viewer.commands.formats.iter().position(|f| f.kind == kind && f.extension == extension);
     viewer.render_form.format = found.unwrap();
@@ -81,11 +81,11 @@ fn a_queue_of_renders_and_exports_makes_the_files_of_the_command_line() {
     let mut harness = opened(SCRIPT, "Render");
     let folder = harness.state().folder.path().to_path_buf();
     // A film at half the size, and the scene for another program behind it.
-    choose_format(&mut harness, Kind::Film, "gif");
+    choose_format(&mut harness, OutputKind::Film, "gif");
     harness.state_mut().viewer.render_form.size = Size::Scaled(1, 2);
     harness.run_steps(2);
     click_add(&mut harness, "Render");
-    choose_format(&mut harness, Kind::Scene, "glb");
+    choose_format(&mut harness, OutputKind::Scene, "glb");
     click_add(&mut harness, "Export");
     assert_eq!(harness.state().viewer.renders.jobs().len(), 2);
     for index in 0..2 {
@@ -102,7 +102,7 @@ fn a_queue_of_renders_and_exports_makes_the_files_of_the_command_line() {
     let scene = rendered(&script, &folder.join("b.glb"), &["export", "--quiet"]);
     assert_eq!(fs::read(folder.join("a.glb")).unwrap().len(), scene.len());
     // One frame, by its number.
-    choose_format(&mut harness, Kind::Images, "png");
+    choose_format(&mut harness, OutputKind::Images, "png");
     harness.state_mut().viewer.render_form.range = Range::Playhead;
     harness.state_mut().viewer.playhead.step(3);
     harness.run_steps(2);
@@ -138,7 +138,7 @@ fn a_render_that_is_canceled_leaves_nothing_and_the_next_one_goes_on() {
     let long = SCRIPT.replace("length: 0.4", "length: 100.0").replace("[64, 36]", "[640, 360]");
     let mut harness = opened(&long, "Render");
     let folder = harness.state().folder.path().to_path_buf();
-    choose_format(&mut harness, Kind::Film, "gif");
+    choose_format(&mut harness, OutputKind::Film, "gif");
     click_add(&mut harness, "Render");
     harness.state_mut().viewer.render_form.output = folder.join("one.png").to_str().unwrap().into();
     harness.state_mut().viewer.render_form.range = Range::Playhead;
@@ -170,7 +170,7 @@ fn a_file_that_is_being_written_is_not_rendered_to_a_second_time() {
     let long = SCRIPT.replace("length: 0.4", "length: 100.0").replace("[64, 36]", "[640, 360]");
     let mut harness = opened(&long, "Render");
     let folder = harness.state().folder.path().to_path_buf();
-    choose_format(&mut harness, Kind::Film, "gif");
+    choose_format(&mut harness, OutputKind::Film, "gif");
     click_add(&mut harness, "Render");
     until(&mut harness, "what is said of the file", |harness| {
         harness.query_by_label("a.gif is being written by the render that runs").map(drop)
@@ -191,11 +191,11 @@ fn a_file_that_is_being_written_is_not_rendered_to_a_second_time() {
     harness.run_steps(2);
     harness.get_by_label("Write a_3.gif");
     // Exports and numbered images, too.
-    choose_format(&mut harness, Kind::Scene, "glb");
+    choose_format(&mut harness, OutputKind::Scene, "glb");
     click_add(&mut harness, "Export");
     harness.get_by_label("a.glb is to be written by the export that waits");
     harness.get_by_label("Write a_2.glb");
-    choose_format(&mut harness, Kind::Images, "png");
+    choose_format(&mut harness, OutputKind::Images, "png");
     click_add(&mut harness, "Render");
     harness.get_by_label("a_frames/%04d.png is to be written by the render that waits");
     harness.get_by_label("Write a_frames_2/%04d.png").click();
@@ -205,7 +205,7 @@ fn a_file_that_is_being_written_is_not_rendered_to_a_second_time() {
     let jobs = harness.state().viewer.renders.jobs();
     jobs.iter().rev().for_each(|job| harness.state().viewer.renders.cancel(job.number));
     assert_eq!(ended(&mut harness, 0).state, JobState::Canceled);
-    choose_format(&mut harness, Kind::Film, "gif");
+    choose_format(&mut harness, OutputKind::Film, "gif");
     harness.state_mut().viewer.render_form.output.clear();
     harness.run_steps(2);
     assert!(harness.query_by_label_contains("a.gif is").is_none());
@@ -215,7 +215,7 @@ fn a_file_that_is_being_written_is_not_rendered_to_a_second_time() {
 fn a_render_that_fails_says_why() {
     let mut harness = opened(SCRIPT, "Render");
     harness.state().write("stage(#{ length: 1.0 }); nonsense();\n");
-    choose_format(&mut harness, Kind::Film, "gif");
+    choose_format(&mut harness, OutputKind::Film, "gif");
     click_add(&mut harness, "Render");
     let job = ended(&mut harness, 0);
     let JobState::Failed(why) = &job.state else { panic!("{job:?}") };
