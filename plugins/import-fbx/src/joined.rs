@@ -89,7 +89,7 @@ impl Joined {
         self.vector(interval, first, |c| c[1] + u * (2.0 * c[2] + u * (3.0 * c[3])))
     }
 
-    /// Up to three numbers, each mapped by a function that also returns its derivative: values, and changes over the interval.
+    /// Three numbers or fewer, each mapped by a function that also returns its derivative: values, and changes over the interval.
     pub fn numbers(&self, interval: usize, u: f64, of: impl Fn(f64) -> (f64, f64)) -> ([f64; 4], [f64; 4]) {
         let (mut values, mut changes) = ([0.0; 4], [0.0; 4]);
         for (k, c) in self.pieces[interval * self.width..][..self.width].iter().enumerate() {

@@ -128,7 +128,7 @@ impl Local {
         Some(local)
     }
 
-    /// Metres a unit of the file.
+    /// Meters in a unit of the file.
     pub fn metres(&self) -> f64 {
         self.metres.abs()
     }

@@ -39,7 +39,7 @@ pub(crate) fn mark_channels(root: &mut Value) -> Option<Pointers> {
     any.then_some(pointers)
 }
 
-/// What a pointer means in the asset.
+/// The meaning of a pointer in the asset.
 pub enum Meaning {
     /// A property of a node, as in plain channels.
     Node(usize, Property),

@@ -110,7 +110,7 @@ pub fn has_extension(bytes: &[u8], names: &[&str]) -> Option<bool> {
         let quoted = format!("\"{name}\"");
         json.windows(quoted.len()).any(|w| w == quoted.as_bytes())
     };
-    // This test settles most files without parsing.
+    // Most files are settled here, without parsing.
     if !names.iter().any(speaks) {
         return Some(false);
     }

@@ -75,7 +75,7 @@ impl Side {
 pub struct Joint {
     pub name: String,
     pub parent: Option<usize>,
-    /// Rest position in model space, metres.
+    /// Rest position in model space, meters.
     pub at: Vec3,
     /// Model-from-joint rotation at rest.
     pub axes: Quat,

@@ -45,7 +45,7 @@ impl Clips<'_> {
         let rotations: Vec<f32> = list
             .iter()
             .flat_map(|t| {
-                // Of the two equal quaternions, the one nearer to the key before.
+                // A rotation has two quaternions; the one nearer to the key before is used.
                 before = if before.dot(t.rotation) < 0.0 { -t.rotation } else { t.rotation };
                 before.to_array()
             })

@@ -13,7 +13,7 @@ const SMOOTH: f64 = 60.0;
 /// Influences of a vertex, at most.
 const MOST_INFLUENCES: usize = 8;
 
-/// What to read of a mesh, and the context for it.
+/// The parts of a mesh to read, and the context for reading them.
 pub struct Reading<'a> {
     pub path: &'a str,
     pub budget: &'a Budget,

@@ -217,7 +217,7 @@ fn properties(
     let width: usize = targets.iter().map(|target| target.width()).sum();
     let made = rows(&times, NEARNESS, |time: Time| {
         let mut row = row(start + time.as_secs() * rate);
-        // At 90 degrees a spot has no cone; its angles then are 90 degrees.
+        // A spot whose cone opens to 90 degrees becomes a point, so its angles are filled in with 90 degrees.
         row.resize(width, FRAC_PI_2 as f32);
         row
     });

@@ -86,7 +86,7 @@ impl Packed {
             }
             // One code byte for each triangle, and a table of 16 bytes.
             Mode::Triangles => 1 + count / 3 + 16,
-            // At least one byte for each index, and 4 bytes of padding.
+            // One byte or more for each index, and 4 bytes of padding.
             Mode::Indices => 1 + count + 4,
         }
     }

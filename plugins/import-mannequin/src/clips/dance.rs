@@ -131,7 +131,7 @@ fn feet(beat: f32, spot: f32, weight: f32) -> [Foot; 2] {
     // A touch lifts the heel. The last one is repeated a loop earlier, so that it continues over the loop point.
     let left_touch = touch(beat, &[3.0, 7.0, 15.0]).max(touch(beat + BEATS, &[15.0]));
     let right_touch = touch(beat, &[1.0, 5.0]);
-    // On the spot, the knee of the unweighted leg comes in, with its heel up.
+    // The knee of the unweighted leg comes in on the spot, with its heel up.
     let free = |side: f32| spot * (-side * weight).max(0.0) * (-side * weight).max(0.0);
     let foot = |x: f32, lift: f32, touching: f32, free: f32| Foot {
         x,
