@@ -36,7 +36,7 @@ fn attributes() {
     let wave_of = packed(Mode::Attributes, Filter::None, 40, 8);
     assert_eq!(wave_of.unpack(&hex(WAVE_0)).unwrap(), wave());
     assert_eq!(wave_of.unpack(&hex(WAVE_1)).unwrap(), wave());
-    // Version 1 with turned bits and with widths of one bit.
+    // Codec version 1, with rotated bits and with widths of one bit.
     let bits: Vec<u8> = (0..20u32)
         .flat_map(|i| [0x3f80_0000 ^ i << 20, (i as f32).to_bits()])
         .flat_map(u32::to_le_bytes)
