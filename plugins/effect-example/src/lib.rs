@@ -1,4 +1,4 @@
-//! Fades the image to shades of one color. A template for effects of your own.
+//! Fades the image to shades of one color. The effect to copy for a look of your own.
 
 #[doc(hidden)]
 pub mod files;

@@ -1,4 +1,4 @@
-//! Joint positions over time as text, one line for each frame, actor and joint. A template for exporters of your own.
+//! Joint positions over time as text, one line for each frame, actor and joint. The one to copy for a format of your own.
 
 #[doc(hidden)]
 pub mod files;

@@ -1,4 +1,4 @@
-//! Importer of `.example`: points and faces as text. A template for importers of your own.
+//! Importer of `.example`: points and faces as text. The one to copy for a format of your own.
 
 #[doc(hidden)]
 pub mod files;
