@@ -1,14 +1,14 @@
-//! Fades an image to one color's shades. The effect to copy for a look of your own.
+//! Fades the image to shades of one color. The effect to copy for a look of your own.
 
 #[doc(hidden)]
 pub mod files;
 
 use choreo_wgsl_effect::{EffectError, WgslEffect};
 
-/// The effect, from the text that both renderers run.
+/// The effect, parsed from the WGSL text that both renderers run.
 ///
 /// # Errors
-/// An error in the text, with its place.
+/// The text has an error; the error states its place.
 pub fn example() -> Result<WgslEffect, EffectError> {
     WgslEffect::from_text("example.wgsl", include_str!("example.wgsl"))
 }

@@ -1,11 +1,11 @@
-//! The built-in effects: one WGSL file each beside this crate's folder `src`, and the skeleton, whose labels need Rust.
+//! The built-in effects: one WGSL file for each, beside this crate's folder `src`, and the skeleton, whose labels need Rust.
 
 mod skeleton;
 
 use choreo_plugin::Effect;
 use choreo_wgsl_effect::WgslEffect;
 
-/// Calls a macro with the effects in WGSL, in the order of listings.
+/// Calls a macro with the names of the WGSL effects, in the order of listings.
 macro_rules! names {
     ($with:ident) => {
         $with![
@@ -32,7 +32,7 @@ macro_rules! names {
     };
 }
 
-/// The effects with their texts.
+/// The WGSL effects, as (name, text).
 macro_rules! wgsl_effects {
     ($($name:literal),*) => { [$(($name, text!($name))),*] };
 }
@@ -46,10 +46,10 @@ macro_rules! pages {
     };
 }
 
-/// The pages of the documentation, by their paths in the sources.
+/// The documentation pages, by their paths in the sources.
 pub const PAGES: &[(&str, &str)] = names!(pages);
 
-// Development builds read the files when the program starts: a change in an effect needs no build.
+// Development builds read the WGSL files at startup, so that a changed effect needs no build.
 #[cfg(debug_assertions)]
 macro_rules! text {
     ($name:literal) => {{
@@ -64,7 +64,7 @@ macro_rules! text {
     };
 }
 
-/// All built-in effects.
+/// All built-in effects, in the order of listings.
 pub fn all() -> Vec<Effect> {
     let texts = names!(wgsl_effects);
     let wgsl = |(name, text)| -> Effect {
@@ -77,10 +77,10 @@ pub fn all() -> Vec<Effect> {
     all
 }
 
-/// Built-in effects by name.
+/// The built-in effects with these names.
 ///
 /// # Panics
-/// Panics where there is no effect of a name.
+/// Panics where no effect has one of the names.
 pub fn named(names: &[&str]) -> Vec<Effect> {
     let all = all();
     let find = |name: &&str| all.iter().find(|e| e.manifest().name == *name);

@@ -1,4 +1,4 @@
-//! Bones as lines and joints as points, over the image or hidden by what is nearer.
+//! Bones as lines and joints as points, drawn over the image, or hidden behind nearer surfaces.
 
 use choreo_plugin::{EffectPlugin, EffectScene, Label, Manifest, Overlay, OverlayEffect, Stroke};
 use glam::Vec4;
@@ -29,7 +29,7 @@ impl OverlayEffect for Skeleton {
     fn overlay(&self, scene: &EffectScene, p: &[f32]) -> Overlay {
         let &[width, joints, r, g, b, opacity, over, names] = p else { return Overlay::default() };
         let (mut strokes, mut labels) = (Vec::new(), Vec::new());
-        // Joints are darker: seen on their own bones.
+        // Darker points stand out on their own bones.
         let color = Vec4::new(r, g, b, opacity);
         let dark = Vec4::new(r * 0.25, g * 0.25, b * 0.25, opacity);
         for body in scene.instances() {
@@ -46,7 +46,7 @@ impl OverlayEffect for Skeleton {
             }
             if names > 0.5 {
                 let skeleton = &body.asset.skeleton;
-                // The prefix that Mixamo writes before all names is left out.
+                // Mixamo's prefix of all joint names is left out.
                 let name = |joint: u32| {
                     skeleton.names()[joint as usize].trim_start_matches("mixamorig:").to_string()
                 };

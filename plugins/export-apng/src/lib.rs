@@ -1,4 +1,4 @@
-//! Animated PNG: lossless, with alpha, for the web. Each frame holds the box of what changed.
+//! Animated PNG: lossless, with alpha, for the web. Each frame holds only the rectangle of changed pixels.
 
 use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, VideoInfo, changed_area};
 use std::io::Write;
@@ -41,7 +41,7 @@ impl Exporter for ApngExporter {
             )));
         };
         encoder.set_frame_delay(num, den).map_err(convert)?;
-        // An error where frames are missing at the end.
+        // Makes the encoder fail where frames are missing at the end.
         encoder.validate_sequence(true);
         encoder.set_blend_op(png::BlendOp::Source).map_err(convert)?;
         encoder.set_dispose_op(png::DisposeOp::None).map_err(convert)?;
@@ -72,7 +72,7 @@ impl FrameSink for ApngSink {
         let first = self.shown.is_empty();
         let [left, top, right, bottom] = match first {
             true => [0, 0, self.size[0] as usize, self.size[1] as usize],
-            // A frame without change keeps the time by one pixel.
+            // An unchanged frame is written as a single pixel with the right duration.
             false => changed_area(&self.shown, rgba, self.size[0] as usize).unwrap_or([0, 0, 1, 1]),
         };
         if !first {

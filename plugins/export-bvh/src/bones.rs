@@ -1,4 +1,4 @@
-//! The joints as BVH has them: rest orientations are those of the world, so that only offsets and rotations from the rest pose remain.
+//! The bones of a BVH file. The format has no rest rotations, so rotations are relative to the rest pose, in world axes.
 
 use choreo_plugin::glam::{DAffine3, DMat3, DQuat, DVec3};
 use choreo_plugin::stage::{Actor, ActorState};
@@ -8,24 +8,24 @@ pub struct Bones {
     pub names: Vec<String>,
     parents: Vec<Option<usize>>,
     children: Vec<Vec<usize>>,
-    /// Positions from the parent in the rest pose, in axes of the world, metres; the roots' from the origin.
+    /// Offsets from the parent in the rest pose, in world axes, meters; those of roots are from the origin.
     pub offsets: Vec<DVec3>,
-    /// Rotations of the rest pose in model space.
+    /// Rest rotations in model space.
     rest: Vec<DQuat>,
     /// Whether each bone has position channels.
     pub moving: Vec<bool>,
-    /// A root was added that holds several.
+    /// Whether a root was added above several roots of the skeleton.
     added_root: bool,
 }
 
-/// World positions, metres, and rotations from the rest pose, in the order of the bones.
+/// World positions (meters) and rotations relative to the rest pose, in the order of the bones.
 pub struct Pose {
     positions: Vec<DVec3>,
     rotations: Vec<DQuat>,
 }
 
 impl Bones {
-    /// The bones in the size that the actor has at the first frame. Several roots are put below one that is called as the actor.
+    /// The bones, scaled like the actor at the first frame. Several roots are put below an added root with the actor's name.
     pub fn of(actor: &Actor, first: &ActorState) -> Bones {
         let skeleton = &actor.asset.skeleton;
         let joint_roots = skeleton.parents().iter().filter(|parent| parent.is_none()).count();
@@ -80,12 +80,12 @@ impl Bones {
         self.children[bone].is_empty()
     }
 
-    /// End of a leaf: half of its own length further, as the format has no length for it.
+    /// End of a leaf bone relative to its joint: half of the bone's offset, because joints have no length.
     pub fn end(&self, bone: usize) -> DVec3 {
         self.offsets[bone] * 0.5
     }
 
-    /// The bones and their depths, each before its children: the order of the file, whose frames follow it.
+    /// (bone, depth), parents before children: the order of the file's hierarchy and of its frames.
     pub(crate) fn depth_first(&self) -> Vec<(usize, usize)> {
         let mut order = Vec::with_capacity(self.names.len());
         let mut open = vec![(0, 0)];
@@ -96,7 +96,7 @@ impl Bones {
         order
     }
 
-    /// Positions and rotations of a frame.
+    /// World positions and rotations in a frame.
     pub fn pose(&self, state: &ActorState) -> Pose {
         let mut pose = Pose { positions: Vec::new(), rotations: Vec::new() };
         if self.added_root {
@@ -109,21 +109,21 @@ impl Bones {
         pose
     }
 
-    /// Notes which bones do not keep their offset in this pose.
+    /// Marks the bones whose offset in this pose differs from rest.
     pub(crate) fn find_moving(&mut self, pose: &Pose, tolerance: f64) {
         for bone in 0..self.names.len() {
             self.moving[bone] |= (self.local_position(pose, bone) - self.offsets[bone]).length() > tolerance;
         }
     }
 
-    /// Position from the parent, in its axes; a root's in the world.
+    /// Position relative to the parent, in the parent's axes; a root's position is in world space.
     pub(crate) fn local_position(&self, pose: &Pose, bone: usize) -> DVec3 {
         self.parents[bone].map_or(pose.positions[bone], |parent| {
             pose.rotations[parent].inverse() * (pose.positions[bone] - pose.positions[parent])
         })
     }
 
-    /// Rotation from the parent's; a root's in the world.
+    /// Rotation relative to the parent; a root's rotation is in world space.
     pub(crate) fn local_rotation(&self, pose: &Pose, bone: usize) -> DQuat {
         self.parents[bone].map_or(pose.rotations[bone], |parent| {
             (pose.rotations[parent].inverse() * pose.rotations[bone]).normalize()
@@ -138,7 +138,7 @@ impl Pose {
     }
 }
 
-/// The rotation of a matrix: its axes made orthogonal, mirrored ones turned back.
+/// The rotation of a matrix, with its axes orthogonalized and mirroring removed.
 fn rotation(matrix: &DAffine3) -> DQuat {
     let DMat3 { x_axis, y_axis, .. } = matrix.matrix3;
     let x = x_axis.normalize_or(DVec3::X);

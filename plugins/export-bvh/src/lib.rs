@@ -1,4 +1,4 @@
-//! The motion of one actor as BVH: its joints in the world, a line of angles for each frame.
+//! The motion of one actor as BVH: its joints in the world, one line of angles for each frame.
 
 mod bones;
 
@@ -21,10 +21,10 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         .number("units", "units of the file in a metre: 100 for centimetres", 100.0, 1e-3..=1e6)
 });
 
-/// A joint whose distance or direction from its parent differs by more than this from the rest pose gets position channels, metres.
+/// Distance in meters from its rest offset at which a joint gets position channels.
 const RIGID: f64 = 1e-5;
 
-/// Writes BVH; what it holds and leaves out: README.md.
+/// Writes BVH. Contents and limits: README.md.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BvhExporter;
 
@@ -40,7 +40,7 @@ impl SceneExporter for BvhExporter {
         let mut evaluator = scene.evaluator();
         let first = scene.times.first().copied().unwrap_or_default();
         let mut bones = Bones::of(&scene.stage.actors[actor], &evaluator.at(first)?.actors[actor]);
-        // Evaluated twice, once to find the channels, so that memory does not grow with the length.
+        // The scene is evaluated twice, first to find the channels, so that memory does not grow with the length.
         for time in &scene.times {
             let pose = bones.pose(&evaluator.at(*time)?.actors[actor]);
             bones.find_moving(&pose, RIGID);
@@ -62,7 +62,7 @@ impl SceneExporter for BvhExporter {
     }
 }
 
-/// Index of the actor to export.
+/// Index of the actor to export, by name or as the only one with joints.
 fn chosen(stage: &Stage, name: &str) -> Result<usize, ExportError> {
     let names: Vec<&str> = stage.actors.iter().map(|actor| actor.name.as_str()).collect();
     if !name.is_empty() {
@@ -84,10 +84,10 @@ fn chosen(stage: &Stage, name: &str) -> Result<usize, ExportError> {
     }
 }
 
-/// Seconds from frame to frame.
+/// Seconds between frames.
 ///
 /// # Errors
-/// The frames are not evenly spaced, by more than the rounding of times.
+/// The frames are not evenly spaced, beyond the rounding of times.
 fn frame_time(scene: &ExportedScene) -> Result<f64, ExportError> {
     let secs: Vec<f64> = scene.times.iter().map(|time| time.as_secs()).collect();
     let (Some(first), Some(last), true) = (secs.first(), secs.last(), secs.len() > 1) else {
@@ -101,7 +101,7 @@ fn frame_time(scene: &ExportedScene) -> Result<f64, ExportError> {
     }
 }
 
-/// The joints, children within the braces of their parent.
+/// The HIERARCHY section, with children within the braces of their parent.
 fn hierarchy(bones: &Bones, units: f64) -> String {
     let mut text = String::from("HIERARCHY\n");
     let mut last_depth = 0;
@@ -128,14 +128,14 @@ fn hierarchy(bones: &Bones, units: f64) -> String {
     text
 }
 
-/// The closing braces of the bones that are open down to a depth.
+/// Closes the braces of open bones down to a depth.
 fn close(open: usize, down_to: usize, text: &mut String) {
     for depth in (down_to..open).rev() {
         let _ = writeln!(text, "{}}}", "\t".repeat(depth));
     }
 }
 
-/// One line: positions in the file's units, angles in degrees, continuous from frame to frame.
+/// One line of the MOTION section: positions in the file's units, and angles in degrees that are continuous over the frames.
 fn frame(
     (bones, order): (&Bones, &[usize]),
     pose: &Pose,
@@ -157,7 +157,7 @@ fn frame(
     line.push('\n');
 }
 
-/// Angles in radians of Z · X · Y, those of the two solutions and their full turns that are nearest to the last frame's.
+/// Euler angles of Z · X · Y in radians. Of the two solutions and their full turns, those nearest to the last frame's.
 fn zxy(rotation: DQuat, last: [f64; 3]) -> [f64; 3] {
     let (z, x, y) = rotation.to_euler(EulerRot::ZXY);
     let near = |angles: [f64; 3]| {
@@ -172,7 +172,7 @@ fn zxy(rotation: DQuat, last: [f64; 3]) -> [f64; 3] {
     if distance(&other) < distance(&one) { other } else { one }
 }
 
-/// Notes for the user of the file.
+/// Notes for the user.
 fn notes(bones: &Bones, units: f64) -> Vec<String> {
     let mut notes = Vec::new();
     let moving = bones.moving.iter().filter(|moving| **moving).count().saturating_sub(1);

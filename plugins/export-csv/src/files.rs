@@ -1,9 +1,9 @@
-//! The text of this crate, for `choreo new`: a copy has no such file.
+//! The files of this crate as text, for `choreo new`. Copies of the crate do not have this module.
 
 /// The page of the documentation.
 pub const README: &str = include_str!("../README.md");
 
-/// Path in the crate and text.
+/// (path in the crate, text) of each file.
 pub const FILES: &[(&str, &str)] = &[
     ("README.md", README),
     ("src/lib.rs", include_str!("lib.rs")),

@@ -15,7 +15,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CsvExporter;
 
-// Where the crate is compiled to WebAssembly, this makes a plugin file of it; elsewhere it is nothing.
+// Makes a plugin file of the crate in builds for WebAssembly; expands to nothing in others.
 choreo_plugin::wasm_exporter!(CsvExporter);
 
 impl SceneExporter for CsvExporter {

@@ -4,7 +4,7 @@ use crate::shots::shots;
 use choreo_plugin::{ExportError, ExportedScene};
 use std::io::Write;
 
-/// Timecode of a frame, without dropped numbers: `fps` frames make a second, at 29.97 Hz as at 30.
+/// Non-drop timecode of a frame: `fps` frames make a second, 30 also at 29.97 Hz.
 fn timecode(frame: i64, fps: i64) -> String {
     let secs = frame / fps;
     format!("{:02}:{:02}:{:02}:{:02}", secs / 3600, secs / 60 % 60, secs % 60, frame % fps)
@@ -22,7 +22,7 @@ pub fn write(scene: &ExportedScene, media: &str, out: &mut dyn Write) -> Result<
         let [from, to] = [shot.frames.0, shot.frames.1].map(|frame| timecode(frame, fps));
         let event = index + 1;
         let before = index.checked_sub(1).map(|before| &shots[before]).filter(|_| shot.dissolve > 0);
-        // All shots are parts of one video, the reel AX: source and record times are the same.
+        // All shots are parts of one video, the reel AX, so source and record times are equal.
         match before {
             None => writeln!(out, "{event:03}  AX       V     C        {from} {to} {from} {to}")?,
             Some(before) => {

@@ -1,5 +1,5 @@
-//! The edit of a scene for editing programs: shots between cuts, cues, markers and titles as OpenTimelineIO, shots as an EDL
-//! (CMX 3600), titles as subtitles (SubRip).
+//! The edit of a scene, for editing programs: shots, cues, markers and titles as OpenTimelineIO; shots as an EDL (CMX 3600);
+//! titles as subtitles (SubRip).
 
 mod edl;
 mod otio;
@@ -21,8 +21,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     manifest.text("media", media, "", &[]).text("texts", texts, "subtitles", &["subtitles", "all"])
 });
 
-/// Writes OpenTimelineIO, which `cuts` in a script reads back; an edit decision list where the output is called `.edl`, the titles as
-/// subtitles where it is called `.srt`.
+/// Writes OpenTimelineIO, which `cuts` in a script reads back; an edit decision list for `.edl`; subtitles for `.srt`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct EditExporter;
 
@@ -59,8 +58,10 @@ impl SceneExporter for EditExporter {
     }
 }
 
+/// Checks that all frames of the scene are exported.
+///
 /// # Errors
-/// The error where only some frames are exported: an edit is of the whole scene.
+/// Only some frames are exported.
 fn whole(scene: &ExportedScene) -> Result<(), ExportError> {
     match scene.times.len() as i64 == shots::total(scene) {
         true => Ok(()),
@@ -68,7 +69,7 @@ fn whole(scene: &ExportedScene) -> Result<(), ExportError> {
     }
 }
 
-/// Name of the video that the shots are parts of.
+/// File name of the video that the shots are parts of.
 fn media(scene: &ExportedScene) -> String {
     match scene.options.text("media").unwrap_or_default() {
         "" => format!("{}.mp4", scene.stem),

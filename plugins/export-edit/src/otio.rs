@@ -1,4 +1,4 @@
-//! OpenTimelineIO, schemas `Timeline.1`, `Track.1`, `Clip.2`, `Transition.1`: times are whole frames at the scene's rate.
+//! OpenTimelineIO, schemas `Timeline.1`, `Track.1`, `Clip.2`, `Transition.1`. Times are whole frames at the scene's rate.
 
 use crate::shots::{Shot, shots, total};
 use crate::srt::{Title, titles};
@@ -7,7 +7,7 @@ use choreo_plugin::motion::Time;
 use choreo_plugin::stage::{Actor, Cue, Layer};
 use serde_json::{Value, json};
 
-/// Makes objects whose times have the scene's rate.
+/// Builds OTIO objects whose times have the scene's rate.
 struct Objects {
     rate: f64,
 }
@@ -35,7 +35,7 @@ impl Objects {
         gap
     }
 
-    /// A clip of the frames `from` on of a medium.
+    /// A clip of `length` frames of a medium, beginning at frame `from`.
     fn clip(&self, name: &str, from: f64, length: f64, media: Value) -> Value {
         let mut clip = item("Clip.2", name);
         clip["source_range"] = self.range(from, length);
@@ -44,7 +44,7 @@ impl Objects {
         clip
     }
 
-    /// Begins at the boundary of two clips and ends in the second.
+    /// A dissolve that begins at the boundary of two clips and ends in the second.
     fn dissolve(&self, frames: i64) -> Value {
         json!({
             "OTIO_SCHEMA": "Transition.1", "name": "", "metadata": {},
@@ -54,7 +54,7 @@ impl Objects {
     }
 }
 
-/// An item with the fields that all items have.
+/// An item with the members that all items have.
 fn item(schema: &str, name: &str) -> Value {
     json!({
         "OTIO_SCHEMA": schema, "name": name, "metadata": {}, "source_range": null,
@@ -62,12 +62,12 @@ fn item(schema: &str, name: &str) -> Value {
     })
 }
 
-/// A medium without frames of its own.
+/// A media reference without a file.
 fn missing(name: &str) -> Value {
     json!({ "OTIO_SCHEMA": "MissingReference.1", "name": name, "metadata": {}, "available_range": null })
 }
 
-/// The scene as a timeline: a track of shots, tracks of titles, and a track for each layer of each actor.
+/// The scene as a timeline: a track of shots, tracks of titles, and a track for each animation layer of each actor.
 pub fn timeline(scene: &ExportedScene, media: &str) -> Value {
     let make = Objects { rate: scene.fps.as_fps() };
     let mut tracks = vec![shots_track(&make, scene, media)];
@@ -95,8 +95,8 @@ pub fn timeline(scene: &ExportedScene, media: &str) -> Value {
     })
 }
 
-/// All shots are parts of the rendered video, which has the dissolves already: a dissolve between two of its clips changes nothing, and
-/// keeps its length for `cuts`.
+/// The track of shots. They are parts of the rendered video, which contains the dissolves already, so a dissolve between two clips
+/// changes no image; it keeps the length for `cuts`.
 fn shots_track(make: &Objects, scene: &ExportedScene, media: &str) -> Value {
     let video = json!({
         "OTIO_SCHEMA": "ExternalReference.1", "name": media, "metadata": {}, "target_url": media,
@@ -112,7 +112,7 @@ fn shots_track(make: &Objects, scene: &ExportedScene, media: &str) -> Value {
     make.track("shots", "Video", children)
 }
 
-/// The markers, of no duration, by time.
+/// The markers by time, without duration.
 fn markers(make: &Objects, scene: &ExportedScene) -> Vec<Value> {
     let mut markers: Vec<&(String, Time)> = scene.stage.markers.iter().collect();
     markers.sort_by_key(|(_, time)| *time);
@@ -125,7 +125,7 @@ fn markers(make: &Objects, scene: &ExportedScene) -> Vec<Value> {
     markers.into_iter().map(marker).collect()
 }
 
-/// Titles in rows in which none overlaps another.
+/// Distributes titles over rows so that none overlap in a row.
 fn lanes(titles: Vec<Title<'_>>) -> Vec<Vec<Title<'_>>> {
     let mut lanes: Vec<Vec<Title<'_>>> = Vec::new();
     for title in titles {
@@ -159,7 +159,7 @@ fn titles_of(make: &Objects, scene: &ExportedScene, titles: &[Title<'_>]) -> Vec
     children
 }
 
-/// The cues of a layer: each until it ends or the next one begins, which fades in over it.
+/// The cues of a layer. A cue lasts until it ends or the next one begins; the next one's fade becomes a dissolve.
 fn cues_of(make: &Objects, scene: &ExportedScene, (actor, layer): (&Actor, &Layer)) -> Vec<Value> {
     let (mut children, mut end) = (Vec::new(), 0);
     for (index, cue) in layer.cues.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Shots: what each camera shows from its cut to the next, in frames.
+//! Shots, in frames: the spans between cuts, each with its camera.
 
 use choreo_plugin::ExportedScene;
 
@@ -7,9 +7,9 @@ use choreo_plugin::ExportedScene;
 pub struct Shot {
     /// The camera's name.
     pub camera: String,
-    /// The first frame, and the one after the last.
+    /// First frame, and the frame after the last.
     pub frames: (i64, i64),
-    /// Frames from its first one on in which the image of the shot before goes over into its own.
+    /// Length of the dissolve from the shot before, in frames from the shot's first frame on.
     pub dissolve: i64,
 }
 
@@ -18,8 +18,8 @@ pub fn total(scene: &ExportedScene) -> i64 {
     scene.fps.frames_in(scene.stage.settings.length).max(1)
 }
 
-/// The shots of the scene, one after the other. A frame belongs to the last cut that is not after it; cuts to the camera that is on and
-/// those that no frame shows are left out.
+/// The shots of the scene in order. A shot begins at the first frame at or after its cut. Cuts to the camera that is already on, and
+/// cuts that no frame shows, are left out.
 pub fn shots(scene: &ExportedScene) -> Vec<Shot> {
     let (stage, total) = (&scene.stage, total(scene));
     let name = |camera: usize| stage.cameras.get(camera).map_or("camera", |camera| &camera.name).to_string();

@@ -1,24 +1,25 @@
-//! Subtitles (SubRip): one for each text of the 2D layers that stands where subtitles do.
+//! Subtitles (SubRip): the texts of 2D layers that stand where subtitles do.
 
 use choreo_plugin::ExportedScene;
 use choreo_plugin::motion::Time;
 use choreo_plugin::stage::{Layer2d, Layer2dContent};
 use std::io::Write;
 
-/// The place where a text is read as a subtitle: the lower third and the middle of the width. Names of speakers and credits stand at the sides, titles higher.
+/// Position of subtitles, as fractions of the frame: the lower third, and the middle half of the width. Speakers' names and
+/// credits stand at the sides, titles higher.
 const TOP: f64 = 2.0 / 3.0;
 const SIDE: f64 = 0.25;
 
-/// A text and when it is shown.
+/// A text, and when it is shown.
 pub struct Title<'a> {
     pub words: &'a str,
     pub from: Time,
     pub until: Time,
-    /// Whether it is read as a subtitle: over the frame, where these stand, and not all the time.
+    /// Whether the text is a subtitle: placed like one, in front of the scene, and not shown all the time.
     pub is_subtitle: bool,
 }
 
-/// The texts of the scene by start. Those outside its length are left out.
+/// The texts of the scene by start time. Texts outside its length are left out.
 pub fn titles(scene: &ExportedScene) -> Vec<Title<'_>> {
     let length = scene.stage.settings.length;
     let shown = |layer: &'_ Layer2d| (layer.start.max(Time::ZERO), layer.end.unwrap_or(length).min(length));
@@ -37,19 +38,19 @@ pub fn titles(scene: &ExportedScene) -> Vec<Title<'_>> {
     titles
 }
 
-/// `00:01:02,500`, rounded to milliseconds.
+/// A time as `00:01:02,500`, rounded to milliseconds.
 fn stamp(time: Time) -> String {
     let millis = (time.as_secs() * 1000.0).round() as i64;
     let secs = millis / 1000;
     format!("{:02}:{:02}:{:02},{:03}", secs / 3600, secs / 60 % 60, secs % 60, millis % 1000)
 }
 
-/// Writes the subtitles, or all texts. Gives the number of those that are left out.
+/// Writes the subtitles, or `all` texts. Returns the number of texts left out.
 pub fn write(scene: &ExportedScene, all: bool, out: &mut dyn Write) -> std::io::Result<usize> {
     let (subtitles, others): (Vec<_>, Vec<_>) =
         titles(scene).into_iter().partition(|title| all || title.is_subtitle);
     for (index, title) in subtitles.iter().enumerate() {
-        // An empty line would end the subtitle.
+        // Empty lines are dropped, because one would end the subtitle.
         let lines: Vec<&str> = title.words.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
         writeln!(out, "{}\n{} --> {}", index + 1, stamp(title.from), stamp(title.until))?;
         writeln!(out, "{}\n", lines.join("\n"))?;

@@ -3,7 +3,7 @@
 use choreo_plugin::IdMatte;
 use std::collections::BTreeMap;
 
-/// One layer, with its attributes.
+/// One Cryptomatte layer, with its header attributes.
 pub(crate) struct Cryptomatte<'a> {
     /// The name of the layer: `CryptoObject`, `CryptoMaterial`.
     pub layer: &'static str,
@@ -11,7 +11,7 @@ pub(crate) struct Cryptomatte<'a> {
 }
 
 impl Cryptomatte<'_> {
-    /// The attributes of the header, as (name, value).
+    /// Header attributes, as (name, value).
     pub fn attributes(&self) -> Vec<(String, String)> {
         // The first seven digits of the hash of the layer's name tell the layers of a file apart.
         let key = &format!("{:08x}", id_of(self.layer))[..7];
@@ -26,7 +26,7 @@ impl Cryptomatte<'_> {
         ]
     }
 
-    /// The channels, two ranks in each layer of four: id and share, id and share. They have 32 bits.
+    /// Float channels, two ranks to a layer of four: id and share (R, G), id and share (B, A).
     pub fn channels(&self) -> Vec<(String, Vec<f32>)> {
         let ids: Vec<f32> = self.matte.names.iter().map(|name| f32::from_bits(id_of(name))).collect();
         let mut all = Vec::new();
@@ -37,7 +37,7 @@ impl Cryptomatte<'_> {
             all.push((id, shares.iter().map(|s| id_at(s.number).unwrap_or(0.0)).collect()));
             all.push((share, shares.iter().map(|s| s.share).collect()));
         }
-        // Readers expect whole layers.
+        // Readers expect all four channels of a layer, so an odd last rank is filled up with zeros.
         if self.matte.ranks.len() % 2 == 1 {
             let pixels = self.matte.ranks.first().map_or(0, Vec::len);
             let last = self.matte.ranks.len() / 2;
@@ -47,8 +47,8 @@ impl Cryptomatte<'_> {
     }
 }
 
-/// The hash of a name. Where its bits would be a denormal float, an infinity or NaN, which programs change, one bit of the exponent is
-/// another.
+/// The id of a name: its hash, with one bit of the exponent flipped where the float would be a denormal, an infinity or NaN, which
+/// programs do not keep.
 pub(crate) fn id_of(name: &str) -> u32 {
     let hash = murmur3_32(name.as_bytes());
     match hash >> 23 & 0xff {

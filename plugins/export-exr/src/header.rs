@@ -1,8 +1,9 @@
-//! The header of a file: the crate `exr` writes attributes that are not its own in an order of chance, and equal frames have equal bytes.
+//! The header of a file. The crate `exr` writes custom attributes in random order; sorting them makes equal frames equal in
+//! bytes.
 
-/// Sorts the attributes of a file of one part by name. What follows the header stays where it is.
+/// Sorts the attributes in the header of a single-part file by name. The bytes after the header do not move.
 pub(crate) fn sort(file: &mut [u8]) {
-    // Magic number and version come first.
+    // Magic number and version fill the first eight bytes.
     let first = 8;
     let Some((mut attributes, end)) = attributes(file, first) else { return };
     attributes.sort_unstable();
@@ -10,7 +11,7 @@ pub(crate) fn sort(file: &mut [u8]) {
     file[first..end].copy_from_slice(&sorted);
 }
 
-/// The attributes, each with its name, type, length and value; and where they end.
+/// The attributes, each with name, type, length and value, and the offset at which they end.
 fn attributes(file: &[u8], first: usize) -> Option<(Vec<Vec<u8>>, usize)> {
     let (mut all, mut at) = (Vec::new(), first);
     while *file.get(at)? != 0 {

@@ -1,4 +1,4 @@
-//! One OpenEXR file a frame: scene-linear color with alpha and the passes of a compositor, as layers of one part.
+//! One OpenEXR file a frame: scene-linear color with alpha, and the render passes (AOVs), as layers of one part.
 
 mod cryptomatte;
 mod header;
@@ -65,7 +65,7 @@ impl Exporter for ExrExporter {
     fn wish(&self, options: &ExportOptions) -> Result<FrameWish, ExportError> {
         let passes = Passes::parse(options.text(PASSES).unwrap_or("color"));
         let passes = passes.map_err(|unknown| ExportError::Format(format!("{PASSES}: {unknown}")))?;
-        // The option's other value is "frame", which is no number.
+        // The option is a number or "frame", which means as many samples as color has, and gives 0 here.
         let id_samples = options.text(ID_SAMPLES).and_then(|text| text.parse().ok()).unwrap_or(0);
         Ok(FrameWish::Scene(Passes { id_samples, ..passes }))
     }
@@ -102,14 +102,14 @@ impl FrameSink for ExrSink {
     }
 }
 
-/// Channels of a file, in any order.
+/// The channels of a file, in any order.
 struct Channels {
     half: bool,
     all: Vec<AnyChannel<FlatSamples>>,
 }
 
 impl Channels {
-    /// A channel of the chosen width.
+    /// Adds a channel with the chosen number of bits.
     fn add(&mut self, name: &str, values: impl Iterator<Item = f32>) {
         let samples = match self.half {
             true => FlatSamples::F16(values.map(f16::from_f32).collect()),
@@ -118,7 +118,7 @@ impl Channels {
         self.all.push(AnyChannel::new(name, samples));
     }
 
-    /// A channel of 32 bits.
+    /// Adds a channel of 32-bit floats.
     fn add_float(&mut self, name: &str, values: impl Iterator<Item = f32>) {
         self.all.push(AnyChannel::new(name, FlatSamples::F32(values.collect())));
     }
@@ -141,7 +141,7 @@ fn encode(frame: &FloatFrame, info: &VideoInfo) -> Result<Vec<u8>, ExportError> 
     }
     if !frame.motion.is_empty() {
         channels.add("motion.X", frame.motion.iter().map(|moved| moved.x));
-        // Compositors count rows from below.
+        // Motion vectors point up in compositors, and down here.
         channels.add("motion.Y", frame.motion.iter().map(|moved| -moved.y));
     }
     if !frame.albedo.is_empty() {
@@ -181,7 +181,7 @@ fn encode(frame: &FloatFrame, info: &VideoInfo) -> Result<Vec<u8>, ExportError> 
     Ok(bytes)
 }
 
-/// Primaries and white of sRGB.
+/// Primaries and white point of sRGB.
 const REC_709: Chromaticities = Chromaticities {
     red: Vec2(0.64, 0.33),
     green: Vec2(0.3, 0.6),

@@ -1,4 +1,5 @@
-//! Looping GIFs: 255 colors a frame by median cut, ordered dithering that does not crawl, and only what changed.
+//! Looping GIFs: 255 colors a frame by median cut, ordered dithering with a fixed pattern, and only the changed rectangle of each
+//! frame.
 
 mod palette;
 mod resume;
@@ -21,7 +22,7 @@ pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         .number("dither", "strength of the dot pattern that hides color steps; 0 = none", 1.0, 0.0..=4.0)
 });
 
-/// The palette index of pixels that stay as the frame before left them.
+/// The palette index of pixels that do not change from the frame before.
 const SAME: u8 = 255;
 
 pub struct GifExporter;
@@ -62,7 +63,7 @@ impl Exporter for GifExporter {
         let (gate, opener) = Gate::shut(out);
         let mut sink = GifSink::new(info, Box::new(gate))?;
         sink.shown = resume::canvas(so_far, sink.size, state.frames).map_err(ExportError::Format)?;
-        // Writes the head, which is there already.
+        // The encoder writes the header again; the file has it already, so the output is still discarded.
         let encoder = sink.output.open(sink.size, &[0; 256 * 3], "")?;
         encoder.get_mut().flush()?;
         opener.open();
@@ -73,7 +74,8 @@ impl Exporter for GifExporter {
     }
 }
 
-/// The file starts with the first frame's colors: frames that keep them need no table of their own.
+/// The encoder is made at the first frame, whose colors become the global table: frames that keep them need no table of their
+/// own.
 enum Output {
     Waiting(Box<dyn Write + Send>),
     Open(gif::Encoder<Box<dyn Write + Send>>),
@@ -88,12 +90,12 @@ struct GifSink {
     fps: (u64, u64),
     frames: u64,
     quantizer: Quantizer,
-    /// Whether the file's table still is the palette.
+    /// Whether the global color table of the file is still the palette.
     global_palette: bool,
     /// Colors on the player's canvas.
     shown: Vec<[u8; 3]>,
     indices: Vec<u8>,
-    /// The provenance, for the comment.
+    /// The provenance, for the comment extension.
     comment: String,
 }
 
@@ -139,7 +141,7 @@ impl FrameSink for GifSink {
         self.global_palette &= first || !new_colors;
         self.shown.resize(w * h, [0; 3]);
         self.indices.clear();
-        // The box of what changed, as columns and rows.
+        // Bounding box of the changed pixels.
         let (mut left, mut right, mut top, mut bottom) = (w, 0, h, 0);
         for (y, row) in frame.rgba.chunks_exact(w * 4).enumerate() {
             let thresholds = &self.thresholds[y & 7];
@@ -169,7 +171,7 @@ impl FrameSink for GifSink {
         self.part([left, top, right - left, bottom - top], part, first)
     }
 
-    /// Writes a frame without change: one pixel keeps the time.
+    /// Writes an unchanged frame as a single pixel with the right duration.
     fn repeat(&mut self, _: &Frame) -> Result<(), ExportError> {
         self.part([0, 0, 1, 1], vec![SAME], false)
     }
@@ -196,7 +198,7 @@ impl FrameSink for GifSink {
 }
 
 impl Output {
-    /// Writes the head where that was not yet done.
+    /// Opens the encoder and writes the header, unless that is done.
     fn open(
         &mut self,
         (width, height): (u16, u16),
@@ -222,13 +224,14 @@ impl Output {
 }
 
 impl GifSink {
-    /// Writes the pixels of a rectangle: left, top, width and height.
+    /// Writes the pixels of a rectangle, given as left, top, width and height.
     fn part(&mut self, place: [usize; 4], pixels: Vec<u8>, first: bool) -> Result<(), ExportError> {
         let [left, top, width, height] = place.map(|pixels| pixels as u16);
-        // Frame i is on screen from round(100 i / fps) to round(100 (i + 1) / fps) hundredths: right on average.
+        // Frame i is shown from round(100 i / fps) to round(100 (i + 1) / fps) hundredths of a second, so the average rate is
+        // exact.
         let delay = self.hundredths(self.frames + 1) - self.hundredths(self.frames);
         self.frames += 1;
-        // All 256 entries, for decoders that check that `SAME` is one of them.
+        // The table has all 256 entries, for decoders that check whether `SAME` is one of them.
         let mut table = self.quantizer.palette.as_flattened().to_vec();
         table.resize(256 * 3, 0);
         let picture = gif::Frame {
@@ -253,8 +256,8 @@ impl GifSink {
     }
 }
 
-/// Bayer's 8×8 matrix (1973) as offsets around zero. A fixed pattern, unlike error diffusion, leaves still parts still.
-/// Strength 1 spreads over ±6 levels: about half the distance of neighbours in a palette of 255.
+/// Bayer's 8×8 matrix (1973) as offsets around zero. Unlike error diffusion, a fixed pattern keeps still parts still. Strength 1
+/// spreads over ±6 levels, about half the distance between neighboring colors of a 255-color palette.
 fn thresholds(strength: f64) -> [[i16; 8]; 8] {
     std::array::from_fn(|y| {
         std::array::from_fn(|x| {

@@ -1,9 +1,9 @@
-//! Colors of a frame: a histogram, a palette by median cut, and a table from color to palette entry.
+//! Colors of a frame: a histogram, a palette by median cut, and a lookup table from color to palette entry.
 //!
-//! Heckbert, "Color Image Quantization for Frame Buffer Display" (1982); the box to split next is the one with the
-//! largest summed squared error, and it is split where that error falls most (Wu 1991, in one dimension).
+//! Heckbert, "Color Image Quantization for Frame Buffer Display" (1982). The box with the largest summed squared error is split
+//! next, where that error falls most (Wu 1991, in one dimension).
 
-/// 6 bits a channel: 262 144 cells. Bits below that are told apart by dithering anyway.
+/// Six bits a channel: 262 144 cells. Dithering hides the bits below.
 const BITS: usize = 6;
 const CELLS: usize = 1 << (3 * BITS);
 
@@ -13,14 +13,14 @@ struct Cell {
     count: u32,
 }
 
-/// Counts reused from frame to frame.
+/// A color quantizer. Its buffers are reused from frame to frame.
 pub struct Quantizer {
     counts: Vec<u32>,
     /// Palette entry + 1 for each cell; 0 = not looked up yet.
     nearest: Vec<u16>,
     cells: Vec<Cell>,
     pub palette: Vec<[u8; 3]>,
-    /// Mean squared error of the palette on the frame that it was made for.
+    /// Mean squared error of the palette on the frame it was made for.
     made_for: f64,
 }
 
@@ -29,11 +29,11 @@ fn key(c: [u8; 3]) -> usize {
     cut(c[0]) << (2 * BITS) | cut(c[1]) << BITS | cut(c[2])
 }
 
-/// The color that stands for a cell.
+/// The representative color of a cell.
 fn centre(key: usize) -> [u8; 3] {
     [key >> (2 * BITS), key >> BITS, key].map(|bits| {
         let top = (bits & ((1 << BITS) - 1)) as u8;
-        // Replicated into the low bits, so that 0 stays 0 and the largest cell is 255.
+        // Bits are repeated in the low ones, so that 0 stays 0 and the largest cell becomes 255.
         top << (8 - BITS) | top >> (2 * BITS - 8)
     })
 }
@@ -49,19 +49,19 @@ impl Quantizer {
         }
     }
 
-    /// A palette made before, and its error then.
+    /// Restores an earlier palette and its error at that time.
     pub fn restore(&mut self, palette: Vec<[u8; 3]>, made_for: f64) {
         (self.palette, self.made_for) = (palette, made_for);
         self.nearest.fill(0);
     }
 
-    /// Mean squared error of the palette on the frame that it was made for.
+    /// Mean squared error of the palette on the frame it was made for.
     pub(crate) fn made_for(&self) -> f64 {
         self.made_for
     }
 
-    /// Looks at a frame; true where a new palette was made, false where the last one is still good enough:
-    /// an unchanged palette keeps still parts of the image bit for bit still.
+    /// Prepares the palette for a frame. True where a new palette was made; false where the last one is still good enough: an
+    /// unchanged palette keeps still parts of the image identical to the bit.
     pub fn look(&mut self, rgba: &[u8], colors: usize) -> bool {
         self.counts.fill(0);
         for p in rgba.as_chunks::<4>().0 {
@@ -82,7 +82,7 @@ impl Quantizer {
         true
     }
 
-    /// Mean squared distance of the frame's colors to their entries.
+    /// Mean squared distance between the frame's colors and their palette entries.
     fn error(&mut self) -> f64 {
         let (mut sum, mut total) = (0.0, 0.0);
         for i in 0..self.cells.len() {
@@ -94,8 +94,8 @@ impl Quantizer {
         if total > 0.0 { sum / total } else { 0.0 }
     }
 
-    /// Index of the palette entry nearest to a color's cell; the palette must not be empty. Of the cell and not of the
-    /// color, so that it does not matter which of a cell's colors was requested first.
+    /// Index of the palette entry nearest to the cell of a color; the palette must not be empty. The cell decides, not the color,
+    /// so the result does not depend on which of the cell's colors is requested first.
     pub fn entry(&mut self, color: [u8; 3]) -> u8 {
         let k = key(color);
         if self.nearest[k] == 0 {
@@ -109,11 +109,11 @@ impl Quantizer {
 
 fn distance(a: [u8; 3], b: [u8; 3]) -> u32 {
     let d = |i: usize| u32::from(a[i].abs_diff(b[i])).pow(2);
-    // Weighed by what the eye sees, about the luma weights of BT.601.
+    // Weighted by visibility, roughly with the luma weights of BT.601.
     2 * d(0) + 4 * d(1) + d(2)
 }
 
-/// Makes a palette of at most `colors` entries (≥ 1); fewer where the frame has fewer colors.
+/// Makes a palette of at most `colors` entries (≥ 1), fewer where the frame has fewer colors.
 fn median_cut(cells: &mut [Cell], colors: usize) -> Vec<[u8; 3]> {
     struct Range {
         start: usize,
@@ -149,7 +149,7 @@ fn median_cut(cells: &mut [Cell], colors: usize) -> Vec<[u8; 3]> {
         }
         let part = &mut cells[start..end];
         part.sort_unstable_by_key(|c| (c.color[axis], c.color));
-        // The cut that leaves the least squared error = the largest Σ(sum²/n) of the two sides.
+        // The cut with the least squared error maximizes Σ(sum²/n) over both sides.
         let total: (f64, f64) = part.iter().fold((0.0, 0.0), |(n, s), c| {
             (n + f64::from(c.count), s + f64::from(c.count) * f64::from(c.color[axis]))
         });

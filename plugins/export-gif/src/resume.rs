@@ -1,15 +1,15 @@
-//! Going on with a GIF whose program was killed: the player's canvas is read from the file itself, the rest is a few bytes.
+//! Resumes a GIF whose program was killed. The canvas is decoded from the file itself; the other state is a few bytes.
 
 use std::io::{self, Read, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// State that the next frame depends on, beside the canvas.
+/// State besides the canvas that the next frame depends on.
 #[derive(Debug, PartialEq)]
 pub struct ResumeState {
     pub frames: u64,
     pub global_palette: bool,
-    /// Mean squared error of the palette on the frame that it was made for.
+    /// Mean squared error of the palette on the frame it was made for.
     pub made_for: f64,
     pub palette: Vec<[u8; 3]>,
 }
@@ -28,7 +28,7 @@ impl ResumeState {
         let (&global, rest) = rest.split_first()?;
         let (made_for, rest) = rest.split_first_chunk::<8>()?;
         let (palette, []) = rest.as_chunks::<3>() else { return None };
-        // Entries are given by a byte, and the last byte means "as before".
+        // Indices are bytes, and the last one means "unchanged".
         (!palette.is_empty() && palette.len() < 256).then(|| ResumeState {
             frames: u64::from_le_bytes(*frames),
             global_palette: global != 0,
@@ -38,7 +38,7 @@ impl ResumeState {
     }
 }
 
-/// The image that a player shows after the first `frames` frames.
+/// The canvas of a player after the first `frames` frames.
 pub fn canvas(so_far: &mut dyn Read, size: (u16, u16), frames: u64) -> Result<Vec<[u8; 3]>, String> {
     let failed = |e: gif::DecodingError| format!("the unfinished GIF cannot be read: {e}");
     let mut options = gif::DecodeOptions::new();
@@ -66,7 +66,7 @@ pub fn canvas(so_far: &mut dyn Read, size: (u16, u16), frames: u64) -> Result<Ve
     Ok(shown)
 }
 
-/// A writer that throws away what it gets until it is opened.
+/// A writer that discards its input until it is opened.
 pub struct Gate {
     out: Box<dyn Write + Send>,
     open: Arc<AtomicBool>,

@@ -18,7 +18,7 @@ use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// The parts of a document that grow while it is made.
+/// The document and its parts, while they are made.
 #[derive(Default)]
 pub struct Parts<'a> {
     pub document: Document,
@@ -26,25 +26,25 @@ pub struct Parts<'a> {
     pub textures: Textures,
     pub materials: Materials,
     pub lights: Lights,
-    /// Meshes by asset, mesh, skin and materials.
+    /// Written meshes; `None` where a mesh has nothing to draw.
     pub meshes: BTreeMap<MeshKey, Option<Index>>,
-    /// Extensions in use, beside those of materials.
+    /// Extensions in use, besides those of materials.
     pub extensions: BTreeSet<&'static str>,
     pub losses: Losses,
-    /// Materials of their own, which are animated: (actor, material) and the document's index.
+    /// Animated materials, which are not shared: (actor, material of the asset), and index in the document.
     pub animated: Vec<((usize, u32), Index)>,
 }
 
-/// Asset, mesh, skin, whether it is the part that follows the skin, and the document's materials.
+/// Key of a written mesh: asset, mesh, skin, whether it is the skinned part, and the document's materials.
 pub type MeshKey = (usize, u32, Option<u32>, bool, Vec<Option<Index>>);
 
 /// The nodes of an actor.
 #[derive(Clone, Debug, Default)]
 pub struct ActorNodes {
     pub root: Index,
-    /// First joint of each character drawn; an asset with placements has one a placement.
+    /// Nodes of the first joint of each character drawn; an asset with placements has one for each placement.
     pub characters: Vec<Index>,
-    /// Nodes with the mesh of each instance, of all characters.
+    /// Nodes with the mesh of each mesh instance, over all characters.
     pub meshes: Vec<Vec<Index>>,
 }
 
@@ -58,7 +58,7 @@ impl<'a> Parts<'a> {
         self.document.scenes[0].nodes.push(node);
     }
 
-    /// Adds an actor that is seen at some time.
+    /// Adds an actor that is visible at some time.
     pub fn actor(&mut self, stage: &'a Stage, baked: &Baked<'_>, index: usize) -> ActorNodes {
         let actor = &stage.actors[index];
         let materials = self.actor_materials(actor, baked, index);
@@ -70,7 +70,7 @@ impl<'a> Parts<'a> {
             characters: Vec::new(),
             meshes: vec![Vec::new(); actor.asset.instances.len()],
         };
-        // A number that changes is left out: all copies are there.
+        // glTF cannot animate the number of copies, so where it changes all copies are written.
         let varies = actor.channels.iter().any(|c| c.property == Property::Copies) || !stage.hooks.is_empty();
         let copies = baked.first.actors[index].copies.filter(|_| !varies);
         let moves = baked.motions[index].sets.iter().flat_map(|set| &baked.sets[*set].tracks);
@@ -102,7 +102,7 @@ impl<'a> Parts<'a> {
         out
     }
 
-    /// The document's materials of an actor's asset, and the one for primitives that have none.
+    /// The document's materials of an actor's asset, then the one of primitives without a material.
     fn actor_materials(&mut self, actor: &'a Actor, baked: &Baked<'_>, index: usize) -> Vec<Option<Index>> {
         let asset = &*actor.asset;
         let state = &baked.first.actors[index];
@@ -115,7 +115,8 @@ impl<'a> Parts<'a> {
             for (signal, series) in moving {
                 own = true;
                 if let Quantity::Material { part: MaterialPart::Emissive, .. } = signal.quantity {
-                    // The strength in the file is that of the brightest moment; keys are shares of it.
+                    // The material has the strength of the brightest moment, and keys are fractions of it, because glTF's factor
+                    // is at most 1.
                     let brightest = series.values.iter().copied().fold(1.0, f32::max);
                     now.emissive = Vec3::splat(brightest);
                 }
@@ -140,7 +141,7 @@ impl<'a> Parts<'a> {
         out
     }
 
-    /// The joints of one character, below a node; the index of the first.
+    /// Adds the joints of one character below a node. Returns the index of the first.
     fn joints(&mut self, asset: &Asset, still: &[Transform], above: Index) -> Index {
         let skeleton = &asset.skeleton;
         let base = self.document.nodes.len() as Index;
@@ -154,7 +155,7 @@ impl<'a> Parts<'a> {
         base
     }
 
-    /// The meshes of one character.
+    /// Adds the meshes of one character.
     fn instances(
         &mut self,
         actor: &'a Actor,
@@ -176,7 +177,7 @@ impl<'a> Parts<'a> {
                     }
                 };
                 let name = format!("{} {}", actor.name, asset.meshes[instance.mesh as usize].name);
-                // A skinned mesh is placed by its joints alone, wherever its node is (§3.7.3.3).
+                // Viewers ignore the transform of a skinned mesh's node; its joints place it (§3.7.3.3).
                 let node = Node { name, mesh: Some(mesh), skin: Some(skin), ..Node::default() };
                 let node = self.push(weighted(node, instance));
                 self.at_root(node);
@@ -207,7 +208,7 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// The document's mesh of an instance: of those primitives that follow its skin, or of the others.
+    /// The document's mesh of an instance, with either the skinned or the unskinned primitives.
     fn mesh(
         &mut self,
         asset: &'a Arc<Asset>,
@@ -239,7 +240,7 @@ impl<'a> Parts<'a> {
         self.document.skins.len() as Index - 1
     }
 
-    /// Copies of a mesh below a node, as instances on the GPU.
+    /// Adds copies of a mesh below a node, by EXT_mesh_gpu_instancing.
     fn copies(&mut self, name: String, above: Index, mesh: Index, copies: &[Affine3A]) -> Option<Index> {
         if copies.is_empty() {
             return None;
@@ -261,7 +262,7 @@ impl<'a> Parts<'a> {
         Some(node)
     }
 
-    /// The meshes of a character that does not move, at each of its placements.
+    /// Adds the meshes of a character that does not move, at each of its placements.
     fn placed_meshes(
         &mut self,
         actor: &'a Actor,
@@ -306,7 +307,7 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// The texture coordinates that all primitives with a material have.
+/// Whether all primitives with a material have the first and the second set of texture coordinates.
 fn uvs_of(asset: &Asset, material: u32) -> [bool; 2] {
     let with_it = || asset.meshes.iter().flat_map(|m| &m.primitives).filter(|p| p.material == Some(material));
     [0, 1].map(|set| with_it().all(|p| p.uvs[set].len() == p.positions.len()))
@@ -321,11 +322,11 @@ fn weighted(node: Node, instance: &MeshInstance) -> Node {
     Node { weights: instance.weights.clone(), ..node }
 }
 
-/// A node with a transform; what has its default is left out.
+/// A node with a transform; parts at their defaults are left out.
 pub(crate) fn node_at(t: &Transform) -> Node {
     Node {
         translation: (t.translation != Vec3::ZERO).then(|| t.translation.to_array()),
-        // Rounding may be beyond 1, which the schema forbids.
+        // Rounding can exceed 1, which the schema forbids.
         rotation: (t.rotation != Quat::IDENTITY).then(|| t.rotation.to_array().map(|v| v.clamp(-1.0, 1.0))),
         scale: (t.scale != Vec3::ONE).then(|| t.scale.to_array()),
         ..Node::default()

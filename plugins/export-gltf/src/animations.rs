@@ -1,4 +1,4 @@
-//! Animations: samplers and channels of the curves that were baked (glTF 2.0, §3.11; KHR_animation_pointer).
+//! Animations: samplers and channels of the baked curves (glTF 2.0, §3.11; KHR_animation_pointer).
 
 use crate::actors::{ActorNodes, Parts};
 use crate::buffer::{F32, each_chunk};
@@ -14,22 +14,22 @@ use choreo_plugin::stage::Stage;
 use serde_json::json;
 use std::collections::BTreeMap;
 
-/// The document's nodes of what moves.
+/// The document's nodes of all animated objects.
 pub struct Nodes {
-    /// One an actor; `None`: it is never seen.
+    /// One entry for each actor; `None` for actors that are never visible.
     pub actors: Vec<Option<ActorNodes>>,
     pub shots: Vec<ShotNode>,
     pub lights: Vec<LightNode>,
 }
 
-/// The samplers of a set's tracks, with joint of the rig and path.
+/// The samplers of a track set: joint of the rig, path, sampler.
 pub type WrittenSet = Vec<(u32, Path, Sampler)>;
 
-/// One animation that is being made.
+/// An animation under construction.
 #[derive(Default)]
 pub struct Builder {
     animation: Animation,
-    /// Samplers of the animation that are there.
+    /// Index of each sampler by its accessors, so that channels share equal ones.
     known: BTreeMap<(Index, Index), Index>,
 }
 
@@ -59,7 +59,7 @@ impl Builder {
     }
 }
 
-/// Adds one animation of all, or, `split`, one an actor and one of cameras and lights.
+/// Adds a single animation; with `split`, one for each actor, and one for cameras and lights.
 pub fn add<'a>(parts: &mut Parts<'a>, stage: &Stage, mut baked: Baked<'a>, nodes: &Nodes, split: bool) {
     let start = baked.start;
     let sets: Vec<TrackSet<'a>> = std::mem::take(&mut baked.sets);
@@ -87,7 +87,7 @@ pub fn add<'a>(parts: &mut Parts<'a>, stage: &Stage, mut baked: Baked<'a>, nodes
     builder.finish(if split { "cameras and lights" } else { "timeline" }, parts);
 }
 
-/// Puts a set's times and numbers into the buffer; the numbers are made as it is written.
+/// Adds the times and values of a track set to the buffer. The values are computed only as the buffer is written.
 pub(crate) fn write_set<'a>(parts: &mut Parts<'a>, set: TrackSet<'a>, start: Time) -> WrittenSet {
     let times: Vec<Vec<f32>> = set.times.iter().map(|times| seconds(times, start)).collect();
     let of_times: u64 = times.iter().map(|times| times.len() as u64 * 4).sum();
@@ -165,7 +165,7 @@ pub(crate) fn actor_channel(
     }
 }
 
-/// A LINEAR sampler of a series, each number changed by a function.
+/// A LINEAR sampler of a series, each value mapped by a function.
 fn sampler(parts: &mut Parts<'_>, series: &Series, start: Time, change: impl Fn(f32) -> f32) -> Sampler {
     let times = seconds(&series.times, start);
     let values: Vec<f32> = series.values.iter().map(|v| change(*v)).collect();
@@ -197,7 +197,7 @@ pub(crate) fn weight_channels(
     for (signal, series) in baked.series.iter().filter(|(_, series)| !series.is_still()) {
         let Quantity::Weights { actor: whose, instance } = signal.quantity else { continue };
         if whose == actor && !of.meshes[instance].is_empty() {
-            // Weights are a list of numbers, whatever their count.
+            // glTF stores weights as scalars, whatever their number.
             let scalars = Series { width: 1, ..series.clone() };
             let sampler = sampler(parts, &scalars, baked.start, |v| v);
             of.meshes[instance].iter().for_each(|node| builder.node(sampler, *node, "weights"));
@@ -235,7 +235,7 @@ fn material_channels(parts: &mut Parts<'_>, builder: &mut Builder, baked: &Baked
     }
 }
 
-/// Paths of texture slots in a material's JSON, in the order of the kit.
+/// JSON paths of a material's texture slots, in the exporter kit's order.
 const SLOTS: [&str; TEXTURE_SLOTS as usize] = [
     "pbrMetallicRoughness/baseColorTexture",
     "pbrMetallicRoughness/metallicRoughnessTexture",
@@ -302,7 +302,7 @@ fn light_channels(parts: &mut Parts<'_>, builder: &mut Builder, baked: &Baked<'_
     }
 }
 
-/// One key for each joint that a clip holds elsewhere than at rest.
+/// Adds one key for each joint whose constant pose in a clip differs from rest.
 pub(crate) fn still_channels(
     parts: &mut Parts<'_>,
     builder: &mut Builder,

@@ -1,5 +1,5 @@
-//! The binary buffer: what it holds is put down while the document is made, and written afterwards, part by part. Large parts are
-//! borrowed from the scene or made as they are written, so that the buffer itself is never in memory.
+//! The binary buffer. Views and accessors are recorded while the document is made; the content is written afterwards, part by
+//! part. Large parts are borrowed from the scene or computed as they are written, so the buffer is never in memory as a whole.
 
 use crate::document::{Accessor, BufferView, Index};
 use choreo_plugin::asset::ContentHash;
@@ -16,10 +16,10 @@ pub const F32: u16 = 5126;
 pub const VERTICES: u16 = 34962;
 pub const INDICES: u16 = 34963;
 
-/// Writes a part of the buffer of a known length.
+/// Writes one part of the buffer, whose length is known.
 type WritePart<'a> = Box<dyn Fn(&mut dyn Write) -> Result<()> + 'a>;
 
-/// Rows that are made at a time.
+/// Rows that are computed at a time.
 const CHUNK: usize = 4096;
 
 /// One element of an accessor.
@@ -40,7 +40,7 @@ macro_rules! rows {
 }
 rows!(f32, u32, u16, u8);
 
-/// Hands over the bytes of rows, chunk by chunk.
+/// Passes on the bytes of the rows, chunk by chunk.
 pub(crate) fn each_chunk<R: Row>(
     count: usize,
     row: impl Fn(usize) -> R,
@@ -59,10 +59,10 @@ pub(crate) fn each_chunk<R: Row>(
 pub struct Buffer<'a> {
     pub accessors: Vec<Accessor>,
     pub views: Vec<BufferView>,
-    /// One a view, with its length.
+    /// The content of each view, with its length in bytes.
     parts: Vec<(u64, WritePart<'a>)>,
     length: u64,
-    /// Accessors by content.
+    /// Accessors by hash of the content, component type and shape.
     known: BTreeMap<(ContentHash, u16, &'static str), Index>,
 }
 
@@ -76,17 +76,17 @@ impl<'a> Buffer<'a> {
         self.views.len() as Index - 1
     }
 
-    /// A view of bytes that are no numbers: an image.
+    /// Adds a view of raw bytes, such as an image.
     pub fn bytes(&mut self, bytes: Arc<Vec<u8>>) -> Index {
         self.add(bytes.len() as u64, None, Box::new(move |out| out.write_all(&bytes)))
     }
 
-    /// A view that is made as it is written; it must have exactly this length.
+    /// Adds a view whose content is computed as it is written; `make` must write exactly `length` bytes.
     pub fn made(&mut self, length: u64, make: impl Fn(&mut dyn Write) -> Result<()> + 'a) -> Index {
         self.add(length, None, Box::new(make))
     }
 
-    /// An accessor of a view of its own, whose rows are made as it is written. Equal content is there once.
+    /// Adds an accessor with a view of its own, whose rows are computed as they are written. Equal content is stored once.
     pub fn array<R: Row>(
         &mut self,
         row: impl Fn(usize) -> R + 'a,
@@ -117,7 +117,7 @@ impl<'a> Buffer<'a> {
         self.accessors.len() as Index - 1
     }
 
-    /// Bytes of the whole buffer.
+    /// Length of the whole buffer, bytes.
     pub fn length(&self) -> u64 {
         self.length
     }
@@ -133,13 +133,13 @@ impl<'a> Buffer<'a> {
 }
 
 impl Accessor {
-    /// Numbers without bounds, for [`Buffer::array`].
+    /// An accessor without bounds, for [`Buffer::array`].
     pub fn of(component_type: u16, shape: &'static str, count: usize) -> Accessor {
         let (min, max) = (Vec::new(), Vec::new());
         Accessor { buffer_view: None, byte_offset: 0, component_type, count, shape, min, max }
     }
 
-    /// Adds the smallest and largest of each of `N` components.
+    /// Sets the minimum and maximum of each of `N` components.
     pub fn bounded<const N: usize>(mut self, rows: impl Iterator<Item = [f32; N]>) -> Accessor {
         let (mut min, mut max) = ([f32::INFINITY; N], [f32::NEG_INFINITY; N]);
         for row in rows {

@@ -9,7 +9,7 @@ use choreo_plugin::motion::{Time, Transform};
 use choreo_plugin::stage::Stage;
 use serde_json::{Map, Value, json};
 
-/// A shot in the document.
+/// Camera and node of a shot in the document.
 #[derive(Clone, Copy, Debug)]
 pub struct ShotNode {
     pub node: Index,
@@ -64,7 +64,7 @@ fn camera(name: &str, projection: &Projection, aspect: f32) -> Value {
         }
         Projection::Orthographic { height, near, far } => {
             let (xmag, ymag) = (0.5 * height * aspect, 0.5 * height);
-            // Depths before a camera are from 0 on.
+            // glTF requires a near plane of at least 0: no depths behind the camera.
             let lens = json!({ "xmag": xmag, "ymag": ymag, "znear": near.max(0.0), "zfar": far });
             json!({ "name": name, "type": "orthographic", "orthographic": lens })
         }

@@ -1,4 +1,4 @@
-//! The clips that actors play, retargeted and edited, one animation each: for game engines, which have a timeline of their own.
+//! The actors' clips, retargeted and edited, as one animation each: for game engines, which have timelines of their own.
 
 use crate::actors::{ActorNodes, Parts};
 use crate::animations::{Builder, actor_channel, still_channels, weight_channels, write_set};
@@ -9,15 +9,15 @@ use choreo_plugin::{ExportDeviation, ExportedScene};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// A clip of an actor, on a stage of its own.
+/// A scene in which one actor plays one clip.
 pub struct ClipScene {
-    /// Index of the actor that plays it.
+    /// Index of the actor in the stage.
     actor: usize,
     name: String,
     scene: ExportedScene,
 }
 
-/// The stage with its actors at rest, where they stand at the start.
+/// The scene with all actors at rest, placed as at the start.
 pub fn at_rest(scene: &ExportedScene) -> ExportedScene {
     let mut stage = Stage::clone(&scene.stage);
     stage.hooks = Vec::new();
@@ -30,7 +30,7 @@ pub fn at_rest(scene: &ExportedScene) -> ExportedScene {
     out
 }
 
-/// An actor without anything that moves it.
+/// The actor without its layers, channels, springs and constraints.
 fn alone(actor: &Actor) -> Actor {
     let (transform, skinning, file_lights) = (actor.transform, actor.skinning, actor.file_lights);
     let copies = actor.copies;
@@ -44,7 +44,8 @@ fn alone(actor: &Actor) -> Actor {
     }
 }
 
-/// Each clip once for each asset that plays it. `root`: "clip", as it is; "in_place"; "traveling", which moves the actor's node.
+/// Each clip once for each asset that plays it. `root` is the root motion option: "clip" keeps it, "in_place" removes it,
+/// "traveling" moves it to the actor's node.
 pub fn of_stage(scene: &ExportedScene, root: &str) -> Vec<ClipScene> {
     let mut seen = BTreeSet::new();
     let mut names = BTreeSet::new();
@@ -81,7 +82,7 @@ fn clip_scene(scene: &ExportedScene, actor: &Actor, clip: &Arc<Clip>, root: &str
     ExportedScene::new(&scene.name, Arc::new(stage))
 }
 
-/// Bakes all; the largest error of any, whose time is that of the clip.
+/// Bakes all clips. Returns the largest error too, with its time in the clip.
 pub fn bake<'a>(
     clips: &'a [ClipScene],
     tolerance: f64,
@@ -109,7 +110,7 @@ pub fn add<'a>(
         let Some(of) = &nodes[clip.actor] else { continue };
         let actor = &clip.scene.stage.actors[0];
         let mut builder = Builder::default();
-        // Joints that this clip holds still may move in another one.
+        // Joints that this clip holds still may move in another one, so their pose gets a key.
         let still = baked.still_rig(actor, 0);
         still_channels(parts, &mut builder, of, actor.asset.skeleton.rest(), &still[1..]);
         for set in std::mem::take(&mut baked.sets) {

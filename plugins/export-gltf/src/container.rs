@@ -1,4 +1,4 @@
-//! The files: a GLB, or JSON with a buffer beside it (glTF 2.0, §4.4).
+//! The files: a GLB, or JSON with a separate buffer (glTF 2.0, §4.4).
 
 use crate::buffer::Buffer;
 use crate::document::Document;
@@ -6,7 +6,7 @@ use choreo_plugin::{ExportError, SceneFiles};
 use serde_json::json;
 use std::io::{BufWriter, Write};
 
-/// Writes all in one file.
+/// Writes a single GLB file.
 pub(crate) fn write_glb(
     mut document: Document,
     mut buffer: Buffer<'_>,
@@ -39,7 +39,7 @@ pub(crate) fn write_glb(
     Ok(out.flush()?)
 }
 
-/// Writes the JSON, and the buffer beside it.
+/// Writes the JSON and a separate buffer file.
 pub(crate) fn write_gltf(
     mut document: Document,
     mut buffer: Buffer<'_>,
@@ -63,7 +63,7 @@ fn json_of(mut document: Document, buffer: &mut Buffer<'_>) -> Result<Vec<u8>, E
     serde_json::to_vec(&document).map_err(|e| ExportError::Format(format!("glTF: {e}")))
 }
 
-/// A file name as a relative reference (RFC 3986, §2).
+/// A file name as a percent-encoded relative reference (RFC 3986, §2).
 pub(crate) fn percent_encoded(name: &str) -> String {
     let mut out = String::new();
     for byte in name.bytes() {

@@ -1,4 +1,4 @@
-//! The JSON of a glTF file, of those parts that an export has (glTF 2.0, §5).
+//! The JSON of a glTF file, limited to the parts that an export writes (glTF 2.0, §5).
 
 use serde::Serialize;
 use serde_json::Value;
@@ -89,7 +89,7 @@ pub struct Mesh {
 
 #[derive(Clone, Serialize)]
 pub struct Primitive {
-    /// Attributes and their accessors, in glTF's order of names.
+    /// Accessor index by attribute name.
     pub attributes: serde_json::Map<String, Value>,
     pub indices: Index,
     #[serde(skip_serializing_if = "Option::is_none")]

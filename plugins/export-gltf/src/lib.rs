@@ -1,4 +1,4 @@
-//! Scenes as glTF 2.0: `.glb`, or `.gltf` with its buffer and images beside it. What is written, and how exact it is: README.md.
+//! Scenes as glTF 2.0: `.glb`, or `.gltf` with separate buffer and images. Contents and accuracy: README.md.
 
 mod actors;
 mod animations;
@@ -101,7 +101,7 @@ fn parts_of<'a>(scene: &ExportedScene) -> Parts<'a> {
     parts
 }
 
-/// The nodes of actors, shots and lights.
+/// Adds the nodes of actors, shots and lights.
 fn nodes<'a>(parts: &mut Parts<'a>, scene: &'a ExportedScene, baked: &bake::Baked<'_>) -> Nodes {
     let stage = &*scene.stage;
     let mut nodes = Nodes { actors: Vec::new(), shots: Vec::new(), lights: Vec::new() };

@@ -1,4 +1,4 @@
-//! Lights (KHR_lights_punctual): those of the stage as nodes of their own, those of files at their joints.
+//! Lights (KHR_lights_punctual): the stage's lights as nodes of their own, the lights of imported files at their joints.
 
 use crate::document::{Index, Node};
 use crate::{actors, actors::Parts};
@@ -15,7 +15,7 @@ pub struct Lights {
     pub list: Vec<Value>,
 }
 
-/// A light of the stage in the document.
+/// A light of the stage, with its node and index in the document.
 #[derive(Clone, Copy, Debug)]
 pub struct LightNode {
     pub light: usize,
@@ -28,7 +28,7 @@ impl Lights {
     pub fn add(&mut self, name: &str, light: &Light) -> Index {
         let mut out = Map::new();
         out.insert("name".into(), name.into());
-        // The types of KHR_lights_punctual. One that it lacks must be written as another, with a loss.
+        // All light types of KHR_lights_punctual. Another kind would have to be written as one of these, and reported as a loss.
         let of_type = match light.kind {
             LightKind::Directional => "directional",
             LightKind::Point => "point",
@@ -52,7 +52,7 @@ impl Lights {
     }
 }
 
-/// Adds the lights of the stage, or the sun of a stage without lights.
+/// Adds the lights of the stage, or the default sun of a stage without lights.
 pub fn of_stage(parts: &mut Parts<'_>, stage: &Stage, baked: &Baked<'_>) -> Vec<LightNode> {
     let in_files = stage.actors.iter().any(|a| a.file_lights && !a.asset.lights.is_empty());
     if stage.lights.is_empty() && stage.sky.is_none() && !in_files {
@@ -82,7 +82,7 @@ pub fn of_stage(parts: &mut Parts<'_>, stage: &Stage, baked: &Baked<'_>) -> Vec<
             rotation = Quat::from_slice(first.first());
         }
         if let (LightKind::Spot { inner, outer }, Some(cone)) = (&mut now.kind, series(LightPart::Outer)) {
-            // Angles at the start may be those of a moment in which it does not shine.
+            // The state at the start may be of a moment when the spot is off, so the angle comes from the first key.
             *outer = cone.first()[0].max(1e-3);
             *inner = inner.min(*outer * 0.999);
         }

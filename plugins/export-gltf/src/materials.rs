@@ -1,4 +1,4 @@
-//! Materials with the extensions that choreo reads (glTF 2.0, §3.9; KHR_materials_*).
+//! Materials, with the extensions that choreo also imports (glTF 2.0, §3.9; KHR_materials_*).
 
 use crate::document::Index;
 use crate::textures::Textures;
@@ -8,7 +8,7 @@ use choreo_plugin::glam::{Vec3, Vec4};
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Reflectance at normal incidence of index 1.5, which specular colors are in units of.
+/// Reflectance of glass (index 1.5) at normal incidence: the unit of specular colors.
 const F0_OF_GLASS: f32 = 0.04;
 
 #[derive(Default)]
@@ -16,14 +16,14 @@ pub struct Materials {
     pub list: Vec<Value>,
     /// Extensions in use.
     pub extensions: BTreeSet<&'static str>,
-    /// Parts of materials that glTF has no words for, once each.
+    /// Material features that glTF cannot express.
     pub losses: Losses,
     known: BTreeMap<String, Index>,
 }
 
 impl Materials {
-    /// The index of a material; equal ones are there once. `own`: it is animated, and shared with nothing. `uvs`: the texture
-    /// coordinates that its primitives have; textures of others are left out.
+    /// The index of a material. Equal materials share one, unless `own`: the material is animated. `uvs`: the texture coordinate
+    /// sets of its primitives; textures that need another set are left out.
     pub fn add(
         &mut self,
         textures: &mut Textures,
@@ -74,7 +74,7 @@ struct Writer<'w> {
     losses: &'w mut Losses,
 }
 
-/// A part of the JSON that leaves out what has its default.
+/// A JSON object without members that have their default values.
 #[derive(Default)]
 struct Object(Map<String, Value>);
 
@@ -105,7 +105,7 @@ impl Writer<'_> {
         self.textures.info(self.asset, texture)
     }
 
-    /// A texture that has a further number.
+    /// A textureInfo with a further number, which is left out where it is 1.
     fn scaled(&mut self, texture: &Option<TextureRef>, name: &str, value: f32) -> Option<Map<String, Value>> {
         let mut info = self.info(texture)?;
         if value != 1.0 {
@@ -177,12 +177,12 @@ impl Writer<'_> {
             Shading::MetallicRoughness => {
                 let layers = m.layers.as_deref();
                 let ior = layers.map_or(1.5, |l| l.ior);
-                // The color of the asset is in units of glass; that of the file in units of the index.
+                // The asset's specular color is relative to glass, the file's to the index of refraction.
                 let root = (ior - 1.0) / (ior + 1.0);
                 let f0 = if ior == 0.0 { 1.0 } else { root * root };
                 let unit = if f0 > 0.0 { f0 / F0_OF_GLASS } else { 1.0 };
                 let color = if f0 > 0.0 && ior != 1.5 { m.specular_color / unit } else { m.specular_color };
-                // Rounding of the division is no color.
+                // A difference from white by rounding only is no color.
                 let white = (color - Vec3::ONE).abs().max_element() < 1e-6 || f0 == 0.0;
                 self.specular(m, m.specular, if white { Vec3::ONE } else { color });
                 if ior != 1.5 {
@@ -194,7 +194,7 @@ impl Writer<'_> {
             }
             Shading::BlinnPhong | Shading::Phong => {
                 self.losses.insert("Phong highlights (written as roughness)");
-                // The color of a highlight is no reflectance: that of a plastic, tinted.
+                // A Phong highlight's color is no reflectance; a tinted plastic comes nearest.
                 self.specular(m, 1.0, m.specular_color);
             }
             Shading::Unlit | Shading::Toon => {
@@ -215,7 +215,7 @@ impl Writer<'_> {
         self.extend("KHR_materials_specular", specular);
     }
 
-    /// Adds an extension that has something to say.
+    /// Adds an extension, unless it is empty.
     fn extend(&mut self, name: &str, object: Object) {
         if !object.0.is_empty() {
             self.extensions.insert(name.into(), object.0.into());
@@ -252,7 +252,7 @@ impl Writer<'_> {
     }
 
     fn volume(&mut self, l: &MaterialLayers) {
-        // A volume shows only where the surface lets light in.
+        // A volume has an effect only where the surface transmits light.
         if l.transmission <= 0.0 && l.diffuse_transmission <= 0.0 {
             return;
         }
@@ -272,7 +272,7 @@ impl Writer<'_> {
         self.extend("KHR_materials_dispersion", dispersion);
     }
 
-    /// Thin films, brushed metal and light from behind.
+    /// Writes iridescence, anisotropy and diffuse transmission.
     fn thin(&mut self, l: &MaterialLayers) {
         let mut film = Object::default();
         if l.iridescence > 0.0 {

@@ -1,4 +1,4 @@
-//! Meshes: vertex arrays as accessors, each content once, and primitives that name them (glTF 2.0, §3.7).
+//! Meshes: vertex arrays as accessors, equal content stored once, and primitives that refer to them (glTF 2.0, §3.7).
 
 use crate::buffer::{Buffer, F32, INDICES, U8, U16, U32, VERTICES};
 use crate::document::{self, Accessor, Index};
@@ -6,11 +6,11 @@ use choreo_plugin::asset::{Mesh, Primitive, Skin, Topology};
 use choreo_plugin::glam::{Mat4, Vec3, Vec4};
 use serde_json::{Map, Value, json};
 
-/// Squared length by which a unit vector may be off; the validator allows 0.0005 of the length.
+/// Largest error of a unit vector's squared length that is left alone; the validator allows 0.0005 of the length.
 const UNIT: f32 = 5e-4;
 
-/// The mesh with those of its primitives that follow a skin, or those that do not; `None` where there are none.
-/// `material`: the document's material of one of the asset.
+/// Either the skinned or the unskinned primitives of a mesh; `None` where there are none. `material` maps a material of the asset
+/// to the document's.
 pub fn mesh<'a>(
     buffer: &mut Buffer<'a>,
     mesh: &'a Mesh,
@@ -76,14 +76,14 @@ fn attributes<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive) -> Map<Stri
     out
 }
 
-/// A vector of length 1, as it is where it is near enough.
+/// A unit vector; one whose length is near enough to 1 stays bit for bit.
 fn unit(v: Vec3, otherwise: Vec3) -> Vec3 {
     if (v.length_squared() - 1.0).abs() <= UNIT { v } else { v.normalize_or(otherwise) }
 }
 
 fn indices<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive) -> Index {
     let list = &primitive.indices;
-    // The largest number of each type is reserved for primitive restart (§3.7.2.1).
+    // The largest index of each type is reserved for primitive restart (§3.7.2.1).
     match primitive.positions.len() {
         ..=65_535 => {
             let accessor = Accessor::of(U16, "SCALAR", list.len());
@@ -93,7 +93,7 @@ fn indices<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive) -> Index {
     }
 }
 
-/// `JOINTS_0`, `WEIGHTS_0` and, of eight influences, the second sets.
+/// Adds `JOINTS_0` and `WEIGHTS_0`, and the second sets where there are eight influences.
 fn add_influences<'a>(
     buffer: &mut Buffer<'a>,
     primitive: &'a Primitive,
@@ -122,7 +122,7 @@ fn add_influences<'a>(
     }
 }
 
-/// A joint counts once, one without weight is joint 0, and the weights sum to 1 (§3.7.3.3).
+/// Normalizes influences: each joint occurs once, joints without weight become joint 0, and weights sum to 1 (§3.7.3.3).
 fn tidy(row: &mut [(u16, f32)]) {
     for i in 1..row.len() {
         if let Some(first) = (0..i).find(|k| row[*k].0 == row[i].0 && row[*k].1 > 0.0) {
@@ -141,7 +141,7 @@ fn tidy(row: &mut [(u16, f32)]) {
     }
 }
 
-/// Morph targets, as many as the mesh has; one that moves nothing has zeros, which need no bytes.
+/// All morph targets of the mesh. A target that moves nothing here has an accessor of zeros, which takes no bytes.
 fn targets<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive, number: usize) -> Vec<Map<String, Value>> {
     let count = primitive.positions.len();
     let target = |index: usize| {
@@ -176,7 +176,7 @@ fn targets<'a>(buffer: &mut Buffer<'a>, primitive: &'a Primitive, number: usize)
 pub fn inverse_bind<'a>(buffer: &mut Buffer<'a>, skin: &'a Skin) -> Index {
     let matrix = move |index: usize| {
         let mut m = skin.inverse_bind.get(index).copied().unwrap_or(Mat4::IDENTITY);
-        // The fourth row is 0 0 0 1 (§3.7.3.1).
+        // glTF requires the fourth row 0 0 0 1 (§3.7.3.1).
         (m.x_axis.w, m.y_axis.w, m.z_axis.w, m.w_axis.w) = (0.0, 0.0, 0.0, 1.0);
         m.to_cols_array()
     };

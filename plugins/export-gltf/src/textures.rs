@@ -1,4 +1,4 @@
-//! Textures: images, each content once, and samplers (glTF 2.0, §3.8; EXT_texture_webp).
+//! Textures: images, equal ones stored once, and samplers (glTF 2.0, §3.8; EXT_texture_webp).
 
 use crate::buffer::Buffer;
 use crate::container::percent_encoded;
@@ -9,7 +9,7 @@ use choreo_plugin::glam::Affine2;
 use choreo_plugin::{ExportError, SceneFiles};
 use serde_json::{Map, Value, json};
 
-/// Formats of images in glTF.
+/// Image formats that glTF allows.
 const FORMATS: &[ImageFileFormat] = &[ImageFileFormat::Png, ImageFileFormat::Jpeg, ImageFileFormat::WebP];
 
 pub struct Textures {
@@ -20,7 +20,8 @@ pub struct Textures {
     pub transformed: bool,
     /// Whether some image is WebP.
     pub webp: bool,
-    /// Textures get a transform even if it changes nothing, because an animation names it.
+    /// Whether the current material is animated: its textures then get a transform even at the default, because animations refer
+    /// to it.
     pub animated: bool,
     /// (image, sampler) of each texture.
     pairs: Vec<(usize, Index)>,
@@ -43,7 +44,7 @@ impl Default for Textures {
 }
 
 impl Textures {
-    /// A textureInfo; `None` where the asset has no such image.
+    /// A textureInfo; `None` where the asset lacks the image.
     pub fn info(&mut self, asset: &Asset, texture: &TextureRef) -> Option<Map<String, Value>> {
         let image = asset.images.get(texture.image as usize).filter(|i| i.width > 0 && i.height > 0)?;
         let image = self.images.number(image);
@@ -82,10 +83,10 @@ impl Textures {
         }) as Index
     }
 
-    /// Puts the images into the buffer; their JSON.
+    /// Adds the images to the buffer. Returns their JSON.
     ///
     /// # Errors
-    /// An image that cannot be written as PNG.
+    /// An image cannot be encoded as PNG.
     pub(crate) fn in_buffer(&self, buffer: &mut Buffer<'_>) -> Result<Vec<Value>, ExportError> {
         let json = |(number, file): (usize, choreo_plugin::asset::ImageFile)| {
             let media_type = file.format.media_type();
@@ -95,10 +96,10 @@ impl Textures {
         Ok(self.images.files()?.into_iter().enumerate().map(json).collect())
     }
 
-    /// Writes the images beside the JSON, with names that begin with `stem`; their JSON.
+    /// Writes the images as separate files whose names begin with `stem`. Returns their JSON.
     ///
     /// # Errors
-    /// An image or a file that cannot be written.
+    /// An image cannot be encoded as PNG, or a file cannot be written.
     pub fn beside(&self, stem: &str, files: &mut dyn SceneFiles) -> Result<Vec<Value>, ExportError> {
         let mut out = Vec::new();
         for (number, file) in self.images.files()?.into_iter().enumerate() {
@@ -131,7 +132,7 @@ fn sampler_json(s: Sampler) -> Value {
     json!({ "magFilter": mag, "minFilter": min, "wrapS": wrap(s.wrap_u), "wrapT": wrap(s.wrap_v) })
 }
 
-/// A transform as KHR_texture_transform has it.
+/// A texture transform as KHR_texture_transform.
 fn uv_json(uv: &UvParts) -> Value {
     json!({ "offset": uv.offset.to_array(), "rotation": uv.rotation, "scale": uv.scale.to_array() })
 }

@@ -19,7 +19,7 @@ impl Write for Count {
     }
 }
 
-/// Seconds that this thread has been running (Linux): what others do on the machine does not count.
+/// CPU time of this thread in seconds (Linux), which excludes other load on the machine.
 fn cpu_secs() -> f64 {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
     text.split(' ').next().unwrap().parse::<f64>().unwrap() * 1e-9

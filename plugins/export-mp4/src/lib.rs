@@ -1,4 +1,4 @@
-//! H.264 in MP4 with the encoder built in: constant quality, BT.709, index first, exact frame rates.
+//! H.264 in MP4, with the built-in encoder OpenH264: constant quality, BT.709, index first, exact frame rates.
 
 mod mux;
 
@@ -81,10 +81,10 @@ impl Exporter for Mp4Exporter {
     }
 }
 
-/// Settings of the encoder, which is made once a segment.
+/// Settings of the encoder, of which each segment gets a new one.
 struct Coding {
     qp: u8,
-    /// Frames between images at which a player can start.
+    /// Frames from one key frame to the next.
     keyframes: u32,
     fps: f32,
 }
@@ -93,30 +93,31 @@ impl Coding {
     fn encoder(&self) -> Result<Encoder, ExportError> {
         let config = EncoderConfig::new()
             .skip_frames(false)
-            // "Buffer based" with one allowed quantizer is constant quality: animation is clean, and flat
-            // backgrounds must not pump with a bit rate.
+            // "Buffer based" rate control with a single allowed quantizer gives constant quality, because a bit rate would make
+            // flat backgrounds pump.
             .rate_control_mode(RateControlMode::Bufferbased)
             .qp(QpRange::new(self.qp, self.qp))
             .adaptive_quantization(false)
-            // Both judge by camera noise: still backgrounds of renderings are exact already, and skipping what seems
-            // to stand still leaves trails behind slow limbs.
+            // Background detection expects camera noise: still backgrounds of renderings are exact already, and blocks skipped as
+            // still leave trails behind slow limbs.
             .background_detection(false)
             .scene_change_detect(true)
             .complexity(Complexity::Medium)
             .bitrate(BitRate::from_bps(20_000_000))
             .max_frame_rate(FrameRate::from_hz(self.fps))
             .intra_frame_period(IntraFramePeriod::from_num_frames(self.keyframes))
-            // One slice, one thread: the same bytes on every machine.
+            // One slice and one thread give the same bytes on every machine.
             .num_threads(1)
             .vui(VuiConfig::bt709());
         Encoder::with_api_config(OpenH264API::from_source(), config).map_err(convert)
     }
 }
 
-/// Quantizer 42 … 18 … 17 … 12, H.264's logarithmic scale: 6 steps double the error. The encoder takes none below 12 (`GOM_MIN_QP_MODE` in its
-/// `rc.h`, to which `ParamValidation` raises the range of every rate control), and whole numbers only. So each of the numbers from 95 on has a
-/// quantizer of its own, and those from the default to 94 share two. Half steps were tried: a range of two quantizers, of which each block takes
-/// one by its texture. The first frame then gets the coarser one and the next ones repair it, which makes files larger than the finer one alone does.
+/// Quantizer of a quality: 42 … 18 … 17 … 12 on H.264's logarithmic scale, on which 6 steps double the error. The encoder only
+/// takes integers of 12 or more (`GOM_MIN_QP_MODE` in its `rc.h`, to which `ParamValidation` raises the range of every rate
+/// control). So each quality from 95 on has a quantizer of its own, and those from the default to 94 share two. Half steps were
+/// tried, as a range of two quantizers of which each block takes one by its texture: the first frame gets the coarser one and
+/// later frames repair it, which makes larger files than the finer quantizer alone.
 fn quantizer(quality: f64) -> u8 {
     let quality = quality.clamp(0.0, 100.0);
     let to_default = 0.32 * quality.min(DEFAULT_QUALITY);
@@ -124,14 +125,15 @@ fn quantizer(quality: f64) -> u8 {
     (42.0 - to_default - to_end - (quality - END).max(0.0)).round() as u8
 }
 
-/// Quality from which on each number is a step.
+/// Quality from which on each integer has a quantizer of its own.
 const END: f64 = 95.0;
 
-/// Frames that one encoder makes. Its state cannot be stored, so each segment starts with a new one and depends on its
-/// own frames only: a render that was killed goes on from the last whole segment and the kept frames of the next. Whole
-/// numbers of key frame distances, so that these stay equal; not few frames, because of the start (and because two IDR
-/// images in a row must differ in `idr_pic_id`, H.264 §7.4.3, which counts from 0 in each); and as few as keep the
-/// frames of a segment within `KEPT_BYTES`, at the price of more key frames than requested.
+/// Frames in a segment, which one encoder encodes. Its state cannot be stored, so each segment has a new encoder and does not
+/// depend on frames outside: a killed render resumes after the last complete segment, from the kept frames of the next one. The
+/// length is a multiple of the key frame distance, so that key frames stay regular. It is not short, because an encoder takes
+/// time to start, and because two IDR images in a row must differ in `idr_pic_id` (H.264 §7.4.3), which starts at 0 in each
+/// segment. It is limited so that a segment's kept frames fit into `KEPT_BYTES`, even if that means more key frames than
+/// requested.
 fn segment(info: &VideoInfo) -> u32 {
     const FEWEST: u32 = 24;
     const KEPT_BYTES: u64 = 1 << 30;
@@ -142,7 +144,7 @@ fn segment(info: &VideoInfo) -> u32 {
     (FEWEST.div_ceil(keyframes) * keyframes).min(most)
 }
 
-/// Frames between images at which a player can start.
+/// Frames from one key frame to the next.
 fn keyframes(info: &VideoInfo) -> u32 {
     let frames = info.options.number("keyframes").unwrap_or(4.0) * info.fps.as_fps();
     frames.clamp(1.0, 36_000.0) as u32
@@ -156,7 +158,7 @@ struct Mp4Sink {
     coding: Coding,
     /// The encoder, made at the first frame of each segment.
     encoder: Option<Encoder>,
-    /// Frames in a whole segment, and how many this one has.
+    /// Frames in a complete segment, and in the current one.
     segment: u32,
     in_segment: u32,
     muxer: Muxer,
@@ -169,7 +171,7 @@ impl Mp4Sink {
     fn new(info: &VideoInfo, out: Box<dyn Write + Send>) -> Result<Mp4Sink, ExportError> {
         let (width, height) = padded(info);
         let (long, short) = (width.max(height), width.min(height));
-        // The encoder's own limits (H.264 level 5.2); it refuses less than one macroblock.
+        // Limits of the encoder (H.264 level 5.2); it refuses less than one macroblock.
         if long > 3840 || !(16..=2160).contains(&short) {
             return Err(ExportError::Format(format!(
                 "MP4: {}×{} is outside what the H.264 encoder takes, 16×16 to 3840×2160 (or upright); \
@@ -194,10 +196,10 @@ impl Mp4Sink {
         })
     }
 
-    /// The planes in `yuv`.
+    /// Encodes the planes in `yuv`.
     fn encode(&mut self) -> Result<(), ExportError> {
         if self.in_segment == self.segment {
-            // The old one goes first, so that there are never two in memory.
+            // The old encoder is dropped first, so that there are never two in memory.
             self.encoder = None;
             self.in_segment = 0;
         }
@@ -234,7 +236,7 @@ impl FrameSink for Mp4Sink {
         self.encode()
     }
 
-    /// Leaves out the conversion: the planes are still there. The encoder gets every frame.
+    /// Encodes the same planes again without converting them: the encoder needs every frame.
     fn repeat(&mut self, _: &Frame) -> Result<(), ExportError> {
         self.encode()
     }

@@ -1,6 +1,6 @@
-//! The MP4 container (ISO/IEC 14496-12, -14, -15) for one H.264 track, index first, so that players and browsers
-//! start at once. Written by us rather than by a crate: the track's clock is the frame rate's own ratio, so that NTSC
-//! rates are exact, a video can be resumed after its program was killed, and colors and provenance have their boxes.
+//! The MP4 container (ISO/IEC 14496-12, -14, -15) for one H.264 track. The index comes first, so that players and browsers start
+//! at once. Written here instead of by a crate, so that the track's clock is the frame rate's exact ratio (NTSC rates too), a
+//! video can be resumed after its program was killed, and colors and provenance have their boxes.
 
 use choreo_motion::FrameRate;
 use std::io::{self, Write};
@@ -10,19 +10,19 @@ pub struct Muxer {
     height: u16,
     fps: FrameRate,
     provenance: Vec<(String, String)>,
-    /// Bytes of the current image, and whether a player can start at it.
+    /// Bytes of the current image so far, and whether a player can start at it.
     size: u32,
     key: bool,
     sizes: Vec<u32>,
-    /// 1-based numbers of the frames at which a player can start.
+    /// Frames at which a player can start, counted from 1.
     keys: Vec<u32>,
     sps: Vec<u8>,
     pps: Vec<u8>,
-    /// Frames that `take_state` has reported.
+    /// Number of frames that `take_state` has reported.
     reported: usize,
 }
 
-/// Bit of an image's size in a state: a player can start at it. An image is far below 2 GiB.
+/// Flag in an image's size in a state: a player can start at the image. Images are far below 2 GiB.
 const KEY: u32 = 1 << 31;
 
 impl Muxer {
@@ -42,7 +42,7 @@ impl Muxer {
         }
     }
 
-    /// One NAL unit of the current image, with its Annex B start code. Parameter sets move to the index.
+    /// Adds a NAL unit, with its Annex B start code, to the current image. Parameter sets go to the index instead.
     pub fn nal(&mut self, nal: &[u8], out: &mut dyn Write) -> io::Result<()> {
         let nal = nal.strip_prefix(&[0, 0, 0, 1]).or(nal.strip_prefix(&[0, 0, 1])).unwrap_or(nal);
         // nal_unit_type, H.264 table 7-1.
@@ -65,7 +65,7 @@ impl Muxer {
         Ok(())
     }
 
-    /// Ends the image; false where it had nothing to show.
+    /// Ends the current image; false where it is empty.
     pub(crate) fn end_picture(&mut self) -> bool {
         let size = std::mem::take(&mut self.size);
         self.sizes.push(size);
@@ -75,7 +75,7 @@ impl Muxer {
         size > 0
     }
 
-    /// State that the index needs of the frames since the last call: the parameter sets, each with its length, and the sizes.
+    /// The data that the index needs of the frames since the last call: the parameter sets, each with its length, then the sizes.
     pub(crate) fn take_state(&mut self) -> Vec<u8> {
         let mut state = Vec::new();
         for set in [&self.sps, &self.pps] {
@@ -90,7 +90,7 @@ impl Muxer {
         state
     }
 
-    /// Takes back what `take_state` gave.
+    /// Restores data that `take_state` returned.
     pub(crate) fn add_state(&mut self, state: &[u8]) -> io::Result<()> {
         let cut = || io::Error::other("what is kept of the video's index is cut");
         let mut rest = state;
@@ -112,7 +112,7 @@ impl Muxer {
         Ok(())
     }
 
-    /// All that stands before the images.
+    /// All boxes before the image data.
     pub fn head(&self) -> io::Result<Vec<u8>> {
         if self.sizes.is_empty() || self.sps.len() < 4 || self.pps.is_empty() {
             return Err(io::Error::other("an MP4 needs at least one image, and there was none"));
@@ -120,8 +120,8 @@ impl Muxer {
         let ftyp = boxed(b"ftyp", &[b"isom", &0x200u32.to_be_bytes(), b"isomiso2avc1mp41"]);
         let data: u64 = self.sizes.iter().map(|s| u64::from(*s)).sum();
         let large = data + 16 > u64::from(u32::MAX);
-        // The index holds the place of the data, and the place depends on the index's length, which does not
-        // depend on the place.
+        // The index contains the position of the data, which depends on the length of the index, which does not depend on the
+        // position.
         let length = self.moov(0).len() as u64;
         let data_at = ftyp.len() as u64 + length + if large { 16 } else { 8 };
         let mut head = ftyp;
@@ -139,12 +139,12 @@ impl Muxer {
 
     fn moov(&self, data_at: u64) -> Vec<u8> {
         let frames = self.sizes.len() as u64;
-        // The track counts in 1/num s, a frame lasts den; the movie in milliseconds.
+        // The track counts in units of 1/num s, and a frame lasts den units; the movie counts in milliseconds.
         let track_length = frames * u64::from(self.fps.den);
         let movie_length = (track_length * 1000).div_ceil(u64::from(self.fps.num));
         let (w, h) = (self.width, self.height);
         let matrix = [0x10000u32, 0, 0, 0, 0x10000, 0, 0, 0, 0x4000_0000].map(u32::to_be_bytes).concat();
-        // Version 1 boxes have 64-bit times; all creation times are zero, so that equal frames give equal files.
+        // Version 1 boxes have 64-bit times. All creation times are zero, so that equal frames give equal files.
         let mvhd = full(
             b"mvhd",
             1,
@@ -176,7 +176,7 @@ impl Muxer {
                 &u32b(u32::from(h) << 16),
             ],
         );
-        // Language "und": three letters less 0x60 in 5 bits each.
+        // Language "und": three letters minus 0x60, in 5 bits each.
         let mdhd = full(
             b"mdhd",
             1,
@@ -198,7 +198,7 @@ impl Muxer {
         let avcc = boxed(
             b"avcC",
             &[
-                // Profile, constraints and level from the parameter set; lengths of 4 bytes; one SPS, one PPS.
+                // Profile, constraints and level from the SPS; 4-byte NAL lengths; one SPS, one PPS.
                 &[1, self.sps[1], self.sps[2], self.sps[3], 0xff, 0xe1],
                 &(self.sps.len() as u16).to_be_bytes(),
                 &self.sps,
@@ -236,14 +236,14 @@ impl Muxer {
         let stts = full(b"stts", 0, 0, &[&u32b(1), &u32b(count), &u32b(self.fps.den)]);
         let list = |values: &[u32]| values.iter().flat_map(|v| v.to_be_bytes()).collect::<Vec<u8>>();
         let stss = full(b"stss", 0, 0, &[&u32b(self.keys.len() as u32), &list(&self.keys)]);
-        // One chunk holds every frame.
+        // A single chunk holds all frames.
         let stsc = full(b"stsc", 0, 0, &[&u32b(1), &u32b(1), &u32b(count), &u32b(1)]);
         let stsz = full(b"stsz", 0, 0, &[&u32b(0), &u32b(count), &list(&self.sizes)]);
         let co64 = full(b"co64", 0, 0, &[&u32b(1), &data_at.to_be_bytes()]);
         boxed(b"stbl", &[&stsd, &stts, &stss, &stsc, &stsz, &co64])
     }
 
-    /// iTunes-style metadata, which players and `ffprobe` show: how the video was made, as one comment.
+    /// iTunes-style metadata, which players and `ffprobe` show: the provenance as one comment.
     fn metadata(&self) -> Vec<u8> {
         let text: Vec<String> = self.provenance.iter().map(|(k, v)| format!("{k}: {v}")).collect();
         if text.is_empty() {
@@ -263,7 +263,7 @@ fn u32b(v: u32) -> [u8; 4] {
 fn boxed(kind: &[u8; 4], parts: &[&[u8]]) -> Vec<u8> {
     let size = 8 + parts.iter().map(|p| p.len()).sum::<usize>();
     let mut out = Vec::with_capacity(size);
-    // No box but the frames' own comes near 4 GiB: an index entry is 4 bytes a frame.
+    // Boxes made here stay far below 4 GiB: the index takes 4 bytes a frame, and the image data get their header elsewhere.
     out.extend((size as u32).to_be_bytes());
     out.extend(kind);
     parts.iter().for_each(|p| out.extend_from_slice(p));

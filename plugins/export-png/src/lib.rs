@@ -1,4 +1,4 @@
-//! One PNG a frame, with 8 or 16 bits: RGB where nothing is transparent, else RGBA; sRGB chunk; provenance as text chunks.
+//! One PNG a frame, with 8 or 16 bits: RGB where nothing is transparent, else RGBA; an sRGB chunk; provenance as text chunks.
 
 use choreo_plugin::{
     ExportError, ExportOptions, Exporter, FloatFrame, Frame, FrameSink, FrameWish, Manifest, VideoInfo,
@@ -53,14 +53,14 @@ impl Exporter for PngExporter {
         made: &[u8],
         mut out: Box<dyn Write + Send>,
     ) -> Result<bool, ExportError> {
-        // The chunk IHDR comes first: 8 bytes before its data, of which the ninth are the bits and the tenth is the type of color.
+        // Byte 24 of a PNG is the bit depth and byte 25 the color type: IHDR is the first chunk.
         let (Some(pixels), Some([bits, color])) = (pixels_of(made), made.get(24..26)) else {
             return Ok(false);
         };
         let color = if *color == 2 { png::ColorType::Rgb } else { png::ColorType::Rgba };
         let depth = if *bits == 16 { png::BitDepth::Sixteen } else { png::BitDepth::Eight };
         let mut head = Vec::new();
-        // Its end is written as it is dropped, too.
+        // Dropping the writer also writes the final chunk, which is cut off below.
         drop(PngSink::new(info, None).head(&mut head, [info.width, info.height], (color, depth))?);
         let head = head.strip_suffix(&END).ok_or(ExportError::Format("PNG: a head without an end".into()))?;
         out.write_all(head)?;
@@ -85,7 +85,7 @@ impl PngSink {
         PngSink { out, provenance: info.provenance.clone(), small, straight }
     }
 
-    /// Writes all that stands before the pixels.
+    /// Writes everything before the pixels.
     fn head<W: Write>(
         &self,
         out: W,
@@ -98,7 +98,7 @@ impl PngSink {
         if self.small {
             encoder.set_compression(png::Compression::Balanced);
         } else {
-            // The ultra fast level finds no repetitions: a dithered gradient would be five times as large. See the README.
+            // The ultra fast level finds no repetitions, so a dithered gradient would be five times as large. See the README.
             encoder.set_deflate_compression(png::DeflateCompression::Level(1));
             encoder.set_filter(png::Filter::Paeth);
         }
@@ -116,7 +116,7 @@ impl PngSink {
 }
 
 impl PngSink {
-    /// The writer of the only image.
+    /// Takes the output. Fails after the first image.
     fn out(&mut self) -> Result<Box<dyn Write + Send>, ExportError> {
         let taken = || ExportError::Format("a PNG holds one image, and this one has it already".into());
         self.out.take().ok_or_else(taken)
@@ -173,7 +173,7 @@ impl FrameSink for PngSink {
 /// The chunk IEND.
 const END: [u8; 12] = *b"\0\0\0\0IEND\xae\x42\x60\x82";
 
-/// All of a PNG from its first chunk of pixels on.
+/// The bytes of a PNG from its first IDAT chunk on.
 fn pixels_of(png: &[u8]) -> Option<&[u8]> {
     let mut rest = png.get(8..)?;
     while rest.get(4..8)? != b"IDAT" {
@@ -183,18 +183,18 @@ fn pixels_of(png: &[u8]) -> Option<&[u8]> {
     Some(rest)
 }
 
-/// Buffers of images written before: taking fresh pages from the system costs more than filling them. As many as there
-/// were images written at once.
+/// Pool of pixel buffers, because fresh memory pages cost more time than filling them. It grows to the number of images that are
+/// encoded at once.
 fn spare() -> MutexGuard<'static, Vec<Vec<u8>>> {
     static SPARE: Mutex<Vec<Vec<u8>>> = Mutex::new(Vec::new());
     SPARE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Fills `rgb` with the pixels without alpha; true if all alpha is 255.
+/// Fills `rgb` with the pixels without alpha. False, with incomplete pixels, where any alpha is not 255.
 fn opaque_rgb(rgba: &[u8], rgb: &mut Vec<u8>) -> bool {
     let pixels = rgba.as_chunks::<4>().0;
     rgb.resize(pixels.len() * 3, 0);
-    // Rows of 4 kB at a time: what the test has read is still in the cache for the copy.
+    // Tests 4 kB at a time, so that the pixels are still cached when they are copied.
     for (out, part) in rgb.chunks_mut(3 * 1024).zip(pixels.chunks(1024)) {
         if part.iter().fold(u32::MAX, |all, p| all & u32::from_le_bytes(*p)) >> 24 != 255 {
             return false;

@@ -1,4 +1,4 @@
-//! Actors: each refers to its model, and has its place, its motion, and what differs in its materials.
+//! Actors: each prim refers to its model and adds transform, motion and material differences.
 
 use crate::frames::Frames;
 use crate::layer::{MATRIX4D, Prim, Samples};
@@ -17,20 +17,21 @@ use choreo_plugin::stage::{Actor, Property as StageProperty, Stage};
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
-/// The largest turn of a texture between two keys, radians: its place moves on an arc.
+/// The largest rotation of a texture between two keys, radians. The texture's offset moves on an arc, which more keys follow
+/// closely.
 const MOST_TURN: f32 = 0.05;
 
-/// The parts that actors are written from.
+/// The inputs that actors are written from.
 pub struct ActorWriter<'a, 'b> {
     pub stage: &'a Stage,
     pub baked: &'b Baked<'a>,
     pub sets: &'b Sets<'a>,
     pub frames: Frames,
-    /// The prim that holds the actors.
+    /// Path of the prim that holds the actors.
     pub path: String,
 }
 
-/// Paths of animations by the set that moves the joints.
+/// Paths of written animations, by the track set that moves the joints.
 pub type KnownAnimations = BTreeMap<usize, String>;
 
 impl<'a> ActorWriter<'a, '_> {
@@ -89,7 +90,7 @@ impl<'a> ActorWriter<'a, '_> {
         prim
     }
 
-    /// How many copies are there at the start.
+    /// The number of copies at the start; `None` where it changes over time or no number is set.
     fn copies(&self, index: usize, common: &mut Common) -> Option<u32> {
         let actor = &self.stage.actors[index];
         let varies = actor.channels.iter().any(|c| c.property == StageProperty::Copies)
@@ -101,7 +102,7 @@ impl<'a> ActorWriter<'a, '_> {
         copies
     }
 
-    /// A prim that refers to a model, with its pose over time.
+    /// A prim that refers to a model, with its animation.
     fn body(
         &self,
         index: usize,
@@ -123,7 +124,7 @@ impl<'a> ActorWriter<'a, '_> {
         let mut skeleton = Prim::over("skeleton");
         let rest = actor.asset.skeleton.rest();
         if rest != &still[1..] {
-            // Joints that bind other skins stay as the model has them.
+            // Helper joints of further skins keep the model's rest transforms.
             let extra = model.joints.as_ref().map_or(0, Vec::len) - rest.len();
             let helpers = crate::joints::Joints::of(model.asset).rest.split_off(rest.len());
             debug_assert_eq!(helpers.len(), extra);
@@ -140,7 +141,7 @@ impl<'a> ActorWriter<'a, '_> {
         prim
     }
 
-    /// The path of the animation, which is added below the prim unless another actor has the same.
+    /// The path of the actor's animation: one that another actor with the same curves wrote, or a new one, added below the prim.
     fn animation(
         &self,
         index: usize,
@@ -171,7 +172,7 @@ impl<'a> ActorWriter<'a, '_> {
         Some(source)
     }
 
-    /// Differences of the actor's materials from those of the model.
+    /// Overrides for the materials of the actor that differ from the model's.
     fn looks(&self, index: usize, model: &Model<'a>, common: &mut Common) -> Option<Prim<'a>> {
         let mut looks = Prim::over("materials");
         for (number, of_model) in model.materials.iter().enumerate() {
@@ -196,7 +197,7 @@ impl<'a> ActorWriter<'a, '_> {
         (!looks.children.is_empty()).then_some(looks)
     }
 
-    /// A material at the times of its keys; once, where it does not change.
+    /// The times at which a material changes, and the material at each; a single one where it does not change.
     fn material_states(&self, index: usize, number: usize) -> (Vec<Time>, Vec<Material>) {
         let actor: &Actor = &self.stage.actors[index];
         let state = &self.baked.first.actors[index];
@@ -234,7 +235,7 @@ impl<'a> ActorWriter<'a, '_> {
     }
 }
 
-/// Times between the keys of an angle.
+/// Adds times between the keys of a rotation, so that no step exceeds [`MOST_TURN`].
 fn add_turns(series: &Series, times: &mut Vec<Time>) {
     for (pair, values) in series.times.windows(2).zip(series.values.windows(2)) {
         let parts = ((values[1] - values[0]).abs() / MOST_TURN).ceil().clamp(1.0, 1000.0) as i64;
@@ -243,7 +244,7 @@ fn add_turns(series: &Series, times: &mut Vec<Time>) {
     }
 }
 
-/// Adds the inputs whose numbers differ from those of a model's material, or change.
+/// Adds the inputs whose numbers change over time, or differ from those of the model's material.
 fn differences<'a>(model: &Network, networks: &[Network], times: &Rc<[f64]>, out: &mut Prim<'a>) {
     for (number, shader) in model.shaders.iter().enumerate() {
         let mut over = Prim::over(shader.name.clone());

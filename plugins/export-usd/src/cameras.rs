@@ -11,13 +11,13 @@ use choreo_plugin::glam::{Quat, Vec3};
 use choreo_plugin::motion::{Time, Transform};
 use choreo_plugin::stage::Stage;
 
-/// Lengths of lenses are in tenths of a metre.
+/// Focal lengths and apertures in USD are in tenths of a scene unit, here tenths of a meter.
 const TENTHS: f64 = 10.0;
-/// Height of the film, metres; the angle of view follows from it and the focal length.
+/// Height of the film gate, meters. It and the focal length determine the field of view.
 const FILM: f64 = 0.024;
-/// Far plane of a camera that has none, metres.
+/// Far plane of a camera that has none, meters.
 const FAR: f32 = 1e6;
-/// The largest error of an angle of view between two keys, radians.
+/// The largest error of a field of view between two keys, radians.
 const ANGLE: f64 = 5e-5;
 
 pub fn of_stage<'a>(stage: &Stage, baked: &Baked<'_>, frames: Frames, names: &mut Names) -> Vec<Prim<'a>> {
@@ -44,7 +44,7 @@ fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a
         about.push(("dissolve".to_string(), Meta::Double(frames.lasting(shot.fading))));
     }
     out.custom = vec![("shot".into(), Meta::Dictionary(about))];
-    // The same as properties that programs such as Blender show, in seconds as glTF has them.
+    // The same data as custom properties, which programs such as Blender show. Seconds, as in glTF.
     out.set(STRING, "userProperties:camera", Value::text(&shot.name));
     for (name, time) in [("start", shot.from), ("end", shot.to)] {
         let seconds = frames.of(time) / frames.per_second();
@@ -53,7 +53,7 @@ fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a
     let [position, rotation, lens] = &shot.parts;
     let (near, far) = match shot.projection {
         Projection::Perspective { near, far, .. } => (near, far.unwrap_or(FAR)),
-        // Depths before a camera are from 0 on.
+        // Clipping ranges start at 0 or more: USD has no depths behind the camera.
         Projection::Orthographic { near, far, .. } => (near.max(0.0), far),
     };
     out.number(FLOAT2, "clippingRange", &[near, far]);
@@ -93,7 +93,7 @@ fn camera<'a>(shot: &Shot, name: String, aspect: f64, frames: Frames) -> Prim<'a
     out
 }
 
-/// Two keys of an angle have at most 2 to this power of pieces between them.
+/// Halvings of the interval between two keys of an angle, at most.
 const MOST_HALVINGS: u32 = 10;
 
 fn focal_length(angle: f64) -> f64 {
@@ -104,7 +104,7 @@ fn angle(focal_length: f64) -> f64 {
     2.0 * libm::atan(0.5 * FILM * TENTHS / focal_length)
 }
 
-/// Keys of an angle as those of a focal length, with more between where a straight line of lengths is no straight line of angles.
+/// Keys of a field of view as keys of a focal length. Adds keys where interpolated lengths would miss the interpolated angle.
 fn focal_lengths<'a>(lens: &Series, frames: Frames) -> Samples<'a> {
     let (mut times, mut lengths) = (vec![lens.times[0]], vec![focal_length(lens.values[0].into())]);
     for (pair, angles) in lens.times.windows(2).zip(lens.values.windows(2)) {
@@ -117,7 +117,8 @@ fn focal_lengths<'a>(lens: &Series, frames: Frames) -> Samples<'a> {
     Samples::of(frames.list(&times), None, 1, lengths)
 }
 
-/// Gives the second of two keys, and before it those that keep the angle in the middle of two lengths within [`ANGLE`].
+/// Passes on the second of two keys, preceded by as many keys as keep the field of view in the middle of each interval within
+/// [`ANGLE`].
 fn halve([a, b]: [(Time, f64); 2], depth: u32, key: &mut impl FnMut(Time, f64)) {
     let between = angle(0.5 * (focal_length(a.1) + focal_length(b.1)));
     let middle = (a.0.middle(b.0), 0.5 * (a.1 + b.1));

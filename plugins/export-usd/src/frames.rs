@@ -1,4 +1,4 @@
-//! Times of the stage as time codes: frames from the start of the export.
+//! Times of the stage as time codes: frames since the start of the export.
 
 use choreo_plugin::motion::{FrameRate, Time};
 use std::rc::Rc;
@@ -14,13 +14,13 @@ impl Frames {
         f64::from(self.rate.num) / f64::from(self.rate.den)
     }
 
-    /// Frames of a duration.
+    /// A duration in frames.
     pub(crate) fn lasting(&self, duration: Time) -> f64 {
         duration.0 as f64 * f64::from(self.rate.num)
             / (f64::from(self.rate.den) * Time::TICKS_PER_SECOND as f64)
     }
 
-    /// A frame's time has a whole number, whatever its ticks are rounded to.
+    /// The time code of a time. A frame's time gives a whole number, although ticks are rounded.
     pub fn of(&self, time: Time) -> f64 {
         let frames = self.lasting(time - self.start);
         let whole = frames.round();

@@ -1,7 +1,7 @@
-//! The joints of an asset as a UsdSkel skeleton has them: paths, rest and bind transforms.
+//! The joints of an asset as a UsdSkel skeleton: paths, rest and bind transforms.
 //!
-//! A skeleton has one bind transform a joint, an asset one for each skin and joint. Where two skins differ, the second gets a joint of
-//! its own below the first, which does not move in it.
+//! A UsdSkel skeleton has one bind transform for each joint; an asset has one for each skin and joint. Where two skins differ at a
+//! joint, the second one gets a helper joint below it, which does not move relative to it.
 
 use crate::names::{Names, identifier};
 use choreo_plugin::asset::{Asset, Skin};
@@ -12,21 +12,21 @@ use choreo_plugin::motion::Transform;
 const SAME: f64 = 1e-5;
 
 pub struct Joints {
-    /// Paths, `Hips/Spine`.
+    /// Path of each joint, `Hips/Spine`.
     pub paths: Vec<String>,
-    /// The names in the asset, where all differ.
+    /// The names in the asset; `None` unless all are distinct and none is empty.
     pub names: Option<Vec<String>>,
-    /// Transforms from the parent at rest; those beyond the asset's joints stay so.
+    /// Rest transforms, parent from joint. Helper joints follow the asset's joints and keep this transform.
     pub rest: Vec<DMat4>,
-    /// Model space at bind time.
+    /// Bind transforms, model from joint.
     pub bind: Vec<DMat4>,
     pub skins: Vec<BoundSkin>,
 }
 
-/// A skin with the skeleton's joints.
+/// A skin whose joints are those of the skeleton.
 pub struct BoundSkin {
     pub joints: Vec<u32>,
-    /// Model space of the skeleton from the mesh's, at bind time.
+    /// Model space of the skeleton from mesh space, at bind time.
     pub geometry: DMat4,
 }
 
@@ -35,7 +35,7 @@ pub fn matrix(t: &Transform) -> DMat4 {
     DMat4::from_scale_rotation_translation(t.scale.as_dvec3(), rotation, t.translation.as_dvec3())
 }
 
-/// Model space from each joint.
+/// Model from joint, for each joint.
 pub fn in_model(asset: &Asset, locals: &[Transform]) -> Vec<DMat4> {
     let mut out: Vec<DMat4> = Vec::with_capacity(locals.len());
     for (local, parent) in locals.iter().zip(asset.skeleton.parents()) {
@@ -83,7 +83,8 @@ impl Joints {
     fn bound(&mut self, number: usize, skin: &Skin, bind: &mut Vec<Option<DMat4>>) -> BoundSkin {
         let inverse =
             |index: usize| skin.inverse_bind.get(index).map_or(DMat4::IDENTITY, |m| affine(&m.as_dmat4()));
-        // A mesh in centimetres is scaled before, so that joints are not: some importers know no size of bones.
+        // The geometry's bind transform takes the scale of a mesh in centimeters, so that joints need none: some importers ignore
+        // the scale of bones.
         let first = (0..skin.joints.len()).map(inverse).find(is_invertible);
         let size = first.map_or(1.0, |m| libm::cbrt(m.determinant().abs()));
         let size = if (size - 1.0).abs() < 1e-4 { 1.0 } else { size };
@@ -101,7 +102,8 @@ impl Joints {
                 }
                 (Some(own), Some(known)) if is_same(&own, &known) => joints.push(*joint),
                 (own, _) => {
-                    // A transform without inverse is the joint's place, and nothing is undone at bind time.
+                    // A bind matrix without an inverse becomes the rest transform of the helper joint, whose bind transform is
+                    // the identity.
                     let name = identifier(&format!("bind_{number}_{index}"));
                     let above = *joint as usize;
                     self.paths.push(format!("{}/{name}", self.paths[above]));

@@ -1,10 +1,10 @@
-//! A layer as data: prims with properties. Long lists of numbers are made when they are written, so that they are never in memory as a
+//! A layer as data: prims with properties. Long lists of numbers are made only as they are written, so they are never in memory as a
 //! whole.
 
 use std::io::Result;
 use std::rc::Rc;
 
-/// The kind of number that an element consists of.
+/// The number type of one component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Component {
     Bool,
@@ -12,19 +12,19 @@ pub enum Component {
     Half,
     Float,
     Double,
-    /// A token, a string or the path of a file.
+    /// Text: a token, a string or the path of a file.
     Text,
 }
 
 /// Type of an attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Type {
-    /// Name of the type in text.
+    /// Name of the type in `.usda`.
     pub name: &'static str,
-    /// Number of the type in crate files.
+    /// Type code in crate files.
     pub code: u8,
     pub component: Component,
-    /// Numbers of an element.
+    /// Components in an element.
     pub width: usize,
 }
 
@@ -54,18 +54,18 @@ pub(crate) const HALF3: Type = of("half3", 25, Component::Half, 3);
 pub(crate) const FLOAT4: Type = of("float4", 28, Component::Float, 4);
 
 impl Type {
-    /// Quaternions are x, y, z, w in memory and in crate files, and w, x, y, z in text.
+    /// Whether the type is a quaternion, whose order is x, y, z, w in memory and in crate files, and w, x, y, z in text.
     pub(crate) fn is_quaternion(&self) -> bool {
         matches!(self.name, "quatf" | "quath")
     }
 }
 
-/// A number of a list, by index; an element has [`Type::width`] of them.
+/// The number at an index; an element has [`Type::width`] numbers.
 pub type Numbers<'a> = Rc<dyn Fn(usize) -> f64 + 'a>;
 
 #[derive(Clone)]
 pub enum Value<'a> {
-    /// `count`: elements of an array, `None` for a single value.
+    /// Numbers made on demand. `count`: elements of an array, `None` for a single value.
     Numbers {
         count: Option<usize>,
         number: Numbers<'a>,
@@ -81,7 +81,7 @@ impl<'a> Value<'a> {
         Value::Numbers { count: None, number: Rc::new(move |i| numbers[i]) }
     }
 
-    /// An array whose numbers are made by a function.
+    /// An array whose numbers a function makes on demand.
     pub fn array(count: usize, number: impl Fn(usize) -> f64 + 'a) -> Value<'a> {
         Value::Numbers { count: Some(count), number: Rc::new(number) }
     }
@@ -91,10 +91,10 @@ impl<'a> Value<'a> {
     }
 }
 
-/// Takes the numbers of one sample.
+/// Receives the numbers of one time sample.
 pub type Taker<'t> = &'t mut dyn FnMut(&[f64]) -> Result<()>;
 
-/// Values at times, which are in frames.
+/// Time samples, with times in frames.
 #[derive(Clone)]
 pub struct Samples<'a> {
     pub times: Rc<[f64]>,
@@ -103,7 +103,7 @@ pub struct Samples<'a> {
 
 #[derive(Clone)]
 pub enum SampleValues<'a> {
-    /// `count`: as in [`Value`]. `each` hands over the numbers of one time after the other.
+    /// Numbers made on demand. `count`: as in [`Value`]. `each` hands over the numbers of one time after the other.
     Numbers {
         count: Option<usize>,
         each: Rc<dyn Fn(Taker<'_>) -> Result<()> + 'a>,
@@ -112,7 +112,7 @@ pub enum SampleValues<'a> {
 }
 
 impl<'a> Samples<'a> {
-    /// Samples whose numbers are in a list, `width` numbers each.
+    /// Samples from a list that has `width` numbers for each time.
     pub fn of(times: Rc<[f64]>, count: Option<usize>, width: usize, numbers: Vec<f64>) -> Samples<'a> {
         let each = move |take: Taker<'_>| numbers.chunks(width.max(1)).try_for_each(&mut *take);
         Samples { times, values: SampleValues::Numbers { count, each: Rc::new(each) } }
@@ -127,7 +127,7 @@ pub struct Attribute<'a> {
     pub uniform: bool,
     pub value: Option<Value<'a>>,
     pub samples: Option<Samples<'a>>,
-    /// The path of an output that drives it.
+    /// The path of the shader output that drives the attribute.
     pub connection: Option<String>,
     pub interpolation: Option<&'static str>,
     pub element_size: Option<usize>,
@@ -139,7 +139,7 @@ pub enum Property<'a> {
     Relationship { name: &'static str, targets: Vec<String> },
 }
 
-/// A value in a dictionary.
+/// A value in a metadata dictionary.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Meta {
     Double(f64),
@@ -159,12 +159,12 @@ pub enum Specifier {
 pub struct Prim<'a> {
     pub name: String,
     pub specifier: Specifier,
-    /// Name of its schema, "Mesh"; empty for overs.
+    /// Name of the schema, "Mesh"; empty for overs.
     pub kind: &'static str,
     pub api: Vec<&'static str>,
-    /// The path of a prim of the layer that it is a copy of.
+    /// The path of the prim in this layer that the prim refers to.
     pub reference: Option<String>,
-    /// The name before it was made an identifier.
+    /// The original name, where the identifier differs.
     pub display_name: Option<String>,
     pub custom: Vec<(String, Meta)>,
     pub properties: Vec<Property<'a>>,
@@ -180,7 +180,7 @@ impl<'a> Prim<'a> {
         Prim { name: name.into(), specifier: Specifier::Over, ..Prim::default() }
     }
 
-    /// Adds an attribute, and returns it to be changed.
+    /// Adds an attribute, and returns it for further changes.
     pub fn attribute(&mut self, of: Type, name: impl Into<String>) -> &mut Attribute<'a> {
         let (is_array, uniform, value, samples) = (false, false, None, None);
         let (connection, interpolation, element_size) = (None, None, None);
@@ -206,18 +206,18 @@ impl<'a> Prim<'a> {
         self.attribute(of, name).with(value)
     }
 
-    /// A single number or vector.
+    /// Sets an attribute to a single number or vector.
     pub fn number(&mut self, of: Type, name: impl Into<String>, numbers: &[f32]) -> &mut Attribute<'a> {
         let numbers: Vec<f64> = numbers.iter().map(|v| f64::from(*v)).collect();
         self.set(of, name, Value::one(numbers))
     }
 
-    /// A token that does not change.
+    /// Sets a uniform token.
     pub(crate) fn uniform_token(&mut self, name: &str, token: &str) {
         self.set(TOKEN, name, Value::text(token)).uniform = true;
     }
 
-    /// A list of tokens that does not change.
+    /// Sets a uniform list of tokens.
     pub(crate) fn uniform_tokens(&mut self, name: &str, tokens: Vec<String>) {
         self.set(TOKEN, name, Value::Texts(tokens)).uniform = true;
     }
@@ -228,7 +228,7 @@ impl<'a> Prim<'a> {
 }
 
 impl<'a> Attribute<'a> {
-    /// No schema has it: a property of the user's own, which other programs show as such.
+    /// Whether the property belongs to no schema: `userProperties:`, which other programs show as custom properties.
     pub(crate) fn is_custom(&self) -> bool {
         self.name.starts_with("userProperties:")
     }
@@ -245,7 +245,7 @@ impl<'a> Attribute<'a> {
         self
     }
 
-    /// How a primvar's elements belong to the mesh: "vertex", "constant".
+    /// Sets the interpolation of a primvar: "vertex", "constant".
     pub fn across(&mut self, interpolation: &'static str) -> &mut Self {
         self.interpolation = Some(interpolation);
         self
@@ -256,7 +256,7 @@ impl<'a> Attribute<'a> {
 #[derive(Clone, Default)]
 pub struct Layer<'a> {
     pub default_prim: String,
-    /// Frames of the timeline.
+    /// End of the timeline, in frames.
     pub end: f64,
     pub frames_per_second: f64,
     pub comment: String,

@@ -48,10 +48,11 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     .unit("m")
 });
 
-/// The prim that holds the models.
+/// Name of the prim that holds the models.
 const MODELS: &str = "_models";
 
-/// Times are exact in f64; sizes of joints are in half precision (UsdSkelAnimation).
+/// Precision of the written numbers, for the error check: times are exact in f64; joint scales are in half precision
+/// (UsdSkelAnimation).
 const AS_WRITTEN: AsWritten = AsWritten {
     times: |times, start| times.iter().map(|time| *time - start).collect(),
     number: |path, number| match path {
@@ -73,7 +74,7 @@ impl SceneExporter for UsdExporter {
         let mut baked = bake::bake(scene, tolerance, Style::Common)?;
         files.deviation(check::worst(scene, &baked, &AS_WRITTEN)?);
         let sets: Vec<_> = std::mem::take(&mut baked.sets).into_iter().map(Rc::new).collect();
-        // Values that do not change are requested set by set.
+        // The writers below ask each set for its constant values.
         baked.sets = sets.iter().map(|set| still_of(set)).collect();
         let mut common = Common::default();
         common.textures.stem = scene.stem.clone();
@@ -83,7 +84,7 @@ impl SceneExporter for UsdExporter {
     }
 }
 
-/// A set without its curves.
+/// A track set reduced to its constant values.
 fn still_of<'a>(set: &bake::tracks::TrackSet<'a>) -> bake::tracks::TrackSet<'a> {
     bake::tracks::TrackSet {
         times: Vec::new(),
@@ -135,7 +136,7 @@ fn layer<'a>(
     })
 }
 
-/// The models of all assets that are seen, by the asset's address.
+/// The models of all assets that are visible at some time, by the asset's address.
 fn models<'a>(
     stage: &'a Stage,
     baked: &Baked<'a>,
@@ -164,7 +165,7 @@ fn models<'a>(
     (out, prims)
 }
 
-/// Skins and morph targets need a skeleton.
+/// Whether an asset needs a skeleton: it has skins or morph targets.
 fn is_soft(asset: &Asset) -> bool {
     let is_shaped = |mesh: u32| asset.meshes.get(mesh as usize).is_some_and(|mesh| mesh.morph_targets > 0);
     asset.instances.iter().any(|instance| instance.skin.is_some() || is_shaped(instance.mesh))
@@ -177,7 +178,8 @@ fn write(
     (stem, files): (&str, &mut dyn SceneFiles),
 ) -> Result<(), ExportError> {
     if extension != "usda" {
-        // Heads are stated at the end. What has no way back is refused before it gets a byte.
+        // Headers are filled in at the end. An output that cannot be overwritten, such as a pipe, is refused here, before it gets
+        // a byte.
         files.replace(0, &[])?;
     }
     if extension == "usdz" {
@@ -199,7 +201,7 @@ fn write(
     files.replace(0, &head)
 }
 
-/// The layer as a crate file, then the textures.
+/// Writes a package: the layer as a crate file, then the textures.
 fn write_package(
     layer: &Layer<'_>,
     common: &Common,

@@ -1,4 +1,4 @@
-//! Lights (UsdLux): those of the stage, those of files, and the light from everywhere.
+//! Lights (UsdLux): the stage's lights, the lights of imported files, ambient light and the sky.
 
 use crate::frames::Frames;
 use crate::joints;
@@ -16,9 +16,9 @@ use choreo_plugin::motion::Transform;
 use choreo_plugin::stage::{Stage, default_sun};
 use std::collections::BTreeSet;
 
-/// Radius of lamps, metres.
+/// Radius of point and spot lights, which USD has as spheres, meters.
 const RADIUS: f32 = 0.01;
-/// A normalized sphere's intensity over its candela: its luminance is intensity ÷ 4πr², and a disc of πr² is seen.
+/// Intensity of a normalized sphere light for one candela. The luminance is intensity ÷ 4πr², and a viewer sees a disk of πr².
 const SPHERE: f32 = 4.0;
 
 pub fn of_stage<'a>(
@@ -60,10 +60,10 @@ pub fn of_stage<'a>(
     out
 }
 
-/// The sky as a dome: the middle of its image is +Z in USD, −Z here.
+/// The sky as a dome light. The center of the image lies at +Z in USD, and at −Z here.
 ///
 /// # Errors
-/// An image that cannot be written.
+/// The sky's image cannot be written as OpenEXR.
 pub fn of_sky<'a>(
     stage: &Stage,
     baked: &Baked<'_>,
@@ -142,7 +142,7 @@ fn place_of(prim: &Prim<'_>, name: &str) -> Option<usize> {
     prim.properties.iter().position(is)
 }
 
-/// A light, and the places of the attributes that place it.
+/// A light, and the indices of its translate, orient and scale properties.
 fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 3]) {
     let of_type = match light.kind {
         LightKind::Directional => "DistantLight",
@@ -151,7 +151,7 @@ fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 
     let mut out = Prim::new(of_type, name);
     out.number(COLOR3F, "inputs:color", &light.color.to_array());
     if light.kind.is_directional() {
-        // Parallel rays: the intensity is the illuminance.
+        // A distant light: its intensity is the illuminance.
         out.number(FLOAT, "inputs:angle", &[0.0]);
         out.number(FLOAT, "inputs:intensity", &[light.intensity]);
         out.number(BOOL, "inputs:normalize", &[1.0]);
@@ -171,7 +171,7 @@ fn light<'a>(name: String, light: &Light, at: &Transform) -> (Prim<'a>, [usize; 
     (out, places)
 }
 
-/// Adds the lights of an actor's file, where its joints are at the start.
+/// Adds the lights of an actor's file, placed at their joints in the pose at the start.
 pub fn of_file(prim: &mut Prim<'_>, asset: &Asset, still: &[Transform]) {
     let in_model = joints::in_model(asset, still);
     let mut names = Names::default();

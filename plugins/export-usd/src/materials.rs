@@ -8,7 +8,7 @@ use choreo_exporter_kit::losses::{self, Losses};
 use choreo_plugin::asset::{AlphaMode, Asset, Material, Shading, TextureRef, Wrap};
 use choreo_plugin::glam::{Affine2, Vec3, Vec4};
 
-/// A material's shaders. Materials that differ in numbers alone have the same shaders and inputs.
+/// The shader network of a material. Materials that differ only in numbers have the same shaders and inputs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Network {
     pub shaders: Vec<Shader>,
@@ -33,17 +33,17 @@ pub struct Input {
 pub enum InputValue {
     Numbers(Vec<f32>),
     Text(String),
-    /// An output of another shader of the network: `normal.outputs:rgb`.
+    /// Connection to an output of another shader of the network: `normal.outputs:rgb`.
     Output(String),
 }
 
-/// The parts of an asset that a network depends on.
+/// The asset data that a shader network depends on.
 #[derive(Clone, Copy)]
 pub struct Surroundings<'a> {
     pub asset: &'a Asset,
-    /// The texture coordinates that all primitives with the material have.
+    /// Whether all primitives with the material have the first and the second set of texture coordinates.
     pub uvs: [bool; 2],
-    /// All of them have vertex colors.
+    /// Whether all primitives with the material have vertex colors.
     pub colors: bool,
 }
 
@@ -54,7 +54,7 @@ struct Builder<'b> {
     others: Vec<Shader>,
 }
 
-/// How a texture is read: scale and bias of its numbers, color space.
+/// How a texture is sampled: scale and bias of its values, color space.
 struct Reading {
     scale: Vec4,
     bias: Vec4,
@@ -71,7 +71,7 @@ impl Reading {
     }
 }
 
-/// The shaders of a material, the surface first.
+/// The shader network of a material, the surface shader first.
 pub fn network(m: &Material, of: Surroundings<'_>, textures: &mut Textures, losses: &mut Losses) -> Network {
     let mut builder = Builder { of, textures, surface: Vec::new(), others: Vec::new() };
     builder.material(m, losses);
@@ -176,7 +176,7 @@ impl Builder<'_> {
             }
         }
         let layers = m.layers.as_deref();
-        // A surface that only shines by itself mirrors nothing.
+        // An unlit surface must not reflect: index 1.
         let index = if unlit { 1.0 } else { layers.map_or(1.5, |l| l.ior) };
         if index != 1.5 {
             self.input("ior", FLOAT, &[index]);
@@ -187,7 +187,7 @@ impl Builder<'_> {
         }
     }
 
-    /// The name of the shader of a texture; `None` where there is none, or no coordinates for it.
+    /// Adds the shader of a texture and returns its name; `None` without a texture, or without coordinates for it.
     fn texture(
         &mut self,
         name: &'static str,
@@ -203,7 +203,7 @@ impl Builder<'_> {
         if !self.others.iter().any(|shader| shader.name == reader) {
             self.reader(reader, "UsdPrimvarReader_float2", primvar, FLOAT2);
         }
-        // The transform is always there, so that materials whose numbers differ have the same shaders.
+        // The transform is always written, so that materials that differ only in numbers have the same shaders.
         let (translation, rotation, scale) = from_below(&texture.uv_transform);
         let numbers = |name, of, list: &[f32]| Input { name, of, value: InputValue::Numbers(list.to_vec()) };
         let output = |text: String| InputValue::Output(text);
@@ -255,7 +255,8 @@ impl Builder<'_> {
     }
 }
 
-/// A transform of texture coordinates whose origin is above, as one whose origin is below: translation, degrees, scale. Shear is lost.
+/// Converts a texture transform with the origin at the top left to one at the bottom left: translation, degrees, scale. Loses
+/// shear.
 fn from_below(a: &Affine2) -> ([f32; 2], f32, [f32; 2]) {
     let (x, y, at) = (a.matrix2.x_axis, a.matrix2.y_axis, a.translation);
     let (x_below, y_below) = ([x.x, -x.y], [-y.x, y.y]);
@@ -266,7 +267,7 @@ fn from_below(a: &Affine2) -> ([f32; 2], f32, [f32; 2]) {
 }
 
 impl Network {
-    /// The material with all its shaders. `path`: where it will be.
+    /// The material with all its shaders. `path`: the path that the prim will have.
     pub fn prim<'a>(&self, name: &str, path: &str, display_name: &str) -> Prim<'a> {
         let mut out = Prim::new("Material", name);
         out.display_name = (display_name != name && !display_name.is_empty()).then(|| display_name.into());
@@ -292,7 +293,7 @@ impl Network {
         out
     }
 
-    /// The numbers of an input, where it has some.
+    /// The numbers of a shader input; `None` where it has none.
     pub fn numbers(&self, shader: usize, input: usize) -> Option<&[f32]> {
         match &self.shaders.get(shader)?.inputs.get(input)?.value {
             InputValue::Numbers(numbers) => Some(numbers),
@@ -300,7 +301,7 @@ impl Network {
         }
     }
 
-    /// Whether another one has the same shaders, inputs and connections.
+    /// Whether another network has the same shaders, inputs and connections, numbers aside.
     pub(crate) fn is_alike(&self, other: &Network) -> bool {
         let is_of_numbers = |a: &InputValue, b: &InputValue| matches!((a, b), (InputValue::Numbers(a), InputValue::Numbers(b)) if a.len() == b.len());
         self.shaders.len() == other.shaders.len()
@@ -340,7 +341,7 @@ mod tests {
     use super::*;
     use choreo_plugin::glam::{Mat2, Vec2};
 
-    /// Scale, then rotation, then translation, as UsdTransform2d has it.
+    /// Order as in UsdTransform2d: scale, then rotation, then translation.
     #[test]
     fn a_transform_from_below_moves_the_same_points() {
         for (rotation, scale) in [(0.7f32, Vec2::new(2.0, 3.0)), (-2.0, Vec2::new(0.5, -1.5))] {

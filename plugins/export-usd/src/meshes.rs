@@ -8,13 +8,13 @@ use choreo_plugin::glam::{DMat4, Vec3};
 
 /// How a mesh follows a skeleton.
 pub enum Binding<'a> {
-    /// Every vertex by its weights. `joints`: of the skeleton, one a joint of the skin.
+    /// Skinned: each vertex follows its weighted joints. `joints`: the skeleton's joint for each joint of the skin.
     Skin { joints: &'a [u32], geometry: DMat4 },
-    /// The mesh moves as a whole, with one joint.
+    /// Rigid: the whole mesh follows one joint.
     Rigid { joint: u32, geometry: DMat4 },
 }
 
-/// A matrix as USD has it: rows one after the other, vectors on their left.
+/// A matrix in USD's convention: stored row by row, with row vectors multiplied from the left.
 pub fn matrix<'a>(m: &DMat4) -> Value<'a> {
     Value::one(m.to_cols_array().to_vec())
 }
@@ -28,7 +28,7 @@ fn vectors<'a>(list: &'a [Vec3]) -> Value<'a> {
     Value::array(list.len(), move |i| f64::from(list[i / 3][i % 3]))
 }
 
-/// The prim of a primitive; `None` where nothing is drawn.
+/// The prim of a primitive; `None` where the primitive draws nothing.
 pub fn prim<'a>(name: &str, primitive: &'a Primitive, double_sided: bool) -> Option<Prim<'a>> {
     if primitive.indices.is_empty() || primitive.positions.is_empty() {
         return None;
@@ -65,7 +65,7 @@ fn triangles<'a>(name: &str, p: &'a Primitive) -> Prim<'a> {
     }
     for (uvs, name) in p.uvs.iter().zip(["primvars:st", "primvars:st1"]).filter(|(uvs, _)| uvs.len() == count)
     {
-        // The origin of images is below.
+        // USD has the origin of images at the bottom, so v is flipped.
         let number = move |i: usize| {
             let uv = uvs[i / 2];
             f64::from(if i.is_multiple_of(2) { uv.x } else { 1.0 - uv.y })
@@ -109,7 +109,7 @@ fn points<'a>(name: &str, p: &'a Primitive) -> Prim<'a> {
     out
 }
 
-/// Lets a mesh follow the skeleton of its model.
+/// Binds a mesh to the skeleton of its model.
 pub fn bind<'a>(out: &mut Prim<'a>, p: &'a Primitive, binding: Binding<'_>, skeleton: &str) {
     out.api.push("SkelBindingAPI");
     out.relate("skel:skeleton", vec![skeleton.into()]);
@@ -127,7 +127,7 @@ pub fn bind<'a>(out: &mut Prim<'a>, p: &'a Primitive, binding: Binding<'_>, skel
         }
         Binding::Skin { joints, .. } => {
             let (count, size, joints) = (p.joint_weights.len(), p.influences, joints.to_vec());
-            // A joint without weight is the first one, whatever the asset has there.
+            // Influences without weight name the first joint of the skin, whatever joint the asset has there.
             let joint = move |i: usize| {
                 let is_used = p.joint_weights[i] != 0.0;
                 let joint = if is_used { p.joint_indices[i] } else { 0 };
@@ -142,7 +142,7 @@ pub fn bind<'a>(out: &mut Prim<'a>, p: &'a Primitive, binding: Binding<'_>, skel
     }
 }
 
-/// A morph target: the vertices that it moves, and how far.
+/// A morph target as a blend shape: the indices of the vertices that it moves, and their offsets.
 pub(crate) fn blend_shape<'a>(name: &str, p: &'a Primitive, target: Option<&'a MorphTarget>) -> Prim<'a> {
     let mut out = Prim::new("BlendShape", name);
     let count = p.positions.len();

@@ -1,4 +1,4 @@
-//! A model: what all actors of an asset share, which they refer to. Its skeleton, meshes and materials.
+//! A model: skeleton, meshes and materials of an asset, written once. All actors of the asset refer to it.
 
 use crate::joints::{self, Joints};
 use crate::layer::{FLOAT3, INT, MATRIX4D, POINT3F, Prim, QUATF, QUATH, Specifier, Value};
@@ -13,16 +13,16 @@ use choreo_plugin::motion::Transform;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// A model that is there.
+/// A model that has been written to the layer.
 pub struct Model<'a> {
     pub asset: &'a Asset,
     /// Path of the prim in the layer.
     pub path: String,
-    /// Joint paths, where it has a skeleton.
+    /// Joint paths; `None` where the model has no skeleton.
     pub joints: Option<Vec<String>>,
     /// Tokens of the morph targets of each instance.
     pub shapes: Vec<Vec<String>>,
-    /// The materials of the asset, and the one for primitives that have none; `None` where no primitive has it.
+    /// Materials of the asset, then the default material of primitives without one; `None` where no primitive uses it.
     pub materials: Vec<Option<ModelMaterial>>,
 }
 
@@ -31,7 +31,7 @@ pub struct ModelMaterial {
     pub network: Network,
 }
 
-/// The files and notes that grow while models are made.
+/// Textures and losses, collected while models are made.
 #[derive(Default)]
 pub struct Common {
     pub textures: Textures,
@@ -42,17 +42,18 @@ struct Maker<'a, 'c> {
     asset: &'a Asset,
     path: String,
     joints: Option<Joints>,
-    /// Model space from the joints at rest.
+    /// Rest pose: model space from each joint.
     at_rest: Vec<DMat4>,
     materials: Vec<Option<ModelMaterial>>,
     names: Names,
-    /// Meshes without skeleton by mesh and primitive, to be referred to.
+    /// Path of each mesh without a skeleton, by mesh and primitive, so that further instances refer to it.
     known: BTreeMap<(u32, usize), String>,
     shape_names: Names,
     common: &'c mut Common,
 }
 
-/// Makes a model. `has_rig`: some actor moves its joints.
+/// Makes the model of an asset. `has_rig`: it needs a skeleton, because an actor moves its joints, or it has skins or morph
+/// targets.
 pub fn model<'a>(
     asset: &'a Arc<Asset>,
     name: &str,
@@ -103,7 +104,7 @@ fn skeleton<'a>(joints: &Joints) -> Prim<'a> {
     out
 }
 
-/// The texture coordinates, and whether the vertex colors, that all primitives with a material have.
+/// The texture coordinate sets, and whether vertex colors, that all primitives with a material have.
 pub fn surroundings(asset: &Asset, material: Option<u32>) -> Surroundings<'_> {
     let with_it = || asset.meshes.iter().flat_map(|m| &m.primitives).filter(|p| p.material == material);
     let is_whole = |count: usize, p: &Primitive| count == p.positions.len();
@@ -138,7 +139,7 @@ impl<'a> Maker<'a, '_> {
         looks
     }
 
-    /// The prims of an instance; the tokens of its morph targets.
+    /// Adds the prims of a mesh instance. Returns the names of its blend shapes.
     fn instance(&mut self, instance: &'a MeshInstance, out: &mut Vec<Prim<'a>>) -> Vec<String> {
         let Some(mesh) = self.asset.meshes.get(instance.mesh as usize) else { return Vec::new() };
         let target_names = meshes::target_names(mesh);
@@ -218,7 +219,7 @@ impl<'a> Maker<'a, '_> {
         }
     }
 
-    /// A mesh that does not move within its model.
+    /// Adds a mesh that does not move within its model.
     fn placed(
         &mut self,
         (instance, number): (&'a MeshInstance, usize),
@@ -257,7 +258,7 @@ impl<'a> Maker<'a, '_> {
     }
 }
 
-/// Places a prim by a matrix; at the origin it needs none.
+/// Places a prim by a matrix. A prim at the origin gets no transform, unless it refers to another prim, which may have one.
 pub fn place<'a>(prim: &mut Prim<'a>, at: &DMat4) {
     if *at != DMat4::IDENTITY || prim.reference.is_some() {
         prim.set(MATRIX4D, "xformOp:transform", meshes::matrix(at));
@@ -265,7 +266,7 @@ pub fn place<'a>(prim: &mut Prim<'a>, at: &DMat4) {
     }
 }
 
-/// Copies of a prim, which is added below by the caller.
+/// A point instancer with the copies of a prototype, which the caller adds below it.
 pub fn instancer<'a>(name: &str, copies: &[Affine3A], prototype: String) -> Prim<'a> {
     let parts: std::rc::Rc<[Transform]> =
         copies.iter().map(|copy| rig::parts(&widen(copy), &Transform::IDENTITY)).collect();
@@ -276,7 +277,7 @@ pub fn instancer<'a>(name: &str, copies: &[Affine3A], prototype: String) -> Prim
         Value::array(count, move |i| f64::from(number(&parts[i / width], i % width)))
     };
     out.set(POINT3F, "positions", list(|t, i| t.translation[i], 3));
-    // Quaternions in half precision for programs that do not know the others.
+    // Half-precision quaternions, for programs that do not read `orientationsf`.
     let rotation: fn(&Transform, usize) -> f32 = |t, i| t.rotation.to_array()[i];
     out.set(QUATH, "orientations", list(rotation, 4));
     out.set(QUATF, "orientationsf", list(rotation, 4));
@@ -286,7 +287,7 @@ pub fn instancer<'a>(name: &str, copies: &[Affine3A], prototype: String) -> Prim
     out
 }
 
-/// The prim that holds the models: no program draws it by itself.
+/// The class prim that holds all models. Programs do not draw it by itself.
 pub fn library<'a>(name: &str, models: Vec<Prim<'a>>) -> Prim<'a> {
     Prim { specifier: Specifier::Class, children: models, ..Prim::new("Scope", name) }
 }

@@ -1,4 +1,4 @@
-//! Motion: the place of an actor, and its joints and morph targets as a SkelAnimation.
+//! Motion: the transform of an actor over time, and its joints and morph targets as a SkelAnimation.
 
 use crate::frames::Frames;
 use crate::layer::{
@@ -13,10 +13,10 @@ use choreo_plugin::motion::{Clip, Interpolation, Path, Pose, Sample, Skeleton, T
 use choreo_plugin::stage::Actor;
 use std::rc::Rc;
 
-/// Curves that were baked, shared by what is written of them.
+/// Baked track sets, shared by the prims that are written from them.
 pub type Sets<'a> = [Rc<TrackSet<'a>>];
 
-/// A track's numbers, time by time.
+/// The values of a track as time samples.
 fn track_samples<'a>(set: &Rc<TrackSet<'a>>, track: usize, frames: Frames) -> Samples<'a> {
     let Track { path, times, .. } = set.tracks[track];
     let set = set.clone();
@@ -32,7 +32,7 @@ fn track_samples<'a>(set: &Rc<TrackSet<'a>>, track: usize, frames: Frames) -> Sa
     Samples { times, values: SampleValues::Numbers { count: None, each: Rc::new(each) } }
 }
 
-/// The keys of a series, each number changed by a function.
+/// The keys of a series as time samples, each number mapped by a function.
 pub(crate) fn series_samples<'a>(
     series: &Series,
     frames: Frames,
@@ -42,7 +42,7 @@ pub(crate) fn series_samples<'a>(
     Samples::of(frames.list(&series.times), None, series.width, numbers)
 }
 
-/// Adds the operations that place a prim: translation, rotation and scale.
+/// Adds the transform ops of a prim: translate, orient and scale. Returns the property index of each.
 pub(crate) fn place_by_parts<'a>(prim: &mut Prim<'a>, at: &Transform) -> [usize; 3] {
     let first = prim.properties.len();
     prim.number(DOUBLE3, "xformOp:translate", &at.translation.to_array());
@@ -53,7 +53,7 @@ pub(crate) fn place_by_parts<'a>(prim: &mut Prim<'a>, at: &Transform) -> [usize;
     [first, first + 1, first + 2]
 }
 
-/// Gives an attribute that was added samples in place of its value.
+/// Replaces the value of an attribute by time samples.
 pub fn animate<'a>(prim: &mut Prim<'a>, property: usize, samples: Samples<'a>) {
     if let Some(crate::layer::Property::Attribute(attribute)) = prim.properties.get_mut(property) {
         attribute.value = None;
@@ -61,7 +61,7 @@ pub fn animate<'a>(prim: &mut Prim<'a>, property: usize, samples: Samples<'a>) {
     }
 }
 
-/// Places an actor over time. What is hidden is invisible, and has size 0 for programs that do not read visibility.
+/// Places an actor over time. A hidden actor is invisible, and has size 0 for programs that ignore visibility.
 pub fn place_actor<'a>(prim: &mut Prim<'a>, at: &Transform, sets: &[&Rc<TrackSet<'a>>], frames: Frames) {
     let places = place_by_parts(prim, at);
     for set in sets {
@@ -101,7 +101,7 @@ fn visibility<'a>(prim: &mut Prim<'a>, set: &Rc<TrackSet<'a>>, track: usize, fra
     prim.attribute(TOKEN, "visibility").sampled(Samples { times: frames.list(&times), values });
 }
 
-/// The set that moves an actor's joints.
+/// The index of the track set that moves an actor's joints.
 pub(crate) fn joint_set(baked: &Baked<'_>, sets: &Sets<'_>, actor: usize) -> Option<usize> {
     let moves = |set: &usize| sets[*set].tracks.iter().any(is_of_joint);
     baked.motions[actor].sets.iter().copied().find(moves)
@@ -127,7 +127,7 @@ impl Weights<'_> {
         }
     }
 
-    /// The keys as a series, and whether values stand between them.
+    /// The keys as a series, and whether values hold until the next key instead of being interpolated.
     fn series(&self) -> (Series, bool) {
         match self {
             Weights::Still(values) => {
@@ -174,7 +174,7 @@ fn weights<'a>(
     Weights::Still(of.weights.clone())
 }
 
-/// The animation of an actor's joints and morph targets; `None` where nothing moves. Actors with the same curves share it.
+/// The SkelAnimation of an actor's joints and morph targets; `None` where nothing moves.
 pub fn animation<'a>(
     model: &Model<'a>,
     (index, actor): (usize, &'a Actor),
@@ -252,13 +252,13 @@ fn add_weights<'a>(out: &mut Prim<'a>, model: &Model<'a>, all: Vec<(usize, Weigh
     }
 }
 
-/// A part of a transform; what has three numbers has a fourth that does not count.
+/// A channel of a transform: its path, and a function that reads it. The fourth number is unused where the channel has three.
 type TransformPart = (Path, fn(&Transform) -> [f32; 4]);
 
-/// The joints of a rig that move, with their curves.
+/// The moving joints of a rig, with their curves.
 struct Joints<'a> {
     set: Rc<TrackSet<'a>>,
-    /// The rig at rest, as the actor keeps it still.
+    /// The rig, with the pose of the joints that do not move as its rest pose.
     rig: Rc<Skeleton>,
     moving: Rc<[u32]>,
 }
@@ -309,7 +309,7 @@ impl<'a> Joints<'a> {
     }
 }
 
-/// Rows of curves that all have the same keys; joints without one are at rest.
+/// Hands over one row a key, from curves that all have the same key times; joints without a curve keep the rest pose.
 fn aligned_rows(
     (rig, moving): (&Skeleton, &[u32]),
     curves: &[(u32, Vec<f32>)],
@@ -334,8 +334,8 @@ fn aligned_rows(
     Ok(())
 }
 
-/// Puts a part of a transform into a row that has the one before: of the two quaternions of a rotation the nearer one, because not all
-/// programs turn the short way.
+/// Puts a channel's value into a row that still holds the previous one. A quaternion gets the sign nearer to the previous one, because
+/// not all programs interpolate along the shorter arc.
 fn put(of: Type, numbers: [f32; 4], own: &mut [f64]) {
     let numbers = numbers.map(f64::from);
     let turned: f64 = own.iter().zip(numbers).map(|(a, b)| *a * b).sum();

@@ -1,8 +1,8 @@
-//! Names as identifiers: letters, digits and underscores, each once among its siblings.
+//! Names as identifiers (letters, digits and underscores) that are unique among siblings.
 
 use std::collections::BTreeSet;
 
-/// The name with underscores for what an identifier cannot have; letters of other scripts as their code points.
+/// The name as an identifier: an underscore for each disallowed character, the code point for each letter of another script.
 pub fn identifier(name: &str) -> String {
     let mut out = String::new();
     for c in name.chars() {
@@ -21,12 +21,12 @@ pub fn identifier(name: &str) -> String {
     if out.is_empty() { "_".into() } else { out }
 }
 
-/// Names of siblings.
+/// The identifiers that siblings have taken.
 #[derive(Clone, Debug, Default)]
 pub struct Names(BTreeSet<String>);
 
 impl Names {
-    /// An identifier that no sibling has.
+    /// An identifier that no sibling has yet; it is taken from then on.
     pub fn free(&mut self, name: &str) -> String {
         let bare = identifier(name);
         let mut name = bare.clone();

@@ -1,4 +1,4 @@
-//! Images beside the layer or in its package, each content once.
+//! Image files beside the layer or in its package; equal content is written once.
 
 use choreo_exporter_kit::ImageFiles;
 use choreo_plugin::ExportError;
@@ -8,14 +8,14 @@ use exr::prelude::{Vec2, WritableImage, f16};
 use std::io::Cursor;
 use std::sync::Arc;
 
-/// Formats of images in packages (the USDZ specification).
+/// Image formats that packages allow (the USDZ specification).
 const FORMATS: &[ImageFileFormat] = &[ImageFileFormat::Png, ImageFileFormat::Jpeg];
 
-/// The end of a file's name, and its bytes.
+/// Suffix of a file's name, and its bytes.
 type NamedFile = (String, Arc<Vec<u8>>);
 
 pub struct Textures {
-    /// Stem of the names.
+    /// Stem of the file names.
     pub stem: String,
     images: ImageFiles,
     sky: Option<NamedFile>,
@@ -23,22 +23,23 @@ pub struct Textures {
 
 impl Default for Textures {
     fn default() -> Textures {
-        // Readers take the green and blue of a gray image for black.
+        // Grayscale images become RGB: readers take the missing green and blue for black.
         Textures { stem: String::new(), images: ImageFiles::new(FORMATS).in_color(), sky: None }
     }
 }
 
 impl Textures {
-    /// The path of an image from the layer.
+    /// The path of an image, relative to the layer.
     pub fn path(&mut self, image: &Arc<Image>) -> String {
         let number = self.images.number(image);
         format!("./{}{}", self.stem, self.images.ending(number))
     }
 
-    /// The path of the sky: its own file, or OpenEXR in a package, which holds no Radiance files, and for one without a file.
+    /// The path of the sky's image: its own Radiance file, or OpenEXR in a package (which cannot hold Radiance files) and for a
+    /// sky without a file.
     ///
     /// # Errors
-    /// One that cannot be written as OpenEXR.
+    /// The panorama cannot be encoded as OpenEXR.
     pub fn sky(&mut self, panorama: &Panorama, is_package: bool) -> Result<String, ExportError> {
         let (ending, _) = self.sky.insert(match &panorama.file {
             Some(file) if !is_package => ("_sky.hdr".into(), file.clone()),
@@ -47,10 +48,10 @@ impl Textures {
         Ok(format!("./{}{ending}", self.stem))
     }
 
-    /// Ends of names, and files.
+    /// All image files, each with the suffix of its name.
     ///
     /// # Errors
-    /// An image that cannot be written as PNG.
+    /// An image cannot be encoded as PNG.
     pub fn files(&self) -> Result<Vec<NamedFile>, ExportError> {
         let files = self.images.files()?.into_iter().enumerate();
         let images = files.map(|(number, file)| (self.images.ending(number), file.bytes));

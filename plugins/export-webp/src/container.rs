@@ -1,8 +1,8 @@
-//! The container of WebP (RFC 9649): chunks of RIFF.
+//! The container of WebP (RFC 9649), which consists of RIFF chunks.
 
 use std::io::{Error, ErrorKind, Read};
 
-/// A chunk with its padding.
+/// A chunk, padded to an even length.
 pub(crate) fn chunk(kind: &[u8; 4], content: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(content.len() + 9);
     bytes.extend(kind);
@@ -12,41 +12,41 @@ pub(crate) fn chunk(kind: &[u8; 4], content: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// The lower three bytes of a number.
+/// The lower three bytes of a number, little endian.
 fn three(number: usize) -> [u8; 3] {
     let [a, b, c, ..] = number.to_le_bytes();
     [a, b, c]
 }
 
-/// The chunk of a frame of an animation: it takes the place of what was there.
+/// The chunk of an animation frame, which replaces its rectangle of the canvas.
 pub(crate) fn frame_chunk(at: [usize; 2], size: [usize; 2], milliseconds: u32, image: &[u8]) -> Vec<u8> {
     let mut content = Vec::with_capacity(image.len() + 24);
     let numbers = [at[0] / 2, at[1] / 2, size[0] - 1, size[1] - 1, milliseconds as usize];
     content.extend(numbers.into_iter().flat_map(three));
-    // Not blended with what was there, and left there.
+    // Flags: no blending, no disposal.
     content.push(2);
     content.extend(chunk(b"VP8L", image));
     chunk(b"ANMF", &content)
 }
 
-/// The contents of the head of a file.
+/// Contents of a file's header.
 pub(crate) struct Header {
     pub size: [u32; 2],
-    /// 0: for ever.
+    /// Number of plays; 0: forever.
     pub plays: u16,
-    /// Whether a chunk about the file follows the frames.
+    /// Whether an XMP chunk follows the frames.
     pub has_about: bool,
-    /// Bytes that follow the head.
+    /// Bytes that follow the header.
     pub body: u64,
 }
 
-/// All that stands before the frames; `None` where the file would be too long.
+/// All chunks before the frames; `None` where the file would be too long.
 pub(crate) fn head(header: &Header) -> Option<Vec<u8>> {
     let Header { size: [width, height], plays, has_about, body } = *header;
-    // Alpha and animation; metadata.
+    // Flags: alpha and animation, and metadata.
     let mut extended = vec![0x12 | u8::from(has_about) << 2, 0, 0, 0];
     extended.extend([width - 1, height - 1].into_iter().flat_map(|side| three(side as usize)));
-    // A transparent background, and the number of plays.
+    // A transparent background color, and the number of plays.
     let mut animation = vec![0; 4];
     animation.extend(plays.to_le_bytes());
     let chunks = [chunk(b"VP8X", &extended), chunk(b"ANIM", &animation)].concat();
@@ -54,7 +54,7 @@ pub(crate) fn head(header: &Header) -> Option<Vec<u8>> {
     Some([&b"RIFF"[..], &length.to_le_bytes(), b"WEBP", &chunks].concat())
 }
 
-/// The lossless image of a still file.
+/// The lossless image in a still WebP.
 pub(crate) fn image_of(still: &[u8]) -> Option<&[u8]> {
     let mut rest = still.get(12..)?;
     loop {
@@ -66,22 +66,22 @@ pub(crate) fn image_of(still: &[u8]) -> Option<&[u8]> {
     }
 }
 
-/// A still file of a lossless image.
+/// A still WebP that contains a lossless image.
 pub(crate) fn still(image: &[u8]) -> Vec<u8> {
     let image = chunk(b"VP8L", image);
     chunk(b"RIFF", &[b"WEBP", &image[..]].concat())
 }
 
-/// A frame that was read back.
+/// A frame that was read back from an unfinished file.
 pub(crate) struct FrameChunk {
     pub at: [usize; 2],
     pub size: [usize; 2],
     pub image: Vec<u8>,
-    /// Length of the chunk.
+    /// Length of the chunk, bytes.
     pub bytes: u64,
 }
 
-/// Reads the next frame; `None` where something else is there.
+/// Reads the next frame; `None` where the chunk is no frame.
 pub(crate) fn read_frame(from: &mut dyn Read) -> Result<Option<FrameChunk>, Error> {
     let mut start = [0; 8];
     from.read_exact(&mut start)?;
@@ -106,7 +106,7 @@ pub(crate) fn read_frame(from: &mut dyn Read) -> Result<Option<FrameChunk>, Erro
     Ok(image.map(|image| FrameChunk { at, size, image, bytes: 8 + content.len() as u64 }))
 }
 
-/// The provenance as lines of the description in XMP (ISO 16684-1).
+/// XMP (ISO 16684-1) whose description holds the provenance, one entry on a line.
 pub(crate) fn xmp(provenance: &[(String, String)]) -> String {
     let lines: Vec<String> = provenance.iter().map(|(key, text)| format!("{key}: {text}")).collect();
     let text = lines.join("\n").replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");

@@ -1,4 +1,5 @@
-//! WebP animations: lossless, with alpha; each frame holds the box of what changed. The container is ours, the images are encoded by `image-webp`.
+//! WebP animations: lossless, with alpha. Each frame holds only the rectangle of changed pixels. The container is our own;
+//! `image-webp` encodes the images.
 
 mod container;
 
@@ -18,7 +19,7 @@ pub static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         .number("plays", "how often the animation is played; 0: for ever", 0.0, 0.0..=65_535.0)
 });
 
-/// Pixels of the longest side (RFC 9649, section 3.4).
+/// Longest side in pixels (RFC 9649, section 3.4).
 const LONGEST_SIDE: u32 = 1 << 14;
 
 pub struct WebpExporter;
@@ -82,7 +83,7 @@ impl WebpSink {
         Ok(WebpSink { out, info: info.clone(), shown: Vec::new(), frames: 0, bytes: 0 })
     }
 
-    /// Milliseconds of the next frame, so that every frame begins at its time to the nearest one.
+    /// Duration of the next frame in milliseconds, such that each frame begins at the millisecond nearest to its time.
     fn duration(&self) -> u32 {
         let begins = |frame: u64| {
             let (num, den) = (u128::from(self.info.fps.num.max(1)), u128::from(self.info.fps.den));
@@ -91,7 +92,7 @@ impl WebpSink {
         (begins(self.frames + 1) - begins(self.frames)).min(0xff_ffff) as u32
     }
 
-    /// Reads a frame of an earlier run.
+    /// Reads back one frame of an earlier run.
     fn take_over(&mut self, so_far: &mut dyn Read) -> Result<(), ExportError> {
         let damaged = || ExportError::Format("the WebP that was begun is damaged".into());
         let FrameChunk { at: [left, top], size: [width, height], image, bytes } =
@@ -130,10 +131,10 @@ impl FrameSink for WebpSink {
         let rgba = frame.straight();
         let [left, top, right, bottom] = match self.shown.is_empty() {
             true => [0, 0, width, height],
-            // A frame without change keeps the time by one pixel.
+            // An unchanged frame is written as a single pixel with the right duration.
             false => changed_area(&self.shown, &rgba, width).unwrap_or([0, 0, 1, 1]),
         };
-        // Places are stored halved.
+        // Offsets are stored halved, so they must be even.
         let [left, top] = [left & !1, top & !1];
         let rows = rgba.chunks_exact(4 * width).skip(top).take(bottom - top);
         let part: Vec<u8> = rows.flat_map(|row| &row[4 * left..4 * right]).copied().collect();

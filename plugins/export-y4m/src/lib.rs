@@ -1,4 +1,4 @@
-//! Uncompressed YUV4MPEG2: the format that video tools read from a pipe.
+//! Uncompressed YUV4MPEG2, the format in which video tools read frames from a pipe.
 
 use choreo_plugin::yuv::{Matrix, Yuv420};
 use choreo_plugin::{ExportError, Exporter, Frame, FrameSink, Manifest, Mark, VideoInfo};
@@ -42,12 +42,12 @@ impl Exporter for Y4mExporter {
         mut out: Box<dyn Write + Send>,
     ) -> Result<Box<dyn FrameSink>, ExportError> {
         let mut header = format!(
-            // C420mpeg2: chroma sited left, as `yuv` writes it. XCOLORRANGE is what ffmpeg reads; others skip X tags.
+            // C420mpeg2: chroma samples sited left, as `yuv` writes them. ffmpeg reads XCOLORRANGE; other readers skip X tags.
             "YUV4MPEG2 W{} H{} F{}:{} Ip A1:1 C420mpeg2 XCOLORRANGE=LIMITED",
             info.width, info.height, info.fps.num, info.fps.den
         );
-        // The format's only place for words, and ffmpeg gives up where the line has more than 95 bytes: not how the
-        // video was made, but the number that stands for it.
+        // X tags are the format's only place for text, and ffmpeg rejects header lines of more than 95 bytes. The tag therefore
+        // holds only the id of the provenance.
         if let Some((_, id)) = info.provenance.iter().find(|(keyword, _)| keyword == "choreo:id") {
             let tag = format!(" XCHOREO={id}");
             header.extend(
@@ -58,7 +58,7 @@ impl Exporter for Y4mExporter {
         Ok(Box::new(Y4mSink::new(info, out)))
     }
 
-    /// Each frame stands alone.
+    /// Frames do not depend on each other.
     fn piece(&self, _: &VideoInfo) -> Option<NonZeroU64> {
         Some(NonZeroU64::MIN)
     }
@@ -121,7 +121,7 @@ impl FrameSink for Y4mSink {
         Ok(Vec::new())
     }
 
-    /// The state is what is written, because each frame stands alone.
+    /// No state is needed to resume, because frames do not depend on each other.
     fn mark(&mut self) -> Mark<'_> {
         Mark::Settled(Vec::new())
     }

@@ -6,14 +6,14 @@ use choreo_importer_kit::{Notes, Problem, Result};
 use choreo_motion::Transform;
 use glam::{DVec3, Quat};
 
-/// Far above any capture; bounds the memory of joints and their bones.
+/// Joint limit, far above any motion capture; bounds the memory of joints and their bones.
 pub const MAX_JOINTS: usize = 16_384;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channel {
-    /// Along x, y, z: 0, 1, 2.
+    /// Position along x, y or z: 0, 1, 2.
     Position(usize),
-    /// Around x, y, z.
+    /// Rotation around x, y or z, degrees.
     Rotation(usize),
 }
 
@@ -23,7 +23,7 @@ pub struct Joint {
     pub parent: Option<u32>,
     /// Offset in the file's units.
     pub offset: DVec3,
-    /// Channels in the order of the numbers of a frame.
+    /// Channels in the order of the numbers in a frame.
     pub channels: Vec<Channel>,
 }
 
@@ -38,14 +38,14 @@ impl Joint {
     }
 }
 
-/// The part after HIERARCHY: the bytes from MOTION on, and the number of their first line.
+/// The file after the hierarchy: its bytes from MOTION on, and the number of their first line.
 #[derive(Clone, Copy, Debug)]
 pub struct Rest<'a> {
     pub bytes: &'a [u8],
     pub line: usize,
 }
 
-/// Words and braces, whatever the lines.
+/// Splits the text into words and braces, regardless of lines.
 struct Tokens<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -75,7 +75,7 @@ impl<'a> Tokens<'a> {
         Some(&rest[..length])
     }
 
-    /// The rest of the line up to a brace: names may hold spaces.
+    /// The rest of the line up to a brace, because names may contain spaces.
     fn name(&mut self) -> &'a [u8] {
         let rest = &self.bytes[self.at..];
         let length = rest.iter().position(|b| matches!(b, b'\n' | b'\r' | b'{' | b'}')).unwrap_or(rest.len());
@@ -87,7 +87,7 @@ impl<'a> Tokens<'a> {
         Problem::new(format!("line {}", self.line), what)
     }
 
-    /// The next word; at the end of the file an error that names the expected one.
+    /// The next word, or an error at the end of the file that names the expected word.
     fn want(&mut self, wanted: &str) -> Result<&'a [u8]> {
         self.next().ok_or_else(|| {
             self.problem(format!("the file ends where {wanted} should be"))
@@ -111,7 +111,7 @@ pub fn read<'a>(bytes: &'a [u8], notes: &Notes) -> Result<(Vec<Joint>, Rest<'a>)
             .hint("this is not a BVH file"));
     }
     let mut joints: Vec<Joint> = Vec::new();
-    // Joints whose brace is open; an end site is one.
+    // Open joints and end sites, by index.
     let mut open: Vec<usize> = Vec::new();
     loop {
         if open.is_empty() {

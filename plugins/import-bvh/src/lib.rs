@@ -1,4 +1,4 @@
-//! BVH motion capture into an [`Asset`]. What it reads, limits and options: README.md.
+//! BVH motion capture into an [`Asset`]. Contents, limits and options: README.md.
 
 mod hierarchy;
 mod motion;
@@ -32,7 +32,8 @@ impl Importer for BvhImporter {
         &MANIFEST
     }
 
-    /// Some programs write `Hierarchy`, or spaces and a byte order mark before it.
+    /// Claims files that begin with HIERARCHY, or have the extension. Some programs write `Hierarchy`, or put spaces and a byte
+    /// order mark before it.
     fn claim(&self, source: &Source) -> Claim {
         let bytes = source.bytes.as_slice();
         let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
@@ -56,11 +57,11 @@ impl Importer for BvhImporter {
     }
 }
 
-/// Conversion of the file's units and axes to metres and +Y up.
+/// Conversion from the file's units and axes to meters and +Y up.
 #[derive(Clone, Copy, Debug)]
 struct Convention {
     scale: f64,
-    /// Applied to the roots, which carries everything below them.
+    /// Applied to the roots only; children follow.
     turn: DQuat,
 }
 
@@ -98,7 +99,7 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &Impo
         bones::add_bones(&mut asset);
     }
     if needs.clips {
-        // Nearly all of a file is frames.
+        // Frames are nearly all of a file, so they alone count as progress.
         let progress = Progress::new(files, rest_of_file.bytes.len());
         let name = stem(&source.name);
         let clip = motion::read(rest_of_file, &joints, &convention, name, &progress, &notes)?;

@@ -1,4 +1,4 @@
-//! MOTION: frames to curves.
+//! The MOTION section: frames become curves.
 
 use crate::Convention;
 use crate::hierarchy::{Channel, Joint, Rest};
@@ -8,12 +8,12 @@ use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Path, Time};
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
-/// 46 hours at 60 Hz.
+/// Frame limit: 46 hours at 60 Hz.
 pub(crate) const MAX_FRAMES: i64 = 10_000_000;
-/// Limit of key times, the same in all importers: about 115 days.
+/// Limit of key times, the same in all importers: about 115 days, seconds.
 pub const MAX_SECS: f64 = 1e7;
 
-/// `None` where the file has no frames.
+/// Reads the clip; `None` where the file has no frames.
 pub fn read(
     rest: Rest<'_>,
     joints: &[Joint],
@@ -54,7 +54,7 @@ pub fn read(
     clip.map(Some).map_err(|e| Problem::new("MOTION", e.to_string()))
 }
 
-/// `key: value`, in any case and with any spaces.
+/// Reads `key: value`, in any letter case and with any spaces.
 fn header<'a>(lines: &mut Lines<'a>, key: &str, last_line: usize) -> Result<(usize, &'a [u8])> {
     let cut = || {
         Problem::new(format!("line {last_line}"), format!("the file ends where \"{key}: …\" should be"))
@@ -85,15 +85,15 @@ impl<'a, I: Iterator<Item = &'a [u8]>> EqByCase for I {
     }
 }
 
-/// The times of the frames.
+/// Spacing of the frames.
 enum Step {
     Rate(FrameRate),
     Secs(f64),
 }
 
 impl Step {
-    /// A whole number of frames a second that the file has rounded ("0.0333333") is taken as that number, so that keys lie on
-    /// video frames however long the clip is. The difference is at most half of the last digit that the file gives.
+    /// Reads the frame time. A rounded frame time ("0.0333333") becomes the whole number of frames a second it stands for, so
+    /// that keys stay on video frames in clips of any length. The accepted difference is half of the last digit in the file.
     fn read(text: &[u8], line: usize, notes: &Notes) -> Result<Step> {
         let place = || format!("line {line}");
         let secs = number(text).filter(|s| *s >= 0.0).ok_or_else(|| {
@@ -128,7 +128,7 @@ impl Step {
     }
 }
 
-/// Reads up to `declared` frames, one a line, and returns how many there were.
+/// Reads up to `declared` frames, one on each line. Returns the number of frames read.
 fn frames(
     lines: &mut Lines<'_>,
     tracks: &mut Tracks<'_>,
@@ -194,7 +194,7 @@ fn frames(
     Ok(read)
 }
 
-/// One joint's columns of a frame, and its keys so far.
+/// The channels of one joint, and its keys so far.
 struct Track<'a> {
     joint: u32,
     root: bool,
@@ -257,8 +257,8 @@ impl<'a> Tracks<'a> {
 }
 
 impl Track<'_> {
-    /// Channels are applied in their order from the outside in: `Zrotation Xrotation Yrotation` is the matrix Z · X · Y.
-    /// A position stands in place of the offset, as the exporting programs mean it.
+    /// Adds a key from the numbers of a frame. Rotations multiply in channel order: `Zrotation Xrotation Yrotation` is the matrix
+    /// Z · X · Y. Position channels replace the offset, as the exporting programs mean it.
     fn push(&mut self, values: &[f64], convention: &Convention) {
         let mut position = self.offset;
         let mut rotation = DQuat::IDENTITY;

@@ -1,11 +1,11 @@
-//! A BVH file does not say its unit. People are between one and two metres tall.
+//! Guesses the unit of a BVH file, which does not state one: people are between one and two meters tall.
 
 use crate::hierarchy::Joint;
 use choreo_importer_kit::Notes;
 use glam::DVec3;
 
-/// Upper bound of the skeleton's greatest extent in the file's units, metres a unit, name. The bounds lie where the
-/// two neighbours' guesses are equally far from a person (by ratio); the unit of the Carnegie Mellon captures is 1/0.45 inch.
+/// Upper bound of the skeleton's largest extent in the file's units, meters a unit, name of the unit. A bound lies where both
+/// neighboring guesses are equally far from a person's size, by ratio. The Carnegie Mellon captures have units of 1/0.45 inch.
 const UNITS: [(f64, f64, &str); 5] = [
     (5.5, 1.0, "1 m"),
     (43.0, 0.0254 / 0.45, "1/0.45 inch, as in the Carnegie Mellon captures"),
@@ -14,7 +14,7 @@ const UNITS: [(f64, f64, &str); 5] = [
     (5200.0, 0.001, "1 mm"),
 ];
 
-/// Metres a unit; a warning states the guess.
+/// Guesses the meters in a unit. A warning states the guess.
 pub fn guess(joints: &[Joint], notes: &Notes) -> f64 {
     let mut at: Vec<DVec3> = Vec::with_capacity(joints.len());
     for joint in joints {

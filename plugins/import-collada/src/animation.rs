@@ -1,4 +1,4 @@
-//! `<animation>` and `<animation_clip>`: which value of which node each channel drives, and the clips.
+//! `<animation>` and `<animation_clip>`: finds the value that each channel drives, and makes the clips.
 
 use crate::bake::{self, Bound, Component};
 use crate::controller::MorphTargets;
@@ -14,22 +14,22 @@ use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Target of a channel.
+/// The property that a channel drives.
 enum Target {
-    /// Component of a joint's stack: element and which of its values.
+    /// A transform element (by index) of these joints' stacks, and which of its values.
     Joints(Vec<u32>, usize, Component),
-    /// Weight `1` of the morph controller that `0` names.
+    /// A weight (by index) of a morph controller.
     Morph(NodeId, usize),
-    /// Numbers of a camera or light.
+    /// Numbers of a camera or light, by name.
     Object(NodeId, Vec<String>),
 }
 
-/// Keys of a clip, with what they drive.
+/// The channels of a clip, by target.
 #[derive(Default)]
 struct Channels {
-    /// Keys of each joint.
+    /// Channels of each joint.
     joints: BTreeMap<u32, Vec<Bound>>,
-    /// Indices of targets with their keys, of each morph controller.
+    /// Channels of each morph controller, with the index of the weight.
     weights: BTreeMap<u32, Vec<(usize, Rc<Sampler>)>>,
     properties: Vec<Driven>,
 }
@@ -87,7 +87,7 @@ pub fn read(
         rest.extend(channels.filter(|c| in_clips.binary_search(&c.id().get()).is_err()));
     }
     if !rest.is_empty() {
-        // The file does not say where these begin: at their first key, as the same motion does in FBX.
+        // Files do not state a start for these channels, so the clip starts at the first key, as the same motion does in FBX.
         out.extend(reader.clip(file.to_string(), &rest, (None, None), morphs)?);
     }
     for (what, (count, place)) in reader.left_out {
@@ -101,12 +101,12 @@ struct Reader<'x, 'a> {
     tree: &'x Tree<'a>,
     objects: &'x Objects<'a>,
     samplers: HashMap<NodeId, Rc<Sampler>>,
-    /// Why channels are not used: how many, and the first.
+    /// Reasons why channels are left out: number of channels, and place of the first.
     left_out: BTreeMap<&'static str, (usize, String)>,
 }
 
 impl<'a> Reader<'_, 'a> {
-    /// One clip of these channels. `start` and `end`: the range that the file states, else its first and last key.
+    /// A clip of these channels. `start` and `end`: the time range that the file states, else first and last key.
     fn clip(
         &mut self,
         name: String,
@@ -156,7 +156,7 @@ impl<'a> Reader<'_, 'a> {
         clip.map(|c| Some(Arc::new(c))).map_err(|e| Problem::new(format!("clip \"{name}\""), e.to_string()))
     }
 
-    /// Adds a channel to what its target is driven by. Its keys must have as many values as the target.
+    /// Adds a channel to its target. Fails where the keys have another number of values than the target.
     fn bind(
         &self,
         driven: &mut Channels,
@@ -187,7 +187,7 @@ impl<'a> Reader<'_, 'a> {
             Target::Morph(controller, index) => {
                 driven.weights.entry(controller.get()).or_default().push((index, sampler));
             }
-            // Colors of some programs have an alpha.
+            // Some programs animate colors with alpha.
             Target::Object(_, names) if width < names.len() => return differs(names.len()),
             Target::Object(object, names) => {
                 driven.properties.extend(Driven::all(object, names, &sampler));
@@ -209,7 +209,7 @@ impl<'a> Reader<'_, 'a> {
         Ok(sampler)
     }
 
-    /// `id/sid`, `id/sid/sid.MEMBER`, `id/sid(1)(2)`.
+    /// Resolves a channel's target: `id/sid`, `id/sid/sid.MEMBER`, `id/sid(1)(2)`.
     fn target(&mut self, channel: Node<'a>) -> Option<Target> {
         let text = channel.attribute("target").unwrap_or_default();
         let mut parts: Vec<&str> = text.split('/').collect();
@@ -257,7 +257,7 @@ impl<'a> Reader<'_, 'a> {
         }
     }
 
-    /// `weights-source(2)`, `controller/…(2)`: the morph controller around the element, and the number.
+    /// Resolves `weights-source(2)` or `controller/…(2)`: the morph controller around the element, and the index of the weight.
     fn morph(&self, element: Node<'a>, member: &str) -> Option<Target> {
         let controller = element.ancestors().find(|n| name_of(*n) == "controller")?;
         descendant(controller, "morph")?;

@@ -1,8 +1,8 @@
-//! Channels of one node to curves of its translation, rotation and scale.
+//! Channels of one node become curves of its translation, rotation and scale.
 //!
-//! A matrix that is animated as a whole keeps its keys: each is taken apart, and between them lies what lies between
-//! translations, rotations and scales. Everything else (angles about axes, single coordinates, curved keys) is sampled at
-//! all keys and, between them, where the straight way would be off by more than the tolerances below.
+//! A matrix that is animated as a whole keeps its keys: each is decomposed, and translation, rotation and scale are interpolated
+//! between them. All other channels (angles about axes, single coordinates, curved keys) are sampled at all keys, and between
+//! keys where linear interpolation would exceed the tolerances below.
 
 use crate::controller::MorphTargets;
 use crate::nodes::{TransformElement, TransformKind, Tree, transform};
@@ -15,14 +15,14 @@ use glam::{DQuat, Vec3};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Tolerance: radians for rotations, relative for scales, and for lengths relative to the longest translation of the node.
+/// Tolerance: radians for rotations, relative for scales, and relative to the node's longest translation for lengths.
 pub const TOLERANCE: f64 = 5e-5;
-/// Halvings of an interval between two keys.
+/// Halvings of an interval between two keys, at most.
 pub const MAX_DEPTH: u32 = 9;
-/// Keys one node may come to.
+/// Keys of one node, at most.
 pub(crate) const MAX_KEYS: usize = 1_000_000;
 
-/// The values of a transform that a channel drives.
+/// The values of a transform element that a channel drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Component {
     All,
@@ -30,7 +30,7 @@ pub enum Component {
 }
 
 impl Component {
-    /// `.X`, `.ANGLE`, `(2)`, `(3)(0)`: of a matrix by column and row.
+    /// Parses `.X`, `.ANGLE`, `(2)` or `(3)(0)`; the last form is column and row of a matrix.
     pub fn of(member: &str, kind: TransformKind) -> Option<Component> {
         if member.is_empty() {
             return Some(Component::All);
@@ -74,7 +74,7 @@ struct AnimatedNode<'t, 'a> {
     root: bool,
     stack: Vec<TransformElement<'a>>,
     bound: &'t [Bound],
-    /// The matrix is the only thing that moves, as a whole, from key to key.
+    /// The sampler, where the only channel drives a whole matrix with STEP or LINEAR keys.
     whole: Option<&'t Sampler>,
 }
 
@@ -102,7 +102,7 @@ impl AnimatedNode<'_, '_> {
     }
 }
 
-/// Interpolation between two keys, as the motion crate does it.
+/// Interpolates like the motion crate: lerp for translation and scale, slerp for rotation.
 fn between(a: &Trs, b: &Trs, part: f64) -> Trs {
     Trs {
         translation: a.translation.lerp(b.translation, part),
@@ -127,7 +127,7 @@ struct Key {
     parts: Trs,
 }
 
-/// Curves of one joint. An error has no place yet.
+/// The curves of one joint. Errors have no place yet.
 pub fn joint(
     xml: &Xml<'_>,
     tree: &Tree<'_>,
@@ -154,7 +154,7 @@ pub fn joint(
     Ok(curves(joint, &rest, &keys, range.0, interpolation))
 }
 
-/// Keys at all times of the samplers, and between them where straight lines are not near enough.
+/// Keys at all key times of the samplers, and between them where linear interpolation is not close enough.
 fn keys(node: &mut AnimatedNode<'_, '_>, (start, end): (Time, Time)) -> Result<Vec<Key>> {
     let bound = node.bound;
     let times = key_times(bound.iter().map(|b| &*b.sampler), start, end);
@@ -168,7 +168,7 @@ fn keys(node: &mut AnimatedNode<'_, '_>, (start, end): (Time, Time)) -> Result<V
                 let key = b.sampler.locate(before).0;
                 b.sampler.interpolation[key] == Between::Step && b.sampler.times.binary_search(time).is_ok()
             });
-            // Where a value jumps at this key, it is held to one tick before.
+            // A value that jumps at this key holds until one tick before it.
             let until = if jumps { Time(time.0 - 1) } else { *time };
             let held = if jumps { node.at(until) } else { at_keys[index] };
             if node.whole.is_none() && until > before {
@@ -188,8 +188,8 @@ fn keys(node: &mut AnimatedNode<'_, '_>, (start, end): (Time, Time)) -> Result<V
     Ok(keys)
 }
 
-/// Curves of translation, rotation and scale. What stays as it is at rest needs none, except for rotations: they are kept, so that
-/// the clip drives its joints.
+/// Curves of translation, rotation and scale. Translations and scales that stay at rest are left out; rotations are always kept,
+/// so that the clip drives its joints.
 fn curves(
     joint: u32,
     rest: &Transform,
@@ -218,14 +218,14 @@ fn curves(
     let rotations = keys.iter().flat_map(|k| k.parts.rotation.as_quat().to_array()).collect();
     out.push(curve(Path::Rotation, rotations));
     let scales: Vec<f32> = keys.iter().flat_map(|k| k.parts.scale.as_vec3().to_array()).collect();
-    // Matrices of six digits give scales of 0.999998.
+    // Matrices printed with six digits give scales such as 0.999998.
     if differs(&scales, rest.scale, &|scale| 1e-5 * scale.abs().max(1e-3)) {
         out.push(curve(Path::Scale, scales));
     }
     out
 }
 
-/// Start, end, and all keys between.
+/// Start, end, and all key times between them.
 pub fn key_times<'s>(samplers: impl Iterator<Item = &'s Sampler>, start: Time, end: Time) -> Vec<Time> {
     let mut times = vec![start, end];
     let mut first = end;
@@ -237,7 +237,7 @@ pub fn key_times<'s>(samplers: impl Iterator<Item = &'s Sampler>, start: Time, e
     }
     times.sort_unstable();
     times.dedup();
-    // Before the first key and after the last nothing moves.
+    // Nothing changes before the first and after the last key.
     times.retain(|t| *t >= first.max(start).min(end) && *t <= last.min(end).max(start));
     if times.is_empty() {
         times.push(start);
@@ -245,7 +245,7 @@ pub fn key_times<'s>(samplers: impl Iterator<Item = &'s Sampler>, start: Time, e
     times
 }
 
-/// Key times, with the tick before each at which a value jumps: it is held until then.
+/// Key times, each preceded by the last tick before it where a value jumps.
 pub(crate) fn held_keys<'s, I: Iterator<Item = &'s Sampler>>(
     times: &[Time],
     samplers: impl Fn() -> I,
@@ -264,8 +264,8 @@ pub(crate) fn held_keys<'s, I: Iterator<Item = &'s Sampler>>(
     out
 }
 
-/// Adds keys between two times until the straight way is near enough. `middle` is known where the interval is half of one
-/// that was looked at.
+/// Adds keys between two times until linear interpolation is close enough. `middle` is the exact value in the middle, where the
+/// caller has computed it.
 fn refine(
     node: &mut AnimatedNode<'_, '_>,
     (a, b): ((Time, &Trs), (Time, &Trs)),
@@ -290,14 +290,14 @@ fn refine(
     };
     let time = time_at(2);
     let middle = middle.unwrap_or_else(|| node.at(time));
-    // Where the middle is near enough, an S-shaped way could still leave the line beside it.
+    // Quarters are tested too, because an S-shaped curve can meet its line in the middle.
     let mut quarters = [None, None];
     let mut split = off(time, &middle);
     for (known, quarter) in quarters.iter_mut().zip([1, 3]) {
         if !split {
             let parts = node.at(time_at(quarter));
             split = off(time_at(quarter), &parts);
-            // Not where the halves have their middles: that is rounded otherwise.
+            // The value is reused only where it lies exactly in the middle of a half.
             *known = (span % 8 == 0).then_some(parts);
         }
     }
@@ -308,7 +308,7 @@ fn refine(
     }
 }
 
-/// Morph weights of one mesh instance: all of them in one curve, at all keys.
+/// The morph weights of one mesh instance as one curve, with keys at all key times.
 pub fn weights(
     xml: &Xml<'_>,
     morph: &MorphTargets,
@@ -318,7 +318,7 @@ pub fn weights(
     let count = morph.weights.len();
     let mut times = key_times(samplers.iter().map(|s| &*s.1), start, end);
     if samplers.iter().any(|s| !s.1.is_plain() || s.1.steps().0) {
-        // Curved weights at 60 Hz.
+        // Curved and stepped weights are sampled at 60 Hz.
         let frame = Time::TICKS_PER_SECOND / 60;
         let frames = ((end.0 - start.0) / frame).clamp(0, MAX_KEYS as i64);
         times.extend((0..frames).map(|i| Time(start.0 + i * frame)));
@@ -358,7 +358,7 @@ mod tests {
         assert_eq!(Component::of(".Y", TransformKind::Translate), Some(Component::One(1)));
         assert_eq!(Component::of(".ANGLE", TransformKind::Rotate), Some(Component::One(3)));
         assert_eq!(Component::of(".ANGLE", TransformKind::Scale), None);
-        // Column 3, row 1: the y of the translation, as rows are written.
+        // Column 3, row 1 is the y of the translation.
         assert_eq!(Component::of("(3)(1)", TransformKind::Matrix), Some(Component::One(7)));
         assert_eq!(Component::of("(2)", TransformKind::Translate), Some(Component::One(2)));
         for wrong in [".W", "(4)(0)", "(0)(4)", "(-1)", "(x)", "(99999999999999999999)"] {

@@ -10,7 +10,7 @@ use choreo_importer_kit::Result;
 use glam::{DMat4, Mat4, Vec3};
 use std::rc::Rc;
 
-/// A morphed mesh instance, as animations refer to it.
+/// A morphed mesh instance, to which animations refer.
 pub struct MorphTargets {
     pub controller: NodeId,
     pub joint: u32,
@@ -18,12 +18,12 @@ pub struct MorphTargets {
     pub weights: Vec<f32>,
 }
 
-/// Weights of each position of the skinned geometry.
+/// Skin weights by position of the geometry.
 pub struct Weights {
-    /// Start of the influences of each position; one more than there are positions.
+    /// Index of each position's first influence; has one more entry than there are positions.
     starts: Vec<u32>,
     pairs: Vec<(u16, f32)>,
-    /// 4 or 8.
+    /// Influences of a vertex: 4 or 8.
     pub influences: usize,
 }
 
@@ -32,10 +32,10 @@ pub struct SkinData {
     pub weights: Weights,
 }
 
-/// Limit of the joints a vertex; the weakest ones go.
+/// Influences of a vertex, at most; the strongest are kept.
 const MAX_INFLUENCES: usize = 8;
 
-/// `roots` are the joints below which the names are looked for.
+/// Reads a skin. `roots`: joints below which joint names are searched first. `carrier`: the joint used in place of missing ones.
 pub fn skin(xml: &Xml<'_>, tree: &Tree<'_>, skin: Node<'_>, roots: &[u32], carrier: u32) -> Result<SkinData> {
     let bind_shape = match child(skin, "bind_shape_matrix") {
         Some(m) => matrix(&xml.array::<16>(m)?),
@@ -100,7 +100,7 @@ pub fn matrix(values: &[f64]) -> DMat4 {
     if values.len() >= 16 {
         m = DMat4::from_cols_slice(&values[..16]).transpose();
     }
-    // An affine map, whatever the file's last row.
+    // Forces the last row of an affine matrix.
     for column in 0..4 {
         m.col_mut(column).w = if column == 3 { 1.0 } else { 0.0 };
     }
@@ -138,7 +138,7 @@ fn weights(xml: &Xml<'_>, skin: Node<'_>, joints: usize) -> Result<Weights> {
         for tuple in rest.by_ref().take((*count).max(0) as usize) {
             let (j, w) = (tuple[joint.offset], tuple[weight.offset]);
             if j < 0 {
-                // The bind shape itself, which stays where it is.
+                // Joint −1 is the bind shape itself, which does not move.
                 unbound += 1;
                 continue;
             }
@@ -152,7 +152,7 @@ fn weights(xml: &Xml<'_>, skin: Node<'_>, joints: usize) -> Result<Weights> {
             }
         }
         if pairs.len() > MAX_INFLUENCES {
-            // Stable: equal weights keep the file's order.
+            // The sort is stable, so equal weights keep the file's order.
             pairs.sort_by(|a, b| b.1.total_cmp(&a.1));
             dropped += pairs.len() - MAX_INFLUENCES;
             pairs.truncate(MAX_INFLUENCES);
@@ -184,12 +184,12 @@ fn weights(xml: &Xml<'_>, skin: Node<'_>, joints: usize) -> Result<Weights> {
 }
 
 impl Weights {
-    /// Positions that have weights.
+    /// Number of positions that have weights.
     pub fn len(&self) -> usize {
         self.starts.len() - 1
     }
 
-    /// The influences of a position, filled up to `influences`; the first joint for positions beyond the list.
+    /// Appends the influences of a position, filled up to `influences`. Positions beyond the list follow the first joint.
     pub fn of(&self, position: u32, joints: &mut Vec<u16>, weights: &mut Vec<f32>) {
         let at = position as usize;
         let range = match (self.starts.get(at), self.starts.get(at + 1)) {
@@ -209,11 +209,11 @@ impl Weights {
 pub struct Morph {
     pub weights: Vec<f32>,
     pub names: Vec<String>,
-    /// Offsets of each position of the base, by target.
+    /// Offset of each position of the base, by target.
     pub offsets: Vec<Vec<Vec3>>,
 }
 
-/// `positions_of` reads a target's geometry.
+/// Reads a morph. `positions_of` reads the positions of a target's geometry.
 pub fn morph<'a>(
     xml: &Xml<'a>,
     morph: Node<'a>,

@@ -1,4 +1,4 @@
-//! Bytes of an XML file to text: UTF-8, UTF-16 by its mark or its look, and Latin-1 where the file says so.
+//! Decodes an XML file: UTF-8, UTF-16 recognized by its byte order mark or first bytes, and Latin-1 where the file declares it.
 
 use choreo_importer_kit::{Problem, Result};
 use std::borrow::Cow;
@@ -18,7 +18,7 @@ fn utf8(bytes: &[u8], mark: usize) -> Result<Cow<'_, str>> {
     std::str::from_utf8(bytes).map(Cow::Borrowed).or_else(|e| {
         let head = String::from_utf8_lossy(&bytes[..bytes.len().min(200)]).to_ascii_lowercase();
         let declaration = head.split("?>").next().unwrap_or_default();
-        // Letters of Latin-1 are the first ones of Unicode. Windows-1252 differs in few signs, in no number.
+        // Latin-1 equals the first 256 code points of Unicode. Windows-1252 differs only in a few signs, never in digits.
         if ["iso-8859-1", "latin1", "windows-1252"].iter().any(|n| declaration.contains(n)) {
             return Ok(Cow::Owned(bytes.iter().map(|b| char::from(*b)).collect()));
         }

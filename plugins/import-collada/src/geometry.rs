@@ -1,4 +1,4 @@
-//! `<geometry>`: sources and faces to indexed primitives.
+//! `<geometry>`: sources and face lists become indexed primitives.
 
 use crate::source::{Floats, Input, floats, inputs};
 use crate::xml::{Node, NodeId};
@@ -12,21 +12,21 @@ use glam::{Vec2, Vec3, Vec4};
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// One `<triangles>`, `<polylist>` …, without skin, normals as in the file (or none).
+/// One face list (`<triangles>`, `<polylist>` …) as a primitive, without skin, and with normals only where the file has them.
 #[derive(Clone)]
 pub struct Submesh {
     pub primitive: Primitive,
-    /// Index in the source of each vertex's position.
+    /// Index of each vertex's position in the source.
     pub origin: Vec<u32>,
     pub symbol: String,
-    /// The `set` of each uv list.
+    /// `set` of each uv list.
     pub uv_sets: Vec<usize>,
 }
 
 pub struct Geometry {
     pub name: String,
     pub parts: Vec<Submesh>,
-    /// Positions of the source, in metres.
+    /// Positions of the source, in meters.
     pub positions: Rc<Vec<Vec3>>,
 }
 
@@ -89,15 +89,15 @@ struct Reader<'x, 'a> {
     shape: FaceList,
     metres: f64,
     srgb: bool,
-    /// Sources that several elements of the mesh share are read once.
+    /// Sources read so far: elements of a mesh share them.
     sources: &'x mut HashMap<NodeId, Rc<Floats>>,
-    /// Positions in metres of the latest source.
+    /// Positions in meters of the latest source.
     places: &'x mut Option<(NodeId, Rc<Vec<Vec3>>)>,
     welder: &'x mut Welder,
     triangulator: &'x mut Triangulator,
 }
 
-/// A source and the place of its index in the tuple of a face vertex.
+/// A source, and the offset of its index in the index tuple of a face vertex.
 #[derive(Clone)]
 struct Stream {
     floats: Rc<Floats>,
@@ -108,7 +108,7 @@ struct Streams {
     positions: Stream,
     normals: Option<Stream>,
     colors: Option<Stream>,
-    /// Two at most, with the `set` of each.
+    /// Texture coordinate sets, two at most, with the `set` of each.
     uvs: Vec<Stream>,
     uv_sets: Vec<usize>,
 }
@@ -150,7 +150,7 @@ impl<'a> Reader<'_, 'a> {
         Ok(Some((Submesh { primitive, origin, symbol, uv_sets: streams.uv_sets }, positions)))
     }
 
-    /// `None` without positions.
+    /// The streams of the inputs; `None` without positions.
     fn streams(&mut self, inputs: &[Input<'a>]) -> Result<Option<Streams>> {
         let find = |semantic: &str| inputs.iter().find(|i| i.semantic == semantic);
         let Some(positions) = self.stream(find("POSITION"), 3)? else { return Ok(None) };
@@ -171,7 +171,7 @@ impl<'a> Reader<'_, 'a> {
         Ok(Some(Streams { positions, normals, colors, uvs, uv_sets }))
     }
 
-    /// Vertices and indices of the face vertices, each of which is a tuple of indices; with the position's index of each vertex.
+    /// Welds face vertices, each given as a tuple of indices, into a primitive. Returns the position index of each vertex too.
     fn primitive<'t>(
         &mut self,
         streams: &Streams,
@@ -184,8 +184,7 @@ impl<'a> Reader<'_, 'a> {
         let mut out = Primitive {
             topology: if lines { Topology::Lines } else { Topology::Triangles },
             indices: Vec::with_capacity(count),
-            // Room for as many vertices as there are face vertices, which costs nothing where it is not written to: lists that grow
-            // are copied, into memory that is touched for the first time.
+            // Capacity for all face vertices. Unused capacity costs nothing, but growing lists are copied into fresh memory.
             positions: Vec::with_capacity(count),
             normals: Vec::with_capacity(if normals.is_some() { count } else { 0 }),
             uvs: [0, 1].map(|set| Vec::with_capacity(if set < uvs.len() { count } else { 0 })),
@@ -206,10 +205,10 @@ impl<'a> Reader<'_, 'a> {
             let mut uv = [Vec2::ZERO; 2];
             for (uv, stream) in uv.iter_mut().zip(uvs) {
                 let [u, v] = stream.floats.get(self.index(tuple, stream)?);
-                // COLLADA counts v from the bottom.
+                // COLLADA has v pointing up; here it points down.
                 *uv = Vec2::new(u, 1.0 - v);
             }
-            // Vertices are compared by the values of the sources, not by index: many files have a texture coordinate for every face vertex.
+            // Compares the values, not the indices, because many files have a separate texture coordinate for every face vertex.
             let (vertex, new) = self.welder.vertex(point as u32, |vertex| {
                 let at = vertex as usize;
                 (normals.is_none() || out.normals[at] == normal)
@@ -236,7 +235,7 @@ impl<'a> Reader<'_, 'a> {
         self.xml.problem(self.element, what)
     }
 
-    /// Positions of a source in metres.
+    /// The positions of a source, converted to meters.
     fn in_metres(&mut self, source: Option<NodeId>, floats: &Floats) -> Result<Rc<Vec<Vec3>>> {
         if let (Some(source), Some((known, places))) = (source, &*self.places)
             && source == *known
@@ -253,7 +252,7 @@ impl<'a> Reader<'_, 'a> {
         Ok(all)
     }
 
-    /// The index of a tuple into a stream, which has as many elements.
+    /// The index in a tuple for a stream. Fails where the stream's source is shorter.
     #[inline]
     fn index(&self, tuple: &[i32], stream: &Stream) -> Result<usize> {
         let (index, count) = (tuple[stream.offset] as u32 as usize, stream.floats.count);
@@ -269,7 +268,8 @@ impl<'a> Reader<'_, 'a> {
         Vec4::new(r, g, b, alpha)
     }
 
-    /// All indices of the `<p>`s, and how many vertices each polygon, strip or line has; empty where all have the same.
+    /// All indices of the `<p>` elements, and the number of vertices of each polygon, strip or line; empty where all have the
+    /// same.
     fn indices(&self, width: usize) -> Result<(Vec<i32>, Vec<u32>)> {
         let mut indices = Vec::new();
         let mut runs = Vec::new();
@@ -299,7 +299,7 @@ impl<'a> Reader<'_, 'a> {
                 return Err(self.xml.problem(p, what));
             }
             runs.push((read.len() / width) as u32);
-            // The usual case has one list.
+            // There is usually one list, which is taken without copying.
             if indices.is_empty() { indices = read } else { indices.extend(read) }
         }
         if holes > 0 {
@@ -323,7 +323,7 @@ impl<'a> Reader<'_, 'a> {
         Ok((indices, runs))
     }
 
-    /// Numbers of the face vertices of a triangle or line list.
+    /// Numbers of the face vertices as a list of triangles or lines.
     fn face_vertices(
         &mut self,
         indices: &[i32],

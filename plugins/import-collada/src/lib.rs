@@ -1,4 +1,4 @@
-//! COLLADA 1.4 and 1.5 into an [`Asset`]. What it reads, limits and options: README.md.
+//! COLLADA 1.4 and 1.5 into an [`Asset`]. Contents, limits and options: README.md.
 
 mod animation;
 mod bake;
@@ -22,7 +22,7 @@ use choreo_plugin::{Claim, Files, ImportError, ImportOptions, ImportScope, Impor
 use glam::{DMat4, DVec4};
 use std::sync::{Arc, LazyLock};
 
-/// Limit of all that is decoded from one file together, the same as in import-gltf.
+/// Limit of all bytes decoded from one file together; the same as in import-gltf.
 const MAX_DECODED_BYTES: u64 = 2 << 30;
 
 /// The page of the documentation.
@@ -53,10 +53,10 @@ impl Importer for ColladaImporter {
         &MANIFEST
     }
 
-    /// Claims by the root element, in any encoding.
+    /// Claims files by their root element, in any encoding.
     fn claim(&self, source: &Source) -> Claim {
         let head = &source.bytes[..source.bytes.len().min(4096)];
-        // UTF-16 of ASCII letters has a zero byte beside each.
+        // ASCII letters in UTF-16 have a zero byte each, which is dropped.
         let letters: Vec<u8> = head.iter().copied().filter(|b| *b != 0).collect();
         if letters.windows(8).any(|w| w == b"<COLLADA") {
             Claim::Content(95)
@@ -123,7 +123,7 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &Impo
     }
     let meshes::Builder { materials, morphs, .. } = meshes;
     asset.materials = materials.list;
-    // Images take long: they are decoded beside the clips.
+    // Decoding images takes long, so it runs in parallel with reading clips.
     let clips = || match needs.clips {
         true => animation::read(&xml, &tree, (&morphs, &objects), stem(&source.name)),
         false => Ok(Vec::new()),
@@ -143,12 +143,12 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &Impo
     Ok(asset)
 }
 
-/// The turn that brings the file's upward axis to +Y: the shortest one, about z or x.
+/// The shortest rotation from the file's upward axis to +Y, about x or z.
 fn upright(up: &str) -> DMat4 {
     match up {
-        // x goes up, y goes left.
+        // x becomes y, y becomes −x.
         "+X" => DMat4::from_cols(DVec4::Y, DVec4::NEG_X, DVec4::Z, DVec4::W),
-        // z goes up, y goes away from the viewer.
+        // z becomes y, y becomes −z.
         "+Z" => DMat4::from_cols(DVec4::X, DVec4::NEG_Z, DVec4::Y, DVec4::W),
         _ => DMat4::IDENTITY,
     }

@@ -1,4 +1,4 @@
-//! `<material>` and `<effect>` (profile_COMMON), bound to a mesh instance.
+//! `<material>` and `<effect>` (profile_COMMON), as bound to mesh instances.
 
 use crate::xml::Node;
 use crate::xml::{Xml, child, children, descendant, label_of, name_of, text_of};
@@ -11,7 +11,7 @@ use choreo_plugin::Files;
 use glam::{Affine2, Vec3, Vec4};
 use std::collections::BTreeMap;
 
-/// One channel of a color as the file has it.
+/// One channel of a color, converted to linear.
 pub fn linear(value: f32, srgb: bool) -> f32 {
     if srgb && value <= 1.0 { linear_from_srgb(value.max(0.0)) } else { value.max(0.0) }
 }
@@ -22,16 +22,16 @@ pub struct Materials<'f> {
     pub srgb: bool,
     pub list: Vec<Material>,
     pub bumps: Vec<BumpMap>,
-    /// Materials by material element and the uv sets in use.
+    /// Materials by material element and texture coordinate sets.
     known: BTreeMap<String, u32>,
 }
 
-/// The uv set of a primitive that each set of texture coordinates of an effect refers to.
+/// Maps the texture coordinates that an effect names to the uv sets of a primitive.
 #[derive(Clone, Debug, Default)]
 struct Uvs {
-    /// Semantic of the effect → `set` of the mesh.
+    /// Semantic in the effect → `set` in the mesh.
     bound: BTreeMap<String, usize>,
-    /// `set` of each list.
+    /// `set` of each uv list of the primitive.
     sets: Vec<usize>,
 }
 
@@ -43,7 +43,7 @@ impl Uvs {
     }
 }
 
-/// `<color>`, `<float>` or `<texture>` of an effect.
+/// The `<color>`, `<float>` or `<texture>` of an effect's slot.
 #[derive(Clone, Debug, Default)]
 struct Value {
     color: Option<Vec4>,
@@ -56,7 +56,7 @@ impl<'f> Materials<'f> {
         Materials { textures, files, srgb, list: Vec::new(), bumps: Vec::new(), known: BTreeMap::new() }
     }
 
-    /// The material that an instance binds to a symbol of its mesh.
+    /// The material that an instance binds to a material symbol of its mesh.
     pub fn bind(
         &mut self,
         xml: &Xml<'_>,
@@ -76,7 +76,7 @@ impl<'f> Materials<'f> {
                 }
                 xml.instanced(bound, "target", "material", "grey is used")
             }
-            // Some exporters bind nothing and name the material itself.
+            // Some exporters bind nothing, and use the material's id as symbol.
             None => xml.by_id(symbol).filter(|n| name_of(*n) == "material"),
         };
         let key = format!("{:?} {uvs:?}", material.map(|m| m.id()));
@@ -144,7 +144,7 @@ impl<'f> Materials<'f> {
         Ok(out)
     }
 
-    /// Colors, textures and transparency of a `<phong>`, `<blinn>`, `<lambert>` or `<constant>`.
+    /// Reads colors, textures and transparency of a `<phong>`, `<blinn>`, `<lambert>` or `<constant>`.
     fn shader(
         &mut self,
         xml: &Xml<'_>,
@@ -183,7 +183,7 @@ impl<'f> Materials<'f> {
         }
         match name_of(shader) {
             "constant" => {
-                // Nothing but emission.
+                // Constant shading shows emission only.
                 out.shading = Shading::Unlit;
                 out.base_color = out.emissive.extend(alpha);
                 out.base_color_texture = out.emissive_texture.take();
@@ -191,13 +191,14 @@ impl<'f> Materials<'f> {
             }
             "lambert" => {}
             _ => {
-                // Exporters write exponents, and some of them 0 to 1 of 128.
+                // Most exporters write exponents, and some a value from 0 to 1 that stands for up to 128.
                 let s = shininess.unwrap_or(20.0);
                 out.shininess = if s > 0.0 && s <= 1.0 { s * 128.0 } else { s }.clamp(1.0, 10_000.0) as f32;
-                // Blinn–Phong here is normalised by (s + 8) / 8; the file's highlight has its color at the peak.
+                // Our Blinn–Phong lobe is normalized by (s + 8) / 8; COLLADA's has the specular color at its peak.
                 out.specular_color = specular.color.map_or(Vec3::ZERO, rgb) * (8.0 / (out.shininess + 8.0));
                 out.specular_color_texture = specular.texture;
-                // "The color of a perfect mirror reflection" and its amount: without an amount exporters mean none.
+                // Reflective color ("the color of a perfect mirror reflection") times reflectivity. Exporters that omit the
+                // reflectivity mean no reflection.
                 let share = match &reflective.texture {
                     Some(_) => Vec3::ONE,
                     None => reflective.color.map_or(Vec3::ZERO, rgb),
@@ -212,8 +213,8 @@ impl<'f> Materials<'f> {
         Ok(())
     }
 
-    /// COLLADA 1.4.1, "Determining Transparency". Many files have it the wrong way round, which makes everything invisible:
-    /// then it is taken as opaque.
+    /// Opacity (COLLADA 1.4.1, "Determining Transparency"). Many files have it inverted, which would make everything invisible,
+    /// so a fully transparent material is taken as opaque.
     fn alpha(&self, xml: &Xml<'_>, shader: Node<'_>, color: Option<Vec4>, transparency: Option<f64>) -> f32 {
         if color.is_none() && transparency.is_none() {
             return 1.0;
@@ -269,7 +270,7 @@ impl<'f> Materials<'f> {
             return None;
         };
         let from = descendant(image, "init_from")?;
-        // 1.4: the path itself; 1.5: in a <ref>.
+        // COLLADA 1.4 has the path itself, 1.5 has it in a <ref>.
         let path = child(from, "ref").map_or(text_of(from), text_of);
         let index = textures.find(path, &xml.place(image), self.files, xml.budget, xml.notes)?;
         let wrap = |name: &'static str| match sampler.and_then(|s| child(s, name)).map(text_of) {
@@ -283,7 +284,8 @@ impl<'f> Materials<'f> {
     }
 }
 
-/// Follows a sampler's sid through its surface to the image; or an image's id, as older exporters write.
+/// The image and sampler of a texture: follows a sampler's sid through its surface, or takes the name as an image's id, as older
+/// exporters mean it.
 fn image<'a>(xml: &Xml<'a>, profile: Node<'a>, name: &str) -> (Option<Node<'a>>, Option<Node<'a>>) {
     let param = |sid: &str| {
         let effect = profile.parent();

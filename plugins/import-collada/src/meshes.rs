@@ -1,4 +1,4 @@
-//! Instanced geometries and controllers to meshes, skins and instances.
+//! Instanced geometries and controllers become meshes, skins and mesh instances.
 
 use crate::controller::{self, Morph, MorphTargets, SkinData};
 use crate::geometry::{self, Geometry};
@@ -13,12 +13,12 @@ use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Shape of an instance.
+/// The geometry and controllers of an instance.
 #[derive(Clone, Copy)]
 struct InstancedShape<'a> {
     geometry: Node<'a>,
     skin: Option<Node<'a>>,
-    /// The morph controller with its id.
+    /// The morph controller, with its id.
     morph: Option<(Node<'a>, NodeId)>,
 }
 
@@ -35,9 +35,9 @@ pub struct Builder<'x, 'a, 'f> {
     pub smooth_rad: f64,
     pub morphs: Vec<MorphTargets>,
     geometries: HashMap<NodeId, Rc<Geometry>>,
-    /// Instances of each geometry that are still to come: the last one takes its lists instead of copying them.
+    /// Remaining instances of each geometry: the last one takes its lists instead of copying them.
     uses: HashMap<NodeId, usize>,
-    /// Meshes by what they are made of.
+    /// Mesh and skin by a key of what they are made from.
     known: BTreeMap<String, (u32, Option<u32>)>,
     without_normals: usize,
 }
@@ -61,7 +61,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
         let mut placed = Vec::new();
         for (joint, node) in (0u32..).zip(self.tree.joints.iter().map(|j| j.node)) {
             for element in node.children() {
-                // A missing one is left out: skeletons are often kept without their mesh.
+                // A missing target is only a warning, because skeletons are often kept without their mesh.
                 let target = |kind| self.xml.instanced(element, "url", kind, LEFT_OUT);
                 let shape = match name_of(element) {
                     "instance_geometry" => target("geometry").map(InstancedShape::plain),
@@ -91,7 +91,7 @@ impl<'x, 'a, 'f> Builder<'x, 'a, 'f> {
         Ok(())
     }
 
-    /// A skin over a morph over a geometry; no deeper.
+    /// Resolves a controller chain: at most a skin over a morph over a geometry.
     fn shape_of(&self, controller: Node<'a>) -> Result<Option<InstancedShape<'a>>> {
         let (mut skin, mut morph) = (None, None);
         let mut at = controller;

@@ -1,4 +1,4 @@
-//! The visual scene to a parents-first list of joints, each with its stack of transforms.
+//! The visual scene as a parents-first list of joints, each with its stack of transforms.
 
 use crate::xml::{LEFT_OUT, Xml, child, descendant, label_of, name_of};
 use crate::xml::{Node, NodeId};
@@ -8,9 +8,9 @@ use choreo_motion::{Skeleton, Transform};
 use glam::{DMat4, DQuat, DVec3};
 use std::collections::HashMap;
 
-/// Bounds what instance_node multiplies.
+/// Joint limit, which bounds what instance_node multiplies.
 const MAX_JOINTS: usize = 65_536;
-/// Relative difference of a matrix from its nearest translation, rotation and scale that is worth a word.
+/// Largest relative difference between a matrix and its decomposition that gives no warning.
 const SHEAR: f64 = 1e-3;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,12 +22,12 @@ pub enum TransformKind {
     LookAt,
 }
 
-/// One transform of a node's stack; the first stands leftmost in the product.
+/// One transform element of a node. The first element is the leftmost factor of the product.
 #[derive(Clone, Debug)]
 pub struct TransformElement<'a> {
     pub sid: &'a str,
     pub kind: TransformKind,
-    /// 16, 3, 4, 3, 9 numbers, as written (matrices by rows, angles in degrees).
+    /// 16, 3, 4, 3 or 9 numbers, as in the file (matrices by rows, angles in degrees).
     pub values: Vec<f64>,
 }
 
@@ -38,8 +38,8 @@ pub struct Joint<'a> {
     pub stack: Vec<TransformElement<'a>>,
 }
 
-/// Conversion of the file's units and axes to metres and +Y up: translations are scaled, and the roots are turned, which carries
-/// everything below them. Joints keep their own axes.
+/// Conversion of the file's units and axes to meters and +Y up: translations are scaled, and the roots are rotated, which their
+/// children follow. Joints keep their own axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Convention {
     pub metres: f64,
@@ -48,7 +48,7 @@ pub struct Convention {
 
 pub struct Tree<'a> {
     pub joints: Vec<Joint<'a>>,
-    /// Joints of an XML element: several where it is instanced.
+    /// Joints of each XML element; several where it is instanced.
     pub of_element: HashMap<NodeId, Vec<u32>>,
     pub convention: Convention,
 }
@@ -82,14 +82,14 @@ impl TransformElement<'_> {
 }
 
 impl Convention {
-    /// A matrix of the file's lengths to metres; `m` maps lengths to lengths.
+    /// Converts a matrix between lengths in the file's units to meters, by scaling its translation.
     pub fn scaled(&self, mut m: DMat4) -> DMat4 {
         let t = m.w_axis.truncate() * self.metres;
         m.w_axis = t.extend(m.w_axis.w);
         m
     }
 
-    /// parent-from-joint of a stack.
+    /// Parent-from-joint matrix of a transform stack.
     pub fn local(&self, stack: &[TransformElement<'_>], root: bool) -> DMat4 {
         let product = stack.iter().map(TransformElement::matrix).reduce(|m, e| m * e);
         let file = product.unwrap_or(DMat4::IDENTITY);
@@ -153,7 +153,7 @@ pub fn transform(parts: &Trs) -> Transform {
     }
 }
 
-/// The scene that the file shows, else its first one.
+/// The scene that the file instances, else its first scene.
 fn scene<'a>(xml: &Xml<'a>) -> Option<Node<'a>> {
     let shown = child(xml.root(), "scene").and_then(|s| child(s, "instance_visual_scene"));
     let named = shown.map(|s| xml.instanced(s, "url", "visual_scene", "the first scene is used"));
@@ -169,7 +169,7 @@ fn scene<'a>(xml: &Xml<'a>) -> Option<Node<'a>> {
     first()
 }
 
-/// Nodes and instanced nodes in a scene or node, in order.
+/// The child nodes and instanced nodes of a scene or node, in order.
 fn nodes_in<'a>(xml: &Xml<'a>, parent: Node<'a>) -> Vec<Node<'a>> {
     let mut out = Vec::new();
     for element in parent.children() {
@@ -227,7 +227,8 @@ fn stack<'a>(xml: &Xml<'_>, node: Node<'a>) -> Result<Vec<TransformElement<'a>>>
     Ok(out)
 }
 
-/// The joint of a skin by its name: a sid below the skeleton's roots, then anywhere; then an id; then a name.
+/// Finds a joint of a skin by name: by sid below the skeleton's roots, by sid anywhere, by id, then by name. `is_id` puts ids
+/// first.
 pub fn find_joint(xml: &Xml<'_>, tree: &Tree<'_>, roots: &[u32], name: &str, is_id: bool) -> Option<u32> {
     let below = |joint: u32| -> bool {
         let mut at = Some(joint);

@@ -10,25 +10,25 @@ use glam::Vec3;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-/// The ratio of width to height where the file states none.
+/// Aspect ratio (width over height) where the file states none.
 const WIDE: f64 = 16.0 / 9.0;
 
-/// Distance in metres at which a light's own attenuation and the renderer's inverse square are made equal.
+/// Distance in meters at which the renderer's inverse-square falloff equals the file's attenuation.
 const EQUAL_AT: f64 = 5.0;
 
-/// A camera or light of the asset, with the element of the file that it is an instance of.
+/// A camera or light of the asset, with the file's element that it instances.
 pub struct Object<'a, T> {
     pub element: Node<'a>,
-    /// The element that holds the numbers: the camera's optics, or the type of light.
+    /// The element that holds the numbers: the lens of a camera, or the light type.
     pub numbers_of: Node<'a>,
     pub object: T,
 }
 
-/// Numbers of a lens or a light, by the names of their elements; a color as `r`, `g` and `b`.
+/// Numbers of a lens or light by element name; a color is stored as `r`, `g` and `b`.
 #[derive(Clone, Debug, Default)]
 pub struct Numbers(BTreeMap<&'static str, f64>);
 
-/// Names of all numbers but those of colors.
+/// Names of all numbers except those of colors.
 const NAMES: [&str; 12] = [
     "xfov",
     "yfov",
@@ -62,7 +62,7 @@ impl Numbers {
         self.0.get(name).copied()
     }
 
-    /// Replaces a number; false where there is none of this name.
+    /// Sets a number; false where no number has this name.
     pub fn set(&mut self, name: &str, number: f64) -> bool {
         let known = NAMES.iter().chain(&["r", "g", "b"]).find(|known| **known == name);
         known.is_some_and(|known| {
@@ -71,7 +71,7 @@ impl Numbers {
         })
     }
 
-    /// The ratio of width to height.
+    /// The aspect ratio (width over height).
     fn aspect(&self) -> Option<f64> {
         self.get("aspect_ratio").filter(|a| *a > 0.0)
     }
@@ -83,14 +83,14 @@ impl Numbers {
         self.get("yfov").map(f64::to_radians).or_else(|| self.get("xfov").map(across))
     }
 
-    /// The full height of an orthographic view in units of the file: magnifications are half the extents.
+    /// The full height of an orthographic view, in the file's units: magnifications are half extents.
     pub fn height(&self) -> f64 {
         let across = |x: f64| 2.0 * x / self.aspect().unwrap_or(WIDE);
         self.get("ymag").map(|y| 2.0 * y).or_else(|| self.get("xmag").map(across)).unwrap_or(2.0)
     }
 
-    /// A light of a kind; `None` for one that is not supported. A directional light of color 1 makes a white surface white: π lux. Other
-    /// lights fall off with their attenuation, which becomes an inverse square that is equal at five metres.
+    /// A light of the given type; `None` for unsupported types. A directional light of color 1 makes a white surface white: π lux. Other
+    /// lights get an inverse-square falloff that equals their attenuation at five meters.
     pub fn light(&self, kind: &str, metres: f64) -> Option<Light> {
         let value = |name, default: f64| self.get(name).unwrap_or(default);
         let color = Vec3::from(["r", "g", "b"].map(|name| value(name, 1.0).max(0.0) as f32));
@@ -104,7 +104,7 @@ impl Numbers {
             "directional" => (LightKind::Directional, PI * strength),
             "point" => (LightKind::Point, candela),
             "spot" => {
-                // The full angle; the exponent makes a soft edge of it.
+                // The file has the full angle. Any falloff exponent becomes a soft edge.
                 let outer = (value("falloff_angle", 180.0).to_radians() / 2.0).clamp(0.001, PI / 2.0);
                 let soft = if value("falloff_exponent", 0.0) > 0.0 { 0.5 } else { 0.98 };
                 (LightKind::Spot { inner: (outer * soft) as f32, outer: outer as f32 }, candela)
@@ -133,7 +133,7 @@ pub fn cameras<'a>(xml: &Xml<'a>, tree: &Tree<'a>) -> Result<Vec<Object<'a, Asse
     Ok(out)
 }
 
-/// The projection of a lens; `None`, with a warning, for one that is left out.
+/// The projection of a lens; `None`, with a warning, where it cannot be used.
 fn projection(xml: &Xml<'_>, lens: Node<'_>, metres: f64) -> Result<Option<Projection>> {
     let numbers = Numbers::read(xml, lens)?;
     let near = numbers.get("znear").filter(|v| *v > 0.0).map_or(0.05, |v| v * metres);
@@ -212,7 +212,7 @@ fn name(node: Node<'_>) -> String {
     label_of(node).unwrap_or(name_of(node)).to_string()
 }
 
-/// Metres a unit, and the upward axis as written.
+/// Meters in a unit, and the upward axis.
 pub fn convention(xml: &Xml<'_>) -> (f64, &'static str) {
     let asset = child(xml.root(), "asset");
     let unit = asset.and_then(|a| child(a, "unit"));
@@ -229,7 +229,7 @@ pub fn convention(xml: &Xml<'_>) -> (f64, &'static str) {
     (metres, up)
 }
 
-/// The number in `meter`; some programs write the decimal comma of their user's language.
+/// The attribute `meter`. Some programs write it with a decimal comma.
 fn metres(xml: &Xml<'_>, unit: Node<'_>) -> f64 {
     let Some(text) = unit.attribute("meter").map(str::trim) else { return 1.0 };
     let value = |text: &str| number(text.as_bytes()).filter(|v| (1e-6..=1e6).contains(v));

@@ -1,7 +1,7 @@
-//! Channels of cameras and lights: the angle or height of a view, colors, the cones of spots.
+//! Channels of cameras and lights: field of view or height of the view, colors, cones of spots.
 //!
-//! All are sampled at their keys and, between them, where straight lines would be off by more than the tolerance below: an angle is no
-//! straight line of another one, and a color brighter than 1 is an intensity.
+//! All are sampled at their keys, and between keys where linear interpolation would exceed the tolerance: a vertical angle is not
+//! linear in a horizontal one, and the intensity depends on a color brighter than 1.
 
 use crate::bake::{MAX_DEPTH, MAX_KEYS, TOLERANCE, held_keys, key_times};
 use crate::objects::{Numbers, Object};
@@ -14,7 +14,7 @@ use choreo_motion::{Interpolation, PropertyCurve, PropertyTarget, Time};
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// The cameras and lights of the asset with their elements.
+/// The cameras and lights of the asset, with their elements.
 pub struct Objects<'a> {
     pub cameras: Vec<Object<'a, AssetCamera>>,
     pub lights: Vec<Object<'a, AssetLight>>,
@@ -30,7 +30,7 @@ pub struct Driven {
     sampler: Rc<Sampler>,
 }
 
-/// The numbers that the value of a channel replaces: names of [`Numbers`].
+/// The names (see [`Numbers`]) of the numbers that a channel drives; `None` where it drives nothing that is read.
 pub fn names(element: Node<'_>, member: &str) -> Option<Vec<String>> {
     let colors = ["r", "g", "b"].map(String::from);
     match (name_of(element), member) {
@@ -38,7 +38,7 @@ pub fn names(element: Node<'_>, member: &str) -> Option<Vec<String>> {
         ("color", ".R" | "(0)") => Some(vec!["r".into()]),
         ("color", ".G" | "(1)") => Some(vec!["g".into()]),
         ("color", ".B" | "(2)") => Some(vec!["b".into()]),
-        // Planes that cut the view stay where they are.
+        // Animated clip planes are not supported.
         ("znear" | "zfar", _) => None,
         (name, "") => Numbers::default().set(name, 0.0).then(|| vec![name.into()]),
         _ => None,
@@ -46,7 +46,7 @@ pub fn names(element: Node<'_>, member: &str) -> Option<Vec<String>> {
 }
 
 impl Driven {
-    /// One for each of the names.
+    /// One driven number for each name, from consecutive values of the sampler.
     pub fn all(object: NodeId, names: Vec<String>, sampler: &Rc<Sampler>) -> impl Iterator<Item = Driven> {
         let driven = move |(component, name)| Driven { object, name, component, sampler: sampler.clone() };
         names.into_iter().enumerate().map(driven)
@@ -57,10 +57,10 @@ impl Driven {
     }
 }
 
-/// The values of one camera or light, in the order of its targets.
+/// Computes the asset's values of a camera or light, in the order of its targets.
 type ValuesOf<'f> = &'f dyn Fn(&Numbers) -> Vec<f32>;
 
-/// A camera or light over time.
+/// An animated camera or light.
 struct Moving<'d> {
     rest: Numbers,
     driven: Vec<&'d Driven>,
@@ -77,7 +77,7 @@ impl Moving<'_> {
     }
 }
 
-/// Curves of the properties of all cameras and lights.
+/// The property curves of all cameras and lights.
 pub fn curves(
     xml: &Xml<'_>,
     objects: &Objects<'_>,
@@ -121,7 +121,7 @@ pub fn curves(
     Ok(out)
 }
 
-/// Adds the curves of one object; those that do not change are left out.
+/// Adds the curves of one object, except those that stay at their rest value.
 fn add(
     xml: &Xml<'_>,
     moving: &Moving<'_>,

@@ -1,4 +1,4 @@
-//! `<sampler>`: keys, and the values between them.
+//! `<sampler>`: animation keys and their interpolation.
 
 use crate::source::{doubles, inputs, names};
 use crate::xml::Node;
@@ -6,7 +6,7 @@ use crate::xml::Xml;
 use choreo_importer_kit::Result;
 use choreo_motion::Time;
 
-/// Limit of key times, the same in all importers: about 115 days.
+/// Limit of key times, the same in all importers: about 115 days, seconds.
 const MAX_SECS: f64 = 1e7;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,13 +17,13 @@ pub enum Interpolation {
     Hermite,
 }
 
-/// Keys at increasing times, `width` values each.
+/// Keys at increasing times, with `width` values each.
 pub struct Sampler {
     pub times: Vec<Time>,
     pub values: Vec<f64>,
     pub width: usize,
     pub interpolation: Vec<Interpolation>,
-    /// Per key: `width` pairs of time (s) and value, or `width` values.
+    /// Tangents for each key: `width` pairs of time (s) and value, or `width` values.
     tangents_in: Vec<f64>,
     tangents_out: Vec<f64>,
 }
@@ -58,7 +58,7 @@ impl Sampler {
         if output.is_none() || secs.is_empty() {
             return Err(xml.problem(node, "needs an INPUT with at least one time and an OUTPUT"));
         }
-        // Exporters that leave the stride out: as many values as there are times.
+        // Some exporters omit the stride; then there are several values for each time.
         if sampler.width == 1
             && sampler.values.len() > secs.len()
             && sampler.values.len().is_multiple_of(secs.len())
@@ -117,7 +117,7 @@ impl Sampler {
         }
     }
 
-    /// Keys that do not come after the one before are left out.
+    /// Drops keys that are not later than the key before.
     fn drop_repeated(&mut self, xml: &Xml<'_>, node: Node<'_>) {
         let mut kept: Vec<usize> = Vec::with_capacity(self.times.len());
         for i in 0..self.times.len() {
@@ -147,18 +147,18 @@ impl Sampler {
         self.times = kept.iter().map(|i| self.times[*i]).collect();
     }
 
-    /// Whether values jump at some keys, and whether they do at all.
+    /// Whether any interpolation is STEP, and whether all are.
     pub fn steps(&self) -> (bool, bool) {
         let step = |i: &Interpolation| *i == Interpolation::Step;
         (self.interpolation.iter().any(step), self.interpolation.iter().all(step))
     }
 
-    /// Values are held or straight between all keys.
+    /// Whether all interpolations are STEP or LINEAR.
     pub fn is_plain(&self) -> bool {
         self.interpolation.iter().all(|i| matches!(i, Interpolation::Step | Interpolation::Linear))
     }
 
-    /// The key at or before a time, and the part of the way to the next.
+    /// The key at or before a time, and the fraction of the way to the next key.
     pub fn locate(&self, time: Time) -> (usize, f64) {
         let after = self.times.partition_point(|t| *t <= time);
         if after == 0 {
@@ -173,12 +173,12 @@ impl Sampler {
         (key, (time.0 - self.times[key].0) as f64 / span)
     }
 
-    /// One of the values at a time; before the first and after the last key its value.
+    /// One value at a time; constant before the first and after the last key.
     pub fn value(&self, time: Time, component: usize) -> f64 {
         self.value_at(self.locate(time), component)
     }
 
-    /// All values at a time, as many as there is room for.
+    /// All values at a time, as many as fit into `out`.
     pub fn row(&self, time: Time, out: &mut [f64]) {
         let at = self.locate(time);
         out.iter_mut().enumerate().for_each(|(component, v)| *v = self.value_at(at, component));
@@ -196,7 +196,7 @@ impl Sampler {
         }
     }
 
-    /// A cubic Bézier in (time, value), or Hermite, which is one whose handles are a third of the tangents away.
+    /// A cubic Bézier in (time, value). A Hermite curve is a Bézier whose handles are a third of the tangents long.
     fn curve(&self, key: usize, component: usize, part: f64, hermite: bool) -> f64 {
         let (a, b) =
             (self.values[key * self.width + component], self.values[(key + 1) * self.width + component]);
@@ -215,13 +215,13 @@ impl Sampler {
         };
         let (x1, y1) = handle(&self.tangents_out, key, t0, a, 1.0);
         let (x2, y2) = handle(&self.tangents_in, key + 1, t1, b, -1.0);
-        // Handle times as parts of the interval, where time must not run backwards.
+        // Handle times as fractions of the interval, limited so that time does not decrease.
         let (x1, x2) = (((x1 - t0) / span).clamp(0.0, 1.0), ((x2 - t0) / span).clamp(0.0, 1.0));
         let cubic = |s: f64, p1: f64, p2: f64, p3: f64| {
             let r = 1.0 - s;
             3.0 * r * r * s * p1 + 3.0 * r * s * s * p2 + s * s * s * p3
         };
-        // Time grows with s: halving finds it, whatever the shape.
+        // Time increases with s, so bisection always finds it.
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..52 {
             let middle = (low + high) * 0.5;

@@ -4,7 +4,7 @@ use crate::xml::Node;
 use crate::xml::{Xml, child, children, name_of, texts};
 use choreo_importer_kit::Result;
 
-/// Floats with the layout that the accessor gives.
+/// Floats of a source, with the accessor's layout.
 pub struct Floats {
     pub values: Vec<f32>,
     pub offset: usize,
@@ -13,7 +13,7 @@ pub struct Floats {
 }
 
 impl Floats {
-    /// Element `index`, its first `N` numbers; missing ones are zero.
+    /// The first `N` numbers of an element; missing ones are zero.
     pub fn get<const N: usize>(&self, index: usize) -> [f32; N] {
         let start = self.offset + index * self.stride;
         std::array::from_fn(|i| {
@@ -22,7 +22,7 @@ impl Floats {
     }
 }
 
-/// The accessor's offset, stride and count, made to fit what the array holds.
+/// Offset, stride and count of the accessor. Fails where the array is too short for them.
 fn layout(
     xml: &Xml<'_>,
     source: Node<'_>,
@@ -38,7 +38,7 @@ fn layout(
             }),
         }
     };
-    // The default stride is 1 by the schema, but some exporters leave it out where the params say more.
+    // The schema's default stride is 1, but some exporters omit it where the params imply more.
     let stride = read("stride", default_stride)?.max(1);
     let offset = read("offset", 0)?;
     let room = length.saturating_sub(offset) / stride;
@@ -60,7 +60,7 @@ pub fn floats(xml: &Xml<'_>, source: Node<'_>, default_stride: usize) -> Result<
     Ok(Floats { values, offset, stride, count })
 }
 
-/// Numbers of a source in f64, `stride` a key: for times, matrices and tangents.
+/// Numbers of a source in f64, and the stride: for times, matrices and tangents.
 pub fn doubles(xml: &Xml<'_>, source: Node<'_>, default_stride: usize) -> Result<(Vec<f64>, usize)> {
     let Some(array) = child(source, "float_array") else {
         return Err(xml.problem(source, "has no float_array"));
@@ -74,7 +74,7 @@ pub fn doubles(xml: &Xml<'_>, source: Node<'_>, default_stride: usize) -> Result
     Ok((values, stride))
 }
 
-/// Words of a Name_array or IDREF_array, and whether they are ids.
+/// The words of a Name_array or IDREF_array, and whether they are ids.
 pub fn names<'a>(xml: &Xml<'_>, source: Node<'a>) -> Result<(Vec<&'a str>, bool)> {
     let array =
         child(source, "Name_array").map(|a| (a, false)).or(child(source, "IDREF_array").map(|a| (a, true)));
@@ -96,10 +96,10 @@ pub struct Input<'a> {
     pub set: usize,
 }
 
-/// Far more than any format of vertices needs.
+/// Largest input offset, far more than any vertex format needs.
 const MAX_OFFSET: usize = 255;
 
-/// The inputs of an element, with `VERTEX` resolved to those of `<vertices>` (at the offset of the `VERTEX`).
+/// The inputs of an element. `VERTEX` is replaced by the inputs of `<vertices>`, at its offset.
 pub fn inputs<'a>(xml: &Xml<'a>, element: Node<'a>) -> Result<Vec<Input<'a>>> {
     let mut out = Vec::new();
     for (index, input) in children(element, "input").enumerate() {
@@ -109,7 +109,7 @@ pub fn inputs<'a>(xml: &Xml<'a>, element: Node<'a>) -> Result<Vec<Input<'a>>> {
                 xml.problem(input, format!("{name}=\"{text}\" is not a number from 0 to {MAX_OFFSET}"))
             }),
         };
-        // Inputs without an offset share one stream (those of vertices, joints, samplers).
+        // Inputs without an offset (of vertices, joints and samplers) share one stream.
         let offset = number("offset", if input.attribute("offset").is_some() { index } else { 0 })?;
         let set = number("set", 0)?;
         let semantic = input.attribute("semantic").unwrap_or_default();

@@ -1,4 +1,4 @@
-//! The parsed file: elements by id, places of elements, lists of numbers.
+//! The parsed file: elements by id, places of elements for messages, lists of numbers.
 
 use choreo_importer_kit::text::{next_integer, next_number, shown};
 use choreo_importer_kit::{Budget, Notes, Problem, Progress, Result, WithPlace};
@@ -13,14 +13,14 @@ pub use roxmltree::NodeId;
 /// An element of the document.
 pub type Node<'a> = roxmltree::Node<'a, 'a>;
 
-/// The end of the warning for an instance that refers to nothing.
+/// End of the warning for an instance that refers to nothing.
 pub(crate) const LEFT_OUT: &str = "it is left out";
-/// Limits the memory of a file that is all tags.
+/// Node limit, which bounds the memory of a file that consists of tags.
 const MAX_NODES: u32 = 4_000_000;
-/// The parser compares each attribute of an element with all others.
+/// Attribute limit of an element, because the parser compares each attribute with all others.
 const MAX_ATTRIBUTES: usize = 256;
 
-/// The document of a text. An error has the line and column of what is wrong.
+/// Parses a text. An error has its line and column.
 pub fn parse(text: &str) -> Result<Document<'_>> {
     let at = |line: usize, column: usize, what: String| {
         Problem::new(format!("line {line}, column {column}"), what)
@@ -57,7 +57,7 @@ pub fn parse(text: &str) -> Result<Document<'_>> {
     })
 }
 
-/// The first `<` before more attributes than an element may have.
+/// Offset of the first element with more attributes than allowed.
 fn crowded_element(text: &[u8]) -> Option<usize> {
     let mut starts = memchr_iter(b'<', text).peekable();
     while let Some(start) = starts.next() {
@@ -76,14 +76,14 @@ fn crowded_element(text: &[u8]) -> Option<usize> {
     None
 }
 
-/// A text of the parser, which quotes the file, without control characters.
+/// An error text of the parser, which quotes the file, without control characters.
 fn shown_text(text: &str) -> String {
     text.chars().take(200).map(|c| if c.is_control() { '\u{fffd}' } else { c }).collect()
 }
 
 pub struct Xml<'a> {
     doc: &'a Document<'a>,
-    /// Elements of a library and nodes apart: exporters give a camera and its node the same id.
+    /// Library elements and nodes are kept apart, because exporters give a camera and its node the same id.
     ids: HashMap<&'a str, Node<'a>>,
     nodes: HashMap<&'a str, Node<'a>>,
     ends_of_lines: OnceCell<Vec<usize>>,
@@ -92,7 +92,7 @@ pub struct Xml<'a> {
     progress: Progress<'a>,
 }
 
-/// Values of a text, or the number and word of the one that is none.
+/// The parsed values, or the index and text of the first word that is no value.
 type Values<'a, T> = std::result::Result<Vec<T>, (usize, &'a [u8])>;
 
 impl<'a> Xml<'a> {
@@ -100,7 +100,7 @@ impl<'a> Xml<'a> {
         let (mut ids, mut nodes) = (HashMap::new(), HashMap::new());
         for node in doc.descendants() {
             if let Some(id) = node.attribute("id") {
-                // The first counts.
+                // The first element with an id counts.
                 let map = if name_of(node) == "node" { &mut nodes } else { &mut ids };
                 map.entry(id).or_insert(node);
             }
@@ -113,7 +113,7 @@ impl<'a> Xml<'a> {
         self.doc.root_element()
     }
 
-    /// `library_geometries/geometry "Cube"/mesh (line 12)`.
+    /// The place of an element for messages: `library_geometries/geometry "Cube"/mesh (line 12)`.
     pub fn place(&self, node: Node<'_>) -> String {
         let mut parts: Vec<String> = node
             .ancestors()
@@ -125,7 +125,7 @@ impl<'a> Xml<'a> {
             })
             .collect();
         parts.reverse();
-        // Counted on demand, and once for all messages.
+        // Line ends are found on demand, once for all messages.
         let text = self.doc.input_text().as_bytes();
         let ends = self.ends_of_lines.get_or_init(|| memchr_iter(b'\n', text).collect());
         let line = 1 + ends.partition_point(|end| *end < node.range().start);
@@ -140,7 +140,7 @@ impl<'a> Xml<'a> {
         self.notes.warn(self.place(node), what);
     }
 
-    /// The element with this id; a node only where nothing else has it.
+    /// The element with this id; a `<node>` only where no other element has it.
     pub(crate) fn by_id(&self, id: &str) -> Option<Node<'a>> {
         self.ids.get(id).or(self.nodes.get(id)).copied()
     }
@@ -150,7 +150,7 @@ impl<'a> Xml<'a> {
         self.nodes.get(id).copied()
     }
 
-    /// The element that the attribute `#id` of an element refers to.
+    /// The element that a reference `#id` in an attribute names.
     pub fn follow(&self, node: Node<'_>, attribute: &str) -> Result<Node<'a>> {
         let Some(url) = node.attribute(attribute) else {
             return Err(self.problem(node, format!("has no {attribute}")));
@@ -162,8 +162,8 @@ impl<'a> Xml<'a> {
         })
     }
 
-    /// The element that an instance (`instance_camera`, `instance_light` …) refers to, of this kind. A reference to nothing, or to
-    /// something else, is a warning that ends with what is done instead.
+    /// The element that an instance (`instance_camera`, `instance_light` …) refers to, if it is of the given kind. Any other
+    /// reference gives a warning, which ends with `instead`, what is done about it.
     pub fn instanced(&self, instance: Node<'_>, url: &str, kind: &str, instead: &str) -> Option<Node<'a>> {
         match self.follow(instance, url) {
             Ok(node) if name_of(node) == kind => return Some(node),
@@ -181,7 +181,7 @@ impl<'a> Xml<'a> {
         values.map_err(|(index, word)| self.bad(node, index, word, "a finite number"))
     }
 
-    /// The same as 32-bit floats: positions of big meshes take half.
+    /// The numbers as 32-bit floats, which take half of the memory.
     pub fn floats(&self, node: Node<'_>) -> Result<Vec<f32>> {
         let values = self.values(node, |rest| {
             Some(next_number(rest)?.map(|v| Some(v as f32).filter(|v| v.is_finite())))
@@ -189,7 +189,7 @@ impl<'a> Xml<'a> {
         values.map_err(|(index, word)| self.bad(node, index, word, "a finite number"))
     }
 
-    /// Whole numbers from −1 (which skins use) on.
+    /// Integers from −1, which skins use.
     pub fn integers(&self, node: Node<'_>) -> Result<Vec<i32>> {
         let values = self.values(node, |rest| {
             Some(next_integer(rest)?.map(|v| i32::try_from(v).ok().filter(|v| *v >= -1)))
@@ -197,17 +197,17 @@ impl<'a> Xml<'a> {
         values.map_err(|(index, word)| self.bad(node, index, word, "an index"))
     }
 
-    /// Every value of an element's text, or the one that is none, with its number. `next` takes one off: `None` inside is a
-    /// number that is no such value.
+    /// Parses all values of an element's text, or returns the first word that is no value, with its index. `next` takes one value
+    /// off the text; `Ok(None)` is a number outside the value's range.
     #[inline(always)]
     fn values<'n, T>(
         &self,
         node: Node<'n>,
         next: impl Fn(&mut &'n [u8]) -> Option<std::result::Result<Option<T>, &'n [u8]>>,
     ) -> Result<Values<'n, T>> {
-        // Nearly all of a file are lists like this, read about in its order.
+        // Lists of numbers are nearly all of a file and are read roughly in order, so they drive the progress.
         self.progress.reach(node.range().start)?;
-        // A value has at least a digit and a space, and mostly three digits.
+        // A value takes at least two bytes (a digit and a space), and typically four.
         let length: usize = texts(node).map(str::len).sum();
         let announced = node.attribute("count").and_then(|c| c.parse().ok()).unwrap_or(length / 4);
         let mut out = Vec::with_capacity(length.div_ceil(2).min(announced));
@@ -229,19 +229,19 @@ impl<'a> Xml<'a> {
         Ok(Ok(out))
     }
 
-    /// Exactly `N` numbers.
+    /// Exactly `N` numbers, else an error.
     pub fn array<const N: usize>(&self, node: Node<'_>) -> Result<[f64; N]> {
         let numbers = self.numbers(node)?;
         <[f64; N]>::try_from(numbers.as_slice())
             .map_err(|_| self.problem(node, format!("has {} numbers, but needs {N}", numbers.len())))
     }
 
-    /// One number.
+    /// Exactly one number, else an error.
     pub fn number(&self, node: Node<'_>) -> Result<f64> {
         self.array::<1>(node).map(|[v]| v)
     }
 
-    /// The number in a child element, if there is one.
+    /// The number in a child element; `None` where there is no such child.
     pub(crate) fn child_number(&self, node: Node<'_>, name: &'static str) -> Result<Option<f64>> {
         child(node, name).map(|n| self.number(n)).transpose()
     }
@@ -279,12 +279,12 @@ pub(crate) fn label_of(node: Node<'_>) -> Option<&str> {
     node.attribute("name").or(node.attribute("id"))
 }
 
-/// Texts directly in the element: several where comments stand between them.
+/// Text nodes directly in the element; comments split texts.
 pub fn texts(node: Node<'_>) -> impl Iterator<Item = &str> {
     node.children().filter(|n| n.is_text()).filter_map(|n| n.text())
 }
 
-/// The element's first text without white space around.
+/// The first text of an element, trimmed.
 pub fn text_of(node: Node<'_>) -> &str {
     texts(node).next().unwrap_or_default().trim()
 }

@@ -16,13 +16,13 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
         .number("scale", "metres a unit of the file", 1.0, 1e-6..=1e6)
 });
 
-/// Limit of the lines: a text of points has no use for more.
+/// Line limit, far above what points written as text need.
 const MOST_LINES: usize = 1_000_000;
 
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ExampleImporter;
 
-// Where the crate is compiled to WebAssembly, this makes a plugin file of it; elsewhere it is nothing.
+// Makes a plugin file of the crate in builds for WebAssembly; expands to nothing in others.
 choreo_plugin::wasm_importer!(ExampleImporter);
 
 impl Importer for ExampleImporter {
@@ -46,7 +46,7 @@ impl Importer for ExampleImporter {
         let mut builder = AssetBuilder::default();
         let scale = options.number("scale").unwrap_or(1.0) as f32;
         let mesh = read(&source.bytes, scale, &mut builder).map_err(error)?;
-        // Callers say what they need; a mesh that nobody requested is not made.
+        // Callers state what they need; a mesh that nobody requests is not made.
         if needs.geometry {
             builder.mesh(mesh).map_err(|e| error((0, e.to_string())))?;
         }
@@ -57,7 +57,7 @@ impl Importer for ExampleImporter {
     }
 }
 
-/// The line (from 1) and what is wrong with it.
+/// A line number (from 1), and what is wrong in the line.
 type LineError = (usize, String);
 
 fn read(bytes: &[u8], scale: f32, builder: &mut AssetBuilder) -> Result<MeshData, LineError> {
@@ -84,7 +84,7 @@ fn read(bytes: &[u8], scale: f32, builder: &mut AssetBuilder) -> Result<MeshData
                 if let Some(bad) = vertices.iter().find(|c| **c as usize >= points) {
                     return Err((at, format!("point {bad} does not exist, there are {points} so far")));
                 }
-                // A convex polygon is a fan around its first vertex.
+                // Triangulates a convex polygon as a fan around its first vertex.
                 if let [first, rest @ ..] = vertices.as_slice() {
                     mesh.indices.extend(rest.windows(2).flat_map(|edge| [*first, edge[0], edge[1]]));
                 }

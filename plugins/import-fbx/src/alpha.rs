@@ -1,17 +1,17 @@
-//! How a material with a see-through image is drawn: cut out where its alpha is all or nothing, else blended.
+//! Alpha mode of a material from its image: masked where nearly every texel is clear or solid, else blended.
 
 use choreo_asset::{AlphaMode, Image};
 
 /// Source of a material's alpha.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Alpha {
-    /// The number in its base color.
+    /// The alpha of the base color.
     Constant,
-    /// The alpha of its base color's image.
+    /// The alpha channel of the base color texture.
     OfTexture,
 }
 
-/// Share of texels between clear and solid above which edges are not all there is to them.
+/// Share of half-transparent texels above which they are more than antialiased edges, so that the material is blended.
 const SOFT_SHARE: f64 = 0.1;
 
 pub fn mode(image: &Image) -> AlphaMode {

@@ -1,6 +1,6 @@
-//! Animation stacks to clips. FBX curves are Bézier in time, rotate by Euler angles, and act through pivots and layers. Where
-//! one layer drives a node, its curves are cubics between keys, and so is what comes of them, near enough: the clip gets the
-//! file's keys with exact values and slopes. All else is sampled through ufbx. Steps stay steps.
+//! Animation stacks to clips. FBX curves are Béziers in time, rotate by Euler angles, and act through pivots and layers. Where a
+//! single layer drives a node, its curves are cubics between keys, and the resulting transform nearly is. The clip then gets the
+//! file's keys with exact values and slopes. All other motion is sampled through ufbx. Steps stay steps.
 
 use crate::curve::{self, Span};
 use crate::driven::{Driven, Props};
@@ -23,9 +23,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use ufbx::{AnimCurve, AnimStack};
 
-/// Keys further out than this (about 115 days) are taken for damage.
+/// Latest key time, seconds (about 115 days). Later keys are taken for damage.
 const MAX_KEY_SECS: f64 = 1e7;
-/// Metres, parts of a quaternion, of a scale.
+/// Largest difference from rest that counts as still: in meters, in quaternion components, and in scale.
 const STILL: f32 = 1e-6;
 
 pub fn read(
@@ -62,7 +62,7 @@ fn name(stack: &AnimStack) -> String {
     }
 }
 
-/// The time span that the stack states; if it states none, from its first key to its last.
+/// The time span that the stack states, else that from its first key to its last.
 fn span(stack: &AnimStack, driven: &Driven<'_>) -> Result<Span> {
     let (begin, end) = match stack.time_end > stack.time_begin {
         true => (stack.time_begin, stack.time_end),
@@ -85,14 +85,14 @@ pub struct Maker<'a, 'f> {
     pub objects: &'a [Object<'f>],
     pub stack: &'a AnimStack,
     pub driven: Driven<'a>,
-    /// Elements with curves that go on beyond their keys.
+    /// Elements with curves that repeat or continue beyond their keys.
     pub repeated: BTreeSet<u32>,
     pub span: Span,
     pub times: Times,
     curves: Vec<Curve>,
 }
 
-/// Members by the intervals that they share.
+/// Members grouped by their intervals, which they share.
 type Groups<'a> = BTreeMap<Vec<(Time, Time)>, Vec<Member<'a>>>;
 
 impl Maker<'_, '_> {
@@ -116,7 +116,7 @@ impl Maker<'_, '_> {
             .map_err(|e| Problem::new(place_of(&self.stack.element), e.to_string()))
     }
 
-    /// Holds its joint where it is at rest: exporters write such curves for nodes that nobody moved.
+    /// Whether a curve holds its joint at rest. Exporters write such curves for nodes that nobody animated.
     fn is_still(&self, curve: &Curve) -> bool {
         let Some(rest) = self.tree.skeleton.rest().get(curve.joint as usize) else { return false };
         let near = |rest: &[f32]| {
@@ -145,7 +145,7 @@ impl Maker<'_, '_> {
 
     fn nodes(&mut self) -> Result<()> {
         let scene = self.file.scene;
-        // Nodes with a closed form are kept for as long as their members.
+        // Collects nodes with a closed form first, because members borrow from them.
         let mut closed = Vec::new();
         for id in self.driven.nodes(scene) {
             let Some(node) = scene.nodes.get(id as usize) else { continue };
@@ -166,7 +166,7 @@ impl Maker<'_, '_> {
             let parts = emit::parts(&members, self.file.accuracy);
             let keys = parts.iter().map(|n| *n as usize).sum::<usize>() + parts.len();
             for member in members {
-                // A row in f64 and again in f32, and its time.
+                // Memory of a row in f64, in f32, and of its time.
                 self.file.charge(keys, 96 + 16 + 12 * member.path.width(), || self.place())?;
                 let times = emit::times(&intervals, &parts);
                 let keys = emit::curve(&member, &parts, &times, self.file.accuracy);
@@ -176,7 +176,7 @@ impl Maker<'_, '_> {
         Ok(())
     }
 
-    /// A curve that never changes is done; others wait for those with the same key times, so that they share them.
+    /// Adds a curve that never changes, and puts any other with those of the same key times, so that they share them.
     fn gather<'m>(
         &mut self,
         groups: &mut Groups<'m>,
@@ -189,7 +189,7 @@ impl Maker<'_, '_> {
         let own = PATHS.iter().position(|p| *p == path).unwrap_or_default();
         let swung = path == Path::Translation && swings && (props.drives(1) || scaled && props.drives(2));
         let with_scale = swung && scaled && props.drives(2);
-        // A helper for scale follows the scale of others with its own scale, all else by its translation.
+        // Scale that is not inherited multiplies the scale of a scale helper, and the translation of any other node.
         let follows = path == if local.is_scale_helper { Path::Scale } else { Path::Translation };
         let factors = if follows { &props.factors[..] } else { &[] };
         if !props.drives(own) && !swung && !factors.iter().any(|f| f.drives()) {
@@ -230,7 +230,7 @@ impl Maker<'_, '_> {
         let mut multiplied = Vec::new();
         for f in 0..factors.len() {
             let of = of_factor(f);
-            // The other factors multiply its error.
+            // The other factors multiply this one's error.
             let others = size * whole / greatest(&of);
             multiplied.push(add(&of, self.tolerance(path, own, props) / others.max(1e-12))?);
         }
@@ -302,7 +302,7 @@ impl Maker<'_, '_> {
         self.curves.push(Curve { joint, path, interpolation, times, values: values.into() });
     }
 
-    /// Makes one curve a mesh: at every time at which one of its channels bends, the weights of all its shapes.
+    /// Makes one weight curve for each mesh. Its keys are all times at which a channel has a key or a shape's weight bends.
     fn weights(&mut self) -> Result<()> {
         let mut done = BTreeSet::new();
         for one in self.shown {
@@ -341,7 +341,7 @@ impl Maker<'_, '_> {
         Ok(())
     }
 
-    /// Warns about parts of the stack that clips cannot hold.
+    /// Warns about animated properties that clips cannot hold.
     fn left_out(&self) {
         let known = |id: u32, name: &str| {
             self.objects.iter().any(|o| o.element_id() == Some(id) && properties::is_known(o, name))
@@ -354,7 +354,8 @@ impl Maker<'_, '_> {
         }
     }
 
-    /// A clip is as long as its longest curve: the first gets a key at the end that the stack names.
+    /// Extends the first curve to the end of the stack's time span, where all curves end earlier: a clip is as long as its
+    /// longest curve.
     fn reach(&mut self, properties: &mut [PropertyCurve]) {
         let length = self.span.length();
         let of_joints = self.curves.iter().map(|c| &c.times);
@@ -367,7 +368,7 @@ impl Maker<'_, '_> {
                 let stride = if how == Interpolation::CubicSpline { 3 * width } else { width };
                 let mut end = values[values.len() - stride..].to_vec();
                 if how == Interpolation::CubicSpline {
-                    // It rests from there on.
+                    // The value stays constant from there on.
                     end[..width].fill(0.0);
                     end[2 * width..].fill(0.0);
                 }
@@ -383,5 +384,5 @@ impl Maker<'_, '_> {
 }
 
 const PATHS: [Path; 3] = [Path::Translation, Path::Rotation, Path::Scale];
-/// Parts of a node's transform, as [`local::ALL`] begins.
+/// Properties of the parts of a transform: the first three of [`local::ALL`].
 pub const PARTS: [&str; 3] = [local::TRANSLATION, local::ROTATION, local::SCALING];

@@ -1,4 +1,4 @@
-//! ufbx's numbers as ours.
+//! Converts ufbx's types to ours.
 
 use choreo_importer_kit::{Problem, Result};
 use choreo_motion::Transform;
@@ -8,7 +8,7 @@ pub fn vec3(v: &ufbx::Vec3) -> Vec3 {
     Vec3::new(v.x as f32, v.y as f32, v.z as f32)
 }
 
-/// Unit length; the identity where it has none.
+/// A normalized quaternion; the identity where its length is zero or not finite.
 pub fn quat(q: &ufbx::Quat) -> Quat {
     let q = DQuat::from_xyzw(q.x, q.y, q.z, q.w);
     let length = q.length();

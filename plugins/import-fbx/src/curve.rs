@@ -1,25 +1,25 @@
-//! FBX curves as polynomials: between two keys a value is a cubic in time. Where tangents have weights, which bend time as
-//! well, it is several, as close as asked.
+//! FBX curves as polynomials: a cubic in time between two keys. Weighted tangents bend time as well; such a segment becomes
+//! several cubics within the tolerance.
 
 use choreo_motion::Time;
 use ufbx::{AnimCurve, Interpolation, Keyframe};
 
-/// c₀ + c₁u + c₂u² + c₃u³, u from 0 to 1 between two times of the clip.
+/// The cubic c₀ + c₁u + c₂u² + c₃u³, u from 0 to 1, between two times of the clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Piece {
     pub from: Time,
     pub to: Time,
     pub c: [f64; 4],
-    /// Begins with a jump that comes just after its key.
+    /// The piece begins with a jump one tick after its key, not before it.
     pub late: bool,
 }
 
-/// Halvings of a weighted segment.
+/// Halvings of a weighted segment, at most.
 const MAX_DEPTH: u32 = 10;
-/// Tolerance of 1/3, which FBX writes with six digits.
+/// Tolerance for the default tangent weight 1/3, which FBX writes with six digits.
 const THIRD: f64 = 2e-6;
 
-/// Range of a clip on the file's time line; ticks, and seconds.
+/// Range of a clip on the file's timeline.
 #[derive(Clone, Copy, Debug)]
 pub struct Span {
     pub begin: Time,
@@ -32,7 +32,8 @@ impl Span {
     }
 }
 
-/// Appends the curve over the whole clip, without gaps. Beyond its keys it holds. `tolerance` is in the curve's own unit.
+/// Appends the curve over the whole clip, without gaps. The first and last values hold outside the keys. `tolerance` is in the
+/// curve's own unit.
 pub fn pieces(curve: Option<&AnimCurve>, otherwise: f64, span: Span, tolerance: f64, out: &mut Vec<Piece>) {
     let keys: &[Keyframe] = curve.map_or(&[], |c| &c.keyframes);
     let mut line = Line { span, out, reached: Time::ZERO };
@@ -82,7 +83,7 @@ impl Line<'_> {
         }
     }
 
-    /// Cut to the clip.
+    /// Appends a piece, clipped to the time range of the clip.
     fn add(&mut self, from: Time, to: Time, c: [f64; 4], late: bool) {
         let (start, end) = (from.max(self.reached), to.min(self.span.length()));
         if end <= start {
@@ -103,7 +104,7 @@ impl Piece {
         ((self.c[3] + self.c[2]) + self.c[1]) + self.c[0]
     }
 
-    /// The same polynomial between two times within.
+    /// The same polynomial on a part of the piece's time range.
     pub fn part(&self, from: Time, to: Time) -> Piece {
         if from == self.from && to == self.to {
             return *self;
@@ -121,9 +122,9 @@ impl Piece {
     }
 }
 
-/// Time and value as cubic Béziers of a third number.
+/// Time and value as cubic Béziers of a common parameter.
 struct Bezier {
-    /// Time of the inner control points, 0 to 1.
+    /// Times of the inner control points, 0 to 1.
     x: [f64; 2],
     y: [f64; 4],
 }
@@ -136,7 +137,7 @@ impl Bezier {
         Bezier { x, y: [a.value, a.value + f64::from(right.dy), b.value - f64::from(left.dy), b.value] }
     }
 
-    /// Whether the value is a cubic in time itself, within what is allowed.
+    /// Whether the value is, within the tolerance, a cubic in time.
     fn is_plain(&self, tolerance: f64) -> bool {
         let off = (self.x[0] - 1.0 / 3.0).abs().max((self.x[1] - 2.0 / 3.0).abs());
         let steepest = (1..4).map(|i| (self.y[i] - self.y[i - 1]).abs()).fold(0.0, f64::max);
@@ -148,20 +149,20 @@ impl Bezier {
         [a, 3.0 * (b - a), 3.0 * (c - 2.0 * b + a), (d - a) + 3.0 * (b - c)]
     }
 
-    /// Value at a time.
+    /// The value at a time.
     fn at(&self, x: f64) -> f64 {
         cubic(self.y, self.parameter(x))
     }
 
-    /// Its change with time.
+    /// The slope of the value at a time.
     fn slope(&self, x: f64) -> f64 {
         let t = self.parameter(x);
         let (dx, dy) = (cubic_slope([0.0, self.x[0], self.x[1], 1.0], t), cubic_slope(self.y, t));
-        // An upright tangent lasts no time; steeper than this nothing is written.
+        // A vertical tangent has an infinite slope, so the slope is limited.
         dy / dx.max(1e-6)
     }
 
-    /// Newton's method, kept in the interval that halving leaves: x never runs backwards.
+    /// The parameter at a time, by Newton's method with bisection as fallback: x never decreases.
     fn parameter(&self, x: f64) -> f64 {
         let (mut low, mut high, mut t) = (0.0, 1.0, x);
         let points = [0.0, self.x[0], self.x[1], 1.0];
@@ -181,7 +182,8 @@ impl Bezier {
         t
     }
 
-    /// Cubics in time with the curve's values and slopes at their ends, halved until their inside is close enough.
+    /// Approximates the curve by cubics in time with its values and slopes at their ends, halved until the points between are
+    /// close enough.
     fn split(
         &self,
         from: f64,
@@ -197,7 +199,7 @@ impl Bezier {
         let off = |u: f64| ((c[0] + u * (c[1] + u * (c[2] + u * c[3]))) - self.at(from + u * span)).abs();
         let close = [0.2, 0.5, 0.8].iter().all(|u| off(*u) <= 0.1 * tolerance);
         if depth == 0 || close {
-            // Beside an upright tangent no cubic is close: the line is, at this length.
+            // No cubic is close to a vertical tangent, but a line of this length is.
             add(from, to, if close { c } else { [a, b - a, 0.0, 0.0] });
             return;
         }

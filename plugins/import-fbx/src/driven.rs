@@ -1,4 +1,4 @@
-//! The elements that an animation stack drives: which curves, through which layers.
+//! Finds the elements that an animation stack drives, and by which curves and layers.
 
 use crate::clips::PARTS;
 use crate::curve::Span;
@@ -13,7 +13,7 @@ use ufbx::{
 };
 use ufbx::{Node, PropFlags, Scene};
 
-/// A layer's property of an element.
+/// One animated property of an element in one layer.
 struct Entry<'a> {
     layer: usize,
     name: &'a str,
@@ -22,16 +22,16 @@ struct Entry<'a> {
 
 pub struct Driven<'a> {
     layers: Vec<&'a AnimLayer>,
-    /// Entries by element, in the order of layers.
+    /// Animated properties by element, in the order of layers.
     entries: BTreeMap<u32, (ElementType, Vec<Entry<'a>>)>,
     overridden: bool,
 }
 
-/// The curves of a node that one layer drives alone.
+/// The curves of a node that a single layer drives.
 pub struct Props<'a> {
     pub local: Local,
     values: [Option<&'a AnimValue>; 3],
-    /// Scale that its translation (of a helper for scale: its scale) is multiplied by, node by node.
+    /// Scales that are not inherited, helper by helper. They multiply the node's translation, or the scale of a scale helper.
     pub factors: Vec<Factor<'a>>,
 }
 
@@ -44,11 +44,11 @@ fn curves(value: &AnimValue) -> impl Iterator<Item = &AnimCurve> {
     value.curves.iter().flatten().map(|c| c.as_ref())
 }
 
-/// Source of a number that is no part of a transform.
+/// Source of a property outside transforms.
 pub enum Source<'a> {
     Nothing,
     One(&'a AnimValue),
-    /// Curves of several layers, or a connection.
+    /// Curves of several layers, or a connected property.
     Mixed(Vec<&'a AnimCurve>),
 }
 
@@ -71,14 +71,14 @@ impl<'a> Driven<'a> {
         self.entries.values().flat_map(|e| &e.1).flat_map(|e| curves(e.value))
     }
 
-    /// Seconds of the first and the last key.
+    /// Times of the first and the last key, seconds.
     pub(crate) fn key_range(&self) -> Option<(f64, f64)> {
         let times = || self.all_curves().flat_map(|c| &c.keyframes).map(|k| k.time);
         let first = times().min_by(f64::total_cmp)?;
         Some((first, times().max_by(f64::total_cmp)?))
     }
 
-    /// Elements (by id) with a curve that does not hold its first or last value within the span, but repeats or goes on.
+    /// Elements (by id) with a curve that ends within the span and then repeats or continues, instead of holding its value.
     pub fn repeated(&self, span: Span) -> BTreeSet<u32> {
         let (begin, end) = (span.begin.as_secs(), span.end.as_secs());
         let goes_on = |curve: &AnimCurve| {
@@ -91,7 +91,7 @@ impl<'a> Driven<'a> {
         self.entries.iter().filter(|(_, (_, list))| of(list)).map(|(id, _)| *id).collect()
     }
 
-    /// Nodes (by `typed_id`) that move: those with curves, and those that follow another's scale.
+    /// Moving nodes (by `typed_id`): those with curves, and those that a moving scale helper affects.
     pub fn nodes(&self, scene: &Scene) -> Vec<u32> {
         let moves = |node: &Node| {
             let drives = |id: &u32| {
@@ -105,7 +105,7 @@ impl<'a> Driven<'a> {
         nodes.map(|n| n.element.typed_id).collect()
     }
 
-    /// `None` where its curves have no closed form here: mixed layers, animated pivots, connections.
+    /// The curves of a node; `None` where they have no closed form: blended layers, animated pivots, connections.
     pub fn props(&self, node: &Node) -> Option<Props<'a>> {
         let local = Local::new(node).filter(|_| !self.overridden)?;
         let values = self.replaced(&node.element)?;
@@ -117,7 +117,8 @@ impl<'a> Driven<'a> {
         Some(Props { local, values, factors })
     }
 
-    /// Values of translation, rotation and scale that one layer has alone.
+    /// The animated translation, rotation and scale of an element, each from a single layer; `None` where they have no closed
+    /// form.
     fn replaced(&self, element: &Element) -> Option<[Option<&'a AnimValue>; 3]> {
         let mut values = [None; 3];
         for entry in self.entries.get(&element.element_id).map_or(&[][..], |(_, list)| list) {
@@ -142,7 +143,7 @@ impl<'a> Driven<'a> {
         (!local::ALL.iter().any(connected)).then_some(values)
     }
 
-    /// Whether a node or one whose scale it follows is among these elements.
+    /// Whether a node, or a helper whose scale affects it, is among these elements.
     pub fn is_of(elements: &BTreeSet<u32>, node: &Node) -> bool {
         let of = |n: &Node| elements.contains(&n.element.element_id);
         of(node) || helpers(node).into_iter().any(of)
@@ -175,13 +176,13 @@ impl<'a> Driven<'a> {
         }
     }
 
-    /// Empty where nothing drives the channel.
+    /// Curves of a blend channel's weight; empty where nothing drives it.
     pub fn weight_curves(&self, channel: &BlendChannel) -> Vec<&'a AnimCurve> {
         let Some((_, list)) = self.entries.get(&channel.element.element_id) else { return Vec::new() };
         list.iter().filter(|e| e.name == WEIGHT).flat_map(|e| curves(e.value)).collect()
     }
 
-    /// Properties that change and are no part of a transform, nor a blend shape's weight, nor `known` of an element.
+    /// Animated properties that are neither transforms, nor blend weights, nor `known` for their element.
     pub fn others(&self, known: impl Fn(u32, &str) -> bool) -> BTreeMap<u32, Vec<&'a str>> {
         let mut out = BTreeMap::new();
         for (id, (kind, list)) in &self.entries {
@@ -208,8 +209,8 @@ impl<'a> Driven<'a> {
 
 const LAYER_WEIGHT: &str = "Weight";
 
-/// Helpers whose scale a node's translation is multiplied by; of a helper, those whose scale its own is. As
-/// `ufbx_evaluate_transform` goes: up from the parent, as long as there are helpers.
+/// Scale helpers whose scale multiplies a node's translation, or a scale helper's scale. Walks up from the parent as long as
+/// there are helpers, as `ufbx_evaluate_transform` does.
 fn helpers(node: &Node) -> Vec<&Node> {
     let mut out: Vec<&Node> = Vec::new();
     let Some(parent) = &node.parent else { return out };
@@ -222,7 +223,7 @@ fn helpers(node: &Node) -> Vec<&Node> {
     while let Some(node) = above {
         let Some(helper) = &node.scale_helper else { break };
         let known = |h: &&Node| h.element.element_id == helper.element.element_id;
-        // A file cannot make a circle of it, ufbx says; but this costs nothing.
+        // ufbx guarantees that there is no cycle; checking costs nothing.
         if out.iter().any(known) {
             break;
         }
@@ -249,12 +250,12 @@ impl<'a> Factor<'a> {
 }
 
 impl<'a> Props<'a> {
-    /// Whether the stack has curves for a part: translation, rotation, scale.
+    /// Whether the stack has curves for a part: 0 translation, 1 rotation, 2 scale.
     pub fn drives(&self, part: usize) -> bool {
         self.values[part].is_some()
     }
 
-    /// A part's curve along an axis, and its value where it has none.
+    /// The curve of a part along an axis, and the value where it has no curve.
     pub fn curve(&self, part: usize, axis: usize) -> (Option<&'a AnimCurve>, f64) {
         match self.values[part] {
             Some(value) => {
@@ -265,7 +266,7 @@ impl<'a> Props<'a> {
         }
     }
 
-    /// Value where no curve changes it: the first value of those that hold it, else at rest.
+    /// The value of a part that is treated as constant: that of its first keys, else at rest.
     pub fn rest(&self, part: usize) -> DVec3 {
         if let Some(value) = self.values[part] {
             let v = &value.default_value;

@@ -1,19 +1,19 @@
-//! Members with the same key times as curves of a clip: straight where a line is close enough, else cubic with the exact
-//! slopes, and with more keys where even a cubic is not.
+//! Members with the same key times become curves of a clip: linear where a line is close enough, else cubic with exact slopes,
+//! with added keys where a cubic is not close enough.
 
 use crate::file::Accuracy;
 use crate::joined::{Latest, Member};
 use crate::keys::{Blend, Keys, finish};
 use choreo_motion::{Interpolation, Path, Time};
 
-/// Parts of one interval between two keys of the file.
+/// Parts of one interval between two keys of the file, at most.
 const MAX_PARTS: i64 = 4096;
 
-/// Share of the whole error that the cubics may have against the file's curves, and lines against the cubics; the
-/// rest is for weighted tangents.
+/// Share of the tolerance for the cubics against the file's curves, and the same for lines against the cubics. The rest is for
+/// weighted tangents.
 const SHARE: f64 = 0.4;
 
-/// The value at a key, and its change a second before and after.
+/// Value at a key, and slopes before and after it in units a second.
 #[derive(Clone, Copy)]
 struct Key {
     before: [f64; 4],
@@ -21,7 +21,7 @@ struct Key {
     after: [f64; 4],
 }
 
-/// Number of parts into which each interval is cut, for the member that needs most.
+/// Number of parts into which each interval is cut, so that the member that needs most is close enough.
 pub fn parts(members: &[Member<'_>], accuracy: Accuracy) -> Vec<u32> {
     let Some(first) = members.first() else { return Vec::new() };
     let mut out = vec![1; first.curves.intervals.len()];
@@ -32,7 +32,7 @@ pub fn parts(members: &[Member<'_>], accuracy: Accuracy) -> Vec<u32> {
             None => {
                 let errors = members.iter().map(|m| m.cubic_error(interval) / limit(m.path, accuracy));
                 let most = errors.fold(0.0, |a: f64, b| if b > a { b } else { a });
-                // A cubic's error falls with the fourth power.
+                // The error of a cubic falls with the fourth power of the number of parts.
                 (most / SHARE).sqrt().sqrt()
             }
         };
@@ -50,7 +50,7 @@ fn limit(path: Path, accuracy: Accuracy) -> f64 {
     }
 }
 
-/// Key times of intervals that are cut; no part is shorter than a tick.
+/// Key times of the divided intervals. No part is shorter than a tick.
 pub fn times(intervals: &[(Time, Time)], parts: &[u32]) -> Vec<Time> {
     let mut out: Vec<Time> = Vec::with_capacity(parts.iter().map(|n| *n as usize + 1).sum());
     for ((from, to), parts) in intervals.iter().zip(parts) {
@@ -66,7 +66,7 @@ fn cut(from: Time, to: Time, k: u32, parts: u32) -> Time {
     Time(from.0 + ((to.0 - from.0) as i128 * i128::from(k) / i128::from(parts)) as i64)
 }
 
-/// One member's keys at those times.
+/// The keys of one member at these times.
 pub fn curve(member: &Member<'_>, parts: &[u32], times: &[Time], accuracy: Accuracy) -> Keys {
     let mut latest = Latest::default();
     let along = Along { intervals: &member.curves.intervals, parts, times };
@@ -74,7 +74,7 @@ pub fn curve(member: &Member<'_>, parts: &[u32], times: &[Time], accuracy: Accur
     spline(along, member.path, limit, accuracy, |i, u| member.at(i, u, &mut latest))
 }
 
-/// Intervals without gaps except at jumps, the parts of each, and the key times that follow from both.
+/// Intervals without gaps except at jumps, the number of parts of each, and the key times that follow from both.
 #[derive(Clone, Copy)]
 pub struct Along<'a> {
     pub intervals: &'a [(Time, Time)],
@@ -82,7 +82,7 @@ pub struct Along<'a> {
     pub times: &'a [Time],
 }
 
-/// Keys of what has a value and a change (an interval) anywhere in each interval: lines where they stay within `limit`.
+/// Keys of any function that gives value and slope within each interval: lines where they stay within `limit`, else cubics.
 pub fn spline(
     along: Along<'_>,
     path: Path,
@@ -133,8 +133,8 @@ fn keys(
     out
 }
 
-/// Whether lines (for rotations, arcs) are close enough to the cubics between all keys. With tangents m, n and chord d a
-/// cubic leaves its line by at most 4/27 (|m − d| + |n − d|).
+/// Whether lines (arcs for rotations) are close enough to the cubics between all keys. With tangents m, n and chord d, a cubic
+/// differs from its line by at most 4/27 (|m − d| + |n − d|).
 fn straight(path: Path, keys: &[Key], times: &[Time], limit: f64) -> bool {
     keys.windows(2).zip(times.windows(2)).all(|(k, t)| {
         let secs = (t[1] - t[0]).as_secs();
@@ -146,7 +146,7 @@ fn straight(path: Path, keys: &[Key], times: &[Time], limit: f64) -> bool {
         let off = |slope: &[f64; 4]| {
             let mut e: [f64; 4] = std::array::from_fn(|i| slope[i] * secs - d[i]);
             if path == Path::Rotation {
-                // Along the radius an arc does as well.
+                // The component along the radius is no error of an arc.
                 let middle: [f64; 4] = std::array::from_fn(|i| k[0].value[i] + k[1].value[i]);
                 let square = dot(&middle, &middle);
                 let along = if square > 0.0 { dot(&e, &middle) / square } else { 0.0 };

@@ -1,4 +1,4 @@
-//! The open file: scene, companions, budgets, warnings.
+//! The open file: scene, files beside it, budgets and warnings.
 
 use crate::load;
 use choreo_asset::Origin;
@@ -6,13 +6,13 @@ use choreo_importer_kit::{Budget, Notes, Result, WithPlace};
 use choreo_plugin::{Files, ImportOptions, ImportScope};
 use ufbx::{CoordinateAxis, Element, Exporter, Scene};
 
-/// All images of one file together, decoded.
+/// Limit of all decoded images of one file together, bytes.
 const MAX_PICTURE_BYTES: u64 = 1 << 30;
 
-/// How far a clip may be from the file's own curves, anywhere between keys.
+/// Largest error of a clip against the file's own curves, anywhere between keys.
 #[derive(Clone, Copy, Debug)]
 pub struct Accuracy {
-    /// Keys a second instead, straight lines between.
+    /// Keys a second, joined by straight lines, instead of the limits below.
     pub rate: Option<f64>,
     pub radians: f64,
     pub metres: f64,
@@ -21,11 +21,11 @@ pub struct Accuracy {
     pub weight: f64,
 }
 
-/// Degrees, if nothing is said: what README.md's table shows to cost nothing.
+/// Default tolerance of rotations, degrees. README.md's table shows that it costs little.
 pub(crate) const TOLERANCE_DEG: f64 = 0.05;
 
 impl Accuracy {
-    /// Limits in proportion to that of rotations: at 0.05° they are 0.1 mm, 1e-4 and 1e-3.
+    /// Limits in proportion to that of rotations: at 0.05° they are 0.1 mm, 1e-4 (scale) and 1e-3 (weight).
     pub(crate) fn of_degrees(degrees: f64, rate: Option<f64>) -> Accuracy {
         let share = degrees / 0.05;
         let radians = degrees * (std::f64::consts::PI / 180.0);
@@ -37,7 +37,7 @@ pub struct File<'a> {
     pub scene: &'a Scene,
     pub files: &'a dyn Files,
     pub needs: ImportScope,
-    /// Samples a second of what has no closed form.
+    /// Samples a second of motion without a closed form.
     pub rate: f64,
     pub accuracy: Accuracy,
     pub hidden: bool,
@@ -72,12 +72,12 @@ impl<'a> File<'a> {
         }
     }
 
-    /// Takes memory from the budget before it is allocated.
+    /// Charges memory to the budget before it is allocated.
     pub fn charge(&self, count: usize, size: usize, place: impl FnOnce() -> String) -> Result<()> {
         self.budget.charge(count as u64, size).at(place)
     }
 
-    /// Blender writes its own units of light into FBX.
+    /// Whether Blender wrote the file: it uses units of light of its own.
     pub(crate) fn is_from_blender(&self) -> bool {
         matches!(self.scene.metadata.exporter, Exporter::BlenderBinary | Exporter::BlenderAscii)
     }
@@ -106,7 +106,7 @@ impl<'a> File<'a> {
     }
 }
 
-/// `node "Hips"`: what a user finds in the program that wrote the file; by number where it has no name.
+/// Name of an element for messages, as the authoring program shows it: `node "Hips"`. An element without a name has a number.
 pub fn place_of(element: &Element) -> String {
     let kind = format!("{:?}", element.type_).to_ascii_lowercase();
     match element.name.as_ref() {

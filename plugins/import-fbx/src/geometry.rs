@@ -1,5 +1,5 @@
-//! Geometric transforms: where a mesh lies on its node, from the file's angles by libm. ufbx would put them into the mesh with the
-//! sines of the C library.
+//! Geometric transforms: the placement of a mesh on its node, computed with libm from the file's angles. ufbx would use the sines
+//! of the C library.
 
 use crate::convert::vec3;
 use crate::local::Local;
@@ -9,9 +9,9 @@ use ufbx::Node;
 
 pub struct Geometry {
     place: DAffine3,
-    /// Map of unit determinant, or its negative: lengths of normals are kept as far as possible.
+    /// Matrix of normals, with determinant ±1, so that their lengths are kept as far as possible.
     normals: DMat3,
-    /// Faces turn round with it.
+    /// The transform mirrors, so faces must be reversed.
     pub mirrors: bool,
 }
 
@@ -20,13 +20,13 @@ fn f64s(v: &ufbx::Vec3) -> DVec3 {
 }
 
 impl Geometry {
-    /// Geometry of a helper that is no joint; `None` for all other nodes.
+    /// The geometric transform of a helper that is no joint; `None` for all other nodes.
     pub fn of(holder: &Node) -> Option<Geometry> {
         let local = Local::new(holder).filter(|_| nodes::is_folded(holder))?;
         let place = local.matrix_at_rest();
         let m = place.matrix3;
         let determinant = m.determinant();
-        // The inverse transposed, times the determinant: there where the inverse is not, too.
+        // The cofactor matrix (inverse transpose times determinant), which also exists where the inverse does not.
         let cofactors =
             DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
         let size = libm::cbrt(cofactors.determinant().abs());

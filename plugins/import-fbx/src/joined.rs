@@ -1,25 +1,25 @@
-//! Several curves on the key times of all of them, and a node's transform over them: values, slopes, and how far a cubic
-//! through both may be off.
+//! Several curves over their common key times, and a part of a node's transform computed from them: values, slopes, and the
+//! largest error of a cubic that has these values and slopes.
 
 use crate::curve::Piece;
 use crate::local::{HALF_RAD, Local, Turn};
 use choreo_motion::{Path, Time};
 use glam::DVec3;
 
-/// Degrees, units of the file: less is no jump.
+/// Relative difference below which two values are no jump.
 const JUMP: f64 = 1e-9;
 
-/// Polynomials of several curves at shared times. Where one interval does not begin where the last ended, all jump.
+/// Polynomials of several curves over shared intervals. A gap between two intervals is a jump of all curves.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Joined {
     pub intervals: Vec<(Time, Time)>,
-    /// Pieces of each interval, one for each curve.
+    /// Polynomials of each interval, one for each curve.
     pieces: Vec<[f64; 4]>,
     width: usize,
 }
 
 impl Joined {
-    /// Curves without gaps, as [`crate::curve::pieces`] gives them.
+    /// Joins curves without gaps, as [`crate::curve::pieces`] makes them.
     pub fn new(curves: &[&[Piece]]) -> Joined {
         let width = curves.len();
         let mut out = Joined { width, ..Joined::default() };
@@ -41,7 +41,7 @@ impl Joined {
                     *(if next.late { &mut after } else { &mut before }) = true;
                 }
             }
-            // A jump takes one tick, 1.4 ns: before the key, or after it where the old value holds at the key.
+            // A jump takes one tick (1.4 ns): before the key, or after it where the old value still holds at the key.
             late = after && !before;
             if before && let Some(last) = out.intervals.last_mut() {
                 last.1 = Time(last.1.0 - 1);
@@ -74,7 +74,7 @@ impl Joined {
         self.pieces.chunks_exact(self.width).all(|row| row.iter().zip(first).all(|(c, f)| flat(c, f)))
     }
 
-    /// Three curves at once.
+    /// A function of three consecutive curves in an interval.
     fn vector(&self, interval: usize, first: usize, of: impl Fn(&[f64; 4]) -> f64) -> DVec3 {
         let at = interval * self.width + first;
         let c = &self.pieces[at..at + 3];
@@ -89,7 +89,7 @@ impl Joined {
         self.vector(interval, first, |c| c[1] + u * (2.0 * c[2] + u * (3.0 * c[3])))
     }
 
-    /// Up to three plain numbers, each mapped by a function that also returns its slope: values, and changes an interval.
+    /// Three numbers or fewer, each mapped by a function that also returns its derivative: values, and changes over the interval.
     pub fn numbers(&self, interval: usize, u: f64, of: impl Fn(f64) -> (f64, f64)) -> ([f64; 4], [f64; 4]) {
         let (mut values, mut changes) = ([0.0; 4], [0.0; 4]);
         for (k, c) in self.pieces[interval * self.width..][..self.width].iter().enumerate() {
@@ -100,7 +100,7 @@ impl Joined {
         (values, changes)
     }
 
-    /// Bounds of a value and its derivatives over an interval.
+    /// Bounds of three curves and their derivatives over an interval, axis by axis.
     fn bounds_by_axis(&self, interval: usize, first: usize) -> Bounds {
         [
             self.vector(interval, first, |c| c[0].abs() + c[1].abs() + c[2].abs() + c[3].abs()),
@@ -111,7 +111,7 @@ impl Joined {
         ]
     }
 
-    /// Bounds of the first three derivatives over an interval, the three curves added up.
+    /// Bounds of the first three derivatives over an interval, summed over the three curves.
     fn bounds(&self, interval: usize, first: usize, unit: f64) -> [f64; 3] {
         let sum = |v: DVec3| (v.x + v.y + v.z) * unit;
         [
@@ -122,32 +122,32 @@ impl Joined {
     }
 }
 
-/// Fourth derivative of eⁱᵃ by those of a (the complete Bell polynomial of degree 4; a cubic has no fourth of its own), and so
-/// a bound for products of rotations by angles that add up to a.
+/// Bounds of the first four derivatives of eⁱᵃ from those of a (complete Bell polynomials; a cubic has no fourth derivative), and
+/// so of products of rotations whose angles add up to a.
 fn bell([a, b, c]: [f64; 3]) -> [f64; 4] {
     [a, a * a + b, a * a * a + 3.0 * a * b + c, a * a * a * a + 6.0 * a * a * b + 3.0 * b * b + 4.0 * a * c]
 }
 
-/// One moving part of a node's transform.
+/// One animated part of a node's transform: translation, rotation or scale.
 pub struct Member<'a> {
     pub joint: u32,
     pub path: Path,
     pub local: &'a Local,
-    /// Its own three, then those that the next three fields name by their first.
+    /// Three curves of the part itself, then those whose first indices the next three fields hold.
     pub curves: Joined,
-    /// Curves of rotation and scale for a translation that swings about a pivot.
+    /// First rotation curve and first scale curve, for a translation that swings about a pivot.
     pub turned: Option<usize>,
     pub scaled: Option<usize>,
-    /// Scale of others that it is multiplied by.
+    /// First curves of the inherited scales that multiply the part.
     pub factors: Vec<usize>,
-    /// Rotation and scale where they have no curves.
+    /// Rotation (degrees) and scale where they have no curves.
     pub rest: [DVec3; 2],
 }
 
 /// Bounds of a value and its first four derivatives, axis by axis.
 type Bounds = [DVec3; 5];
 
-/// Bounds of a product (Leibniz).
+/// Bounds of a product, by Leibniz's rule.
 fn product(a: &Bounds, b: &Bounds) -> Bounds {
     const BINOMIAL: [[f64; 5]; 5] = [
         [1.0, 0.0, 0.0, 0.0, 0.0],
@@ -159,7 +159,7 @@ fn product(a: &Bounds, b: &Bounds) -> Bounds {
     std::array::from_fn(|n| (0..=n).map(|k| a[k] * b[n - k] * BINOMIAL[n][k]).sum())
 }
 
-/// The angles that were turned last, as neighbouring intervals share theirs.
+/// Cache of the latest Euler rotation: neighboring intervals share their end angles.
 #[derive(Default)]
 pub struct Latest(Option<(DVec3, Turn)>);
 
@@ -177,7 +177,7 @@ impl Latest {
 }
 
 impl Member<'_> {
-    /// Value and change (an interval), the file's own, at a place in an interval.
+    /// The exact value and its change over the interval, at a position `u` in the interval.
     pub fn at(&self, interval: usize, u: f64, latest: &mut Latest) -> ([f64; 4], [f64; 4]) {
         let (mut value, mut slope) = self.read(interval, 0, u);
         for first in &self.factors {
@@ -206,7 +206,7 @@ impl Member<'_> {
         }
     }
 
-    /// Values of curves that never change.
+    /// The value of a part whose curves never change.
     pub(crate) fn at_start(&self) -> ([f64; 4], [f64; 4]) {
         self.at(0, 0.0, &mut Latest::default())
     }
@@ -215,18 +215,18 @@ impl Member<'_> {
         (self.curves.value(interval, first, u), self.curves.slope(interval, first, u))
     }
 
-    /// Radians or metres by which a cubic Hermite curve with this member's values and slopes at both ends of an interval can
-    /// be off between them: f⁗/384. Cut into n, it falls by n⁴.
+    /// Largest error, in radians or meters, of a cubic Hermite curve with this part's values and slopes at both ends of an
+    /// interval: f⁗/384. Division into n parts reduces it by n⁴.
     pub(crate) fn cubic_error(&self, interval: usize) -> f64 {
         match self.path {
-            // A quaternion's chord is half the angle.
+            // The chord between two quaternions is half the angle of rotation.
             Path::Rotation => 2.0 * bell(self.curves.bounds(interval, 0, HALF_RAD))[3] / 384.0,
             Path::Scale => self.local.scale_at(self.multiplied(interval)).abs().max_element() / 384.0,
             _ => (self.multiplied(interval).length() * self.local.metres() + self.swung(interval)) / 384.0,
         }
     }
 
-    /// The fourth derivative of its own value, in the file's unit: none but for the scale of others.
+    /// Bound of the fourth derivative of the part's own value, in the file's units; zero unless inherited scales multiply it.
     fn multiplied(&self, interval: usize) -> DVec3 {
         if self.factors.is_empty() {
             return DVec3::ZERO;
@@ -236,7 +236,7 @@ impl Member<'_> {
         self.factors.iter().fold(own, of)[4]
     }
 
-    /// The bound of a rotation about a pivot, in metres.
+    /// Bound of the fourth derivative of the swing about a pivot, in meters.
     fn swung(&self, interval: usize) -> f64 {
         let Some(turned) = self.turned else { return 0.0 };
         let r = bell(self.curves.bounds(interval, turned, 2.0 * HALF_RAD));
@@ -247,7 +247,7 @@ impl Member<'_> {
         let s = self.curves.bounds(interval, scaled, 1.0);
         let widest = self.curves.value(interval, scaled, 0.0).abs() + DVec3::splat(s[0]);
         let swing = self.local.swing_metres(DVec3::ZERO) + arm * widest.length();
-        // The product of a swing that changes with the scale, and a rotation.
+        // Leibniz's rule for a swing that changes with the scale, times a rotation.
         swing * r[3] + arm * (4.0 * s[0] * r[2] + 6.0 * s[1] * r[1] + 4.0 * s[2] * r[0])
     }
 }

@@ -1,4 +1,4 @@
-//! The keys of a curve: steps kept as steps, constants as one key, equal times stored once.
+//! The keys of a curve: steps stay steps, constants become one key, equal key times are stored once.
 
 use choreo_motion::{Interpolation, Time};
 use std::collections::BTreeMap;
@@ -8,7 +8,7 @@ use std::sync::Arc;
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Blend {
     Numbers,
-    /// Four numbers: the shorter arc.
+    /// Quaternions, along the shorter arc.
     Rotation,
 }
 
@@ -19,8 +19,8 @@ pub struct Keys {
     pub values: Vec<f32>,
 }
 
-/// Rows of `width` numbers at strictly increasing times, shortened: to one key where nothing changes, to STEP where
-/// everything jumps.
+/// Simplifies rows of `width` numbers at strictly increasing times: to one key where nothing changes, and to STEP where all
+/// changes are jumps.
 pub fn finish(times: Vec<Time>, values: Vec<f32>, width: usize, blend: Blend) -> Keys {
     let row = |i: usize| &values[i * width..(i + 1) * width];
     let same =
@@ -30,7 +30,7 @@ pub fn finish(times: Vec<Time>, values: Vec<f32>, width: usize, blend: Blend) ->
         let values = row(0).to_vec();
         return Keys { interpolation: Interpolation::Linear, times: vec![times[0].max(Time::ZERO)], values };
     }
-    // A step is two keys one tick apart; between steps nothing changes.
+    // A step is two keys one tick apart, with nothing changing between steps.
     let is_step = |i: usize| times[i + 1].0 - times[i].0 == 1;
     if (0..count - 1).all(|i| is_step(i) || same(row(i), row(i + 1))) {
         let kept: Vec<usize> = (0..count).filter(|&i| i == 0 || is_step(i - 1)).collect();
@@ -41,7 +41,7 @@ pub fn finish(times: Vec<Time>, values: Vec<f32>, width: usize, blend: Blend) ->
     Keys { interpolation: Interpolation::Linear, times, values }
 }
 
-/// Equal lists of times are stored once.
+/// Stores equal lists of key times once.
 #[derive(Default)]
 pub struct Times(BTreeMap<Vec<Time>, Arc<[Time]>>);
 

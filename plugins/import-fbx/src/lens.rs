@@ -1,5 +1,5 @@
-//! The projection of cameras from FBX's numbers: field of view in one of four ways, or the width of an orthographic view. Computed
-//! with libm from the numbers of the file, so that every machine gets the same bits; ufbx's own angles come from the C library.
+//! The projection of FBX cameras: a field of view, given in one of four ways, or the width of an orthographic view. Computed with
+//! libm from the numbers of the file, so that every machine gets the same bits; ufbx's own angles come from the C library.
 
 use std::f64::consts::PI;
 use ufbx::{ApertureMode, Camera, ProjectionMode};
@@ -7,19 +7,19 @@ use ufbx::{ApertureMode, Camera, ProjectionMode};
 const RADIANS: f64 = PI / 180.0;
 const MM_PER_INCH: f64 = 25.4;
 
-/// How one property of a camera gives its full vertical angle (radians), or height of view (metres).
+/// How a property of a camera gives its full vertical angle (radians), or the height of its view (meters).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lens {
     /// Proportional to the value.
     Times(f64),
-    /// A horizontal angle in degrees, of an image with this ratio of width to height.
+    /// A horizontal angle in degrees, for images with this ratio of width to height.
     Across(f64),
-    /// A focal length in millimetres, before a film of this half height in millimetres.
+    /// A focal length in millimeters, with this half height of the film in millimeters.
     Focal(f64),
 }
 
 impl Lens {
-    /// Value, and its change with the property's.
+    /// The value, and its derivative with respect to the property.
     pub fn at(self, v: f64) -> (f64, f64) {
         match self {
             Lens::Times(factor) => (v * factor, factor),
@@ -32,13 +32,13 @@ impl Lens {
         }
     }
 
-    /// Whether it is proportional, so that a cubic of the property is one of the value.
+    /// Whether the value is proportional to the property, so that a cubic of one is a cubic of the other.
     pub fn is_plain(self) -> bool {
         matches!(self, Lens::Times(_))
     }
 }
 
-/// The property that counts, what it gives, and its value at rest.
+/// The property that the projection depends on, the function of it, and its value at rest.
 pub fn of(camera: &Camera) -> (&'static str, Lens, f64) {
     if camera.projection_mode == ProjectionMode::Orthographic {
         let zoom = camera.element.props.find_prop("OrthoZoom").map_or(1.0, |p| p.value_vec4.x);
@@ -60,14 +60,14 @@ pub fn of(camera: &Camera) -> (&'static str, Lens, f64) {
     }
 }
 
-/// All properties that a camera's field of view depends on: those that [`of`] does not name change nothing.
+/// All properties that may define a camera's field of view. Those that [`of`] does not return have no effect.
 pub const ALL: [&str; 5] = ["FieldOfView", "FieldOfViewX", "FieldOfViewY", "FocalLength", "OrthoZoom"];
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    /// An image twice as wide as high, 90° across: atan ½ up and down. 24 mm of film 12 mm away: 90°.
+    /// An image twice as wide as high, 90° across: atan ½ above and below the axis. 24 mm of film 12 mm away: 90°.
     #[test]
     fn angles_of_right_triangles() {
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a} {b}");

@@ -1,4 +1,4 @@
-//! Autodesk FBX into an [`Asset`], by the C library ufbx. What it reads, limits and options: README.md.
+//! Autodesk FBX into an [`Asset`], through the C library ufbx. Contents, limits and options: README.md.
 
 mod alpha;
 mod clips;
@@ -53,7 +53,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
 });
 
 const BINARY_MAGIC: &[u8] = b"Kaydara FBX Binary  \0";
-/// How far into a text file its first section may be.
+/// Bytes of a text file in which its first section must begin.
 const TEXT_HEAD: usize = 4096;
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -64,7 +64,7 @@ impl Importer for FbxImporter {
         &MANIFEST
     }
 
-    /// Binary files by their magic number, text by its first section.
+    /// Claims binary files by their magic number, and text files by their first section.
     fn claim(&self, source: &Source) -> Claim {
         let head = &source.bytes[..source.bytes.len().min(TEXT_HEAD)];
         if head.starts_with(BINARY_MAGIC) {
@@ -96,7 +96,7 @@ fn import(source: &Source, files: &dyn Files, needs: ImportScope, options: &Impo
     let mut table = textures::Table::default();
     let mut materials = materials::read(&file, &mut table)?;
 
-    // Images take as long as everything else together: they are decoded beside it.
+    // Decoding images takes as long as everything else together, so both run in parallel.
     let (decoded, rest) =
         images::decode_beside(table.encoded(), needs, files, || decode(&file, &tree, &materials));
     let mut asset = rest?;

@@ -1,4 +1,4 @@
-//! Loading a file with ufbx: the options, the limits, and the errors.
+//! Loads a file with ufbx: options, limits and errors.
 
 use crate::file::File;
 use choreo_importer_kit::text::count;
@@ -12,14 +12,15 @@ use ufbx::{
     SpaceConversion, WarningType,
 };
 
-/// Nodes below one another.
+/// Greatest depth of the node tree.
 pub const MAX_DEPTH: u32 = 4096;
-/// Each of three: what ufbx works with, what it hands over, what the importer makes of that. The first is free again before
-/// the third grows, so that together they stay within 16 times the file and 64 MiB.
+/// Memory limit, as a factor of the file size plus a constant. It applies to each of three: ufbx's temporary data, its result,
+/// and the importer's own data. The first is freed before the third grows, so all together stay within 16 times the file size
+/// plus 64 MiB.
 pub(crate) const MEMORY_OF_FILE: usize = 8;
 pub(crate) const MEMORY_BESIDE: usize = 32 << 20;
 
-/// Bytes that one of the three may take for a file of this size.
+/// Bytes that each of the three may take for a file of this size.
 pub(crate) fn memory_limit(file_size: usize) -> usize {
     file_size.saturating_mul(MEMORY_OF_FILE).saturating_add(MEMORY_BESIDE)
 }
@@ -27,19 +28,21 @@ pub(crate) fn memory_limit(file_size: usize) -> usize {
 pub fn allocator(file_size: usize) -> AllocatorOpts {
     AllocatorOpts {
         memory_limit: memory_limit(file_size),
-        // Small files would else take chunks that they do not fill.
+        // Smaller chunks than the default, which small files would not fill.
         max_chunk_size: 1 << 20,
         huge_threshold: 64 << 10,
         ..AllocatorOpts::default()
     }
 }
 
-/// Bytes between two words about how far it is. Each interrupts what unpacks arrays: at 256 they cost a fifth of its time.
+/// Bytes between two progress reports. A report interrupts array decoding: with 256 bytes, reports took a fifth of the loading
+/// time.
 const INTERVAL: u64 = 16 << 10;
-/// The same where only the place of an error is wanted.
+/// Bytes between two progress reports, where only the place of an error is wanted.
 const FINE_INTERVAL: u64 = 256;
 
-/// The file from memory: ufbx opens nothing itself. A file that fails is read once more, to find the exact place.
+/// Loads a file from memory; ufbx opens no files itself. A file that fails is read again with finer progress, to find the place
+/// of the error.
 pub fn load(bytes: &[u8], needs: ImportScope, files: &dyn Files) -> Result<SceneRoot> {
     attempt(bytes, needs, files, INTERVAL).or_else(|(problem, cancelled)| match cancelled {
         true => Err(problem),
@@ -47,7 +50,7 @@ pub fn load(bytes: &[u8], needs: ImportScope, files: &dyn Files) -> Result<Scene
     })
 }
 
-/// Nobody listens, and nothing is beside the file.
+/// Reports no progress, and finds no files.
 struct Silent;
 
 impl Files for Silent {
@@ -56,7 +59,7 @@ impl Files for Silent {
     }
 }
 
-/// Loads the file; an error comes with whether it was cancelled.
+/// Loads the file. An error comes with whether the user cancelled.
 fn attempt(
     bytes: &[u8],
     needs: ImportScope,
@@ -66,7 +69,7 @@ fn attempt(
     let reached = Cell::new(0);
     let progress = |p: &ufbx::Progress| {
         reached.set(p.bytes_read);
-        // The data read becomes curves and meshes after that: about as much work again.
+        // Half of the progress: turning the data into curves and meshes is about as much work again.
         match files.progress(0.5 * p.bytes_read as f32 / p.bytes_total.max(1) as f32) {
             true => ProgressResult::Continue,
             false => ProgressResult::Cancel,
@@ -87,8 +90,8 @@ fn attempt(
         generate_missing_normals: true,
         normalize_normals: true,
         use_blender_pbr_material: true,
-        // One tree of translations, rotations and scales, in metres: what it cannot say otherwise becomes helper nodes. Those of
-        // geometry go into the meshes, where `nodes` can: with our own trigonometry.
+        // One tree of translations, rotations and scales in meters. Transforms that it cannot express become helper nodes.
+        // Geometry helpers are folded into meshes where `nodes` can, with our own trigonometry.
         geometry_transform_handling: GeometryTransformHandling::HelperNodes,
         inherit_mode_handling: InheritModeHandling::Compensate,
         space_conversion: SpaceConversion::ModifyGeometry,
@@ -109,7 +112,7 @@ fn attempt(
     })
 }
 
-/// ufbx does not say where it stopped; how far it had read is known.
+/// The error with its place: ufbx does not report where it stopped, but the bytes read until then are known.
 fn problem(error: &ufbx::Error, reached: u64, size: usize) -> Problem {
     let place = format!("byte {} of {size}", reached.min(size as u64));
     let info = error.info();
@@ -138,13 +141,13 @@ fn problem(error: &ufbx::Error, reached: u64, size: usize) -> Problem {
     }
 }
 
-/// Passes on the guesses of ufbx as warnings.
+/// Reports ufbx's warnings as our own.
 pub(crate) fn pass_warnings(file: &File<'_>) {
     let element = |w: &ufbx::Warning| file.scene.elements.as_ref().get(w.element_id as usize);
     let mut names = 0;
     for warning in &file.scene.metadata.warnings {
         if warning.type_ == WarningType::BadUnicode {
-            // MotionBuilder writes such names for what is no part of the scene.
+            // MotionBuilder writes such names for objects outside the scene.
             let of_scene = element(warning).is_none_or(|e| e.type_ != ElementType::Unknown);
             names += if of_scene { warning.count } else { 0 };
             continue;

@@ -1,5 +1,6 @@
-//! A node's place below its parent, from its translation, Euler angles and scale: pivots, offsets, pre- and post-rotation, and
-//! what ufbx adds for units and axes. In f64 with libm, so that every machine gets the same bits; and with its speed.
+//! The local transform of a node from its translation, Euler angles and scale, with pivots, offsets, pre- and post-rotation, and
+//! what ufbx adds for units and axes; and its rate of change. Computed in f64 with libm, so that every machine gets the same
+//! bits.
 
 use choreo_motion::Transform;
 use glam::{DAffine3, DQuat, DVec3};
@@ -8,7 +9,7 @@ use ufbx::{MirrorAxis, Node, PropFlags, RotationOrder};
 pub const TRANSLATION: &str = "Lcl Translation";
 pub const ROTATION: &str = "Lcl Rotation";
 pub(crate) const SCALING: &str = "Lcl Scaling";
-/// All that a node's place depends on.
+/// All properties that the local transform depends on.
 pub const ALL: [&str; 10] = [
     TRANSLATION,
     ROTATION,
@@ -25,18 +26,19 @@ pub const ALL: [&str; 10] = [
 /// T · Roff · Rp · Rpre · R · Rpost⁻¹ · Rp⁻¹ · Soff · Sp · S · Sp⁻¹ (FBX SDK, "Computing transformation matrices").
 #[derive(Clone, Debug)]
 pub struct Local {
-    /// Translation at rest: units of the file, degrees.
+    /// Translation, rotation and scale at rest, in the file's units and degrees.
     pub translation: DVec3,
     pub rotation: DVec3,
     pub scaling: DVec3,
-    /// Axes in the order in which they turn.
+    /// Rotation axes in the order in which they are applied; `None`: no rotation.
     axes: Option<[usize; 3]>,
-    /// Left and right of the Euler rotation; the left one without the turn of the file's axes, for offsets.
+    /// Fixed rotations to the left and to the right of the Euler rotation; `axes_turn` converts the file's axes, and does not
+    /// apply to offsets.
     before: DQuat,
     after: DQuat,
     post: DQuat,
     axes_turn: DQuat,
-    /// Soff + Sp − Rp, and −Sp: what the rotation swings about, with and without the scale.
+    /// Soff + Sp − Rp, and −Sp: the lever arms that the rotation swings, without and with the scale.
     swing: DVec3,
     scaled_swing: DVec3,
     /// Rp + Roff.
@@ -44,17 +46,17 @@ pub struct Local {
     metres: f64,
     resize: f64,
     mirror: Option<usize>,
-    /// Holds the scale of its parent for those that inherit it.
+    /// The node is a helper that holds its parent's scale for children that inherit it.
     pub is_scale_helper: bool,
-    /// Factors at rest of scale that is not inherited: that of the translation, and the scale.
+    /// Factors at rest from scale that is not inherited: of the translation, and of the scale.
     factors: [DVec3; 2],
 }
 
-/// An Euler rotation, its parts kept for its speed.
+/// An Euler rotation, with the partial products that its rate of change needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Turn {
     parts: [DQuat; 3],
-    /// The first two together, and all three.
+    /// Product of the first two rotations, and of all three.
     first_two: DQuat,
     all: DQuat,
 }
@@ -75,7 +77,7 @@ pub fn property(node: &Node, name: &str) -> Option<DVec3> {
 }
 
 impl Local {
-    /// `None` for the root, which has a place of ufbx's making.
+    /// `None` for the root, whose transform ufbx makes up.
     pub fn new(node: &Node) -> Option<Local> {
         if node.is_root {
             return None;
@@ -126,12 +128,12 @@ impl Local {
         Some(local)
     }
 
-    /// Metres a unit of the file.
+    /// Meters in a unit of the file.
     pub fn metres(&self) -> f64 {
         self.metres.abs()
     }
 
-    /// Whether turning or scaling moves the node's origin, and how far it swings at a scale.
+    /// Whether rotation or scale moves the node's origin, and whether scale does.
     pub fn swings(&self) -> (bool, bool) {
         let scaled = self.scaled_swing != DVec3::ZERO;
         (scaled || self.swing != DVec3::ZERO, scaled)
@@ -146,12 +148,12 @@ impl Local {
         self.mirrored(self.between(turn.all))
     }
 
-    /// Its change a unit of time where the angles change by `rates`, degrees a unit of time.
+    /// Derivative of the node's rotation where the angles change by `rates`, in degrees for each unit of time.
     pub(crate) fn rotation_rate(&self, turn: &Turn, rates: DVec3) -> DQuat {
         self.mirrored(self.between(self.euler_rate(turn, rates)))
     }
 
-    /// Identity rotations are skipped: most nodes have neither axes to turn nor rotations before and after.
+    /// Skips identities: most nodes have no axis conversion and no pre- or post-rotation.
     fn between(&self, q: DQuat) -> DQuat {
         let q = if self.after == DQuat::IDENTITY { q } else { q * self.after };
         let q = if self.before == DQuat::IDENTITY { q } else { self.before * q };
@@ -176,7 +178,7 @@ impl Local {
         times_axis(turn.all, a) * half(a) + inner * half(b) + axis_times(c, turn.all) * half(c)
     }
 
-    /// Metres.
+    /// The node's translation in meters, pivots included.
     pub(crate) fn translation_at(&self, translation: DVec3, turn: &Turn, scaling: DVec3) -> DVec3 {
         let swing = self.swing_at(scaling);
         let turned = if swing == DVec3::ZERO { swing } else { self.before * turn.all * self.post * swing };
@@ -187,7 +189,7 @@ impl Local {
         self.swing + scaling * self.scaled_swing
     }
 
-    /// Its change where all three change.
+    /// Derivative of the translation where translation, rotation and scale change.
     pub(crate) fn translation_rate(&self, at: (&Turn, DVec3), rates: (DVec3, DVec3, DVec3)) -> DVec3 {
         let ((turn, scaling), (translation, rotation, scale)) = (at, rates);
         let (swing, swing_rate) = (self.swing_at(scaling), scale * self.scaled_swing);
@@ -198,7 +200,7 @@ impl Local {
         let dq = self.before * self.euler_rate(turn, rotation) * self.post;
         let (v, w) = (q.xyz(), q.w);
         let (dv, dw) = (dq.xyz(), dq.w);
-        // r = s + 2 (w v×s + v×(v×s)), differentiated.
+        // Derivative of r = s + 2 (w v×s + v×(v×s)).
         let across = v.cross(swing);
         let turned = dw * across + w * dv.cross(swing) + dv.cross(across) + v.cross(dv.cross(swing));
         self.to_metres(turned * 2.0 + q * swing_rate + translation)
@@ -213,7 +215,7 @@ impl Local {
         out
     }
 
-    /// The greatest distance, in metres, at which a rotation swings the node's origin about its pivot.
+    /// The greatest distance, in meters, by which a rotation swings the node's origin about its pivot.
     pub(crate) fn swing_metres(&self, scaling: DVec3) -> f64 {
         self.swing_at(scaling).length() * self.metres()
     }
@@ -226,7 +228,7 @@ impl Local {
         scaling * self.resize
     }
 
-    /// Parent-from-node where nothing moves.
+    /// Parent-from-node matrix at rest.
     pub(crate) fn matrix_at_rest(&self) -> DAffine3 {
         let turn = self.turn(self.rotation);
         let translation = self.translation_at(self.translation * self.factors[0], &turn, self.scaling);
@@ -234,7 +236,7 @@ impl Local {
         DAffine3::from_scale_rotation_translation(scale, self.rotation_of(&turn), translation)
     }
 
-    /// The transform at rest, as the file has it.
+    /// The transform at rest.
     pub fn at_rest(&self) -> Transform {
         let turn = self.turn(self.rotation);
         let rotation = self.rotation_of(&turn);
@@ -250,11 +252,11 @@ impl Local {
     }
 }
 
-/// Half a degree's radians: quaternions hold half angles.
+/// Radians of half a degree, because quaternions hold half angles.
 pub(crate) const HALF_RAD: f64 = std::f64::consts::PI / 360.0;
 const AXES: [DVec3; 3] = [DVec3::X, DVec3::Y, DVec3::Z];
 
-/// `None`: ufbx turns nothing for the spheric order, nor do we.
+/// The axes of a rotation order; `None` for the spherical order, which ufbx does not rotate either.
 fn axes(order: RotationOrder) -> Option<[usize; 3]> {
     match order {
         RotationOrder::Xyz => Some([0, 1, 2]),
@@ -267,7 +269,7 @@ fn axes(order: RotationOrder) -> Option<[usize; 3]> {
     }
 }
 
-/// A quaternion times i, j or k: only its numbers change their places.
+/// The product of a quaternion with i, j or k: a permutation of its components with signs.
 fn times_axis(q: DQuat, axis: usize) -> DQuat {
     match axis {
         0 => DQuat::from_xyzw(q.w, q.z, -q.y, -q.x),
@@ -284,7 +286,7 @@ fn axis_times(axis: usize, q: DQuat) -> DQuat {
     }
 }
 
-/// About X, then Y, then Z.
+/// Euler rotation about X, then Y, then Z.
 pub fn euler(degrees: DVec3) -> DQuat {
     turn(Some([0, 1, 2]), degrees).all
 }

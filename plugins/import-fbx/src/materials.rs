@@ -1,4 +1,5 @@
-//! Materials: Phong and Lambert as Blinn–Phong, the physical ones of 3ds Max, Arnold, Stingray and Blender as metallic-roughness.
+//! Materials: Phong and Lambert become Blinn–Phong; the physical ones of 3ds Max, Arnold, Stingray and Blender become
+//! metallic-roughness.
 
 use crate::alpha::Alpha;
 use crate::file::{File, place_of};
@@ -8,13 +9,13 @@ use choreo_importer_kit::Result;
 use glam::{Vec3, Vec4};
 use ufbx::{MaterialMap, ShaderType, Texture};
 
-/// Reflectance of a dielectric of index 1.5 looked at straight on, which `Material::specular_color` multiplies.
+/// Reflectance of a dielectric of index 1.5 at normal incidence, the unit of `Material::specular_color`.
 const DIELECTRIC_F0: f32 = 0.04;
 
-/// A material, and what becomes of it when its images are known.
+/// A material, and the data to finish it with when its images are decoded.
 pub struct Read {
     pub material: Material,
-    /// Sets of texture coordinates that its textures name.
+    /// Names of further texture coordinate sets that its textures use.
     pub uv_names: Vec<String>,
     pub alpha: Alpha,
 }
@@ -22,7 +23,7 @@ pub struct Read {
 pub fn read(file: &File<'_>, table: &mut Table) -> Result<Vec<Read>> {
     let scene = file.scene;
     file.charge(scene.materials.len(), size_of::<Read>() + 64, || "materials".into())?;
-    // The first mesh that uses each material says which set a name means.
+    // The first mesh with the material determines which set a name means.
     let mut mesh_of = vec![None; scene.materials.len()];
     for mesh in &scene.meshes {
         for material in &mesh.materials {
@@ -44,7 +45,7 @@ pub fn read(file: &File<'_>, table: &mut Table) -> Result<Vec<Read>> {
         };
         own.name = material.element.name.to_string();
         let double_sided = &material.features.double_sided;
-        // FBX's own materials do not cull.
+        // FBX's own materials are drawn double-sided by default.
         own.double_sided = !double_sided.is_explicit || double_sided.enabled;
         if material.features.unlit.enabled {
             own.shading = Shading::Unlit;
@@ -77,7 +78,7 @@ fn texture(map: &MaterialMap) -> Option<&Texture> {
 }
 
 impl Reader<'_, '_> {
-    /// A connected texture replaces the color; the factor stays.
+    /// Color and texture of a map. A connected texture replaces the color; the factor still applies.
     fn tinted(
         &mut self,
         map: &MaterialMap,
@@ -95,7 +96,7 @@ impl Reader<'_, '_> {
         self.table.reference(self.file, texture, slot)
     }
 
-    /// 0 for the mesh's first set of texture coordinates, 1 for any other.
+    /// Texture coordinate slot: 0 for the mesh's first set, 1 for any other.
     fn uv_slot(&mut self, texture: &Texture) -> u8 {
         let name = texture.uv_set.as_ref();
         let set = self.mesh.and_then(|m| m.uv_sets.as_ref().iter().position(|s| s.name.as_ref() == name));
@@ -108,7 +109,7 @@ impl Reader<'_, '_> {
         }
     }
 
-    /// FBX's own shading models.
+    /// Reads FBX's own shading models, Phong and Lambert.
     fn phong(&mut self, m: &ufbx::Material) -> Result<(Material, Alpha)> {
         let fbx = &m.fbx;
         let (diffuse, base_color_texture) =
@@ -128,8 +129,8 @@ impl Reader<'_, '_> {
         if m.shader_type != ShaderType::FbxLambert {
             let (specular, texture) =
                 self.tinted(&fbx.specular_color, real(&fbx.specular_factor, 1.0), Vec3::ZERO)?;
-            // Phong's lobe about the reflection is as wide as Blinn's about the half vector at four times the exponent; ours is
-            // normalised, FBX's is not: the highlight's middle keeps its brightness.
+            // A Phong lobe is as wide as a Blinn lobe of four times the exponent. Our lobe is normalized and FBX's is not; the
+            // factor keeps the brightness of the highlight's center.
             out.shininess = (4.0 * real(&fbx.specular_exponent, 20.0)).clamp(1.0, 4096.0);
             out.specular_color = specular * (8.0 / (out.shininess + 8.0));
             out.specular_color_texture = texture;
@@ -137,7 +138,7 @@ impl Reader<'_, '_> {
         out.normal_texture = self.normal(texture(&fbx.normal_map), texture(&fbx.bump))?;
         let cover = texture(&fbx.transparency_color).or(texture(&fbx.transparency_factor));
         let alpha = match cover {
-            // The map says how much shows through.
+            // The map holds transparency, not opacity.
             Some(cover) => self.cover(cover, base_texture(m), &mut out, true)?,
             None => {
                 out.base_color.w = self.opacity(m);
@@ -147,7 +148,7 @@ impl Reader<'_, '_> {
         Ok((out, alpha))
     }
 
-    /// Programs disagree on `TransparencyFactor`: what would make the material invisible is taken for "not transparent".
+    /// Opacity of a material. Programs disagree on `TransparencyFactor`, so a fully transparent material is taken as opaque.
     fn opacity(&self, m: &ufbx::Material) -> f32 {
         let explicit = m.element.props.props.as_ref().iter().find(|p| p.name.as_ref() == "Opacity");
         if let Some(opacity) = explicit {
@@ -210,7 +211,7 @@ impl Reader<'_, '_> {
         Ok((out, alpha))
     }
 
-    /// Two images, or one for both, as the green and blue of one.
+    /// Puts one or two images into the green (roughness) and blue (metalness) channels of one.
     fn metal_and_roughness(
         &mut self,
         pbr: &ufbx::MaterialPbrMaps,
@@ -238,7 +239,7 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
-    /// Many programs write normal maps where FBX has bumps; a true height map is left.
+    /// The normal map. Many programs put normal maps into FBX's bump slot; a true height map there is left out.
     fn normal(&mut self, normal: Option<&Texture>, bump: Option<&Texture>) -> Result<Option<TextureRef>> {
         if normal.is_some() {
             return self.texture(normal);
@@ -255,7 +256,7 @@ impl Reader<'_, '_> {
         Ok(None)
     }
 
-    /// An image of where the surface is: the alpha of the base color's image, or one of its own put into that.
+    /// Uses an opacity image: it already is the alpha of the base color's image, or it is combined into that.
     fn cover(
         &mut self,
         cover: &Texture,
@@ -286,7 +287,7 @@ fn base_texture(m: &ufbx::Material) -> Option<&Texture> {
     texture(&m.fbx.diffuse_color)
 }
 
-/// Numbers that no renderer can use.
+/// Replaces numbers that no renderer can use.
 fn repair(file: &File<'_>, m: &mut Material, place: &str) {
     let mut bad = false;
     let mut number = |v: &mut f32, low: f32, high: f32, default: f32| {

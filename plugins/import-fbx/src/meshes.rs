@@ -1,4 +1,4 @@
-//! Meshes with their nodes and materials; each combination is built once.
+//! Meshes with their nodes and materials. Each combination of mesh and materials is built once.
 
 use crate::file::{File, place_of};
 use crate::geometry::Geometry;
@@ -12,16 +12,16 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use ufbx::{Node, SubdivisionDisplayMode};
 
-/// A mesh on a node that is shown.
+/// A mesh on a shown node.
 pub struct Shown<'a> {
     pub joint: u32,
-    /// The node of the file, for which a helper may hold the mesh.
+    /// The node of the file. A helper below it may hold the mesh instead: `holder`.
     pub node: &'a Node,
     pub holder: &'a Node,
     pub mesh: &'a ufbx::Mesh,
 }
 
-/// Shown meshes in the order of joints. Also reports what of the file is not shown, and why.
+/// Shown meshes in the order of their joints. Warns about objects that are not shown, with the reason.
 pub fn shown<'a>(file: &File<'a>, tree: &Tree) -> Vec<Shown<'a>> {
     let mut out = Vec::new();
     for (joint, id) in &tree.holders {
@@ -69,7 +69,7 @@ pub fn read(
     materials: &[Read],
     asset: &mut Asset,
 ) -> Result<()> {
-    // Key: the mesh and the materials that its node gives it.
+    // Key: the mesh, and the materials that its node assigns.
     let mut known: BTreeMap<(u32, Vec<u32>), Option<u32>> = BTreeMap::new();
     for one in shown {
         let slots = slots(one);
@@ -98,7 +98,8 @@ pub fn read(
     Ok(())
 }
 
-/// Materials by `typed_id`: of the node that holds the mesh; ufbx gives helpers those of the mesh's first node.
+/// Materials of a mesh instance, by `typed_id`. They come from the file's node, because ufbx gives helpers the materials of the
+/// mesh's first node.
 fn slots(one: &Shown<'_>) -> Vec<u32> {
     let list = |node: &Node| -> Vec<u32> { node.materials.into_iter().map(|m| m.element.typed_id).collect() };
     let mut out = list(one.holder);
@@ -109,7 +110,7 @@ fn slots(one: &Shown<'_>) -> Vec<u32> {
     out
 }
 
-/// `None` for a mesh without a face that has an area.
+/// Builds a mesh; `None` where no face has an area.
 fn build(file: &File<'_>, one: &Shown<'_>, slots: &[u32], materials: &[Read]) -> Result<Option<Mesh>> {
     let mesh = one.mesh;
     let place = || match mesh.element.name.as_ref() {

@@ -1,5 +1,5 @@
-//! Blend shapes. A channel with shapes in between gives one morph target for each of its shapes; their weights follow the
-//! channel's, piecewise linear, as FBX has it, below 0 too.
+//! Blend shapes. Each shape of a channel becomes a morph target, in-between shapes too. The weights of the targets follow the
+//! channel's weight piecewise linearly, as FBX defines it, also below 0.
 
 use crate::convert::vec3;
 use crate::file::File;
@@ -8,22 +8,22 @@ use choreo_importer_kit::Result;
 use glam::Vec3;
 use ufbx::{BlendChannel, BlendShape, Mesh};
 
-/// Offsets of every point of the mesh.
+/// A morph target: offsets of every point of the mesh.
 pub struct Target {
     pub positions: Vec<Vec3>,
-    /// Empty where the file has none.
+    /// Empty where the file has no normals for the shape.
     pub normals: Vec<Vec3>,
 }
 
 impl Target {
-    /// Applies a geometric transform, as to the points of the mesh.
+    /// Applies the geometric transform that the mesh's points have.
     pub fn turn(&mut self, geometry: &Geometry) {
         self.positions.iter_mut().for_each(|p| *p = geometry.offset(*p));
         self.normals.iter_mut().for_each(|n| *n = geometry.normal_offset(*n));
     }
 }
 
-/// All channels of a mesh, in the order of its morph targets.
+/// All blend channels of a mesh, in the order of its morph targets.
 pub fn channels(mesh: &Mesh) -> impl Iterator<Item = &BlendChannel> {
     mesh.blend_deformers.as_ref().iter().flat_map(|d| d.channels.as_ref().iter()).map(|c| c.as_ref())
 }
@@ -57,19 +57,19 @@ pub fn rest_weights(mesh: &Mesh) -> Vec<f32> {
     out
 }
 
-/// Appends the weight of each of a channel's shapes at a weight of the channel, piecewise linear: 1 at the shape's own weight,
-/// falling to 0 at its neighbours' and at 0, which is the mesh without shapes. Past the outermost shape the last two go on as
-/// before. On a side of 0 that has no shape, the first shape of the other side goes on through 0: a negative weight of a
-/// channel with positive shapes moves the vertices the other way, as in ufbx (`ufbxi_update_blend_channel`) and in Maya.
+/// Appends the weights of a channel's shapes at a weight of the channel. Each is piecewise linear: 1 at the shape's own weight,
+/// falling to 0 at its neighbors' and at 0, which is the mesh without shapes. Past the outermost shape, the last two shapes are
+/// extrapolated. On a side of 0 without shapes, the first shape of the other side is extrapolated through 0: a negative weight of
+/// a channel with positive shapes moves the vertices the other way, as in ufbx (`ufbxi_update_blend_channel`) and in Maya.
 pub(crate) fn shape_weights(channel: &BlendChannel, weight: f64, out: &mut Vec<f32>) {
     let places = || channel.keyframes.as_ref().iter().map(|k| k.target_weight);
     for (index, place) in places().enumerate() {
         if place == 0.0 {
-            // A shape at rest shows nothing.
+            // A shape at weight 0 has no effect.
             out.push(0.0);
             continue;
         }
-        // Away from zero, on the same side.
+        // Distance from zero on the shape's side.
         let outward = |p: f64| p * place.signum();
         let inner = places().map(outward).filter(|p| *p > 0.0 && *p < place.abs()).fold(0.0, f64::max);
         let outer = places().map(outward).filter(|p| *p > place.abs()).fold(f64::INFINITY, f64::min);
@@ -80,7 +80,7 @@ pub(crate) fn shape_weights(channel: &BlendChannel, weight: f64, out: &mut Vec<f
         let value = match at {
             _ if double || at <= inner && !through_zero => 0.0,
             _ if at <= place.abs() || outer.is_infinite() => up,
-            // Past the outermost shape, the last two go on as they were.
+            // Past the outermost shape, the last two are extrapolated.
             _ if at > outer && places().map(outward).any(|p| p > outer) => 0.0,
             _ => (outer - at) / (outer - place.abs()),
         };
@@ -88,7 +88,7 @@ pub(crate) fn shape_weights(channel: &BlendChannel, weight: f64, out: &mut Vec<f
     }
 }
 
-/// Weights of the channel at which the weights of its shapes bend: those of the shapes, and 0 where it lies between two.
+/// Weights of the channel at which the weights of its shapes bend: those of the shapes, and 0 where shapes lie on both sides.
 pub fn bends(channel: &BlendChannel) -> Vec<f64> {
     let mut out: Vec<f64> = channel.keyframes.as_ref().iter().map(|k| k.target_weight).collect();
     out.retain(|p| p.is_finite());

@@ -9,12 +9,11 @@ use ufbx::{ElementType, Node, PropFlags};
 
 pub struct Tree {
     pub skeleton: Skeleton,
-    /// Joint of each node of the file, by `typed_id`; `None` for the root that only holds the others.
+    /// Joint of each node of the file, by `typed_id`; `None` for ufbx's root, which belongs to no object of the file.
     pub joint_of_node: Vec<Option<u32>>,
-    /// Nodes with their joints, in the order of these: a helper for a geometric transform that goes into its mesh is its
-    /// parent's.
+    /// (joint, node) pairs in the order of the joints. A geometry helper that is folded into its mesh has its parent's joint.
     pub holders: Vec<(u32, usize)>,
-    /// Nodes that the file shows, by joint.
+    /// Whether the file shows the node, by joint.
     pub shown: Vec<bool>,
 }
 
@@ -33,7 +32,7 @@ pub fn read(file: &File<'_>) -> Result<Tree> {
     Ok(Tree { skeleton, joint_of_node: tree.joint_of_node, holders: tree.holders, shown: tree.shown })
 }
 
-/// Transform at rest by our own trigonometry where the node stands for itself: the same bits on every machine.
+/// The transform at rest. Nodes that [`Local`] covers use our own trigonometry: the same bits on every machine.
 fn rest(node: &Node) -> Result<Transform> {
     let Some(local) = Local::new(node) else {
         return convert::transform(&node.local_transform, || place_of(&node.element));
@@ -55,13 +54,13 @@ struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// Depth first with its own stack: a file can nest deeper than the machine's stack reaches.
+    /// Walks depth first with an explicit stack: a file can nest deeper than the call stack reaches.
     fn add(&mut self, file: &File<'_>, root: &'a Node) {
         let mut stack = vec![(root, None, true)];
         while let Some((node, parent, parent_shown)) = stack.pop() {
             let shown =
                 file.hidden || (is_visible(file, node) && (parent_shown || !inherits_visibility(node)));
-            // The root belongs to no object of the file.
+            // ufbx's root belongs to no object of the file.
             let joint = match node.is_root && node.all_attribs.is_empty() {
                 true => None,
                 false if is_folded(node) => {
@@ -89,7 +88,7 @@ impl<'a> Walk<'a> {
             };
             let levels = is_lod_group(node);
             for (index, child) in node.children.as_ref().iter().enumerate().rev() {
-                // The first level of detail is the finest.
+                // The first level of detail is the finest, and the only one that is shown.
                 let child_shown = shown && (!levels || index == 0 || file.hidden);
                 stack.push((child_of(child), joint, child_shown));
             }
@@ -101,7 +100,7 @@ fn child_of<T>(child: &ufbx::Ref<T>) -> &T {
     child
 }
 
-/// A helper for a geometric transform that needs no joint: the meshes on it are nowhere else, and take it in.
+/// Whether a geometry helper needs no joint: its meshes have no other instance, so they take its transform into their vertices.
 pub(crate) fn is_folded(node: &Node) -> bool {
     let alone = |a: &ufbx::Element| match a.type_ {
         ElementType::Camera | ElementType::Light => false,
@@ -111,7 +110,7 @@ pub(crate) fn is_folded(node: &Node) -> bool {
     node.is_geometry_transform_helper && node.children.is_empty() && node.all_attribs.into_iter().all(alone)
 }
 
-/// The node of the file that a helper helps.
+/// The node of the file that a helper belongs to; any other node itself.
 pub fn owner(mut node: &Node) -> &Node {
     while node.is_geometry_transform_helper || node.is_scale_helper {
         let Some(parent) = &node.parent else { break };
@@ -125,8 +124,8 @@ fn is_lod_group(node: &Node) -> bool {
     is(node) || node.geometry_transform_helper.as_ref().is_some_and(|h| is(h))
 }
 
-/// The node's own visibility; visible if it states none. Before version 6 the visibility is the value of a channel, which ufbx
-/// keeps as a real number alone: its whole number stays 0, by which it takes every node with such a channel for hidden.
+/// The node's own visibility, by default visible. Before version 6 it is the value of a channel, which ufbx keeps only as a real
+/// number. The integer that ufbx tests stays 0, so ufbx takes every node with such a channel for hidden.
 fn is_visible(file: &File<'_>, node: &Node) -> bool {
     match node.element.props.find_prop("Visibility") {
         Some(prop) if file.scene.metadata.version < 6000 => prop.value_vec4.x != 0.0,
@@ -134,7 +133,7 @@ fn is_visible(file: &File<'_>, node: &Node) -> bool {
     }
 }
 
-/// FBX: a node is as hidden as its parent, unless it says otherwise.
+/// Whether a hidden parent hides the node, as it does by default.
 fn inherits_visibility(node: &Node) -> bool {
     match node.element.props.find_prop("Visibility Inheritance") {
         Some(prop) if !prop.flags.has_any(PropFlags::NO_VALUE) => prop.value_int != 0,
@@ -142,7 +141,7 @@ fn inherits_visibility(node: &Node) -> bool {
     }
 }
 
-/// Names as in the file; helper nodes after what they help; nodes without one by number.
+/// Names as in the file. A helper is named after its owner, a node without a name by its number.
 fn names(nodes: &[&Node]) -> Vec<String> {
     let name = |node: &&Node| {
         let own = node.element.name.as_ref();

@@ -10,11 +10,11 @@ use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 use ufbx::{Camera, LightDecay, LightType, Node, ProjectionMode};
 
-/// A near plane nearer than this, or none, is this.
+/// Smallest distance of a near plane, meters.
 const MIN_NEAR_M: f32 = 0.001;
-/// Spots narrower than this shine nowhere.
+/// Smallest outer angle of a spot light, radians: narrower spots light nothing.
 const MIN_OUTER_RAD: f64 = 1e-4;
-/// A light in the middle of the scene shines as if this far from it.
+/// Lights are matched at their distance from the middle of the scene, but at least at this one, meters.
 const MIN_REFERENCE_M: f64 = 1.0;
 
 const PRODUCERS: [&str; 7] = [
@@ -32,12 +32,12 @@ fn name(element: &ufbx::Element, node: &Node) -> String {
     own.to_string()
 }
 
-/// A camera or light of the file as one of the asset's: what clips change of it goes to that number.
+/// A camera or light of the file, with its index in the asset, which clips refer to.
 pub struct Object<'a> {
     pub index: u32,
     pub camera: Option<&'a Camera>,
     pub light: Option<&'a ufbx::Light>,
-    /// Unit of a light: lux or candela of intensity 1.
+    /// Factor of a light's intensity: lux or candela of intensity 1.
     pub unit: f64,
 }
 
@@ -52,7 +52,7 @@ pub fn cameras<'a>(file: &File<'a>, tree: &Tree, objects: &mut Vec<Object<'a>>) 
     let mut out = Vec::new();
     for (joint, id) in &tree.holders {
         let Some(node) = file.scene.nodes.as_ref().get(*id) else { continue };
-        // The views of MotionBuilder's window, which it writes into every file.
+        // MotionBuilder writes the views of its window into every file.
         if PRODUCERS.contains(&node.element.name.as_ref()) {
             continue;
         }
@@ -119,7 +119,7 @@ fn read(file: &File<'_>, node: &Node, light: &ufbx::Light) -> Result<(Light, f64
         LightType::Directional => LightKind::Directional,
         LightType::Point => LightKind::Point,
         LightType::Spot => {
-            // The file has full angles, in degrees.
+            // The file has full angles in degrees; the asset has half angles in radians.
             let half = |degrees: f64| if degrees.is_finite() { degrees * (PI / 360.0) } else { PI / 4.0 };
             let outer = half(light.outer_angle).clamp(MIN_OUTER_RAD, PI / 2.0);
             let inner = half(light.inner_angle).clamp(0.0, outer * 0.9999);
@@ -137,8 +137,8 @@ fn read(file: &File<'_>, node: &Node, light: &ufbx::Light) -> Result<(Light, f64
     Ok((Light { kind, color: color.max(Vec3::ZERO), intensity, range: None }, unit))
 }
 
-/// Lux or candela of intensity 1. FBX has no unit: 1 makes a white surface white, at the distance of one unit where the light
-/// fades. Blender writes W/m² and W, of which glTF's exporters make lux and W/4π.
+/// Lux or candela of intensity 1. FBX defines no unit: intensity 1 makes a white surface white, at a distance of one unit if the
+/// light decays. Blender writes W/m² and W, which its glTF exporter converts to lux and W/4π candela.
 fn unit(file: &File<'_>, node: &Node, light: &ufbx::Light, kind: LightKind) -> f64 {
     let blender = file.is_from_blender();
     if kind == LightKind::Directional {
@@ -149,7 +149,7 @@ fn unit(file: &File<'_>, node: &Node, light: &ufbx::Light, kind: LightKind) -> f
     }
     let metres = file.scene.settings.unit_meters;
     let metres = if metres.is_finite() && metres > 0.0 { metres } else { 0.01 };
-    // Only the square of the distance can be had: other laws agree with it in the middle of the scene.
+    // The renderer only has inverse-square decay. Other laws are matched to it in the middle of the scene.
     let at = distance_to_middle(file, node);
     let (law, units) = match light.decay {
         LightDecay::Quadratic => return PI * metres * metres,
@@ -166,7 +166,7 @@ fn unit(file: &File<'_>, node: &Node, light: &ufbx::Light, kind: LightKind) -> f
     PI * units * at * at
 }
 
-/// Distance from a light to the center of the box of all nodes at rest.
+/// Distance from a light to the center of the bounding box of all nodes at rest, meters.
 fn distance_to_middle(file: &File<'_>, node: &Node) -> f64 {
     let at = |n: &Node| DVec3::new(n.node_to_world.m03, n.node_to_world.m13, n.node_to_world.m23);
     let others = file

@@ -1,5 +1,5 @@
-//! Clips of cameras and lights: field of view, color, intensity, the angles of a spot. Where one layer drives a
-//! number, its keys are the file's, exact as those of nodes; what is mixed or repeats is sampled.
+//! Clips of cameras and lights: field of view, color, intensity, and the angles of a spot. Where a single layer drives a
+//! property, its keys are the file's and exact, as for nodes. Blended layers and repeating curves are sampled.
 
 use crate::clips::Maker;
 use crate::curve;
@@ -16,9 +16,9 @@ use choreo_motion::{Path, PropertyCurve, PropertyTarget};
 use std::f64::consts::PI;
 use ufbx::{AnimCurve, Element};
 
-/// Parts at most into which an interval between two keys is cut, where the value is no cubic.
+/// Parts of an interval between two keys, at most, where the value is no cubic.
 const MAX_PARTS: u32 = 64;
-/// Places in a part at which its cubic is compared.
+/// Positions in a part at which its cubic is compared with the exact value.
 const PROBES: [f64; 3] = [0.25, 0.5, 0.75];
 
 /// One property of one camera or light.
@@ -27,11 +27,11 @@ struct Channel<'a> {
     name: &'static str,
     target: PropertyTarget,
     lens: Lens,
-    /// Value at rest in the asset's units.
+    /// Value at rest, in the asset's units.
     rest: [f64; 3],
 }
 
-/// Everything of a camera or light that a clip can change. Older names come first: the newer ones replace them.
+/// All properties of a camera or light that a clip can change. Newer names come later and replace older ones.
 fn channels<'a>(object: &Object<'a>) -> Vec<Channel<'a>> {
     let index = object.index;
     let Some(light) = object.light else {
@@ -55,7 +55,7 @@ fn channels<'a>(object: &Object<'a>) -> Vec<Channel<'a>> {
     let color = light.color;
     let mut out = vec![
         channel("Color", PropertyTarget::LightColor(index), 1.0, [color.x, color.y, color.z]),
-        // Percent.
+        // The file has percent.
         channel(
             "Intensity",
             PropertyTarget::LightIntensity(index),
@@ -64,7 +64,7 @@ fn channels<'a>(object: &Object<'a>) -> Vec<Channel<'a>> {
         ),
     ];
     if light.type_ == ufbx::LightType::Spot {
-        // Full angles, degrees.
+        // The file has full angles in degrees.
         let half = PI / 360.0;
         for name in ["HotSpot", "InnerAngle"] {
             out.push(channel(name, PropertyTarget::SpotInner(index), half, one(light.inner_angle)));
@@ -76,13 +76,13 @@ fn channels<'a>(object: &Object<'a>) -> Vec<Channel<'a>> {
     out
 }
 
-/// Whether a property of a camera or light is read here, or changes nothing that is seen.
+/// Whether a property of a camera or light is read here, or is known to have no visible effect.
 pub fn is_known(object: &Object<'_>, name: &str) -> bool {
     channels(object).iter().any(|c| c.name == name) || object.camera.is_some() && lens::ALL.contains(&name)
 }
 
 impl Maker<'_, '_> {
-    /// Curves of all cameras and lights; those that hold what is there at rest are left out.
+    /// Curves of all cameras and lights. Curves that only hold the value at rest are left out.
     pub fn properties(&mut self) -> Result<Vec<PropertyCurve>> {
         let mut out: Vec<PropertyCurve> = Vec::new();
         for object in self.objects {
@@ -123,7 +123,7 @@ impl Maker<'_, '_> {
     fn exact(&mut self, channel: &Channel<'_>, value: &ufbx::AnimValue) -> Result<Keys> {
         let (width, lens) = (channel.target.width(), channel.lens);
         let defaults = [value.default_value.x, value.default_value.y, value.default_value.z];
-        // The first curve, whatever it is called: `d|Intensity` has no axis.
+        // The first curve, whatever its name: `d|Intensity` has no axis.
         let curves: Vec<Option<&AnimCurve>> = match width {
             1 => vec![value.curves.iter().flatten().map(|c| c.as_ref()).next()],
             _ => value.curves.iter().map(|c| c.as_deref()).collect(),
@@ -165,7 +165,7 @@ impl Maker<'_, '_> {
         Ok(emit::spline(along, Path::Weights(width as u32), limit, self.file.accuracy, at))
     }
 
-    /// A channel of several layers, or with a curve that goes on beyond its keys: sampled as ufbx evaluates it.
+    /// Samples a property of several layers, or with a curve that continues beyond its keys, through ufbx.
     fn mixed(&mut self, channel: &Channel<'_>, curves: Vec<&AnimCurve>) -> Result<Option<Keys>> {
         let place = || self.place();
         let times = match self.repeated.contains(&channel.element.element_id) {
@@ -177,7 +177,7 @@ impl Maker<'_, '_> {
         }
         let of: Vec<Option<&AnimCurve>> = curves.iter().map(|c| Some(*c)).collect();
         let (width, begin) = (channel.target.width(), self.span.begin.as_secs());
-        // Rows are compared as weights are.
+        // Values are scaled to be compared with the tolerance of weights.
         let unit = self.file.accuracy.weight / self.limit(channel, &of);
         let evaluate = |time: choreo_motion::Time, out: &mut Vec<f64>| {
             let at = begin + time.as_secs();
@@ -189,7 +189,7 @@ impl Maker<'_, '_> {
         Ok(Some(keys::finish(rows.times, values, width, Blend::Numbers)))
     }
 
-    /// Tolerance of the value: that of joints for an angle, else a share of its largest value.
+    /// Tolerance of the value: that of joints for an angle, else a share of the largest value.
     fn limit(&self, channel: &Channel<'_>, curves: &[Option<&AnimCurve>]) -> f64 {
         let accuracy = self.file.accuracy;
         match channel.target {
@@ -204,7 +204,7 @@ impl Maker<'_, '_> {
     }
 }
 
-/// Parts of an interval whose cubics are close enough.
+/// Number of parts of an interval whose cubics are close enough to the exact value.
 fn parts(at: impl Fn(f64) -> ([f64; 4], [f64; 4]), limit: f64) -> u32 {
     let close = |n: u32| {
         let share = 1.0 / f64::from(n);

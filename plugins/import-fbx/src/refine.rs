@@ -1,17 +1,17 @@
-//! More keys where straight lines leave the file's curve: an interval is halved until the line is close enough.
+//! Adds keys where linear interpolation misses the file's curve: halves each interval until the line is close enough.
 
 use crate::file::Accuracy;
 use choreo_motion::Time;
 
-/// Halvings of one interval.
+/// Halvings of one interval, at most.
 const MAX_DEPTH: u32 = 7;
-/// Closer keys than this are a step, or as close as anything needs.
+/// Shortest interval after a halving, ticks: closer keys are a step, or close enough for any purpose.
 const MIN_TICKS: i64 = Time::TICKS_PER_SECOND / 4000;
-/// Places in an interval at which the line is compared: off the middle, where an S-shaped curve would cross it; and two of them, as
-/// curves were seen that cross it at one.
+/// Positions in an interval at which the line is compared. They are off the middle, where an S-shaped curve crosses its line, and
+/// two, because some curves cross it at one.
 const PROBES: [f64; 2] = [0.375, 0.7];
 
-/// Type of one part of a row, for measuring.
+/// The kind of a part of a row, which determines how its error is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     Translation,
@@ -29,13 +29,13 @@ impl Quantity {
         }
     }
 
-    /// Whether the line from `a` to `b` passes further from `truth` than allowed.
+    /// Whether the line from `a` to `b` is further from `truth` at `probe` than allowed.
     fn misses(self, (a, b): (&[f64], &[f64]), truth: &[f64], probe: f64, accuracy: Accuracy) -> bool {
         let limit = match self {
             Quantity::Translation => accuracy.metres,
             Quantity::Scale => accuracy.scale,
             Quantity::Weight => accuracy.weight,
-            // Half an angle is the chord of its quaternions.
+            // The chord between two quaternions is half the angle of rotation.
             Quantity::Rotation => accuracy.radians / 2.0,
         };
         let line = |i: usize, b: f64| a[i] + (b - a[i]) * probe;
@@ -47,7 +47,7 @@ impl Quantity {
         let cosine = dot(a, b);
         let sign = if cosine < 0.0 { -1.0 } else { 1.0 };
         let angle = libm::acos(cosine.abs().min(1.0));
-        // Weights of slerp; of small steps those of a line.
+        // Weights of slerp; for small angles, linear ones.
         let (wa, wb) = match angle > 1e-3 {
             true => (libm::sin((1.0 - probe) * angle), libm::sin(probe * angle)),
             false => (1.0 - probe, probe),
@@ -59,14 +59,15 @@ impl Quantity {
     }
 }
 
-/// Rows of numbers at shared times; `parts` describes a row.
+/// Rows of numbers at shared times; `parts` describes the layout of a row.
 pub struct Rows<'a> {
     pub parts: &'a [Quantity],
     pub times: Vec<Time>,
     pub values: Vec<f64>,
 }
 
-/// `evaluate` appends the row of a time. `room` is asked before keys are added; `false` ends it.
+/// Adds rows until lines between them are close enough. `evaluate` appends the row of a time. `room` is called before each
+/// addition; `false` stops adding.
 pub fn refine(
     rows: Rows<'_>,
     accuracy: Accuracy,
@@ -80,7 +81,7 @@ pub fn refine(
         let row = |i: usize| rows.values[i * width..(i + 1) * width].to_vec();
         out.times.push(pair[0]);
         out.values.extend_from_slice(&rows.values[i * width..(i + 1) * width]);
-        // The keys to the right of the current one, the nearest last.
+        // Keys to the right of the current one, the nearest last.
         let mut ahead = vec![(pair[1], row(i + 1), 0u32)];
         let (mut from, mut a) = (pair[0], row(i));
         while let Some((to, b, depth)) = ahead.pop() {
@@ -137,7 +138,7 @@ mod tests {
         Accuracy::of_degrees(0.05, None)
     }
 
-    /// x² from 0 to 1 s: halving stops where the line is within 0.1 mm.
+    /// A parabola x² from 0 to 1 s: halving stops where the line is within 0.1 mm.
     #[test]
     fn a_parabola_gets_as_many_keys_as_it_needs() {
         let parts = [Quantity::Translation];
@@ -146,7 +147,7 @@ mod tests {
         let times = vec![Time::ZERO, Time::from_secs(1.0)];
         times.iter().for_each(|t| curve(*t, &mut values));
         let rows = refine(Rows { parts: &parts, times, values }, accuracy(), curve, || true);
-        // A line over h misses by h²/4 at most: 1/64 s is close enough, 1/32 is not.
+        // A line over an interval h misses the parabola by at most h²/4: 1/64 s is close enough, 1/32 s is not.
         assert_eq!(rows.times.len(), 65);
         assert!(rows.times.windows(2).all(|p| p[0] < p[1]));
         assert_eq!(rows.values.len(), 65 * 3);
@@ -164,7 +165,7 @@ mod tests {
         assert_eq!(refine(rows, accuracy(), line, || true).times, times);
     }
 
-    /// A turn of 90° at an even pace: an arc needs no keys between, a chord would.
+    /// A rotation by 90° at constant speed: an arc needs no keys between, a chord would.
     #[test]
     fn wide_turns_are_arcs() {
         let parts = [Quantity::Rotation];

@@ -1,5 +1,5 @@
-//! Motion without a closed form — layers that are mixed, curves that repeat, blend shapes — is
-//! evaluated by ufbx at every key of what it depends on, at the file's rate between, and closer where lines miss it.
+//! Motion without a closed form (blended layers, repeating curves, blend shapes): ufbx evaluates it at all keys it depends on, at
+//! the file's rate between them, and more densely where linear interpolation misses it.
 
 use crate::curve::Span;
 use crate::file::File;
@@ -8,10 +8,10 @@ use choreo_importer_kit::{Problem, Result};
 use choreo_motion::Time;
 use ufbx::{Anim, AnimCurve, Interpolation, Keyframe};
 
-/// Samples between two keys of the file.
+/// Samples between two keys of the file, at most.
 const MAX_SEGMENTS: usize = 1 << 16;
 
-/// Times of the clip: keys, both sides of steps, and samples where a curve bends. In order, none twice.
+/// Sample times of the clip, increasing and distinct: keys, both sides of steps, and regular samples where a curve bends.
 pub fn knots<'a>(
     file: &File<'_>,
     curves: impl Iterator<Item = &'a AnimCurve>,
@@ -54,13 +54,13 @@ pub fn knots<'a>(
     Ok(out)
 }
 
-/// A segment between two keys of the same value, without tangents that bend it.
+/// Whether the curve is constant between two keys.
 pub fn is_flat(a: &Keyframe, b: &Keyframe) -> bool {
     let straight = a.interpolation != Interpolation::Cubic || a.right.dy == 0.0 && b.left.dy == 0.0;
     a.value == b.value && straight
 }
 
-/// Even samples, both ends among them: for curves that repeat beyond their keys.
+/// Regular samples including both ends, for curves that repeat beyond their keys.
 pub fn even(file: &File<'_>, span: Span, place: &dyn Fn() -> String) -> Result<Vec<Time>> {
     let count = ((span.length().as_secs() * file.rate) as usize).saturating_add(2);
     file.charge(count, 8, place)?;
@@ -70,7 +70,7 @@ pub fn even(file: &File<'_>, span: Span, place: &dyn Fn() -> String) -> Result<V
     Ok(out)
 }
 
-/// A node's translation, rotation and scale, as far as lines between the rows are close enough.
+/// Sampled translation, rotation and scale of a node. Rows are added until lines between them are close enough.
 pub fn node<'p>(
     file: &File<'_>,
     anim: &Anim,

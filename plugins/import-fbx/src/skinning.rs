@@ -1,4 +1,4 @@
-//! Skins: any number of influences a point, cut to the eight largest.
+//! Skins: any number of influences a point, reduced to the eight largest.
 
 use crate::convert;
 use crate::file::{File, place_of};
@@ -11,10 +11,10 @@ use glam::Mat4;
 use ufbx::{Mesh, SkinDeformer, SkinningMethod};
 
 const MAX_INFLUENCES: usize = 8;
-/// Joints of a skin, as vertices number them.
+/// Joints of a skin, at most: vertices refer to them by 16-bit indices.
 const MAX_JOINTS: usize = 1 << 16;
 
-/// Influences of each point of a mesh, `influences` a point, sum 1.
+/// Influences of each point of a mesh, `influences` a point, with weights that sum to 1.
 pub struct Weights {
     pub influences: usize,
     pub joints: Vec<u16>,
@@ -26,14 +26,14 @@ fn deformer(mesh: &Mesh) -> Option<&SkinDeformer> {
     skin.filter(|s| !s.clusters.is_empty() && !s.vertices.is_empty())
 }
 
-/// The joints and bind matrices of the mesh on one node. After the clusters comes the node itself: it carries the points
-/// that no cluster has.
+/// The joints and inverse bind matrices of a mesh on one node. The node itself comes after the clusters, and carries the points
+/// without influence.
 pub fn skin(file: &File<'_>, tree: &Tree, one: &Shown<'_>) -> Result<Option<Skin>> {
     let Some(deformer) = deformer(one.mesh) else { return Ok(None) };
     let place = || place_of(&deformer.element);
     let mut skin = Skin::default();
     file.charge(deformer.clusters.len() + 1, size_of::<Mat4>() + 4, place)?;
-    // A helper that is a joint, as its mesh hangs in several places.
+    // The geometry helper is a joint where its mesh has several instances.
     let helper = one.holder.is_geometry_transform_helper && !nodes::is_folded(one.holder);
     let geometry = Local::new(one.holder).filter(|_| helper).map(|local| local.matrix_at_rest());
     for cluster in &deformer.clusters {
@@ -82,7 +82,7 @@ pub fn weights(file: &File<'_>, mesh: &Mesh, place: &dyn Fn() -> String) -> Resu
             let from = v.weight_begin as usize;
             deformer.weights.as_ref().get(from..from + v.num_weights as usize).unwrap_or(&[])
         });
-        // The largest come first.
+        // ufbx sorts influences by weight, the largest first.
         let kept = &of_vertex[..of_vertex.len().min(influences)];
         let sum = |list: &[ufbx::SkinWeight]| list.iter().map(|w| w.weight).sum::<f64>();
         let total = sum(kept);

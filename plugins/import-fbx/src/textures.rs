@@ -1,4 +1,4 @@
-//! Textures: where their images are found, and images put together from channels of others.
+//! Textures: finds their images, and combines channels of several images into one.
 
 use crate::alpha::{self, Alpha};
 use crate::file::{File, place_of};
@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use ufbx::{Texture, TextureType, WrapMode};
 
-/// Above this, an image index means a combined image.
+/// Image indices from here on refer to combined images.
 const COMBINED: u32 = 1 << 30;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -22,9 +22,9 @@ pub enum Channel {
     Red,
     Green,
     Blue,
-    /// The mean of the colors.
+    /// Mean of red, green and blue.
     Gray,
-    /// Alpha where the image has any, else the mean.
+    /// Alpha where the image has any, else the mean of the colors.
     AlphaOrGray,
 }
 
@@ -36,13 +36,13 @@ pub struct Source<'a> {
     pub invert: bool,
 }
 
-/// An image, its channel, and whether it is inverted; white where `None`.
+/// Sources of the four channels: image, channel, whether to invert; white for `None`.
 type Recipe = [Option<(u32, Channel, bool)>; 4];
 
-/// The images that materials request, each once.
+/// The images that materials request; equal ones are stored once.
 #[derive(Default)]
 pub struct Table {
-    /// Image of each texture.
+    /// Image index by texture; `None` where it has no image.
     known: BTreeMap<u32, Option<u32>>,
     encoded: Vec<Encoded<Bytes>>,
     recipes: Vec<Recipe>,
@@ -63,7 +63,7 @@ impl Table {
         Ok(image.map(|image| place(file, texture, image, uv_set)))
     }
 
-    /// Red, green, blue, alpha from elsewhere; `None` where no source can be found.
+    /// A texture whose red, green, blue and alpha come from the sources; `None` where none of them has an image.
     pub fn combined(
         &mut self,
         file: &File<'_>,
@@ -93,7 +93,7 @@ impl Table {
         Ok(Some(place(file, leader, COMBINED + index as u32, uv_set)))
     }
 
-    /// Index of a texture's image; `None`, with a warning, where there is none to be had.
+    /// Index of a texture's image; `None`, with a warning, where it cannot be found or read.
     pub fn picture(&mut self, file: &File<'_>, texture: &Texture) -> Result<Option<u32>> {
         if !file.needs.textures {
             return Ok(None);
@@ -142,7 +142,7 @@ impl Table {
         Ok(Some(self.encoded.len() as u32 - 1))
     }
 
-    /// The images of the asset: those that materials use, with their references to them made right.
+    /// The images of the asset. Keeps those that materials use, and updates the materials' references.
     pub fn finish(
         &self,
         file: &File<'_>,
@@ -197,12 +197,12 @@ impl Table {
     }
 }
 
-/// Combines textures at the size of the largest one; others are sampled to the nearest texel.
+/// Combines images at the size of the largest; the others are sampled at the nearest texel.
 fn combine(recipe: &Recipe, decoded: &[Option<Arc<Image>>]) -> Option<Arc<Image>> {
     let image = |r: &Option<(u32, Channel, bool)>| r.and_then(|r| decoded.get(r.0 as usize)?.as_ref());
     let largest = recipe.iter().filter_map(image).max_by_key(|i| u64::from(i.width) * u64::from(i.height))?;
     let (width, height) = (largest.width, largest.height);
-    // If no pixels are requested, the images are empty and have a size.
+    // Images have a size but no pixels where only their headers were requested.
     let filled = recipe.iter().filter_map(image).all(|i| !i.rgba.is_empty());
     let mut rgba = vec![255; if filled { width as usize * height as usize * 4 } else { 0 }];
     for (to, source) in recipe.iter().enumerate().filter(|_| filled) {
@@ -219,7 +219,7 @@ fn combine(recipe: &Recipe, decoded: &[Option<Arc<Image>>]) -> Option<Arc<Image>
                 Channel::AlphaOrGray => mean,
             }
         };
-        // An alpha channel says what is there, a gray image in a slot for transparency what is not.
+        // An alpha channel holds opacity, so it is not inverted; a gray image in a transparency slot holds transparency.
         let invert = *invert && !(*channel == Channel::AlphaOrGray && has_alpha);
         for y in 0..height as usize {
             let from_y = y * from.height as usize / height as usize;
@@ -241,7 +241,8 @@ fn combine(recipe: &Recipe, decoded: &[Option<Arc<Image>>]) -> Option<Arc<Image>
     Some(Arc::new(Image { name: unique.join(" + "), width, height, rgba, file: None }))
 }
 
-/// The inverse of T · Rp · R · Rp⁻¹ · Sp · S · Sp⁻¹, of which textures show two axes. By libm from the file's angles.
+/// Texture from texture coordinates: the inverse of T · Rp · R · Rp⁻¹ · Sp · S · Sp⁻¹, of which two axes matter. Computed with
+/// libm from the file's angles.
 fn texture_from_uv(texture: &Texture) -> DAffine2 {
     let props = &texture.element.props;
     let at = |name: &str, otherwise: DVec3| {
@@ -263,7 +264,8 @@ fn texture_from_uv(texture: &Texture) -> DAffine2 {
         DMat2::from_cols(x.truncate(), y.truncate()),
         whole.translation.truncate(),
     );
-    // Swapped axes have no inverse as ufbx reads them, nor have textures seen from the side.
+    // ufbx gives swapped axes no such inverse, nor is there one for a texture rotated out of its plane, so ufbx's own matrix is
+    // used.
     if swapped || x.z != 0.0 || y.z != 0.0 || flat.matrix2.determinant() == 0.0 {
         let m = &texture.uv_to_texture;
         return DAffine2::from_mat2_translation(
@@ -274,7 +276,7 @@ fn texture_from_uv(texture: &Texture) -> DAffine2 {
     flat.inverse()
 }
 
-/// v points down here and up in FBX: its map is turned over before and after.
+/// A texture reference. v points up in FBX and down here, so the transform is flipped before and after.
 fn place(file: &File<'_>, texture: &Texture, image: u32, uv_set: u8) -> TextureRef {
     let wrap = |mode| if mode == WrapMode::Clamp { Wrap::ClampToEdge } else { Wrap::Repeat };
     let mut uv_transform = match texture.has_uv_transform {
@@ -298,7 +300,7 @@ fn place(file: &File<'_>, texture: &Texture, image: u32, uv_set: u8) -> TextureR
     TextureRef { image, sampler, uv_set, uv_transform }
 }
 
-/// Embedded bytes, else a file at the places of [`search::places`].
+/// The bytes of a texture: embedded, else from a file at the places of [`search::places`].
 fn fetch(file: &File<'_>, texture: &Texture, place: &str) -> Result<Option<(String, Arc<Vec<u8>>)>> {
     let paths =
         [texture.relative_filename.as_ref(), texture.absolute_filename.as_ref(), texture.filename.as_ref()];

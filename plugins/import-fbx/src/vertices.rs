@@ -13,7 +13,7 @@ use choreo_importer_kit::{Result, normals, tangents};
 use glam::{Vec2, Vec3, Vec4};
 use ufbx::{Face, Mesh, MeshPart, VertexVec2, VertexVec3, VertexVec4};
 
-/// Attributes of the points of a mesh beside their positions.
+/// Attributes of the points of a mesh besides their positions.
 #[derive(Clone, Copy)]
 pub struct OfPoints<'a> {
     pub weights: Option<&'a Weights>,
@@ -52,7 +52,8 @@ pub fn primitives(
     Ok(out)
 }
 
-/// The mesh's sets for the two of a primitive: the first, and the one that its materials name.
+/// The two texture coordinate sets of a primitive: the mesh's first one, and the one that its materials name (by default the
+/// second).
 fn uv_sets<'m>(
     file: &File<'_>,
     mesh: &'m Mesh,
@@ -85,12 +86,12 @@ struct Maker<'a, 'f> {
     of_points: OfPoints<'a>,
     uv_sets: &'a [Option<&'a VertexVec2>; 2],
     welder: &'a mut Welder,
-    /// The point of the mesh of each vertex.
+    /// The point of the mesh that each vertex came from.
     of_file: Vec<u32>,
     out: Primitive,
 }
 
-/// The values of one vertex of a face.
+/// Values of one vertex of a face, which may differ from face to face.
 #[derive(Clone, Copy)]
 struct FaceVertex {
     normal: Vec3,
@@ -109,7 +110,7 @@ impl Maker<'_, '_> {
             return Ok(None);
         }
         self.welder.start(self.mesh.num_vertices);
-        // Counted as if no two face vertices shared a vertex; 120 bytes hold one with everything but skin and morphs.
+        // An upper bound: no vertices are shared, and 120 bytes hold a vertex without skin and morphs.
         let skin = self.of_points.weights.map_or(0, |w| w.influences * 6);
         let morphs: usize =
             self.of_points.targets.iter().map(|t| if t.normals.is_empty() { 12 } else { 24 }).sum();
@@ -164,14 +165,14 @@ impl Maker<'_, '_> {
         if self.of_points.geometry.is_some_and(|g| g.mirrors) {
             self.out.indices.chunks_exact_mut(3).for_each(|t| t.swap(1, 2));
         }
-        // A face that ends in the middle cannot be: `face_vertex` refuses single face vertices of none.
+        // Triangles are always complete: `face_vertex` skips no single vertex of a face.
         debug_assert!(self.out.indices.len().is_multiple_of(3));
     }
 
     fn face_vertex(&mut self, index: u32) {
         let mesh = self.mesh;
         let at = index as usize;
-        // Indices are in range as ufbx clamps them.
+        // ufbx has clamped the indices to the valid range.
         let point =
             mesh.vertex_indices.as_ref().get(at).copied().unwrap_or(0).min(mesh.num_vertices as u32 - 1);
         let values = FaceVertex {
@@ -180,7 +181,7 @@ impl Maker<'_, '_> {
                 None => vec3(n),
             }),
             uv: self.uv_sets.map(|set| {
-                // v points up in FBX, down here.
+                // FBX has v pointing up; here it points down.
                 set.and_then(|s| at2(s, at)).map_or(Vec2::ZERO, |v| Vec2::new(v.x as f32, (1.0 - v.y) as f32))
             }),
             color: match self.file.vertex_colors {

@@ -11,7 +11,7 @@ use ufbx::{Anim, AnimCurve, BlendChannel};
 
 pub const WEIGHT: &str = "DeformPercent";
 
-/// A channel's weight (1 for 100 percent), straight between keys.
+/// A channel's weight (1 for 100 percent), linear between keys.
 pub struct Track(Vec<(Time, f64)>);
 
 impl Track {
@@ -19,7 +19,7 @@ impl Track {
         Track(vec![(Time::ZERO, channel.weight)])
     }
 
-    /// `repeats`: one of its curves goes on beyond its keys.
+    /// `repeats`: a curve of the channel repeats or continues beyond its keys.
     pub fn new(
         file: &File<'_>,
         anim: &Anim,

@@ -1,5 +1,5 @@
-//! How long importing takes and what takes it: `cargo bench -p import-gltf [-- FILE…]`, medians and best of 21 runs.
-//! Each part alone, by asking for nothing else; images are decoded beside the rest.
+//! Benchmark of the import time, as a whole and by part: `cargo bench -p import-gltf [-- FILE…]`, median and best of 21 runs.
+//! Each part is measured alone, by requesting nothing else. Images are decoded in parallel with the rest.
 
 use choreo_plugin::{Files, ImportOptions, ImportScope, Importer, Source};
 use import_gltf::GltfImporter;

@@ -1,23 +1,23 @@
-//! Typed arrays out of buffers (glTF 2.0 §3.6.2), every offset and count checked before anything is allocated.
+//! Typed arrays from accessors (glTF 2.0 §3.6.2). Every offset and count is checked before anything is allocated.
 
 use crate::file::File;
 use crate::problem::{Problem, Result, WithPlace, element};
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::validation::Checked;
 
-/// Limit of an accessor without a buffer view, which is all zeros and could request any amount of memory.
+/// Element limit of an accessor without a buffer view: it is all zeros, and could request any amount of memory.
 const MAX_ZERO_ELEMENTS: u64 = 1 << 24;
 
-/// Meaning of integer components.
+/// How integer components become floats.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Integers {
-    /// Normalised where the accessor's `normalized` is set (KHR_mesh_quantization has plain integers).
+    /// Normalized only where the accessor's `normalized` is set (KHR_mesh_quantization has plain integers).
     AsFlagged,
-    /// Always normalised, as for colors, weights and animation outputs; writers forget the flag.
+    /// Always normalized, as colors, weights and animation outputs are. Writers forget the flag.
     Normalized,
 }
 
-/// Elements of an accessor that come from elsewhere than a buffer view, tightly packed.
+/// Elements of an accessor that were decoded from compressed data, tightly packed.
 pub struct Decoded {
     pub component: ComponentType,
     pub count: usize,
@@ -31,7 +31,7 @@ struct Strided<'a> {
 }
 
 impl Strided<'_> {
-    /// Elements of `N` components of `B` bytes.
+    /// Converts all elements, of `N` components of `B` bytes each.
     fn map<const N: usize, const B: usize, T: Copy + Default>(
         &self,
         convert: impl Fn([u8; B]) -> T,
@@ -50,7 +50,7 @@ impl Strided<'_> {
 }
 
 impl File<'_> {
-    /// Elements of `N` floats; integers are converted. Every value is finite.
+    /// Elements of `N` floats. Integers are converted. Fails on values that are not finite.
     pub fn floats<const N: usize>(&self, index: usize, integers: Integers) -> Result<Vec<[f32; N]>> {
         let normalized =
             integers == Integers::Normalized || self.root.accessors.get(index).is_some_and(|a| a.normalized);
@@ -86,9 +86,9 @@ impl File<'_> {
         Ok(out)
     }
 
-    /// Unsigned integers, not normalised: indices and joints.
+    /// Unsigned integers, not normalized: indices and joints.
     pub fn integers<const N: usize>(&self, index: usize) -> Result<Vec<[u32; N]>> {
-        // Before anything is read: an accessor without data has no bytes that could not be decoded.
+        // Checked first, because an accessor without data has no bytes whose decoding could fail.
         if let Some(accessor) = self.root.accessors.get(index)
             && let Checked::Valid(component) = accessor.component_type
             && !matches!(component.0, ComponentType::U8 | ComponentType::U16 | ComponentType::U32)
@@ -108,7 +108,7 @@ impl File<'_> {
         Ok(element(&self.root.accessors, index, "accessors", place)?.count.0)
     }
 
-    /// Number of components of an element; `None` where the file names a type that is none.
+    /// Number of components of an element; `None` where the file names an unknown type.
     pub fn width(&self, index: usize) -> Option<usize> {
         match self.root.accessors.get(index)?.type_ {
             Checked::Valid(t) => Some(t.multiplicity()),
@@ -230,7 +230,7 @@ impl File<'_> {
             )
             .hint("the count or the offset is wrong, or the buffer was cut off"));
         }
-        // Both fit: `end` is at most the length of a slice.
+        // The casts lose nothing: `end` is at most the length of a slice.
         Ok(Strided { bytes: &bytes[offset as usize..], stride, count: count as usize })
     }
 }

@@ -12,7 +12,7 @@ use gltf::json::validation::Checked;
 use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 
-/// Keys further out than this (about 115 days) are taken for damage.
+/// Latest key time, seconds (about 115 days). Later keys are taken for damage.
 pub const MAX_KEY_SECS: f32 = 1e7;
 
 pub fn read(file: &File<'_>, tree: &Tree) -> Result<Vec<Arc<Clip>>> {
@@ -31,7 +31,7 @@ pub fn read(file: &File<'_>, tree: &Tree) -> Result<Vec<Arc<Clip>>> {
     Ok(clips)
 }
 
-/// Key times of an accessor, and which keys are kept where times repeat.
+/// Key times of an accessor, and the indices of the keys to keep where times repeat.
 struct Keys {
     times: Arc<[Time]>,
     count: usize,
@@ -101,7 +101,7 @@ fn clip(
 
 enum Target {
     Joint(u32, Path),
-    /// Properties of equal width; what the file holds is multiplied by the factor.
+    /// Properties of equal width. Values of the file are multiplied by the factor.
     Properties {
         targets: Vec<PropertyTarget>,
         factor: f32,
@@ -209,7 +209,7 @@ fn curve(
         }
         Path::Rotation => file.floats::<4>(output, Integers::Normalized).map(Vec::into_flattened),
         Path::Weights(_) => match file.width(output) {
-            // Colors and places in textures are vectors.
+            // Vectors of colors and texture transforms.
             Some(2) => file.floats::<2>(output, Integers::Normalized).map(Vec::into_flattened),
             Some(3) => file.floats::<3>(output, Integers::Normalized).map(Vec::into_flattened),
             Some(4) => file.floats::<4>(output, Integers::Normalized).map(Vec::into_flattened),
@@ -239,8 +239,8 @@ fn curve(
     Ok(Some(Curve { joint, path, interpolation, times: keys.times.clone(), values: values.into() }))
 }
 
-/// Times that run backwards are an error: nobody can say what was meant. A time that repeats (within a
-/// tick) is harmless: the last key of that time counts, as it would just after it.
+/// Decreasing key times are an error, because the intended order is unknown. Of keys at the same time (within a tick) the last
+/// one counts, as it would just after that time.
 fn keys(file: &File<'_>, accessor: usize) -> Result<Keys> {
     let secs = file.floats::<1>(accessor, Integers::AsFlagged)?.into_flattened();
     let fail =

@@ -1,4 +1,4 @@
-//! GLB and JSON: from bytes to the checked outer shape of a file (glTF 2.0 §4, GLB).
+//! GLB and JSON containers: splits the bytes and checks the outer structure (glTF 2.0 §4, GLB).
 
 use crate::locate::element_at;
 use crate::pointers::Pointers;
@@ -12,19 +12,19 @@ const CHUNK_HEADER_BYTES: usize = 8;
 const CHUNK_JSON: u32 = 0x4E4F_534A;
 const CHUNK_BIN: u32 = 0x004E_4942;
 
-/// A few bytes of JSON can become hundreds in memory: `{}` is a whole node.
+/// Limits of the JSON. A few bytes of it can become hundreds in memory: `{}` is a whole node.
 pub(crate) const MAX_JSON_OBJECTS: usize = 2 << 20;
 pub(crate) const MAX_JSON_VALUES: usize = 32 << 20;
 
 pub struct Container<'a> {
     pub json: &'a [u8],
-    /// Offset of the JSON in the file, for messages.
+    /// Byte offset of the JSON in the file, for messages.
     pub json_offset: usize,
     pub bin: Option<&'a [u8]>,
     pub warnings: Vec<(String, String)>,
 }
 
-/// The JSON of a GLB, as far as it is there; empty where the first chunk is none.
+/// The JSON chunk of a GLB, or the part of it that exists; empty where the first chunk is not JSON.
 pub(crate) fn json_chunk(glb: &[u8]) -> &[u8] {
     let word =
         |at: usize| glb.get(at..at + 4).and_then(|b| b.first_chunk::<4>()).map(|b| u32::from_le_bytes(*b));
@@ -37,7 +37,7 @@ pub(crate) fn json_chunk(glb: &[u8]) -> &[u8] {
     }
 }
 
-/// JSON without the byte order mark that some editors and exporters put before it.
+/// The JSON without a byte order mark, which some editors and exporters put before it.
 pub fn without_mark(json: &[u8]) -> &[u8] {
     json.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(json)
 }
@@ -92,7 +92,7 @@ pub fn split(bytes: &[u8]) -> Result<Container<'_>> {
             _ => warnings
                 .push((format!("byte {at}"), format!("chunk of unknown type {kind:#010x} is ignored"))),
         }
-        // Chunks are padded to 4 bytes; writers that forget it are common, so the length alone counts.
+        // Chunks should be padded to 4 bytes, but many writers forget it, so only the length counts.
         at = start + length;
     }
     match json {
@@ -106,7 +106,7 @@ fn truncated(place: String, have: usize, need: usize) -> Problem {
         .hint("the file was cut off; fetch or export it again")
 }
 
-/// Typed JSON. What the typed form refuses although it is valid is repaired first.
+/// Parses the JSON into its typed form. Valid JSON that the typed form refuses is repaired and parsed again.
 pub fn parse(container: &Container<'_>) -> Result<(Root, Pointers)> {
     let count = |letter: u8| container.json.iter().filter(|b| **b == letter).count();
     for (letters, limit, what) in
@@ -128,7 +128,7 @@ pub fn parse(container: &Container<'_>) -> Result<(Root, Pointers)> {
     {
         repair::refuse_version_1(&value)?;
         if let Some(pointers) = repair::repair(&mut value) {
-            // Parsed as text once more: the typed form says where in it an error lies.
+            // Parsing text again makes the typed form report where an error lies.
             let text = value.to_string();
             let root = typed(text.as_bytes());
             return root.map(|root| (root, pointers)).map_err(|e| invalid(text.as_bytes(), None, &e));
@@ -137,17 +137,17 @@ pub fn parse(container: &Container<'_>) -> Result<(Root, Pointers)> {
     Err(invalid(container.json, Some(container.json_offset), &error))
 }
 
-/// The typed form by the reader that is compiled in the crate `gltf`: a reader of our own is half of this crate's build time.
+/// Calls the parser that is compiled in the crate `gltf`: instantiating it here would cost half of this crate's build time.
 fn typed(json: &[u8]) -> serde_json::Result<Root> {
     match gltf::Gltf::from_slice_without_validation(json) {
         Ok(gltf) => Ok(gltf.document.into_json()),
         Err(gltf::Error::Deserialize(e)) => Err(e),
-        // A text that begins as a GLB does.
+        // The JSON begins with the GLB magic.
         Err(e) => Err(serde::de::Error::custom(e)),
     }
 }
 
-/// `start`: of the JSON in the file; `None` where the JSON is not as in the file.
+/// `start`: offset of the JSON in the file; `None` where a repair has changed the text.
 fn invalid(json: &[u8], start: Option<usize>, error: &serde_json::Error) -> Problem {
     let offset = byte_offset(json, error.line(), error.column());
     let element = element_at(json, offset);
@@ -157,7 +157,7 @@ fn invalid(json: &[u8], start: Option<usize>, error: &serde_json::Error) -> Prob
         (false, Some(byte)) => format!("{element} ({byte})"),
         (false, None) => element,
     };
-    // serde_json's text ends in " at line L column C", which the place says better.
+    // serde_json's text ends in " at line L column C", which the place states better.
     let full = error.to_string();
     let what = full.rsplit_once(" at line ").map_or(full.as_str(), |(w, _)| w);
     let problem = Problem::new(place, format!("not valid glTF JSON: {what}"));
@@ -237,7 +237,7 @@ mod tests {
         assert_eq!(p.what, "not valid glTF JSON: invalid value: integer `-5`, expected u64");
     }
 
-    /// The same faults where something else had to be repaired: the element is named still.
+    /// The same errors in a file that also needs a repair: messages still name the element.
     #[test]
     fn json_errors_after_a_repair_name_the_element() {
         let json =

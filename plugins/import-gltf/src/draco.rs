@@ -1,4 +1,4 @@
-//! Primitives that Draco has packed (KHR_draco_mesh_compression): their attributes and triangles, in the form of accessors.
+//! Draco-compressed primitives (KHR_draco_mesh_compression), decoded to the form of accessors.
 
 use crate::accessor::Decoded;
 use crate::file::File;
@@ -13,20 +13,20 @@ use std::collections::BTreeMap;
 
 pub const NAME: &str = "KHR_draco_mesh_compression";
 
-/// Bytes that the decoder takes for a triangle while it decodes: its tables of edges, for each attribute with seams.
+/// Working memory of the decoder for each triangle, bytes: its tables of edges, for each attribute with seams.
 const BYTES_OF_FACE: u64 = 200;
 
-/// The contents of a packed primitive.
+/// The contents of a compressed primitive.
 #[derive(Default)]
 pub struct Unpacked {
-    /// Triangles, whatever the mode of the primitive.
+    /// A triangle list, whatever the mode of the primitive.
     pub indices: Option<Vec<u32>>,
-    /// Elements of the accessors of attributes, by the accessor's index.
+    /// Decoded attribute values, by accessor index.
     pub attributes: BTreeMap<usize, Decoded>,
 }
 
-/// Unpacks a primitive whose data are there in no other form. A file that does not require the extension should have them unpacked
-/// as well, which is exact and costs less.
+/// Decodes a primitive that has no uncompressed data. A file that does not require the extension should have such data too, which
+/// is exact and costs less.
 pub fn unpack(file: &File<'_>, primitive: &Primitive, place: &dyn Fn() -> String) -> Result<Unpacked> {
     let extension = primitive.extensions.as_ref().and_then(|e| e.others.get(NAME));
     let Some(extension) = extension.filter(|_| is_needed(file, primitive)) else {
@@ -62,7 +62,7 @@ pub fn unpack(file: &File<'_>, primitive: &Primitive, place: &dyn Fn() -> String
             let what = format!("has {packed} components, but accessors[{accessor}] has {width}");
             return Err(Problem::new(place(), what));
         }
-        // The floats that the decoder makes, and their bytes.
+        // Counts the floats that the decoder makes, and their bytes.
         file.charge(points as u64, 8 * width).map_err(|p| p.used_by(place()))?;
         let values = attribute.read_f32s(points, width);
         let decoded = Decoded { component, count: points, bytes: bytes(&values, component) };
@@ -71,7 +71,7 @@ pub fn unpack(file: &File<'_>, primitive: &Primitive, place: &dyn Fn() -> String
     Ok(out)
 }
 
-/// Whether an accessor of the primitive has no data of its own.
+/// Whether an accessor of the primitive has no data, so that the primitive must be decoded.
 fn is_needed(file: &File<'_>, primitive: &Primitive) -> bool {
     let is_empty = |accessor: usize| {
         let accessor = file.root.accessors.get(accessor);
@@ -80,7 +80,7 @@ fn is_needed(file: &File<'_>, primitive: &Primitive) -> bool {
     primitive.attributes.values().chain(&primitive.indices).any(|a| is_empty(a.value()))
 }
 
-/// Type and number of components of an accessor.
+/// Component type and number of components of an accessor.
 fn form(file: &File<'_>, accessor: usize, place: &dyn Fn() -> String) -> Result<(ComponentType, usize)> {
     let json = element(&file.root.accessors, accessor, "accessors", place)?;
     match (json.component_type, json.type_) {
@@ -103,7 +103,7 @@ fn decode(file: &File<'_>, data: &[u8], broken: &dyn Fn(String) -> Problem) -> R
     }
 }
 
-/// Elements as an accessor of this type has them: whole numbers up to 2²⁴ are exact as floats.
+/// Values as bytes of the accessor's component type. Integers up to 2²⁴ are exact as floats.
 fn bytes(values: &[f32], component: ComponentType) -> Vec<u8> {
     fn each<const N: usize>(values: &[f32], one: impl Fn(f32) -> [u8; N]) -> Vec<u8> {
         values.iter().flat_map(|v| one(*v)).collect()

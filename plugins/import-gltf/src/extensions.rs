@@ -1,4 +1,4 @@
-//! Versions and extensions: what is read, what can be left out, what makes a file unreadable.
+//! Checks version and extensions: which are read, which may be ignored, and which make a file unreadable.
 
 use crate::file::File;
 use crate::problem::{Problem, Result};
@@ -32,10 +32,10 @@ const READ: &[&str] = &[
     "KHR_texture_transform",
 ];
 
-/// The extension without which, if it is required, textures cannot be read.
+/// The texture extension that makes a file unreadable where it is required.
 const DDS: &str = "MSFT_texture_dds";
 
-/// `own`: extensions that the profile reads.
+/// `own`: the extensions that the profile reads.
 pub fn check(file: &File<'_>, needs: ImportScope, own: &[&str]) -> Result<()> {
     let asset = &file.root.asset;
     let needed = asset.min_version.as_ref().unwrap_or(&asset.version);
@@ -49,7 +49,7 @@ pub fn check(file: &File<'_>, needs: ImportScope, own: &[&str]) -> Result<()> {
     let known = |name: &str| READ.contains(&name) || own.contains(&name);
     let required = &file.root.extensions_required;
     if needs.textures && required.iter().any(|name| name == DDS) {
-        // All of them, so that one conversion is enough.
+        // Lists all of them, so that one conversion is enough.
         let names: Vec<&str> = required.iter().map(String::as_str).filter(|name| !known(name)).collect();
         return Err(unsupported(&names));
     }
@@ -57,7 +57,7 @@ pub fn check(file: &File<'_>, needs: ImportScope, own: &[&str]) -> Result<()> {
         if known(name) {
             continue;
         }
-        // Most of such files can be read without it, so that it is no error.
+        // Most files that require it can be read without it, so it is only a warning.
         match required.contains(name) {
             true => file.warn(
                 "extensionsRequired",

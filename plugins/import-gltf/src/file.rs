@@ -1,4 +1,4 @@
-//! The open file: JSON, buffers (read when first used), the memory budget, the warnings.
+//! The open file: JSON, buffers (read on first use), memory budget and warnings.
 
 use crate::container::Container;
 use crate::draco::Unpacked;
@@ -16,20 +16,20 @@ use std::cell::{OnceCell, RefCell};
 use std::ops::Deref;
 use std::sync::Arc;
 
-/// All that is decoded from one file together: a file can point at the same bytes from many accessors.
+/// Limit of all bytes decoded from one file together: many accessors can refer to the same bytes.
 pub const MAX_DECODED_BYTES: u64 = 2 << 30;
 
 pub struct File<'a> {
     pub root: Root,
     pub pointers: Pointers,
-    /// KHR_materials_variants: the variant requested.
+    /// The chosen variant of KHR_materials_variants.
     pub variant: Option<u64>,
     bin: Option<&'a [u8]>,
     pub files: &'a dyn Files,
     buffers: Vec<OnceCell<Bytes<'a>>>,
-    /// Bytes of compressed buffer views, once requested.
+    /// Decompressed buffer views, filled on first use.
     unpacked: Vec<OnceCell<Vec<u8>>>,
-    /// The primitive that is being read, where it is packed as a whole.
+    /// The decoded data of the primitive that is being read, where Draco has compressed it.
     pub unpacked_primitive: RefCell<Unpacked>,
     budget: Budget,
     pub notes: Notes,
@@ -82,7 +82,7 @@ impl<'a> File<'a> {
         self.notes.warn(place, text);
     }
 
-    /// The file as a profile reads it; `tree` once it is known.
+    /// The file as a profile sees it; `tree` is `None` before the nodes are read.
     pub fn document<'d>(&'d self, tree: Option<&'d Tree>) -> Document<'d> {
         Document { root: &self.root, notes: &self.notes, budget: &self.budget, tree }
     }
@@ -91,7 +91,7 @@ impl<'a> File<'a> {
         self.notes.into_warnings()
     }
 
-    /// Takes `count` things of `size` bytes from the budget, before they are allocated.
+    /// Charges `count` items of `size` bytes to the budget, before they are allocated.
     pub fn charge(&self, count: u64, size: usize) -> Result<()> {
         self.budget.charge(count, size)
     }
@@ -101,7 +101,7 @@ impl<'a> File<'a> {
         self.budget.left()
     }
 
-    /// A buffer's bytes, `byteLength` of them.
+    /// The first `byteLength` bytes of a buffer.
     fn buffer(&self, index: usize) -> Result<&[u8]> {
         let place = || format!("buffers[{index}]");
         let cell = element(&self.buffers, index, "buffers", place)?;
@@ -129,7 +129,8 @@ impl<'a> File<'a> {
         match (&self.root.buffers[index].uri, self.bin) {
             (Some(uri), _) => self.load_uri(uri, place),
             (None, Some(bin)) if index == 0 => Ok(Bytes::Borrowed(bin)),
-            // The stand-in of compressed views (EXT_meshopt_compression, "Fallback buffers") has no bytes at all.
+            // Fallback buffers of compressed views (EXT_meshopt_compression, "Fallback buffers") also have no bytes, but are
+            // never read.
             (None, _) => Err(Problem::new(place(), "has neither a uri nor a binary chunk of a GLB")
                 .hint("the file was exported without its data; export it again")),
         }
@@ -141,7 +142,7 @@ impl<'a> File<'a> {
             Some(Err(problem)) => Err(problem.used_by(place())),
             None => {
                 let name = uri::file_name(uri);
-                // Some writers do not encode: a name that only looks encoded is tried as it stands.
+                // Some writers do not percent-encode, so a name that only looks encoded is also tried literally.
                 let as_it_stands = |what| match uri == name {
                     true => Err(what),
                     false => self.files.read(uri).map_err(|_| what),
@@ -157,7 +158,7 @@ impl<'a> File<'a> {
         }
     }
 
-    /// The bytes of a buffer view and its stride (0 = tightly packed).
+    /// The bytes of a buffer view and its stride (0 = tightly packed). `user`: the referring element, for errors.
     pub fn view(&self, index: usize, user: impl Fn() -> String) -> Result<(&[u8], usize)> {
         let view = element(&self.root.buffer_views, index, "bufferViews", &user)?;
         let place = || format!("bufferViews[{index}]");
@@ -181,7 +182,8 @@ impl<'a> File<'a> {
         })
     }
 
-    /// The bytes of a compressed view. Buffer and offset of the view itself are for readers without the extension.
+    /// The decompressed bytes of a compressed view. The extension names the source; the view's own buffer and offset are for
+    /// readers without the extension.
     fn unpack(&self, index: usize, (name, extension): (&str, &serde_json::Value)) -> Result<&[u8]> {
         if let Some(bytes) = self.unpacked[index].get() {
             return Ok(bytes);

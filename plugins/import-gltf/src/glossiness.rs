@@ -3,13 +3,13 @@
 use choreo_asset::{Image, Material, TextureRef};
 use std::sync::Arc;
 
-/// A material whose specular-glossiness texture (now its specular color texture) has the glossiness in its alpha.
+/// A material with a specular-glossiness texture, now its specular color texture, whose alpha channel holds glossiness.
 pub struct Glossy {
     pub material: usize,
     pub factor: f32,
 }
 
-/// Adds the roughness textures; equal ones once. To be called when the images are decoded.
+/// Adds roughness textures to the materials, one for each distinct texture and factor. Needs the decoded images.
 pub fn convert(glossy: &[Glossy], materials: &mut [Material], images: &mut Vec<Arc<Image>>) {
     let mut made: Vec<(u32, f32, u32)> = Vec::new();
     for Glossy { material, factor } in glossy {
@@ -37,7 +37,7 @@ pub fn convert(glossy: &[Glossy], materials: &mut [Material], images: &mut Vec<A
     }
 }
 
-/// Roughness = 1 − glossiness in G, as the metallic-roughness texture has it; not metallic in B.
+/// A texel of a metallic-roughness texture: roughness = 1 − glossiness in G, metalness 0 in B.
 fn roughness(alpha: u8, factor: f32) -> [u8; 4] {
     let glossiness = f32::from(alpha) / 255.0 * factor;
     [0, ((1.0 - glossiness).clamp(0.0, 1.0) * 255.0 + 0.5) as u8, 0, 255]
@@ -72,7 +72,7 @@ mod tests {
         assert_eq!(images[1].rgba, [0, 128, 0, 255, 0, 230, 0, 255]);
         let made = materials[1].metallic_roughness_texture.as_ref().unwrap();
         assert_eq!((made.image, materials[1].roughness), (1, 1.0));
-        // A texture without glossiness of its own adds nothing.
+        // A texture with constant glossiness (alpha 255) adds no image.
         let mut images =
             vec![Arc::new(Image { rgba: vec![255; 8], width: 2, height: 1, ..Image::default() })];
         convert(&glossy, &mut materials, &mut images);

@@ -1,4 +1,4 @@
-//! EXT_mesh_gpu_instancing: one mesh at many places of its node.
+//! EXT_mesh_gpu_instancing: copies of a node's mesh.
 
 use crate::accessor::Integers;
 use crate::file::File;
@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 pub const NAME: &str = "EXT_mesh_gpu_instancing";
 
-/// joint-from-mesh of every copy; empty where the node has no such extension.
+/// The joint-from-mesh transform of every copy; empty where the node lacks the extension.
 pub fn copies(file: &File<'_>, node: usize) -> Result<Arc<[Affine3A]>> {
     let extension = file.root.nodes[node].extensions.as_ref().and_then(|e| e.others.get(NAME));
     let Some(extension) = extension else { return Ok([].into()) };
@@ -70,7 +70,7 @@ pub fn copies(file: &File<'_>, node: usize) -> Result<Arc<[Affine3A]>> {
             let rotation = rotations.get(i).map_or(Quat::IDENTITY, |r| {
                 let r = Quat::from_array(*r);
                 let length = r.length();
-                // Squares of the largest floats are beyond them.
+                // The length overflows to infinity for very large floats.
                 if length > 1e-6 && length.is_finite() {
                     r * (1.0 / length)
                 } else {

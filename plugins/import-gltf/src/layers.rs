@@ -1,4 +1,4 @@
-//! Clearcoat, sheen, transmission, volume, index of refraction, thin films, brushed metal and light from behind
+//! Material layers: clearcoat, sheen, transmission, volume, index of refraction, iridescence, anisotropy and diffuse transmission
 //! (KHR_materials_clearcoat, _sheen, _transmission, _volume, _ior, _iridescence, _anisotropy, _diffuse_transmission).
 
 use crate::materials::{Reader, TextureUse};
@@ -8,10 +8,10 @@ use choreo_asset::{Material, MaterialLayers, Shading, TextureRef};
 use glam::Vec3;
 use serde_json::{Map, Value};
 
-/// Reflectance at normal incidence of index 1.5, which `specular_color` is in units of.
+/// Reflectance of glass (index 1.5) at normal incidence: the unit of `specular_color`.
 const F0_OF_GLASS: f32 = 0.04;
 
-/// One extension of a material.
+/// One material extension while it is read.
 struct Extension<'r, 'v, 'a, 'b, 'f> {
     reader: &'r mut Reader<'a, 'b, 'f>,
     name: &'static str,
@@ -23,7 +23,7 @@ impl Extension<'_, '_, '_, '_, '_> {
         Problem::new(format!("{}.extensions.{}.{key}", self.reader.place(), self.name), what)
     }
 
-    /// A finite number; what is no number is an error.
+    /// A finite number; `None` where the member is absent, an error where it is no finite number.
     fn finite(&self, key: &str) -> Result<Option<f32>> {
         let Some(value) = self.value.get(key) else { return Ok(None) };
         let number = value.as_f64().map(|v| v as f32).filter(|v| v.is_finite());
@@ -35,7 +35,7 @@ impl Extension<'_, '_, '_, '_, '_> {
         Ok(self.finite(key)?.map_or(default, |v| v.clamp(0.0, max)))
     }
 
-    /// Radians, less than a full turn.
+    /// An angle in radians, reduced to less than a full turn.
     fn angle(&self, key: &str) -> Result<f32> {
         Ok(self.finite(key)?.unwrap_or(0.0) % std::f32::consts::TAU)
     }
@@ -72,7 +72,7 @@ pub fn read(reader: &mut Reader<'_, '_, '_>, others: &Map<String, Value>, out: &
     if let Some(ior) = extension(reader, others, "KHR_materials_ior") {
         let ior = ior.number("ior", 1.5, 1e3)?;
         layers.ior = ior;
-        // F0 = ((n − 1) / (n + 1))²; 0 stands for "all is reflected" (KHR_materials_ior, "Extending Materials").
+        // F0 = ((n − 1) / (n + 1))²; an index of 0 means that everything is reflected (KHR_materials_ior, "Extending Materials").
         let f0 = if ior == 0.0 { 1.0 } else { ((ior - 1.0) / (ior + 1.0)) * ((ior - 1.0) / (ior + 1.0)) };
         out.specular_color *= f0 / F0_OF_GLASS;
     }
@@ -121,7 +121,7 @@ pub fn read(reader: &mut Reader<'_, '_, '_>, others: &Map<String, Value>, out: &
     Ok(())
 }
 
-/// Thin films, brushed metal and light from behind; whether the material has any of them.
+/// Reads iridescence, anisotropy and diffuse transmission. True where the material has any of them.
 fn read_thin(
     reader: &mut Reader<'_, '_, '_>,
     others: &Map<String, Value>,

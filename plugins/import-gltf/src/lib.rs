@@ -77,8 +77,8 @@ impl Importer for GltfImporter {
         &MANIFEST
     }
 
-    /// GLB by its magic; JSON by `asset.version`. Broken JSON is claimed where the name says glTF, so
-    /// that the message is about what is broken.
+    /// Claims GLB by its magic, and JSON by `asset.version`. Broken JSON is claimed where the name says glTF, so that the user
+    /// reads what is broken.
     fn claim(&self, source: &Source) -> Claim {
         let bytes = source.bytes.as_slice();
         if bytes.starts_with(container::GLB_MAGIC) {
@@ -108,7 +108,7 @@ impl Importer for GltfImporter {
     }
 }
 
-/// Just enough of a JSON file to see whether it is glTF; `gltf::json::Root` is too strict for that.
+/// The part of a JSON file that shows whether it is glTF; `gltf::json::Root` is too strict for that.
 struct Probe(Option<Value>);
 
 impl Probe {
@@ -145,13 +145,13 @@ fn import(
     let mut table = images::ImageTable::default();
     let (mut materials, glossy) = materials::read(&file, &mut table, needs.textures, profile)?;
 
-    // Images take as long as everything else together: they are decoded beside it.
+    // Decoding images takes as long as everything else together, so both run in parallel.
     let (images, rest) = choreo_importer_kit::images::decode_beside(&table.entries, needs, files, || {
         decode(&file, &tree, needs, &materials)
     });
     let mut asset = rest?;
     asset.name = source.name.clone();
-    // White is no direction: a normal map that cannot be decoded has no effect.
+    // Images that cannot be decoded become white, which is no valid direction, so their normal maps are dropped.
     let lost: Vec<u32> = (0..).zip(&images).filter(|(_, image)| image.is_err()).map(|(i, _)| i).collect();
     materials.iter_mut().for_each(|material| leave_out_normal_maps(material, &lost));
     asset.images = choreo_importer_kit::images::or_white(images, &table.entries, &file.notes)?;

@@ -1,11 +1,11 @@
-//! The element of a JSON text at an offset: `accessors[3].count`.
+//! Finds the element of a JSON text at an offset, for error messages: `accessors[3].count`.
 
 enum Level {
     Object { key: String },
     Array { index: usize },
 }
 
-/// The path of the innermost value at or before `offset`. Works on broken JSON too: only strings and brackets count.
+/// The path of the innermost value at or before `offset`. Broken JSON works too, because only strings and brackets matter.
 pub(crate) fn element_at(json: &[u8], offset: usize) -> String {
     let mut levels: Vec<Level> = Vec::new();
     let mut at = 0;

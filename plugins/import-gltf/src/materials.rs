@@ -14,10 +14,10 @@ use gltf::json::extensions::texture::TextureTransform;
 use gltf::json::validation::Checked;
 use json::texture::{MagFilter, MinFilter, WrappingMode};
 
-/// Reflectance at normal incidence of a dielectric with index 1.5 (glTF 2.0 Appendix B.2.2).
+/// Reflectance of a dielectric with index 1.5 at normal incidence (glTF 2.0 Appendix B.2.2).
 const DIELECTRIC_F0: f32 = 0.04;
 
-/// The materials, and those that [`crate::glossiness`] must finish.
+/// Reads the materials, and lists those that [`crate::glossiness`] must finish.
 pub fn read<'a>(
     file: &'a File<'_>,
     images: &mut ImageTable<'a>,
@@ -44,7 +44,7 @@ pub fn read<'a>(
         }
         out.push(material);
     }
-    // Through a volume that bends light what is behind is seen blurred.
+    // A refracting volume blurs the scene behind it by roughness; a thin wall does not.
     let thin = |m: &Material| m.layers.as_ref().is_some_and(|l| l.transmission > 0.0 && !l.refracts());
     let see_through = |m: &&Material| thin(m) && m.roughness > 0.0;
     if let Some(first) = out.iter().position(|m| see_through(&m)) {
@@ -64,10 +64,10 @@ pub(crate) struct Reader<'a, 'b, 'f> {
     glossy: Option<f32>,
 }
 
-/// Textures that a profile's extension of a material uses.
+/// Reads the textures in a profile's material extension.
 pub trait MaterialTextures {
-    /// `info` is a textureInfo as glTF has it: index, texCoord, KHR_texture_transform. `None` where textures are not requested, or
-    /// cannot be used, which is a warning. `slot` names it in messages.
+    /// `info` is a glTF textureInfo: index, texCoord, KHR_texture_transform. `None` where textures are not requested, or where the
+    /// texture cannot be used, which gives a warning. `slot` names the texture in messages.
     fn texture(&mut self, slot: &'static str, info: &serde_json::Value) -> Result<Option<TextureRef>>;
 }
 
@@ -79,7 +79,7 @@ impl MaterialTextures for Reader<'_, '_, '_> {
     }
 }
 
-/// A texture reference of any kind, before it is looked up.
+/// A reference to a texture, of any kind, before it is looked up.
 pub(crate) struct TextureUse<'u> {
     pub slot: &'static str,
     pub texture: usize,
@@ -162,8 +162,8 @@ impl<'a> Reader<'a, '_, '_> {
                 self.optional(s.specular_color_texture.as_ref().map(|t| info("specularColorTexture", t)))?;
         }
         if let Some(s) = &e.pbr_specular_glossiness {
-            // Reflectance kept exactly: F0 = 0.04 · specular_color, and a dielectric has F0 = specularFactor.
-            // Glossiness that varies over the texture becomes a texture of its own once it is decoded.
+            // The reflectance is exact: F0 = 0.04 · specular_color, and the dielectric's F0 is specularFactor. Glossiness that
+            // varies over the texture becomes a roughness texture, once the image is decoded.
             out.metallic = 0.0;
             out.metallic_roughness_texture = None;
             out.roughness = (1.0 - s.glossiness_factor.0).clamp(0.0, 1.0);
@@ -183,7 +183,7 @@ impl<'a> Reader<'a, '_, '_> {
         if e.unlit.is_some() {
             out.shading = Shading::Unlit;
         }
-        // A material converted from the other model has no layers.
+        // Specular-glossiness materials have no layers.
         if e.pbr_specular_glossiness.is_none() {
             layers::read(self, &e.others, out)?;
         }
@@ -221,7 +221,8 @@ impl<'a> Reader<'a, '_, '_> {
         };
         let source = match (texture.source.value(), extension("EXT_texture_webp")) {
             (_, Some(webp)) => webp as usize,
-            // The typed form's mark for "no source". An image beside one in KTX2 is as good or better.
+            // The maximum is the typed form's mark for "no source". An image in another format is preferred to KTX2, as it is as
+            // good or better.
             (source, None) if source == u32::MAX as usize => match extension("KHR_texture_basisu") {
                 Some(basis) => basis as usize,
                 None => {
@@ -254,13 +255,12 @@ impl<'a> Reader<'a, '_, '_> {
     }
 }
 
-/// Normal and occlusion textures keep the extension untyped.
+/// The KHR_texture_transform of normal and occlusion textures, whose extensions the crate leaves untyped.
 fn loose_transform(others: Option<&serde_json::Map<String, serde_json::Value>>) -> Option<TextureTransform> {
     repair::typed(others?.get("KHR_texture_transform")?).ok()
 }
 
-/// KHR_texture_transform: offset · rotation · scale. With v pointing down, "counter-clockwise" as seen
-/// takes +u towards −v.
+/// KHR_texture_transform: offset · rotation · scale. A counter-clockwise rotation turns +u towards −v, because v points down.
 fn uv_transform(t: &TextureTransform) -> Affine2 {
     let (sin, cos) = (libm::sinf(t.rotation.0), libm::cosf(t.rotation.0));
     let rotation = Mat2::from_cols(Vec2::new(cos, -sin), Vec2::new(sin, cos));

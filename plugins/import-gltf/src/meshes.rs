@@ -50,7 +50,8 @@ fn mesh(file: &File<'_>, index: usize, morph_targets: usize, materials: &[Materi
     })
 }
 
-/// `extras.targetNames` of the mesh, which most writers use, or of a primitive, as writers of VRM 0.x do; "target N" for those without.
+/// Names of the morph targets: `extras.targetNames` of the mesh, as most writers put them, or of a primitive, as VRM 0.x writers
+/// do; else "target N".
 fn morph_names(json: &json::Mesh, count: usize) -> Vec<String> {
     let listed = |extras: &json::Extras| {
         let value: serde_json::Value = serde_json::from_str(extras.as_ref()?.get()).ok()?;
@@ -77,7 +78,7 @@ impl Attributes<'_, '_> {
         self.json.attributes.get(&Checked::Valid(semantic)).map(|i| i.value())
     }
 
-    /// `vertices` elements of an attribute, or none where the primitive lacks it.
+    /// The values of an attribute, exactly `vertices` of them; empty where the primitive lacks it.
     fn floats<const N: usize>(
         &self,
         semantic: Semantic,
@@ -216,7 +217,7 @@ fn indices(
         }
         None => (0..vertices as u32).collect(),
     };
-    // Strips and fans become up to three times as long.
+    // Converted to lists, strips and fans become up to three times as long.
     charge(listed.len())?;
     let (topology, list, rest) = topology::to_list(mode, listed);
     if rest > 0 {
@@ -249,7 +250,7 @@ fn finish_normals(file: &File<'_>, out: &mut Primitive, place: &dyn Fn() -> Stri
     Ok(())
 }
 
-/// The uv set that tangents follow, and what reads them: normal maps, and highlights that are drawn out.
+/// The texture coordinate set that needs tangents, and what uses them: a normal map or anisotropy.
 fn needs_tangents(material: &Material) -> Option<(usize, &'static str)> {
     let layers = material.layers.as_deref();
     let map = material.normal_texture.as_ref().or(layers.and_then(|l| l.clearcoat_normal_texture.as_ref()));
@@ -289,7 +290,7 @@ fn finish_tangents(
     Ok(())
 }
 
-/// Splitting makes at most one vertex for each index.
+/// Charges the budget for splitting vertices, which makes at most one vertex for each index.
 fn charge_split(file: &File<'_>, out: &Primitive, place: &dyn Fn() -> String) -> Result<()> {
     let lists = |l: usize| if l == 0 { 0 } else { 12 };
     let morphs: usize = out
@@ -300,14 +301,14 @@ fn charge_split(file: &File<'_>, out: &Primitive, place: &dyn Fn() -> String) ->
     file.charge(out.indices.len() as u64, 72 + out.influences * 6 + morphs).at(place)
 }
 
-/// The mesh instances of the shown nodes.
+/// The mesh instances on shown nodes.
 pub fn instances(
     file: &File<'_>,
     tree: &Tree,
     meshes: &[Arc<Mesh>],
     skins: &[Skin],
 ) -> Result<Vec<MeshInstance>> {
-    // The highest joint each mesh names, found once: many nodes can share a mesh.
+    // The highest joint index in each mesh, computed once because many nodes can share a mesh.
     let highest: Vec<Option<u16>> = meshes
         .iter()
         .map(|m| m.primitives.iter().flat_map(|p| p.joint_indices.iter().copied()).max())

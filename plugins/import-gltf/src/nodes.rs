@@ -8,7 +8,7 @@ use choreo_motion::{Skeleton, Transform};
 use glam::{DMat4, Quat, Vec3};
 use gltf::json::scene::Node;
 
-/// Largest difference of a decomposed matrix from the original, relative to its largest column.
+/// Largest difference between a matrix and its decomposition, relative to its longest column, that counts as no shear.
 const SHEAR_TOLERANCE: f64 = 1e-4;
 
 pub struct Tree {
@@ -17,7 +17,8 @@ pub struct Tree {
     pub joint_of_node: Vec<Option<u32>>,
     /// Node of each joint.
     pub node_of_joint: Vec<usize>,
-    /// Joints from here on do not belong to the scene: skins need their transforms, nothing on them is shown.
+    /// Number of joints that belong to the scene. The joints after them are read because skins refer to them; nothing on them is
+    /// shown.
     pub shown: usize,
 }
 
@@ -80,7 +81,7 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Depth first with its own stack: a file can nest deeper than the machine's stack reaches.
+    /// Walks depth first with an explicit stack: a file can nest deeper than the call stack reaches.
     fn add(&mut self, root: usize) {
         let mut stack = vec![(root, None)];
         while let Some((node, parent)) = stack.pop() {
@@ -97,7 +98,7 @@ impl Walk<'_> {
     }
 }
 
-/// The parent of each node; no node has two, and none is its own ancestor.
+/// The parent of each node. Fails where a node has two parents or is its own ancestor.
 fn parents(nodes: &[Node]) -> Result<Vec<Option<usize>>> {
     let mut parents: Vec<Option<usize>> = vec![None; nodes.len()];
     for (index, node) in nodes.iter().enumerate() {
@@ -138,7 +139,7 @@ fn scene_roots(file: &File<'_>, scene: Option<usize>, parents: &[Option<usize>])
         (Some(asked), _) => asked,
         (None, Some(own)) => own.value(),
         (None, None) if !root.scenes.is_empty() => 0,
-        // No scene: everything that has no parent.
+        // A file without scenes shows all nodes that have no parent.
         (None, None) => return Ok((0..parents.len()).filter(|n| parents[*n].is_none()).collect()),
     };
     let listed = &element(&root.scenes, index, "scenes", || "scene".into())?.nodes;
@@ -153,8 +154,8 @@ fn scene_roots(file: &File<'_>, scene: Option<usize>, parents: &[Option<usize>])
         }
         roots.push(node);
     }
-    // A listed node whose ancestor is listed too is shown as that one's descendant. `clear` marks what is
-    // known to have no listed ancestor, so that long shared branches are walked once.
+    // A listed node below another listed node is already shown there. `clear` marks nodes without a listed ancestor, so that long
+    // shared branches are walked once.
     let mut clear = vec![false; parents.len()];
     roots.retain(|node| {
         let above = |n: usize| std::iter::successors(parents[n], |at| parents[*at]);
@@ -174,8 +175,8 @@ fn scene_roots(file: &File<'_>, scene: Option<usize>, parents: &[Option<usize>])
     Ok(roots)
 }
 
-/// Whether a file that shows no mesh has something that bones can show: a skin, or a clip that moves a node which is no part of
-/// what carries a camera or a light.
+/// Whether a file without meshes has a skeleton to be drawn as bones: a skin, or a clip that moves a node with no camera or light
+/// on it or below it.
 pub(crate) fn has_skeleton(file: &File<'_>, tree: &Tree, asset: &Asset) -> bool {
     let mut carries = vec![false; asset.skeleton.len()];
     let on = asset.cameras.iter().map(|c| c.joint).chain(asset.lights.iter().map(|l| l.joint));

@@ -1,4 +1,4 @@
-//! Cameras, lights and skins: what hangs on nodes besides meshes.
+//! Cameras, lights and skins: the objects on nodes besides meshes.
 
 use crate::file::File;
 use crate::nodes::Tree;
@@ -10,7 +10,7 @@ use gltf::json::extensions::scene::khr_lights_punctual::Type as LightType;
 use gltf::json::validation::Checked;
 use std::f32::consts::{FRAC_PI_2, PI};
 
-/// Spots narrower than this shine nowhere.
+/// Smallest outer angle of a spot light, radians: narrower spots light nothing.
 const MIN_OUTER_RAD: f32 = 1e-4;
 
 pub fn cameras(file: &File<'_>, tree: &Tree) -> Result<Vec<AssetCamera>> {
@@ -119,7 +119,7 @@ fn punctual(
     Ok(Light { kind, color: color.max(Vec3::ZERO), intensity: light.intensity, range })
 }
 
-/// All skins of the file. Joints outside the scene make a skin unusable: such skins are empty, and nothing shown uses them.
+/// All skins of the file. A skin whose joints were not all read is empty; it is an error where a shown node uses it.
 pub fn skins(file: &File<'_>, tree: &Tree) -> Result<Vec<Skin>> {
     let mut out = Vec::with_capacity(file.root.skins.len());
     let mut user = vec![None; file.root.skins.len()];

@@ -7,12 +7,12 @@ use serde_json::{Map, Value};
 
 const NAMES: [&str; 2] = ["KHR_meshopt_compression", "EXT_meshopt_compression"];
 
-/// The compression extension of the view, if any, and its content.
+/// The compression extension of a buffer view and its content; `None` where the view is not compressed.
 pub fn of(extensions: &Map<String, Value>) -> Option<(&'static str, &Value)> {
     NAMES.iter().find_map(|name| Some((*name, extensions.get(*name)?)))
 }
 
-/// Range of the packed bytes, and how they are packed.
+/// Byte range of the compressed data, and its compression parameters.
 #[derive(Debug, PartialEq)]
 pub struct PackedView {
     pub buffer: usize,

@@ -1,4 +1,4 @@
-//! KHR_animation_pointer: channels that name what they animate by a path into the JSON (RFC 6901).
+//! KHR_animation_pointer: channels that name their target by a path into the JSON (RFC 6901).
 
 use crate::file::File;
 use crate::nodes::Tree;
@@ -9,13 +9,14 @@ use std::collections::BTreeMap;
 
 pub const NAME: &str = "KHR_animation_pointer";
 
-/// Stands for "no node" in channels that have a pointer instead: the typed form wants a number.
+/// Node index of channels that have a pointer instead, because the typed form requires a number.
 pub(crate) const NO_NODE: u32 = u32::MAX;
 
 /// Pointers by (animation, channel).
 pub type Pointers = BTreeMap<(usize, usize), String>;
 
-/// Gives every channel without a node the mark above, and takes its pointer out; `None` where every channel has a node.
+/// Sets the node of every channel without one to [`NO_NODE`], and collects the channels' pointers. `None` where every channel has
+/// a node.
 pub(crate) fn mark_channels(root: &mut Value) -> Option<Pointers> {
     let mut pointers = Pointers::new();
     let mut any = false;
@@ -38,15 +39,15 @@ pub(crate) fn mark_channels(root: &mut Value) -> Option<Pointers> {
     any.then_some(pointers)
 }
 
-/// Target of a pointer in the asset.
+/// The meaning of a pointer in the asset.
 pub enum Meaning {
-    /// A node's own property, as plain channels have it.
+    /// A property of a node, as in plain channels.
     Node(usize, Property),
-    /// One property of each thing that the file's element became: a camera of two nodes is two.
+    /// A property of each object that the file's element became: a camera on two nodes is two objects.
     Things { targets: Vec<PropertyTarget>, factor: f32 },
 }
 
-/// `None`: nothing that can be animated.
+/// Resolves a pointer; `None` where it names nothing that can be animated.
 pub fn meaning(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<Meaning> {
     let steps: Vec<&str> = pointer.strip_prefix('/')?.split('/').collect();
     let number = |text: &str| text.parse::<usize>().ok();
@@ -102,7 +103,7 @@ pub fn meaning(file: &File<'_>, tree: &Tree, pointer: &str) -> Option<Meaning> {
     }
 }
 
-/// The property of a material that the rest of a pointer refers to, and the factor of its values.
+/// The material property that the rest of a pointer names, and the factor of its values.
 fn material_property(material: &gltf::json::Material, path: &[&str]) -> Option<(MaterialProperty, f32)> {
     let strength = || {
         let extensions = material.extensions.as_ref()?;
@@ -111,7 +112,8 @@ fn material_property(material: &gltf::json::Material, path: &[&str]) -> Option<(
     let plain = |property| Some((property, 1.0));
     match path {
         ["emissiveFactor"] => Some((MaterialProperty::Emissive, strength().unwrap_or(1.0).max(0.0))),
-        // Here the strength is a part of the factor: it can be animated where it is not nothing at rest.
+        // The asset stores emissive factor and strength as their product, so the strength can be animated unless the product is
+        // zero at rest.
         ["extensions", "KHR_materials_emissive_strength", "emissiveStrength"] => {
             let rest = strength().filter(|s| *s > 0.0)?;
             Some((MaterialProperty::EmissiveStrength, 1.0 / rest))
@@ -143,14 +145,14 @@ fn material_property(material: &gltf::json::Material, path: &[&str]) -> Option<(
     }
 }
 
-/// The asset's cameras that come from this one of the file; the order is that of `objects::cameras`.
+/// The asset's cameras that a camera of the file became. Their order is that of `objects::cameras`.
 fn cameras_of(file: &File<'_>, tree: &Tree, camera: usize) -> Vec<u32> {
     let shown = tree.node_of_joint[..tree.shown].iter();
     let all = shown.filter_map(|node| file.root.nodes[*node].camera.map(|c| c.value()));
     (0..).zip(all).filter(|(_, of)| *of == camera).map(|(index, _)| index).collect()
 }
 
-/// The asset's lights that come from this one of the file; the order is that of `objects::lights`.
+/// The asset's lights that a light of the file became. Their order is that of `objects::lights`.
 fn lights_of(file: &File<'_>, tree: &Tree, light: usize) -> Vec<u32> {
     let shown = tree.node_of_joint[..tree.shown].iter();
     let all = shown.filter_map(|node| {

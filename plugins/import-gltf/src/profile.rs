@@ -1,7 +1,7 @@
 //! Profiles: formats on top of glTF, such as VRM, which is glTF with its own extensions.
 //!
-//! [`import_with`] reads a file as [`crate::GltfImporter`] does and asks a [`Profile`] at each place where its extensions
-//! count.
+//! [`import_with`] reads a file as [`crate::GltfImporter`] does, and calls a [`Profile`] wherever its extensions may change the
+//! result.
 
 use crate::container;
 use crate::materials::MaterialTextures;
@@ -13,7 +13,7 @@ use choreo_plugin::{Files, ImportError, ImportOptions, ImportScope, Source};
 use gltf::json::Root;
 use serde_json::{Map, Value};
 
-/// Reads a glTF file with what a profile adds. Errors name the file.
+/// Reads a glTF file with the extensions of a profile. Errors name the file.
 pub fn import_with(
     source: &Source,
     files: &dyn Files,
@@ -24,15 +24,15 @@ pub fn import_with(
     crate::import(source, files, needs, options, profile).map_err(|p| p.in_file(&source.name))
 }
 
-/// Extensions that an importer over glTF reads itself.
+/// The extensions that an importer on top of glTF reads.
 pub trait Profile {
-    /// Names of its extensions, which are then not reported as ignored.
+    /// Names of the extensions, which are then not reported as ignored.
     fn extensions(&self) -> &[&str] {
         &[]
     }
 
-    /// Called for each material once it is read as glTF has it. `extensions`: those of the material that glTF itself does not
-    /// read; textures requested here count as the material's own.
+    /// Called for each material after its glTF properties are read. `extensions`: those of the material that glTF itself does not
+    /// read. Textures that are requested here count as the material's own.
     fn material(
         &self,
         _document: &Document<'_>,
@@ -44,18 +44,18 @@ pub trait Profile {
         Ok(())
     }
 
-    /// Called when everything else is there but for the images.
+    /// Called when the asset is complete except for its decoded images.
     fn finish(&self, _document: &Document<'_>, _needs: ImportScope, _asset: &mut Asset) -> Result<()> {
         Ok(())
     }
 }
 
-/// glTF itself.
+/// Plain glTF, without extensions of a profile.
 pub(crate) struct Plain;
 
 impl Profile for Plain {}
 
-/// The file as a profile reads it.
+/// The parsed file, as a profile sees it.
 pub struct Document<'d> {
     pub(crate) root: &'d Root,
     pub(crate) notes: &'d Notes,
@@ -64,12 +64,12 @@ pub struct Document<'d> {
 }
 
 impl<'d> Document<'d> {
-    /// An extension of the file itself, as JSON.
+    /// An extension at the root of the file, as JSON.
     pub fn extension(&self, name: &str) -> Option<&'d Value> {
         self.root.extensions.as_ref()?.others.get(name)
     }
 
-    /// The program that wrote the file, as it calls itself.
+    /// The generator that the file names: the program that wrote it.
     pub fn generator(&self) -> Option<&'d str> {
         self.root.asset.generator.as_deref()
     }
@@ -78,13 +78,13 @@ impl<'d> Document<'d> {
         self.root.nodes.len()
     }
 
-    /// The joint that a node became; `None` outside the scene. `place`: the place that asks.
+    /// The joint of a node; `None` where the node is not in the scene. `place`: where the file refers to the node, for errors.
     pub fn joint(&self, node: usize, place: &dyn Fn() -> String) -> Result<Option<u32>> {
         crate::problem::element(&self.root.nodes, node, "nodes", place)?;
         Ok(self.tree.and_then(|t| t.joint_of_node[node]))
     }
 
-    /// The node that a joint was.
+    /// The node of a joint.
     pub fn node(&self, joint: u32) -> Option<usize> {
         self.tree.and_then(|t| t.node_of_joint.get(joint as usize).copied())
     }
@@ -93,13 +93,14 @@ impl<'d> Document<'d> {
         self.notes.warn(place, text);
     }
 
-    /// Takes `count` things of `size` bytes from the memory budget of the file, before they are made.
+    /// Charges `count` items of `size` bytes to the memory budget of the file, before they are allocated.
     pub fn charge(&self, count: u64, size: usize, place: &dyn Fn() -> String) -> Result<()> {
         self.budget.charge(count, size).at(place)
     }
 }
 
-/// Whether a file is glTF with one of these extensions at its root. `None` where its JSON is cut off or broken but speaks of one.
+/// Whether a file is glTF with one of these root extensions. `None` where its JSON is cut off or broken, but contains one of the
+/// names.
 pub fn has_extension(bytes: &[u8], names: &[&str]) -> Option<bool> {
     let json = match bytes.starts_with(container::GLB_MAGIC) {
         true => container::json_chunk(bytes),
@@ -109,7 +110,7 @@ pub fn has_extension(bytes: &[u8], names: &[&str]) -> Option<bool> {
         let quoted = format!("\"{name}\"");
         json.windows(quoted.len()).any(|w| w == quoted.as_bytes())
     };
-    // Most files are told apart by this alone.
+    // Most files are settled here, without parsing.
     if !names.iter().any(speaks) {
         return Some(false);
     }
@@ -121,7 +122,7 @@ pub fn has_extension(bytes: &[u8], names: &[&str]) -> Option<bool> {
     Some(top.extensions.is_some_and(|e| names.iter().any(|n| e.contains_key(*n))))
 }
 
-/// Extensions of the file and of its materials that it names as used; for messages.
+/// Names of the extensions that the file and its materials use, for messages.
 pub(crate) fn used(root: &Root) -> Vec<&String> {
     let mut all: Vec<&String> = root.extensions_used.iter().chain(&root.extensions_required).collect();
     all.sort();

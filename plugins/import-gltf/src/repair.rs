@@ -1,13 +1,13 @@
-//! Valid glTF that the typed form (`gltf::json::Root`) refuses, brought into the shape that it accepts.
+//! Repairs valid glTF that the typed form (`gltf::json::Root`) refuses.
 
 use crate::pointers::{self, Pointers};
 use crate::problem::Problem;
 use serde_json::Value;
 
-/// Above this not every whole number is a 64-bit float, and no index or count of a file is so large.
+/// Largest number up to which every integer is exact as f64. No index or count of a file is larger.
 const MAX_WHOLE: f64 = (1u64 << 53) as f64;
 
-/// The whole number that a JSON number is: JSON has one kind of numbers, and some programs write `1.0` for 1.
+/// A JSON number as an integer, where it is one. JSON does not distinguish the two, and some programs write `1.0` for 1.
 pub fn whole(value: &Value) -> Option<u64> {
     value.as_u64().or_else(|| {
         let number = value.as_f64()?;
@@ -15,14 +15,14 @@ pub fn whole(value: &Value) -> Option<u64> {
     })
 }
 
-/// A part of an extension, which the crate `gltf` keeps as JSON, in its typed form.
+/// Parses a part of an extension, which the crate `gltf` keeps as JSON, into a type.
 pub fn typed<T: serde::de::DeserializeOwned>(value: &Value) -> serde_json::Result<T> {
     let mut value = value.clone();
     write_whole_numbers(&mut value);
     serde_json::from_value(value)
 }
 
-/// Adds what the specification lets files leave out, and writes whole numbers without a fraction. Returns the pointers of
+/// Adds members that the specification allows files to omit, and writes integers without a fraction. Returns the pointers of
 /// `KHR_animation_pointer` channels; `None` where nothing had to be changed.
 pub fn repair(root: &mut Value) -> Option<Pointers> {
     let mut changed = false;
@@ -40,7 +40,8 @@ pub fn repair(root: &mut Value) -> Option<Pointers> {
     (changed || pointers.is_some()).then(|| pointers.unwrap_or_default())
 }
 
-/// Whether a number was changed. With its own stack: a file can nest as deep as `serde_json` lets it.
+/// Writes integers without a fraction. True where any number changed. The explicit stack allows any depth that `serde_json`
+/// accepts.
 fn write_whole_numbers(root: &mut Value) -> bool {
     let mut changed = false;
     let mut open = vec![root];
@@ -49,7 +50,7 @@ fn write_whole_numbers(root: &mut Value) -> bool {
             Value::Array(list) => open.extend(list),
             Value::Object(map) => open.extend(map.values_mut()),
             Value::Number(number) if number.is_f64() => {
-                // −0 stays: as a float it is another number than 0.
+                // −0 stays, because as a float it differs from 0.
                 if let Some(n) = whole(value).filter(|_| value.as_f64().is_some_and(f64::is_sign_positive)) {
                     *value = n.into();
                     changed = true;
@@ -61,7 +62,7 @@ fn write_whole_numbers(root: &mut Value) -> bool {
     changed
 }
 
-/// Refuses glTF 1.0 by name: its elements are in objects, not in lists, which the typed form calls an invalid type.
+/// Refuses glTF 1.0 by name. Its elements are in objects instead of lists, which the typed form would report as an invalid type.
 pub(crate) fn refuse_version_1(root: &Value) -> Result<(), Problem> {
     let version = root.get("asset").and_then(|a| a.get("version")).and_then(Value::as_str);
     match version {
@@ -70,7 +71,7 @@ pub(crate) fn refuse_version_1(root: &Value) -> Result<(), Problem> {
     }
 }
 
-/// The error for a version that is not read, with what to do about it.
+/// The error for a glTF version that is not supported, with a hint.
 pub(crate) fn unsupported_version(version: &str) -> Problem {
     let problem = Problem::new("asset.version", format!("glTF {version} is not supported, only 2.0"));
     problem.hint(match version.split('.').next() {
@@ -79,7 +80,7 @@ pub(crate) fn unsupported_version(version: &str) -> Problem {
     })
 }
 
-/// Hint for files of glTF 1.0.
+/// Hint in errors for glTF 1.0.
 pub(crate) const CONVERT_1: &str =
     "convert the file to glTF 2.0, for example with `gltf-pipeline -i old.gltf -o new.glb`";
 

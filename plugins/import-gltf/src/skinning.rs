@@ -1,4 +1,4 @@
-//! Joint indices and weights of vertices (glTF 2.0 §3.7.3.3), brought to 0, 4 or 8 influences that sum to 1.
+//! Joint indices and weights of vertices (glTF 2.0 §3.7.3.3), normalized to 0, 4 or 8 influences whose weights sum to 1.
 
 use crate::accessor::Integers;
 use crate::file::File;
@@ -43,7 +43,7 @@ pub fn read(
     if sets.is_empty() || vertices == 0 {
         return Ok(());
     }
-    // A second set that is all zero is common and costs half the skinning.
+    // A second set is often all zero, and would double the cost of skinning.
     while sets.len() > 1 && sets.last().is_some_and(|(_, w)| w.as_flattened().iter().all(|w| *w == 0.0)) {
         sets.pop();
     }
@@ -93,7 +93,7 @@ impl Guesses {
     }
 }
 
-/// Makes a vertex' influences `n` many, none negative, their sum 1; joints without weight become joint 0.
+/// Brings a vertex to `n` influences with non-negative weights that sum to 1. Influences without weight name joint 0.
 fn tidy(row: &mut Vec<(u32, f32)>, n: usize, counts: &mut Guesses) {
     if row.iter().any(|(_, w)| *w < 0.0) {
         counts.negative += 1;

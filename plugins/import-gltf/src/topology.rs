@@ -1,9 +1,9 @@
-//! Strips, fans and loops as plain lists (glTF 2.0 §3.7.2.1).
+//! Converts strips, fans and loops to plain lists (glTF 2.0 §3.7.2.1).
 
 use choreo_asset::Topology;
 use gltf::json::mesh::Mode;
 
-/// The list form, and how many indices at the end were left over.
+/// The topology and indices of the list form, and the number of indices left over at the end.
 pub(crate) fn to_list(mode: Mode, i: Vec<u32>) -> (Topology, Vec<u32>, usize) {
     let n = i.len();
     match mode {

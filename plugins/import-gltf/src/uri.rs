@@ -15,18 +15,18 @@ pub(crate) fn data_uri(uri: &str) -> Option<Result<Vec<u8>>> {
     let Some((head, body)) = uri[5..].split_once(',') else {
         return Some(Err("the data URI has no comma before its data".into()));
     };
-    // `data:[type][;parameter=value]…[;base64],…`: the mark is the last of the head, in any case of letters.
+    // `data:[type][;parameter=value]…[;base64],…`: `;base64`, in any letter case, comes last before the comma.
     let marked = head.rsplit_once(';').is_some_and(|(_, last)| last.trim().eq_ignore_ascii_case("base64"));
-    // Some writers escape the signs that mean something in URIs: + / =.
+    // Some writers percent-encode characters that have a meaning in URIs: + / =.
     Some(if marked { base64(&percent_decoded(body)) } else { Ok(percent_decoded(body)) })
 }
 
-/// A relative reference as a file name.
+/// A relative reference as a file name: percent-decoded.
 pub fn file_name(uri: &str) -> String {
     String::from_utf8_lossy(&percent_decoded(uri)).into_owned()
 }
 
-/// Letters of either alphabet, the URL-safe one too, with white space and padding left out.
+/// Decodes base64 in the standard or the URL-safe alphabet. White space and padding are skipped.
 fn base64(text: &[u8]) -> Result<Vec<u8>> {
     let letter = |b: &u8| match b {
         b'-' => b'+',

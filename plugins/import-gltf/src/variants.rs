@@ -1,4 +1,4 @@
-//! KHR_materials_variants: which material a primitive has in the variant requested.
+//! KHR_materials_variants: the material of a primitive in the chosen variant.
 
 use crate::file::File;
 use crate::problem::{Problem, Result};
@@ -8,7 +8,7 @@ use serde_json::Value;
 
 pub const NAME: &str = "KHR_materials_variants";
 
-/// The number of the variant of this name; none for an empty name.
+/// The index of the variant with this name; `None` for an empty name.
 pub fn chosen(file: &File<'_>, name: &str) -> Result<Option<u64>> {
     let extensions = file.root.extensions.as_ref();
     let listed = extensions.and_then(|e| e.others.get(NAME)?.get("variants")?.as_array());
@@ -31,7 +31,7 @@ pub fn chosen(file: &File<'_>, name: &str) -> Result<Option<u64>> {
     }
 }
 
-/// The primitive's material in the chosen variant; its own where no mapping names the variant.
+/// The primitive's material in the chosen variant, or its default material where no mapping names the variant.
 pub fn material(file: &File<'_>, primitive: &json::mesh::Primitive) -> Option<usize> {
     let own = primitive.material.map(|m| m.value());
     let Some(variant) = file.variant else { return own };

@@ -1,22 +1,22 @@
-//! Surfaces from fields: a grid of rays, shaped like the rays that leave a capsule at right angles, cast onto a
-//! field that is star-shaped about the capsule's axis.
+//! Meshes of distance fields. A grid of rays is cast onto a field that is star-shaped about a capsule's axis; the rays are those
+//! that leave the capsule at right angles.
 //!
-//! Against marching cubes or surface nets this spends its triangles evenly along a limb (a third of the count for
-//! the same outline), is closed by construction, and needs no grid.
+//! Compared with marching cubes or surface nets, the triangles are spread evenly along a limb (a third of the number for the same
+//! outline), the mesh is watertight by construction, and no voxel grid is needed.
 
 use crate::field::gradient;
 use glam::{Vec2, Vec3};
 
-/// The capsule and the grid: `rings` between two poles.
+/// A capsule and its ray grid: rings of rays between two poles.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid {
     pub from: Vec3,
     pub to: Vec3,
-    /// Rings over each round end, and along the straight part.
+    /// Rings over each round end, and along the straight part (`side_rings`).
     pub cap_rings: usize,
     pub side_rings: usize,
     pub sectors: usize,
-    /// No ray is longer, metres.
+    /// Largest length of a ray, meters.
     pub reach: f32,
 }
 
@@ -27,9 +27,9 @@ pub struct Surface {
     pub indices: Vec<u32>,
 }
 
-/// Distance along a ray at which the field is left for good, searched from outside in.
+/// Distance along a ray at which it finally leaves the field, searched from the outside in.
 fn hit(field: &dyn Fn(Vec3) -> f32, origin: Vec3, direction: Vec3, reach: f32) -> f32 {
-    // Blended fields overestimate by a little: shortened steps do not jump over thin rims.
+    // Blended fields overestimate distances slightly; shorter steps do not skip thin rims.
     const CAUTION: f32 = 0.8;
     let mut outside = reach;
     for _ in 0..64 {
@@ -48,7 +48,7 @@ fn hit(field: &dyn Fn(Vec3) -> f32, origin: Vec3, direction: Vec3, reach: f32) -
 pub fn cast(field: &dyn Fn(Vec3) -> f32, grid: &Grid) -> Surface {
     let axis = (grid.to - grid.from).try_normalize().unwrap_or(Vec3::Y);
     let (u, v) = axis.any_orthonormal_pair();
-    // (origin, angle from the equator) of every ring.
+    // (origin, latitude) of each ring.
     let mut rings: Vec<(Vec3, f32)> = Vec::new();
     let quarter = core::f32::consts::FRAC_PI_2;
     for i in 1..=grid.cap_rings {
@@ -93,21 +93,21 @@ pub fn cast(field: &dyn Fn(Vec3) -> f32, grid: &Grid) -> Surface {
     out
 }
 
-/// A flat pane pressed onto a field from the front (+Z): an outline and a height above the field.
+/// A flat pane pressed onto a field from the front (+Z): an outline, and a height above the field.
 #[derive(Clone, Copy, Debug)]
 pub struct Lens {
-    /// Point in front of the field.
+    /// A point in front of the field.
     pub center: Vec3,
-    /// Half the width and height of the outline |x/a|ᵖ + |y/b|ᵖ = 1.
+    /// Half width and half height of the superellipse |x/a|ᵖ + |y/b|ᵖ = 1.
     pub half: Vec2,
     pub power: f32,
     pub rise: f32,
     pub sectors: usize,
 }
 
-/// The pane, its rounded rim, and a closing ring under the field's surface.
+/// The pane with its rounded rim, closed by a ring below the field's surface.
 pub fn press(field: &dyn Fn(Vec3) -> f32, lens: &Lens) -> Surface {
-    /// (share of the outline, share of the rise): the rim turns down over its last tenth.
+    /// (share of the outline, share of the rise): the rim bends down over the outermost tenth.
     const RINGS: [(f32, f32); 7] =
         [(0.35, 1.0), (0.65, 1.0), (0.86, 1.0), (0.94, 0.92), (0.985, 0.62), (1.0, 0.0), (1.0, -1.5)];
     let mut out = Surface::default();
@@ -132,7 +132,7 @@ pub fn press(field: &dyn Fn(Vec3) -> f32, lens: &Lens) -> Surface {
     put(0.0, 0.0, -4.0 * lens.rise, 0.0);
     let n = lens.sectors as u32;
     let last = out.positions.len() as u32 - 1;
-    // The back, never seen, looks back.
+    // The hidden back side gets normals that face back.
     for normal in out.normals.iter_mut().rev().take(1 + lens.sectors) {
         normal.z = -normal.z.abs();
     }
@@ -149,7 +149,7 @@ pub fn press(field: &dyn Fn(Vec3) -> f32, lens: &Lens) -> Surface {
     out
 }
 
-/// The same surface on the other side of x = 0.
+/// The surface mirrored in x = 0.
 pub fn mirrored(surface: &Surface) -> Surface {
     let flip = |v: &Vec3| Vec3::new(-v.x, v.y, v.z);
     Surface {

@@ -1,7 +1,6 @@
-//! Signed distance fields that the body parts are shaped from: negative inside, metres.
+//! Signed distance fields of the body parts: negative inside, meters.
 //!
-//! Blends after Quilez, "Smooth minimum" (polynomial, quadratic): exact away from the seam, rounded over
-//! about `k` metres at it.
+//! Blends follow Quilez, "Smooth minimum" (polynomial, quadratic): exact away from the seam, rounded over about `k` meters at it.
 
 use glam::{Vec3, vec3};
 
@@ -9,8 +8,8 @@ pub fn sphere(p: Vec3, at: Vec3, radius: f32) -> f32 {
     (p - at).length() - radius
 }
 
-/// First-order distance `k0 (k0 − 1) / k1` (Quilez, "Ellipsoid SDF"): right sign everywhere, near the surface right
-/// to second order.
+/// First-order distance to an ellipsoid, `k0 (k0 − 1) / k1` (Quilez, "Ellipsoid SDF"): the sign is right everywhere, and the
+/// value is accurate to second order near the surface.
 pub(crate) fn ellipsoid(p: Vec3, at: Vec3, radii: Vec3) -> f32 {
     let q = p - at;
     let k0 = (q / radii).length();
@@ -18,21 +17,21 @@ pub(crate) fn ellipsoid(p: Vec3, at: Vec3, radii: Vec3) -> f32 {
     if k1 < 1e-6 { -radii.min_element() } else { k0 * (k0 - 1.0) / k1 }
 }
 
-/// A ball of radius `ra` at `a` hulled with one of radius `rb` at `b`, as distance to the nearest of the balls
-/// between them: exact where the radii are equal, a bound elsewhere.
+/// Convex hull of two balls, approximated by the distance to the nearest ball between them: exact where the radii are equal, a
+/// bound elsewhere.
 pub fn taper(p: Vec3, a: Vec3, ra: f32, b: Vec3, rb: f32) -> f32 {
     let ab = b - a;
     let h = ((p - a).dot(ab) / ab.length_squared()).clamp(0.0, 1.0);
     (p - a - ab * h).length() - (ra + (rb - ra) * h)
 }
 
-/// A box with rounded edges; `half` includes the rounding.
+/// A rounded box; `half` includes the rounding.
 pub(crate) fn rounded_box(p: Vec3, at: Vec3, half: Vec3, rounding: f32) -> f32 {
     let q = (p - at).abs() - (half - rounding);
     q.max(Vec3::ZERO).length() + q.max_element().min(0.0) - rounding
 }
 
-/// Everything below the plane through `at` is inside.
+/// The half-space below the plane through `at` with normal `up`.
 pub fn below(p: Vec3, at: Vec3, up: Vec3) -> f32 {
     (p - at).dot(up)
 }
@@ -51,7 +50,7 @@ pub fn common(a: f32, b: f32, k: f32) -> f32 {
     a.max(b) + h * h * k * 0.25
 }
 
-/// The field's direction of growth, by central differences over 0.2 mm.
+/// The normalized gradient of a field, by central differences over 0.2 mm.
 pub fn gradient(field: &dyn Fn(Vec3) -> f32, p: Vec3) -> Vec3 {
     const H: f32 = 2e-4;
     let d = |e: Vec3| field(p + e) - field(p - e);

@@ -1,7 +1,7 @@
-//! The body: each part is a distance field, the grid of rays that meshes it, a material and how it is skinned.
+//! The parts of the body. Each has a signed distance field, a ray grid that meshes it, a material and a skinning rule.
 //!
-//! A ball-jointed figure: shells over darker balls that are concentric with the joints, so that a bent joint shows
-//! the ball instead of folding the shell. Left-hand parts are mirrored. All in the T-pose, metres.
+//! The figure is ball-jointed: shells over darker balls that are concentric with the joints, so that a bent joint shows the ball
+//! instead of folding the shell. Left-hand parts are mirrored. T-pose, meters.
 
 use crate::cast::{Grid, Lens};
 use crate::field::{below, common, cut, ellipsoid, join, rounded_box, sphere, taper};
@@ -13,24 +13,24 @@ pub const JOINTS: u32 = 1;
 pub(crate) const VISOR: u32 = 2;
 pub(crate) const EYES: u32 = 3;
 
-/// Weight ramps from one joint to the next along a direction.
+/// How joint weights vary over a part.
 #[derive(Clone, Copy)]
 pub enum Skinning {
     Rigid(fn(Side) -> usize),
-    /// Joints with the coordinate along the axis at which each takes over from the one before, and half the
-    /// width of the change.
+    /// (joint, coordinate along the axis at which it takes over from the joint before), and half the width of each transition,
+    /// meters.
     Chain {
         axis: Vec3,
         joints: fn(Side) -> Vec<(usize, f32)>,
         blend: f32,
     },
-    /// The chest: its upper edges follow the collar bones a little.
+    /// The chest: its upper edges partly follow the collarbones.
     Chest,
 }
 
 pub struct BodyPart {
     pub material: u32,
-    /// Modelled on the left, also wanted on the right.
+    /// Modeled on the left, mirrored to the right.
     pub paired: bool,
     pub field: fn(Vec3) -> f32,
     pub grid: Grid,
@@ -44,7 +44,7 @@ const HIP: Vec3 = vec3(rig::HIP_WIDTH, rig::ANKLE_HEIGHT + 2.0 * rig::LEG_SEGMEN
 const KNEE: Vec3 = vec3(rig::HIP_WIDTH, rig::ANKLE_HEIGHT + rig::LEG_SEGMENT, 0.0);
 const ANKLE: Vec3 = vec3(rig::HIP_WIDTH, rig::ANKLE_HEIGHT, 0.0);
 
-/// The same on both sides: fields of trunk parts look at |x|.
+/// Mirrors a point to the left side, for the symmetric parts of the trunk.
 fn folded(p: Vec3) -> Vec3 {
     vec3(p.x.abs(), p.y, p.z)
 }
@@ -85,11 +85,11 @@ fn belly(p: Vec3) -> f32 {
     let waist =
         taper(vec3(q.x * 0.72, q.y, q.z + 0.006), vec3(0.0, 0.985, 0.0), 0.078, vec3(0.0, 1.23, 0.0), 0.074);
     let waist = waist + 0.004 * bump((q.y - 1.105) / 0.11);
-    // Bellows.
+    // Ripples, as of bellows.
     waist + 0.0013 * libm::cosf((q.y - 1.1) * (core::f32::consts::TAU / 0.034))
 }
 
-/// 1 at 0, falling smoothly to 0 at ±1.
+/// A smooth bump: 1 at 0, falling to 0 at ±1.
 fn bump(x: f32) -> f32 {
     let w = (1.0 - x * x).max(0.0);
     w * w
@@ -102,7 +102,7 @@ fn pelvis(p: Vec3) -> f32 {
     let seat = ellipsoid(q, vec3(0.068, 0.918, -0.048), vec3(0.072, 0.074, 0.064));
     let fork = ellipsoid(q, vec3(0.0, 0.905, 0.002), vec3(0.062, 0.078, 0.078));
     let solid = join(join(join(bowl, flank, 0.05), seat, 0.05), fork, 0.05);
-    // Leg holes, cut high at the side.
+    // Leg openings, cut high at the sides.
     let leg = taper(q, HIP + vec3(0.022, -0.030, 0.012), 0.074, HIP + vec3(0.080, -0.22, 0.03), 0.10);
     let solid = cut(solid, leg, 0.030);
     cut(solid, -below(q, vec3(0.0, 1.040, 0.0), Vec3::Y), 0.022)
@@ -113,7 +113,7 @@ fn thigh(p: Vec3) -> f32 {
     let quad = ellipsoid(p, vec3(0.102, 0.750, 0.020), vec3(0.066, 0.165, 0.064));
     let ham = ellipsoid(p, vec3(0.098, 0.740, -0.022), vec3(0.060, 0.155, 0.057));
     let solid = join(join(core, quad, 0.03), ham, 0.03);
-    // Slanted: higher on the outside, as the crease of the groin.
+    // Slanted: higher on the outside, like the crease of the groin.
     let solid = common(solid, below(p, HIP + vec3(0.0, 0.004, 0.0), vec3(-0.46, 0.89, 0.0)), 0.016);
     let end = KNEE + vec3(0.0, 0.018, 0.0);
     common(solid, -below(p, end, Vec3::Y), 0.016)
@@ -143,7 +143,7 @@ fn upper_arm(p: Vec3) -> f32 {
     let deltoid = ellipsoid(p, vec3(0.216, 1.427, -0.012), vec3(0.070, 0.053, 0.056));
     let biceps = ellipsoid(p, vec3(0.335, 1.418, 0.000), vec3(0.085, 0.039, 0.040));
     let solid = join(join(core, deltoid, 0.03), biceps, 0.03);
-    // Slanted: with the arm down, the cap of the shoulder covers the ball from the side.
+    // Slanted: with the arm down, the shoulder cap covers the ball at the side.
     let solid = common(solid, -below(p, SHOULDER + vec3(0.002, 0.0, 0.0), vec3(0.80, 0.60, 0.0)), 0.014);
     common(solid, below(p, ELBOW - vec3(0.014, 0.0, 0.0), Vec3::X), 0.012)
 }
@@ -206,7 +206,7 @@ fn ball(field: fn(Vec3) -> f32, at: Vec3, reach: f32, joint: fn(Side) -> usize) 
     paired(JOINTS, field, grid(at, at, [3, 1], 14, reach), Skinning::Rigid(joint))
 }
 
-/// A thin shape that lies on the front of the head.
+/// A thin shape on the front of the head.
 pub struct Inlay {
     pub material: u32,
     pub paired: bool,
@@ -214,7 +214,7 @@ pub struct Inlay {
     pub lens: Lens,
 }
 
-/// The visor, and the eyes in it: all rigid with the head.
+/// The visor and the eyes in it, rigid with the head.
 pub(crate) fn inlays() -> [Inlay; 2] {
     let lens = |center, half, power, rise, sectors| Lens { center, half, power, rise, sectors };
     [
@@ -233,7 +233,7 @@ pub(crate) fn inlays() -> [Inlay; 2] {
     ]
 }
 
-/// Every part of the left half and the middle.
+/// The parts of the left half and the middle.
 pub fn parts() -> Vec<BodyPart> {
     let fingers = [finger::<0>(), finger::<1>(), finger::<2>(), finger::<3>(), finger::<4>()];
     trunk().into_iter().chain(leg()).chain(arm()).chain(fingers).collect()

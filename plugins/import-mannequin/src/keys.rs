@@ -1,7 +1,7 @@
-//! Curves through key values, for authoring.
+//! Keyframe curves for authoring poses in code.
 
-/// Slope at the middle one of three keys after Fritsch & Carlson (1980), harmonic form of Brodlie: no overshoot, and
-/// zero at a high or low point, so that a held extreme is eased into and out of.
+/// Slope at the middle of three keys, by Fritsch & Carlson (1980) in Brodlie's harmonic form: no overshoot, and zero at local
+/// extremes, so that held extremes ease in and out.
 fn slope(before: (f32, f32), here: (f32, f32), after: (f32, f32)) -> f32 {
     let (h0, h1) = (here.0 - before.0, after.0 - here.0);
     let (d0, d1) = ((here.1 - before.1) / h0, (after.1 - here.1) / h1);
@@ -11,7 +11,7 @@ fn slope(before: (f32, f32), here: (f32, f32), after: (f32, f32)) -> f32 {
     3.0 * (h0 + h1) / ((2.0 * h1 + h0) / d0 + (h1 + 2.0 * h0) / d1)
 }
 
-/// Cubic Hermite on [a, b] with the given slopes.
+/// Cubic Hermite interpolation between keys a and b with the given slopes.
 pub fn hermite(t: f32, a: (f32, f32), slope_a: f32, b: (f32, f32), slope_b: f32) -> f32 {
     let h = b.0 - a.0;
     let u = ((t - a.0) / h).clamp(0.0, 1.0);
@@ -21,7 +21,7 @@ pub fn hermite(t: f32, a: (f32, f32), slope_a: f32, b: (f32, f32), slope_b: f32)
         + h * (slope_a * (u3 - 2.0 * u2 + u) + slope_b * (u3 - u2))
 }
 
-/// Curve through `(time, value)` keys in order; held before the first and after the last, at rest there.
+/// Interpolates `(time, value)` keys in order. The end values are held outside, with zero slope.
 pub fn keys(t: f32, keys: &[(f32, f32)]) -> f32 {
     let Some(&first) = keys.first() else { return 0.0 };
     if t <= first.0 {
@@ -34,7 +34,7 @@ pub fn keys(t: f32, keys: &[(f32, f32)]) -> f32 {
     hermite(t, a, slope_a, b, slope_b)
 }
 
-/// Values of [`keys`], repeating with the given period; the keys lie within one period, the first not repeated.
+/// Interpolates keys like [`keys`], repeated with a period. The keys lie within one period; the first is not repeated at the end.
 pub fn cycle(t: f32, period: f32, keys: &[(f32, f32)]) -> f32 {
     let n = keys.len();
     if n < 2 {
@@ -51,13 +51,13 @@ pub fn cycle(t: f32, period: f32, keys: &[(f32, f32)]) -> f32 {
     hermite(t, a, slope(at(i - 1), a, b), b, slope(a, b, at(i + 2)))
 }
 
-/// 3u² − 2u³ from 0 at `from` to 1 at `to`.
+/// Smoothstep 3u² − 2u³, from 0 at `from` to 1 at `to`.
 pub fn ease(t: f32, from: f32, to: f32) -> f32 {
     let u = ((t - from) / (to - from)).clamp(0.0, 1.0);
     u * u * (3.0 - 2.0 * u)
 }
 
-/// cos and sin of a phase in turns.
+/// Cosine and sine of a phase in turns.
 pub fn cos(turns: f32) -> f32 {
     libm::cosf(turns * core::f32::consts::TAU)
 }

@@ -1,4 +1,4 @@
-//! A character made by code: a ball-jointed figure with a handful of clips, so that a first scene needs no file.
+//! A character made by code: a ball-jointed figure with a few clips, so that a first scene needs no file.
 
 mod cast;
 mod clips;
@@ -17,7 +17,7 @@ use choreo_plugin::{
 use glam::{DVec3, Vec3, Vec4};
 use std::sync::{Arc, LazyLock};
 
-/// Written in place of a file name: `load("choreo:mannequin")`.
+/// Name that selects the figure in place of a file: `load("choreo:mannequin")`.
 pub const SOURCE_NAME: &str = "choreo:mannequin";
 
 /// The default colors, chosen to look well together under a warm key light.
@@ -97,12 +97,12 @@ impl Importer for Mannequin {
     }
 }
 
-/// Linear red, green and blue of a color by name or in hexadecimal.
+/// Linear red, green and blue of a color name or a hexadecimal color.
 fn linear(color: &str) -> [f64; 3] {
     color::parse(color).map_or([1.0; 3], |color| color.truncate().to_array().map(f64::from))
 }
 
-/// Materials in the order of the material numbers in `figure`.
+/// Materials, in the order of the material numbers in `figure`.
 fn materials([body, accent, eyes]: [Vec3; 3]) -> [Material; 4] {
     let plastic = |name: &str, color: Vec3, roughness: f32| Material {
         name: name.into(),

@@ -1,4 +1,4 @@
-//! The figure's mesh: every part cast and skinned, one primitive a material.
+//! The mesh of the figure: all parts meshed and skinned, one primitive for each material.
 
 use crate::cast::{Surface, cast, mirrored, press};
 use crate::figure::{Skinning, inlays, parts};

@@ -1,7 +1,7 @@
-//! A pose in the words of an animator, and the joint rotations that make it.
+//! A pose in an animator's terms, and the joint rotations that produce it.
 //!
-//! Angles are in degrees. Rotations below are "authored": relative to the T-pose with axes along the model's, so that
-//! a rest pose is all identities; `joint_rotations` turns them into the rig's own axes at the end.
+//! Angles are in degrees. Rotations are "authored": relative to the T-pose, with axes parallel to the model's, so that the rest
+//! pose is all identities. `joint_rotations` converts them to the rig's joint axes.
 
 use crate::rig::{self, Joint, Side};
 use glam::{EulerRot, Quat, Vec2, Vec3, vec3};
@@ -35,23 +35,23 @@ impl Turn {
 /// Arm pose, relative to an arm that hangs straight down, palm to the thigh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arm {
-    /// Sideways and up: 90 is the T-pose, negative crosses the body.
+    /// Abduction, sideways and up: 90 is the T-pose, negative values cross the body.
     pub raise: f32,
-    /// Forwards and up, after `raise`.
+    /// Flexion, forwards and up, applied after `raise`.
     pub flex: f32,
-    /// About the upper arm, inwards.
+    /// Inward rotation about the upper arm.
     pub twist: f32,
-    /// 0 straight … 150.
+    /// Elbow flexion: 0 straight … 150.
     pub elbow: f32,
-    /// About the fore arm, palm turned back.
+    /// Rotation about the forearm that turns the palm back.
     pub pronate: f32,
-    /// Wrist towards the palm.
+    /// Wrist flexion towards the palm.
     pub wrist: f32,
-    /// Wrist towards the thumb.
+    /// Wrist tilt towards the thumb.
     pub tilt: f32,
-    /// Fingers: 0 flat … 1 fist.
+    /// Finger curl: 0 flat … 1 fist.
     pub curl: f32,
-    /// Shoulder up, and forwards.
+    /// Shoulder shift up, and forwards (`reach`).
     pub lift: f32,
     pub reach: f32,
 }
@@ -73,41 +73,41 @@ impl Default for Arm {
     }
 }
 
-/// Foot pose: the ankle's foot point when the sole lies flat.
+/// Foot pose. x and z are the floor point below the ankle when the sole is flat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Foot {
     pub x: f32,
     pub z: f32,
-    /// Height of the ball (pitch > 0) or of the heel (pitch < 0) above the floor.
+    /// Height above the floor of the ball (pitch ≥ 0) or of the heel (pitch < 0), meters.
     pub lift: f32,
-    /// Toes outwards.
+    /// Toes pointing outwards.
     pub out: f32,
-    /// Positive: heel up, turning about the ball. Negative: toes up, turning about the heel.
+    /// Positive: heel up, rotating about the ball. Negative: toes up, rotating about the heel.
     pub pitch: f32,
-    /// How far the toes stay level while the heel is up, 0..1.
+    /// How far the toes stay level while the heel is up, 0 to 1.
     pub toes: f32,
-    /// Knee outwards, relative to the toes.
+    /// Knee pointing outwards, relative to the toes.
     pub knee: f32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// Offset of the hips from rest, in metres, in the direction that the figure faces.
+    /// Offset of the hips from rest, meters, in the facing direction's frame.
     pub hips: Vec3,
     pub pelvis: Turn,
-    /// Spread over the spine.
+    /// Distributed over the three spine joints.
     pub spine: Turn,
-    /// Rotation in the world, except for `facing`.
+    /// Rotation in world space, apart from `facing`.
     pub head: Turn,
-    /// The whole figure turned about the vertical axis through the origin.
+    /// Rotation of the whole figure about the vertical axis through the origin.
     pub facing: f32,
-    /// Arms and feet: left, right.
+    /// Left and right arm, left and right foot.
     pub arms: [Arm; 2],
     pub feet: [Foot; 2],
 }
 
 impl Default for Pose {
-    /// Standing at ease.
+    /// A relaxed standing pose.
     fn default() -> Pose {
         let foot = Foot { x: 0.105, z: 0.0, lift: 0.0, out: 8.0, pitch: 0.0, toes: 1.0, knee: 0.0 };
         Pose {
@@ -122,13 +122,13 @@ impl Default for Pose {
     }
 }
 
-/// Rotations of all joints (authored axes) and the position of the hips.
+/// Hip position, and rotations of all joints in authored axes.
 pub struct Authored {
     pub hips: Vec3,
     pub rotations: Vec<Quat>,
 }
 
-/// Share of a leg's length that may be used: a knee that locks looks dead, and pops.
+/// Largest share of a leg's length that is used: a fully straight knee looks lifeless and pops.
 const LONGEST: f32 = 0.9975;
 
 fn rx(degrees: f32) -> Quat {
@@ -150,7 +150,7 @@ struct FootTarget {
 fn foot_target(foot: &Foot, side: Side) -> FootTarget {
     let yaw = ry(side.sign() * foot.out);
     let pitch = rx(foot.pitch);
-    // The vector from the pivot to the ankle, with a flat sole and the toes ahead.
+    // Pivot of the foot, and the vector from it to the ankle, with a flat sole and the toes ahead.
     let (pivot, to_ankle) = if foot.pitch >= 0.0 {
         let pivot = vec3(0.0, rig::BALL_HEIGHT, rig::BALL_AHEAD);
         (pivot, vec3(0.0, rig::ANKLE_HEIGHT - rig::BALL_HEIGHT, -rig::BALL_AHEAD))
@@ -161,10 +161,11 @@ fn foot_target(foot: &Foot, side: Side) -> FootTarget {
     FootTarget { ankle, rotation: yaw * pitch, knee_yaw: ry(side.sign() * (foot.out + foot.knee)) }
 }
 
-/// The thigh's world rotation and the knee's bend for an ankle `reach` away from the hip joint.
+/// Two-bone IK of a leg: the world rotation of the thigh and the flexion of the knee, for an ankle `reach` away from the hip
+/// joint.
 ///
-/// Two equal segments: the bend is twice the angle at the hip (law of cosines); the knee's axis lies across the plane
-/// of `ahead`, so it bends one way only.
+/// Both bones are equally long, so the flexion is twice the angle at the hip (law of cosines). The knee's axis is perpendicular
+/// to `ahead`, so the knee bends one way only.
 fn leg(reach: Vec3, ahead: Vec3) -> (Quat, f32) {
     let span = (reach.length() / (2.0 * rig::LEG_SEGMENT)).clamp(0.1, 1.0);
     let half = libm::acosf(span);
@@ -174,7 +175,7 @@ fn leg(reach: Vec3, ahead: Vec3) -> (Quat, f32) {
     (frame * Quat::from_rotation_x(-half), 2.0 * half)
 }
 
-/// The smaller of two, rounded where they are within `k`.
+/// Smooth minimum: rounded where the two values differ by less than `k`.
 fn soft_min(a: f32, b: f32, k: f32) -> f32 {
     crate::field::join(a, b, k)
 }
@@ -186,7 +187,7 @@ impl Pose {
         let pelvis = self.pelvis.rotation();
         let feet = [foot_target(&self.feet[0], Side::Left), foot_target(&self.feet[1], Side::Right)];
 
-        // Let the hips down to where both legs reach.
+        // Lowers the hips to where both legs reach their ankles.
         let mut hips = joints[rig::HIPS].at + self.hips;
         let mut height = hips.y;
         for side in Side::BOTH {
@@ -229,7 +230,7 @@ impl Pose {
 }
 
 impl Arm {
-    /// This one at 0, the other at 1.
+    /// Interpolates the angles: this pose at 0, the other at 1.
     pub fn mix(&self, other: &Arm, share: f32) -> Arm {
         let mix = |a: f32, b: f32| a + (b - a) * share;
         Arm {
@@ -247,10 +248,10 @@ impl Arm {
     }
 
     fn solve(&self, side: Side, rotations: &mut [Quat]) {
-        // Everything is thought of on the left; the right is its mirror image in x = 0.
+        // Angles are defined for the left arm; the right arm is mirrored in x = 0.
         let s = side.sign();
         let (turn_y, turn_z) = (|a: f32| ry(s * a), |a: f32| rz(s * a));
-        // The collar bone takes part from 30 degrees on (scapulohumeral rhythm, about 1 in 3).
+        // The collarbone joins in from 30 degrees on (scapulohumeral rhythm, about 1 in 3).
         let up = (self.raise - 30.0).max(0.0) * 0.22 + (self.flex - 60.0).max(0.0) * 0.12;
         let shoulder = turn_z(self.lift + up.min(24.0)) * turn_y(-self.reach);
         let arm = rx(-self.flex) * turn_z(self.raise - 90.0) * rx(self.twist);
@@ -259,7 +260,7 @@ impl Arm {
         rotations[side.fore_arm()] = turn_y(-self.elbow.clamp(0.0, 150.0)) * rx(self.pronate * 0.4);
         rotations[side.hand()] = rx(self.pronate * 0.6) * turn_z(-self.wrist) * turn_y(-self.tilt);
         for finger in 1..5 {
-            // The outer fingers close more.
+            // Outer fingers close further.
             let bend = self.curl * (78.0 + 5.0 * finger as f32);
             for segment in 0..3 {
                 rotations[side.finger(finger, segment)] = turn_z(-bend * [0.8, 1.1, 0.75][segment]);
@@ -273,7 +274,7 @@ impl Arm {
     }
 }
 
-/// Converts authored axes to the rig's: `parent_axes⁻¹ · authored · axes`.
+/// Converts rotations from authored axes to the rig's: `parent_axes⁻¹ · authored · axes`.
 pub(crate) fn joint_rotations(joints: &[Joint], authored: &Authored) -> Vec<Quat> {
     joints
         .iter()

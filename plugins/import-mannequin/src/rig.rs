@@ -1,7 +1,7 @@
-//! The skeleton: 55 joints under mixamorig names, a T-pose that faces +Z with its feet on y = 0.
+//! The skeleton: 55 joints with mixamorig names, in a T-pose that faces +Z with its feet on y = 0.
 //!
-//! Joint axes follow the mixamorig convention (Y along the bone, arms with Z out of the palm, legs with Z
-//! forward), so that clips authored on that rig can be copied joint by joint.
+//! Joint axes follow the mixamorig convention (Y along the bone, Z out of the palm for arms, Z forward for legs), so that clips
+//! authored for that rig can be copied joint by joint.
 
 use choreo_motion::{Skeleton, SkeletonError, Transform};
 use glam::{Mat3, Quat, Vec3, vec3};
@@ -18,18 +18,18 @@ const LEGS: usize = ARMS + 2 * JOINTS_PER_ARM;
 const JOINTS_PER_LEG: usize = 5;
 pub(crate) const JOINT_COUNT: usize = LEGS + 2 * JOINTS_PER_LEG;
 
-/// Length of the thigh and of the shin, metres.
+/// Length of the thigh, and of the shin, meters.
 pub(crate) const LEG_SEGMENT: f32 = 0.415;
 pub(crate) const ANKLE_HEIGHT: f32 = 0.085;
-/// Height of the toe joint, and of its distance in front of the ankle.
+/// Height of the toe joint, and its distance in front of the ankle, meters.
 pub(crate) const BALL_HEIGHT: f32 = 0.022;
 pub(crate) const BALL_AHEAD: f32 = 0.125;
-/// Distance behind the ankle at which the heel touches the floor.
+/// Distance behind the ankle at which the heel touches the floor, meters.
 pub(crate) const HEEL_BEHIND: f32 = 0.045;
 pub(crate) const HIP_WIDTH: f32 = 0.095;
 pub(crate) const REST_HEIGHT: f32 = 1.75;
 
-/// Side 0 is the left, at +X.
+/// A side of the body. 0 is the left, at +X.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     Left = 0,
@@ -54,7 +54,7 @@ impl Side {
     pub fn hand(self) -> usize {
         self.shoulder() + 3
     }
-    /// Finger 0 is the thumb, segment 0 the knuckle.
+    /// Joint of a finger segment. Finger 0 is the thumb, segment 0 begins at the knuckle.
     pub fn finger(self, finger: usize, segment: usize) -> usize {
         self.shoulder() + 4 + 3 * finger + segment
     }
@@ -75,13 +75,13 @@ impl Side {
 pub struct Joint {
     pub name: String,
     pub parent: Option<usize>,
-    /// Rest position in model space, metres.
+    /// Rest position in model space, meters.
     pub at: Vec3,
-    /// model-from-joint rotation at rest.
+    /// Model-from-joint rotation at rest.
     pub axes: Quat,
 }
 
-/// Knuckle, direction and segment lengths of the left fingers, thumb first.
+/// (name, knuckle, direction, segment lengths) of the left fingers, thumb first.
 pub(crate) const FINGERS: [(&str, Vec3, Vec3, [f32; 3]); 5] = [
     ("Thumb", vec3(0.747, 1.411, 0.020), vec3(0.72, -0.22, 0.66), [0.038, 0.032, 0.027]),
     ("Index", vec3(0.812, 1.421, 0.020), vec3(0.997, 0.0, 0.07), [0.038, 0.025, 0.021]),
@@ -90,7 +90,7 @@ pub(crate) const FINGERS: [(&str, Vec3, Vec3, [f32; 3]); 5] = [
     ("Pinky", vec3(0.800, 1.417, -0.042), vec3(0.99, 0.0, -0.13), [0.031, 0.021, 0.018]),
 ];
 
-/// Rotation whose Y axis is `y` and whose X axis is as near to `x` as can be.
+/// The rotation whose Y axis is `y` and whose X axis is as close to `x` as possible.
 fn axes(y: Vec3, x: Vec3) -> Quat {
     let y = y.normalize();
     let z = x.cross(y).normalize();
@@ -118,7 +118,7 @@ pub fn joints() -> Vec<Joint> {
     for side in Side::BOTH {
         let (word, s) = (if side == Side::Left { "Left" } else { "Right" }, side.sign());
         let mirrored = |v: Vec3| vec3(s * v.x, v.y, v.z);
-        // Y towards the finger tips, Z out of the palm, which looks down.
+        // Y points to the fingertips, Z out of the palm, which faces down.
         let along = axes(vec3(s, 0.0, 0.0), vec3(0.0, 0.0, -s));
         let chain = [
             ("Shoulder", SPINE2, vec3(0.035, 1.425, -0.012)),
@@ -166,7 +166,7 @@ pub fn joints() -> Vec<Joint> {
     list
 }
 
-/// Rest rotation of each joint in its parent.
+/// Rest rotation of a joint relative to its parent.
 pub fn rest_rotation(joints: &[Joint], joint: usize) -> Quat {
     match joints[joint].parent {
         Some(parent) => joints[parent].axes.conjugate() * joints[joint].axes,
@@ -174,7 +174,7 @@ pub fn rest_rotation(joints: &[Joint], joint: usize) -> Quat {
     }
 }
 
-/// The same as the stage wants it, scaled.
+/// The joints as a skeleton for the stage, scaled.
 pub fn skeleton(joints: &[Joint], scale: f32) -> Result<Skeleton, SkeletonError> {
     let rest = (0..joints.len()).map(|i| {
         let joint = &joints[i];

@@ -1,17 +1,17 @@
-//! Weights of a part's vertices.
+//! Skin weights of a part's vertices.
 
 use crate::figure::Skinning;
 use crate::rig::{self, Side};
 use glam::{Vec3, vec3};
 
-/// Four influences, the unused ones with weight zero; the weights sum to one.
+/// Four influences. Unused ones have weight 0; the weights sum to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Influences {
     pub joints: [u16; 4],
     pub weights: [f32; 4],
 }
 
-/// 0 below −1, 1 above 1, smooth between.
+/// Smoothstep from 0 at −1 to 1 at 1.
 fn ramp(x: f32) -> f32 {
     let t = (0.5 + 0.5 * x).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
@@ -29,7 +29,7 @@ impl Influences {
     }
 }
 
-/// `p` in the T-pose, on the side where the part is.
+/// Influences of a vertex at `p` in the T-pose, on the side of the part.
 pub fn influences(skinning: &Skinning, side: Side, p: Vec3) -> Influences {
     let mut out = Influences::default();
     match *skinning {
@@ -53,7 +53,7 @@ pub fn influences(skinning: &Skinning, side: Side, p: Vec3) -> Influences {
             out.push(rig::SPINE2, (1.0 - collar) * (1.0 - lower));
         }
     }
-    // Rounding of the products: the largest takes what is missing.
+    // The largest weight absorbs the rounding error of the products.
     let rest = 1.0 - out.weights.iter().sum::<f32>();
     if let Some(most) = out.weights.iter_mut().max_by(|a, b| a.total_cmp(b)) {
         *most += rest;

@@ -1,4 +1,4 @@
-//! Faces to indexed primitives: one a group and material.
+//! Faces become indexed primitives, one for each group and material.
 
 use crate::parse::{Model, NONE, Shape};
 use choreo_asset::{Primitive, Topology};
@@ -7,21 +7,21 @@ use choreo_importer_kit::text::count;
 use choreo_importer_kit::{Notes, normals, smooth};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
-/// How positions become metres, and what is done where normals are missing.
+/// How positions become meters, how missing normals are made, and how colors are read.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
     pub scale: f64,
     pub up_z: bool,
-    /// Smoothing angle where faces have neither normals nor smoothing groups.
+    /// Largest angle of a smooth edge, for faces with neither normals nor smoothing groups.
     pub smooth_rad: f64,
-    /// Colors are as shown, not linear.
+    /// Vertex colors are sRGB, not linear.
     pub srgb: bool,
 }
 
-/// Key of a primitive: kind, group, material, and whether its face vertices have normals.
+/// Key of a primitive: group, shape, material, and whether its face vertices have normals.
 type Key = (u32, Shape, u32, bool);
 
-/// Primitives with the group each belongs to, by group, and within it in the order of the file's materials.
+/// Primitives, each with its group: sorted by group, shape, and material in the file's order.
 pub fn build(model: &Model, settings: &Settings, notes: &Notes) -> Vec<(u32, Primitive)> {
     let key = |index: usize| -> Key {
         let e = &model.elements[index];
@@ -30,7 +30,7 @@ pub fn build(model: &Model, settings: &Settings, notes: &Notes) -> Vec<(u32, Pri
         (e.group, e.shape, e.material, normals)
     };
     let mut order: Vec<(Key, u32)> = (0..model.elements.len()).map(|i| (key(i), i as u32)).collect();
-    // Stable: elements keep the file's order within a primitive. Faces come before lines and points.
+    // The sort is stable, so elements keep the file's order within a primitive. Faces come before lines and points.
     order.sort_by_key(|(key, _)| *key);
     let mut builder = Builder {
         model,
@@ -95,7 +95,7 @@ impl Counted {
 struct Builder<'a> {
     model: &'a Model,
     settings: &'a Settings,
-    /// The primitive's vertex for each vertex of the file; reset after each primitive.
+    /// The primitive's vertex for each vertex of the file; cleared after each primitive.
     own: Vec<u32>,
     triangulator: Triangulator,
     crossing: Counted,
@@ -135,7 +135,7 @@ impl Builder<'_> {
             (Shape::Point, n) => n,
         };
         out.indices.reserve_exact(run.iter().map(indices).sum());
-        // The smoothing group of each triangle, if normals are computed.
+        // Smoothing group of each triangle, where normals are computed.
         let mut smoothing = Vec::new();
         for (_, index) in run {
             self.list(*index as usize, shape, &mut out, attributes);
@@ -157,7 +157,7 @@ impl Builder<'_> {
         out
     }
 
-    /// Adds an element as triangles, segments or points: face vertex by face vertex, as a list of all would be as large as the mesh.
+    /// Adds an element as triangles, segments or points, one vertex at a time: a list of them all would be as large as the mesh.
     fn list(&mut self, index: usize, shape: Shape, out: &mut Primitive, attributes: Attributes) {
         let model = self.model;
         let face_vertices = model.face_vertices(index);
@@ -185,7 +185,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Adds a vertex of the file to the indices, and to the vertices where this primitive does not have it yet.
+    /// Adds the index of a vertex of the file, and the vertex itself where the primitive does not have it yet.
     fn face_vertex(&mut self, out: &mut Primitive, vertex: u32, attributes: Attributes) {
         let own = &mut self.own[vertex as usize];
         if *own == NONE {
@@ -196,7 +196,7 @@ impl Builder<'_> {
     }
 }
 
-/// Adds one of the file's vertices to a primitive, with the attributes that the primitive has.
+/// Adds a vertex of the file to a primitive, with the primitive's attributes.
 fn add(out: &mut Primitive, model: &Model, vertex: u32, settings: &Settings, attributes: Attributes) {
     out.positions.push((turned(model.position(vertex), settings.up_z) * settings.scale).as_vec3());
     if attributes.normals {
@@ -204,7 +204,7 @@ fn add(out: &mut Primitive, model: &Model, vertex: u32, settings: &Settings, att
         out.normals.push(turned(normal, settings.up_z).normalize_or_zero().as_vec3());
     }
     if attributes.uvs {
-        // OBJ counts v from the bottom.
+        // OBJ has v pointing up; here it points down.
         let uv = model.uv(vertex).unwrap_or_default();
         out.uvs[0].push(Vec2::new(uv.x, 1.0 - uv.y));
     }
@@ -214,7 +214,7 @@ fn add(out: &mut Primitive, model: &Model, vertex: u32, settings: &Settings, att
     }
 }
 
-/// x stays, z goes up, y goes away from the viewer.
+/// +Z up to +Y up: x stays, z becomes y, y becomes −z.
 fn turned(v: DVec3, up_z: bool) -> DVec3 {
     if up_z { DVec3::new(v.x, v.z, -v.y) } else { v }
 }

@@ -22,7 +22,7 @@ pub struct Mtl {
     pub illum: Option<i64>,
     pub roughness: Option<f32>,
     pub metallic: Option<f32>,
-    /// Sides of a cube that would be mirrored.
+    /// A cube map for reflections is named, which is not read.
     pub cube: bool,
     pub maps: BTreeMap<Slot, Map>,
 }
@@ -37,9 +37,9 @@ pub enum Slot {
     Metallic,
     Bump,
     Normal,
-    /// `refl` without a type: where it mirrors.
+    /// `refl` without a type: how much each place mirrors.
     Reflection,
-    /// `refl -type sphere`: what is mirrored.
+    /// `refl -type sphere`: the mirrored panorama.
     Environment,
 }
 
@@ -49,19 +49,19 @@ pub struct Map {
     pub scale: Vec2,
     pub offset: Vec2,
     pub clamp: bool,
-    /// `-bm`: how strong a bump or normal map is.
+    /// `-bm`: strength of a bump or normal map.
     pub strength: f32,
-    /// `-type`, of a reflection map.
+    /// `-type` of a reflection map.
     pub kind: Option<String>,
 }
 
-/// One channel of a color as a file has it.
+/// One channel of a color, converted to linear.
 pub fn linear(value: f32, srgb: bool) -> f32 {
     let value = value.max(0.0);
     if srgb && value <= 1.0 { linear_from_srgb(value) } else { value }
 }
 
-/// The materials of one library, in its order. Nothing in it is an error: a material that is half right is better than none.
+/// The materials of one library, in order. Faults are warnings only: a half-right material is better than none.
 pub fn read(bytes: &[u8], library: &str, notes: &Notes) -> Vec<Mtl> {
     let mut out: Vec<Mtl> = Vec::new();
     let mut unknown: BTreeMap<String, usize> = BTreeMap::new();
@@ -115,7 +115,7 @@ fn line_of(m: &mut Mtl, keyword: &[u8], rest: &[u8], unknown: &mut BTreeMap<Stri
         match map.kind.as_deref() {
             None => m.maps.insert(Slot::Reflection, map),
             Some("sphere") => m.maps.insert(Slot::Environment, map),
-            // A cube has six of them: reported once.
+            // A cube map has six sides, but gets one warning.
             Some(kind) if kind.starts_with("cube_") => {
                 return match std::mem::replace(&mut m.cube, true) {
                     true => Ok(()),
@@ -136,14 +136,15 @@ fn line_of(m: &mut Mtl, keyword: &[u8], rest: &[u8], unknown: &mut BTreeMap<Stri
         b"ns" => m.shininess = scalar(rest)?.max(0.0),
         b"d" => {
             let rest = rest.trim_ascii();
-            // `-halo` fades towards the rim; the factor counts.
+            // `-halo` makes the opacity fade towards the silhouette; only its factor is used.
             m.alpha = scalar(rest.strip_prefix(b"-halo").unwrap_or(rest))?.clamp(0.0, 1.0);
         }
         b"tr" => m.alpha = 1.0 - scalar(rest)?.clamp(0.0, 1.0),
         b"illum" => m.illum = Some(scalar(rest)? as i64),
         b"pr" => m.roughness = Some(scalar(rest)?.clamp(0.0, 1.0)),
         b"pm" => m.metallic = Some(scalar(rest)?.clamp(0.0, 1.0)),
-        // These are for glass, or for light that this renderer does not have; without them the image looks the same.
+        // Ambient color, transmission filter, index of refraction and map sharpness have no effect on the material models used
+        // here.
         b"ka" | b"tf" | b"ni" | b"map_ka" | b"sharpness" => {}
         _ => *unknown.entry(shown(keyword)).or_insert(0) += 1,
     }
@@ -156,7 +157,7 @@ fn scalar(mut rest: &[u8]) -> Result<f32> {
     value.ok_or_else(|| format!("\"{}\" is not a finite number", shown(word)).into())
 }
 
-/// `r g b`, or `r` for a gray.
+/// A color, `r g b`, or a gray, `r`.
 fn color(mut rest: &[u8]) -> Result<Vec3> {
     let mut values = Vec::with_capacity(3);
     while let (Some(word), true) = (next_word(&mut rest), values.len() < 3) {
@@ -172,7 +173,7 @@ fn color(mut rest: &[u8]) -> Result<Vec3> {
     }
 }
 
-/// Options, then the file name, which may hold spaces.
+/// Reads the options of a map, then its file name, which may contain spaces.
 fn map(rest: &[u8]) -> Result<Map> {
     let mut out = Map {
         file: String::new(),
@@ -194,7 +195,7 @@ fn map(rest: &[u8]) -> Result<Map> {
         };
         match word {
             b"-o" | b"-s" | b"-t" => {
-                // One to three numbers; a missing second one is that of the default.
+                // One to three numbers. A missing second one has the default; the third is ignored.
                 let default = if word == b"-s" { 1.0 } else { 0.0 };
                 let u = plain(&mut rest).ok_or_else(|| format!("{} needs a number", shown(word)))?;
                 let v = plain(&mut rest);
@@ -224,7 +225,7 @@ fn map(rest: &[u8]) -> Result<Map> {
     }
 }
 
-/// Source of textures.
+/// Context in which materials are read.
 pub struct Source<'a> {
     pub textures: Option<&'a mut Textures>,
     pub files: &'a dyn Files,
@@ -233,7 +234,7 @@ pub struct Source<'a> {
     pub srgb: bool,
 }
 
-/// A material, and its bump map where it has one: whether that is a normal map shows in the decoded image.
+/// A material, and its bump map, if any: only the decoded image shows whether that is a normal map.
 pub fn material(m: &Mtl, source: &mut Source<'_>) -> (Material, Option<(TextureRef, f32)>) {
     let srgb = source.srgb;
     let color = |c: Vec3| Vec3::from(c.to_array().map(|c| linear(c, srgb)));
@@ -252,7 +253,7 @@ pub fn material(m: &Mtl, source: &mut Source<'_>) -> (Material, Option<(TextureR
         || m.metallic.is_some()
         || m.maps.contains_key(&Slot::Roughness)
         || m.maps.contains_key(&Slot::Metallic);
-    // Blinn–Phong here is normalised by (s + 8) / 8; MTL's highlight is not, and has Ks at its peak.
+    // Our Blinn–Phong lobe is normalized by (s + 8) / 8; MTL's is not, and has Ks at its peak.
     let specular = if m.illum == Some(1) || m.illum == Some(0) {
         Vec3::ZERO
     } else {
@@ -268,7 +269,7 @@ pub fn material(m: &Mtl, source: &mut Source<'_>) -> (Material, Option<(TextureR
         emissive: color(m.emissive.unwrap_or_default()),
         shininess: m.shininess.clamp(1.0, 10_000.0),
         alpha_mode: if m.alpha < 1.0 { AlphaMode::Blend } else { AlphaMode::Opaque },
-        // The format does not say which side is seen.
+        // The format does not say which side is visible.
         double_sided: true,
         ..Material::default()
     };
@@ -314,8 +315,9 @@ pub fn material(m: &Mtl, source: &mut Source<'_>) -> (Material, Option<(TextureR
     (out, bump)
 }
 
-/// MTL, "Illumination models" and "Reflection map": models 3 to 8 mirror as much as Ks says; so does a surface with a panorama of
-/// its own. A map without a type says how much itself (as Blender writes it). Models 2 and less mirror nothing by themselves.
+/// The mirror reflection of a material (MTL, "Illumination models" and "Reflection map"). Illumination models 3 to 8 reflect with
+/// Ks, and so does a surface with a panorama of its own. A map without a type states the amount itself, as Blender writes it.
+/// Models 0 to 2 alone reflect nothing.
 fn reflection(m: &Mtl, source: &mut Source<'_>) -> Option<Reflection> {
     let map = texture(m, Slot::Reflection, source);
     let environment = texture(m, Slot::Environment, source).map(|t| TextureRef {
@@ -340,7 +342,7 @@ fn texture(m: &Mtl, slot: Slot, source: &mut Source<'_>) -> Option<TextureRef> {
     let textures = source.textures.as_deref_mut()?;
     let image = textures.find(&map.file, &m.place, source.files, source.budget, source.notes)?;
     let wrap = if map.clamp { Wrap::ClampToEdge } else { Wrap::Repeat };
-    // The map is looked up at uv · scale + offset with v from the bottom; ours runs from the top: 1 − ((1 − v) · s + o).
+    // MTL looks the map up at uv · scale + offset with v from the bottom; our v runs from the top: 1 − ((1 − v) · s + o).
     let uv_transform = Affine2 {
         matrix2: Mat2::from_diagonal(map.scale),
         translation: Vec2::new(map.offset.x, 1.0 - map.scale.y - map.offset.y),

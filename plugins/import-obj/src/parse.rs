@@ -1,6 +1,6 @@
-//! The lines of an OBJ file: `tobj` reads vertices and faces, this checks them first and reads what `tobj` leaves out.
+//! Parser of OBJ files. `tobj` reads vertices and faces; this module checks the lines first, and reads what `tobj` ignores.
 //!
-//! Each line is checked and handed on in a form in which `tobj` loses nothing; README.md lists what it loses else.
+//! Each checked line is passed on in a form from which `tobj` loses nothing; README.md lists what it would lose otherwise.
 
 use choreo_importer_kit::text::{self, Lines, integer, next_word, number, shown};
 use choreo_importer_kit::{Budget, Notes, Problem, Progress, Result, WithPlace};
@@ -9,16 +9,17 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 use std::io::Write;
 
-/// Groups are nodes, materials are looked at for every primitive: bounds the memory of empty ones.
+/// Limits of groups, which become nodes, and materials, which are tested for every primitive: they bound the memory of empty
+/// ones.
 const MAX_GROUPS: usize = 65_536;
 const MAX_MATERIALS: usize = 65_536;
-/// Stands for a material that no `usemtl` has named.
+/// Material index of elements before any `usemtl`.
 pub const NONE: u32 = u32::MAX;
-/// The first of each list that `tobj` reads: a face vertex without texture coordinate or normal refers to it.
+/// First entry of each list in the text for `tobj`: face vertices without texture coordinate or normal refer to it.
 const MISSING: &[u8] = b"v 0 0 0 1 1 1\nvt nan nan\nvn nan nan nan";
-/// The lists that a face vertex refers to.
+/// Names of the lists that a face vertex refers to.
 const LISTS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
-/// Bytes a face vertex: in `tobj`'s faces and its table of vertices, then as vertices of primitives.
+/// Memory of a face vertex, bytes: in `tobj`'s faces and vertex table, then in the primitives.
 const FACE_VERTEX_BYTES: usize = 256;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -28,7 +29,7 @@ pub enum Shape {
     Point,
 }
 
-/// A face, line or set of points: its face vertices begin at `start` and end where the next one's begin.
+/// A face, line or set of points. Its face vertices begin at `start` and end where those of the next element begin.
 #[derive(Clone, Copy, Debug)]
 pub struct Element {
     pub start: u32,
@@ -43,31 +44,31 @@ pub struct Element {
 
 #[derive(Debug, Default)]
 pub struct Model {
-    /// One index a face vertex for position, texture coordinate, normal and color.
+    /// One common index for position, texture coordinate, normal and color of each face vertex.
     mesh: tobj::Mesh,
-    /// Vertices of the file, used by faces or not.
+    /// Number of vertices in the file, used or not.
     pub positions: usize,
-    /// Whether one of them has a color.
+    /// Whether any vertex has a color.
     pub has_colors: bool,
     pub elements: Vec<Element>,
     pub groups: Vec<String>,
-    /// Names in the order of their first use, with the line of it.
+    /// Material names in the order of their first use, with the line of it.
     pub materials: Vec<(String, usize)>,
-    /// The names after `mtllib`, with their lines.
+    /// Arguments of `mtllib`, with their lines.
     pub libraries: Vec<(String, usize)>,
-    /// Any `s` line.
+    /// Whether the file has any `s` line.
     pub has_smoothing: bool,
-    /// The first comment.
+    /// The first comment of the file.
     pub comment: String,
 }
 
 impl Model {
-    /// Vertices that differ in position, texture coordinate or normal.
+    /// Number of vertices with distinct positions, texture coordinates or normals.
     pub fn vertex_count(&self) -> usize {
         self.mesh.positions.len() / 3
     }
 
-    /// An element's vertices.
+    /// Vertices of an element.
     pub fn face_vertices(&self, element: usize) -> &[u32] {
         let start = self.elements[element].start as usize;
         let end = self.elements.get(element + 1).map_or(self.mesh.indices.len(), |e| e.start as usize);
@@ -88,7 +89,7 @@ impl Model {
         (!normal.is_nan()).then(|| normal.as_vec3())
     }
 
-    /// The color as written; white where the vertex has none.
+    /// The color as stored; white where the file has no colors.
     pub fn color(&self, vertex: u32) -> Vec3 {
         match self.has_colors {
             true => DVec3::from_slice(&self.mesh.vertex_color[3 * vertex as usize..]).as_vec3(),
@@ -97,7 +98,7 @@ impl Model {
     }
 }
 
-/// Reads the file; without `geometry` only names.
+/// Reads the file. Without `geometry`, only the names.
 pub fn read(
     bytes: &[u8],
     geometry: bool,
@@ -125,10 +126,10 @@ pub fn read(
     };
     let mut lines = Lines::new(bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes));
     while let Some((line, text)) = lines.next() {
-        // The data read becomes meshes after that, in about half of the time again.
+        // Two thirds of the progress: turning the data into meshes takes about half as long again.
         progress.reach((bytes.len() - lines.left()) / 3 * 2)?;
         let mut text = Cow::Borrowed(text);
-        // A backslash at the end continues the line.
+        // A backslash at the end of a line continues it.
         while text.trim_ascii_end().ends_with(b"\\") {
             let length = text.trim_ascii_end().len() - 1;
             let owned = text.to_mut();
@@ -147,24 +148,24 @@ pub fn read(
 struct Parser<'a> {
     notes: &'a Notes,
     model: Model,
-    /// The normalized text for `tobj`.
+    /// Normalized text for `tobj`.
     text: Vec<u8>,
-    /// Positions, texture coordinates and normals so far.
+    /// Number of positions, texture coordinates and normals so far.
     counts: [usize; 3],
     face_vertices: usize,
-    /// References to what the file did not have when they were read: line, list and index. Faces may stand before their vertices.
+    /// References to entries that are not read yet (line, list, index): faces may stand before their vertices.
     ahead: Vec<(usize, usize, u32)>,
     geometry: bool,
     object: String,
-    /// The group that the next element begins: names without faces make no nodes.
+    /// The group that begins with the next element, because names without faces make no nodes.
     pending: Option<String>,
     group: u32,
     material: u32,
     smoothing: u32,
-    /// (object, group) → index. Only looked up.
+    /// (object, group) → index. Only used for lookups, so its random order does not matter.
     group_of: HashMap<(String, String), u32>,
     material_of: HashMap<String, u32>,
-    /// Keywords that are left out: first line, count.
+    /// Ignored keywords: first line, count.
     unknown: BTreeMap<String, (usize, usize)>,
     /// Lines of elements with too few face vertices.
     short: Vec<usize>,
@@ -208,7 +209,7 @@ impl Parser<'_> {
         Ok(())
     }
 
-    /// A line of one of the lists: `most` numbers, of which the first `least` must be there.
+    /// Reads a line of one of the lists: up to `most` numbers, of which the first `least` are required.
     fn numbers(&mut self, list: usize, [least, most]: [usize; 2], mut rest: &[u8]) -> Result<()> {
         self.text.extend(["\nv", "\nvt", "\nvn"][list].as_bytes());
         for index in 0..most {
@@ -225,13 +226,13 @@ impl Parser<'_> {
         finite(word)
     }
 
-    /// `x y z`, with `w` or with `r g b` behind it (or both).
+    /// Reads `x y z`, optionally followed by `w`, `r g b`, or both.
     fn position(&mut self, rest: &[u8]) -> Result<()> {
         self.numbers(0, [3, 3], rest)?;
         let more: Vec<&[u8]> = text::words(rest).skip(3).take(4).collect();
         let values = more.iter().map(|word| finite(word)).collect::<Result<Vec<f64>>>()?;
         let color = match more[..] {
-            // Written as x y z w r g b or x y z r g b a: w and a are 1 in all files that are known.
+            // Seven numbers are x y z w r g b or x y z r g b a: w and a are 1 in all known files.
             [_, r, g, b] if values[0] == 1.0 && values[3] != 1.0 => [r, g, b],
             [r, g, b] | [r, g, b, _] => [r, g, b],
             _ => [&b"1"[..]; 3],
@@ -250,7 +251,7 @@ impl Parser<'_> {
                 let ahead = index.filter(|i| *i as usize >= self.counts[list]);
                 self.ahead.extend(ahead.map(|index| (line, list, index)));
             }
-            // Counted from 1, and behind the missing one.
+            // tobj counts from 1, and entry 1 is the missing one.
             let [v, vt, vn] = face_vertex.map(|index| index.map_or(1, |i| u64::from(i) + 2));
             // Writing to memory does not fail.
             let _ = write!(self.text, " {v}/{vt}/{vn}");
@@ -352,7 +353,7 @@ impl Parser<'_> {
             budget.charge(self.face_vertices as u64, FACE_VERTEX_BYTES).at(|| "f".into())?;
             let options = tobj::LoadOptions { single_index: true, ..Default::default() };
             let read = tobj::load_obj_buf(&mut &*self.text, &options, |_| Ok(Default::default()));
-            // All that it refuses is refused above, with the line.
+            // The checks above refuse, with the line, everything that `tobj` would refuse.
             let (mut models, _) = read.map_err(|e| Problem::new("f", e.to_string()))?;
             model.mesh = models.pop().map(|all| all.mesh).unwrap_or_default();
         }
@@ -373,7 +374,7 @@ fn finite(word: &[u8]) -> Result<f64> {
     value.ok_or_else(|| format!("\"{}\" is not a finite number", shown(word)).into())
 }
 
-/// `1`, `1/2`, `1//3`, `1/2/3`; negative numbers count back from the last one read so far.
+/// Parses `1`, `1/2`, `1//3` or `1/2/3`. Negative numbers count back from the latest entry.
 fn face_vertex(word: &[u8], counts: [usize; 3]) -> Result<[Option<u32>; 3]> {
     let odd = || format!("\"{}\" is not a vertex of a face: it should be v, v/t, v//n or v/t/n", shown(word));
     let mut out = [None; 3];

@@ -5,10 +5,10 @@ use choreo_importer_kit::text::{Lines, next_number, next_word, shown};
 use choreo_importer_kit::{Notes, Problem, Progress, Result, WithPlace};
 use glam::Vec3;
 
-/// Every solid is a node: bounds the memory of empty ones.
+/// Every solid becomes a node; the limit bounds the memory of empty ones.
 const MAX_SOLIDS: usize = 65_536;
 
-/// Reads the file; without `geometry` only the solids and their names.
+/// Reads the file. Without `geometry`, only the solids and their names.
 pub fn read(bytes: &[u8], geometry: bool, progress: &Progress<'_>, notes: &Notes) -> Result<Vec<Solid>> {
     let mut reader = Reader { notes, solids: Vec::new(), open: false, facet: None, vertices: Vec::new() };
     let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
@@ -52,7 +52,7 @@ enum Keyword {
 impl Keyword {
     #[inline]
     fn of(word: &[u8]) -> Option<Keyword> {
-        // Most frequent first.
+        // Most frequent keywords first.
         let known = [
             (&b"vertex"[..], Keyword::Vertex),
             (b"facet", Keyword::Facet),
@@ -106,7 +106,7 @@ impl Reader<'_> {
                     return Err(problem("a facet outside of a solid".into()));
                 }
                 let _normal = next_word(&mut rest);
-                // Some programs write "nan" for triangles without area; what counts are the vertices.
+                // Some programs write "nan" for triangles without area; the normal is not needed, because the vertices give it.
                 let normal = vector(&mut rest).unwrap_or(Vec3::ZERO);
                 self.facet = Some(Facet { line, normal });
                 self.vertices.clear();
@@ -150,7 +150,7 @@ impl Reader<'_> {
                 format!("the facet has {} vertices; it is cut into triangles from its first", vertices.len());
             self.notes.warn(format!("line {}", facet.line), text);
         }
-        // A facet is only open within a solid.
+        // A facet only opens within a solid, so there is one.
         let Some(solid) = self.solids.last_mut() else { return Err("a facet outside of a solid".into()) };
         for pair in vertices[1..].windows(2) {
             solid.positions.extend([vertices[0], pair[0], pair[1]]);

@@ -1,4 +1,4 @@
-//! Binary STL: 80 bytes of header, a count, 50 bytes a triangle.
+//! Binary STL: a header of 80 bytes, a count, and 50 bytes for each triangle.
 
 use crate::Solid;
 use choreo_importer_kit::text::count as counted;
@@ -44,7 +44,7 @@ pub fn read(bytes: &[u8], progress: &Progress<'_>, notes: &Notes) -> Result<Soli
     for (index, triangle) in body.chunks_exact(TRIANGLE).enumerate() {
         progress.reach(HEADER + 4 + index * TRIANGLE)?;
         let vector = |at: usize| {
-            // A chunk has fifty bytes.
+            // Chunks of 50 bytes make these indices safe.
             let float = |i: usize| f32::from_le_bytes([0, 1, 2, 3].map(|b| triangle[at + i * 4 + b]));
             Vec3::new(float(0), float(1), float(2))
         };
@@ -65,7 +65,7 @@ pub fn read(bytes: &[u8], progress: &Progress<'_>, notes: &Notes) -> Result<Soli
     Ok(solid)
 }
 
-/// The header up to its first zero, where that is a line of text.
+/// The header up to its first zero byte, where that is a line of text.
 fn name(header: &[u8]) -> String {
     let text = &header[..header.iter().position(|b| *b == 0).unwrap_or(header.len())];
     match std::str::from_utf8(text) {
@@ -74,8 +74,8 @@ fn name(header: &[u8]) -> String {
     }
 }
 
-/// Two customs put five bits a channel into the attribute bytes: Materialise Magics, known by `COLOR=` in the header
-/// (red lowest; bit 15 means the header's color), and VisCAM and SolidView (blue lowest; bit 15 means that there is one).
+/// Two conventions store five bits a channel in the attribute bytes. Materialise Magics, marked by `COLOR=` in the header, has
+/// red lowest, and bit 15 selects the header's color. VisCAM and SolidView have blue lowest, and bit 15 marks a valid color.
 fn colors(header: &[u8], body: &[u8], solid: &mut Solid, notes: &Notes) {
     let attributes = || body.chunks_exact(TRIANGLE).map(|t| u16::from_le_bytes([t[48], t[49]]));
     let channel = |word: u16, shift: u16| ((u32::from(word >> shift) & 31) * 255 / 31) as u8;

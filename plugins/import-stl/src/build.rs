@@ -1,4 +1,4 @@
-//! Solids to nodes and meshes, in metres and +Y up.
+//! Solids become nodes with meshes, in meters and +Y up.
 
 use crate::Solid;
 use choreo_asset::{Asset, Material, Origin, Primitive};
@@ -7,8 +7,8 @@ use choreo_importer_kit::{Notes, Problem, Result, parts, smooth};
 use choreo_plugin::{ImportOptions, ImportScope, Source};
 use glam::{DVec3, Vec3, Vec4};
 
-/// Greatest extent in units from which on millimetres are meant, as by programs for machine parts and printing: few
-/// things have 10 m, and few have 10 mm and are given in metres.
+/// Extent in the file's units from which on the unit is taken as millimeters, as in programs for machining and 3D printing. Few
+/// things are 10 m long, and few of 10 mm are stored in meters.
 const MILLIMETRES_FROM: f32 = 10.0;
 
 pub fn asset(
@@ -54,7 +54,7 @@ pub fn asset(
             base_color: Vec4::new(0.6, 0.6, 0.6, 1.0),
             metallic: 0.0,
             roughness: 0.7,
-            // Many solids are wound both ways.
+            // Many solids mix both windings.
             double_sided: true,
             ..Material::default()
         });
@@ -90,7 +90,7 @@ fn primitive(
     smooth_degrees: f64,
     notes: &Notes,
 ) -> Result<Primitive> {
-    // x stays, z goes up, y goes away from the viewer.
+    // +Z up to +Y up: x stays, z becomes y, y becomes −z.
     let turned = |v: Vec3| if up_z { Vec3::new(v.x, v.z, -v.y) } else { v };
     let mut positions = solid.positions;
     for p in &mut positions {
@@ -105,7 +105,7 @@ fn primitive(
     for (vertices, of_file) in positions.chunks_exact(3).zip(&solid.normals) {
         let [a, b, c] = [vertices[0], vertices[1], vertices[2]].map(|v| v.as_dvec3());
         let of_file = turned(*of_file);
-        // The order of the vertices says where the outside is; the written normal often is zero or out of date.
+        // The winding decides, because the stored normal often is zero or out of date.
         let normal = match (b - a).cross(c - a).try_normalize() {
             Some(n) => {
                 against += usize::from(n.dot(of_file.as_dvec3()) < -0.1);
@@ -146,7 +146,7 @@ fn primitive(
     Ok(out)
 }
 
-/// sRGB bytes to linear.
+/// Converts sRGB bytes to linear color.
 fn linear(rgb: [u8; 3]) -> Vec4 {
     let [r, g, b] = rgb.map(|c| choreo_importer_kit::color::linear_from_srgb(f32::from(c) / 255.0));
     Vec4::new(r, g, b, 1.0)

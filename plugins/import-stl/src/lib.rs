@@ -1,4 +1,4 @@
-//! STL into an [`Asset`]. What it reads, limits and options: README.md.
+//! STL into an [`Asset`]. Contents, limits and options: README.md.
 
 mod ascii;
 mod binary;
@@ -24,17 +24,17 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StlImporter;
 
-/// Encoding of the file.
+/// Encoding of an STL file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Encoding {
     Ascii,
-    /// Binary, with the number of triangles that the header announces, for which the file has exactly the size.
+    /// Binary: the file has exactly the size for the number of triangles in its header.
     Binary,
     Unknown,
 }
 
 impl Encoding {
-    /// Many binary files begin with `solid` too: the size decides before the word does.
+    /// Many binary files also begin with `solid`, so the size is tested before the word.
     fn of(bytes: &[u8]) -> Encoding {
         if binary::announced(bytes).is_some_and(|n| n > 0 && binary::size(n) == bytes.len() as u64) {
             return Encoding::Binary;
@@ -75,15 +75,15 @@ impl Importer for StlImporter {
     }
 }
 
-/// Triangles as the file has them.
+/// The triangles of one solid, as the file has them.
 #[derive(Clone, Debug, Default)]
 struct Solid {
     name: String,
-    /// Three a triangle, in the file's units and axes.
+    /// Three for each triangle, in the file's units and axes.
     positions: Vec<Vec3>,
-    /// The file's own, one a triangle; zero where it gives none.
+    /// Stored normals, one for each triangle; zero where the file has none.
     normals: Vec<Vec3>,
-    /// sRGB, one a triangle, or none at all.
+    /// sRGB colors, one for each triangle; empty where the file has none.
     colors: Vec<[u8; 3]>,
 }
 

@@ -1,4 +1,4 @@
-//! `.usdz`: files in a ZIP archive without compression.
+//! `.usdz` packages: files in a ZIP archive without compression.
 
 use choreo_importer_kit::{Problem, Result};
 use std::collections::BTreeMap;
@@ -7,9 +7,9 @@ use std::sync::Arc;
 
 pub struct Archive {
     bytes: Arc<Vec<u8>>,
-    /// The bytes of each file.
+    /// Byte range of each file.
     files: BTreeMap<String, Range<usize>>,
-    /// The first one, which is the layer.
+    /// Name of the first file, which is the root layer.
     pub first: String,
 }
 
@@ -32,7 +32,7 @@ fn long(bytes: &[u8], at: usize) -> Result<usize> {
 }
 
 impl Archive {
-    /// Reads the directory at the end.
+    /// Reads the central directory at the end of the archive.
     pub fn open(bytes: Arc<Vec<u8>>) -> Result<Archive> {
         let from = bytes.len().saturating_sub(65_557);
         let end = bytes[from..].windows(4).rposition(|w| w == b"PK\x05\x06");

@@ -1,4 +1,5 @@
-//! `.usdc`: crate files (pxr/usd/usd/crateFile.cpp). Counts are compared with the bytes that are there before anything is allocated.
+//! Reads layers as crate files, `.usdc` (pxr/usd/usd/crateFile.cpp). Counts are checked against the available bytes before
+//! anything is allocated.
 
 use crate::layer::{Attribute, Layer, Prim, Reference, Specifier, Value};
 use choreo_importer_kit::{Budget, Problem, Result};
@@ -10,11 +11,11 @@ const INLINED: u64 = 1 << 62;
 const COMPRESSED: u64 = 1 << 61;
 const PAYLOAD: u64 = (1 << 48) - 1;
 
-/// Arrays of fewer elements are never compressed.
+/// Arrays with fewer elements are never compressed.
 const LEAST_COMPRESSED: usize = 16;
-/// Bytes that one of LZ4 can become, at most.
+/// Largest expansion ratio of LZ4.
 const MOST_RATIO: usize = 256;
-/// Prims within each other, at most.
+/// Nesting of prims, at most.
 const MOST_DEPTH: usize = 96;
 
 pub(crate) fn is_crate(bytes: &[u8]) -> bool {
@@ -25,7 +26,7 @@ fn damaged(what: impl Into<String>) -> Problem {
     Problem::new("crate file", what)
 }
 
-/// A place in the bytes.
+/// A read position in the bytes.
 #[derive(Clone, Copy)]
 struct Cursor<'a> {
     bytes: &'a [u8],
@@ -59,7 +60,7 @@ impl<'a> Cursor<'a> {
         self.fixed().map(f64::from_le_bytes)
     }
 
-    /// A number of things of which each takes some bytes of what is left.
+    /// Reads a count of elements of `size` bytes. Fails where the rest of the file is too short for them.
     fn count(&mut self, size: usize) -> Result<usize> {
         let count = self.u64()?;
         let left = self.bytes.len().saturating_sub(self.at) as u64;
@@ -83,13 +84,13 @@ struct Reader<'a> {
     version: [u8; 3],
     tokens: Vec<String>,
     strings: Vec<u32>,
-    /// Token of the name, and value.
+    /// Token index of the field's name, and value.
     fields: Vec<(u32, u64)>,
     field_sets: Vec<u32>,
     paths: Vec<Path>,
 }
 
-/// A path as part of its parent.
+/// One element of a path, linked to its parent.
 #[derive(Clone, Debug, Default)]
 struct Path {
     parent: Option<u32>,
@@ -98,7 +99,7 @@ struct Path {
     depth: usize,
 }
 
-/// The fields of a spec by name.
+/// Fields of a spec by name.
 type Fields<'f> = BTreeMap<&'f str, u64>;
 
 pub fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
@@ -136,7 +137,7 @@ impl<'a> Reader<'a> {
         self.budget.charge(count as u64, size)
     }
 
-    /// A block of LZ4 that becomes at most some bytes.
+    /// Decompresses an LZ4 block to at most `most` bytes.
     fn decompressed(&self, cursor: &mut Cursor<'a>, most: usize) -> Result<Vec<u8>> {
         let length = cursor.count(1)?;
         let bytes = cursor.take(length)?;
@@ -153,7 +154,7 @@ impl<'a> Reader<'a> {
             return Ok(Vec::new());
         }
         let codes = count.div_ceil(4);
-        // Two bits each at least, so that the count is bounded by what is there.
+        // Every integer takes at least two bits, so the bytes bound the count.
         let bytes = self.decompressed(cursor, count.saturating_mul(4).saturating_add(codes + 4))?;
         if bytes.len() < 4 + codes {
             return Err(damaged("has fewer integers than it states"));
@@ -201,7 +202,7 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    /// A count of things that follow compressed.
+    /// Reads the element count of a compressed list. Fails where the file could not contain as many.
     fn stated(&self, cursor: &mut Cursor<'a>) -> Result<usize> {
         let count = cursor.u64()?;
         let most = cursor.bytes.len().saturating_mul(4 * MOST_RATIO) as u64;
@@ -219,7 +220,7 @@ impl<'a> Reader<'a> {
         let jumps = self.integers(&mut cursor, count)?;
         self.charge(number, size_of::<Path>())?;
         self.paths = vec![Path::default(); number];
-        // (place, parent): each place is taken once, so that damaged jumps end.
+        // (place, parent). Each place is visited once, so damaged jumps cannot loop.
         let mut open: Vec<(usize, Option<u32>)> = vec![(0, None)];
         let mut taken = vec![false; count];
         let mut assigned = vec![false; number];
@@ -232,7 +233,7 @@ impl<'a> Reader<'a> {
                     Some(_) => self.token(token.unsigned_abs())?.to_string(),
                 };
                 self.charge(element.len(), 1)?;
-                // A path that came twice could be below itself.
+                // A path that occurs twice could be its own ancestor.
                 if assigned.get_mut(index as usize).is_none_or(|was| std::mem::replace(was, true)) {
                     return Err(damaged("has a path that it does not count, or one twice"));
                 }
@@ -244,7 +245,7 @@ impl<'a> Reader<'a> {
                     open.push((place + jump as usize, parent));
                 }
                 match jump {
-                    // A child follows, or a sibling.
+                    // The next entry is a child (−1, or positive with a sibling elsewhere); at 0 it is a sibling.
                     -1 | 1.. => parent = Some(index),
                     0 => {}
                     _ => break,
@@ -288,7 +289,7 @@ impl<'a> Reader<'a> {
         Ok(out)
     }
 
-    /// Fields of the specs by path, with their kinds.
+    /// Index of each spec's fields, by path.
     fn specs(&self, mut cursor: Cursor<'a>) -> Result<BTreeMap<u32, u32>> {
         let count = self.stated(&mut cursor)?;
         let paths = self.integers(&mut cursor, count)?;
@@ -407,7 +408,7 @@ impl<'a> Reader<'a> {
             out.children.push(self.prim(index, specs, children)?);
             return Ok(());
         };
-        // `{set=variant}`; a set alone has no variant.
+        // `{set=variant}`. The element of a set alone has no variant.
         let (set, name) = variant.trim_end_matches('}').split_once('=').unwrap_or_default();
         if !name.is_empty() {
             let variant = self.prim(index, specs, children)?;
@@ -453,7 +454,7 @@ impl<'a> Reader<'a> {
         (0..cursor.count(4)?).map(|_| self.token(cursor.u32()?)).collect()
     }
 
-    /// The items of a list of paths, those that are deleted or ordered aside.
+    /// The paths of a list operation, without deleted and reordered ones.
     fn paths_of(&self, value: u64) -> Result<Vec<String>> {
         let mut out = Vec::new();
         self.list_op(value, 4, |cursor, keep| {
@@ -466,7 +467,7 @@ impl<'a> Reader<'a> {
 
     fn references(&self, value: u64, with_offset: bool) -> Result<Vec<Reference>> {
         let mut out = Vec::new();
-        // A single payload, or a list.
+        // Type 47 is a single payload; the other types are list operations.
         if value >> 48 & 0xff == 47 {
             let mut cursor = self.all.to(value & PAYLOAD);
             return Ok(vec![self.reference(&mut cursor, with_offset, false)?]);
@@ -498,7 +499,8 @@ impl<'a> Reader<'a> {
         Ok(out)
     }
 
-    /// Walks a list operation: explicit, added, prepended and appended items are kept, strongest first as far as they tell.
+    /// Reads a list operation. `each` gets explicit, added, prepended and appended items with `true`, in this order, and deleted
+    /// and reordered ones with `false`.
     fn list_op(
         &self,
         value: u64,
@@ -547,7 +549,7 @@ impl<'a> Reader<'a> {
         Ok(self.value(value, "times")?.map(|v| v.numbers().to_vec()).unwrap_or_default())
     }
 
-    /// A value of an attribute; `None` of types that no attribute of a scene has.
+    /// A value of an attribute; `None` for types that scene attributes do not have.
     fn value(&self, value: u64, name: &str) -> Result<Option<Value>> {
         let (kind, payload) = ((value >> 48 & 0xff) as u8, value & PAYLOAD);
         if matches!(kind, 10..=12) {
@@ -614,7 +616,7 @@ impl<'a> Reader<'a> {
         Ok(bytes.chunks_exact(component.size()).map(|b| component.number(b)).collect())
     }
 
-    /// A compressed array of scalars.
+    /// Reads a compressed array of scalars.
     fn packed(&self, cursor: &mut Cursor<'a>, component: Component, count: usize) -> Result<Vec<f64>> {
         let numbers = |list: Vec<i32>| list.into_iter().map(f64::from).collect();
         match component {
@@ -674,7 +676,7 @@ impl Component {
         }
     }
 
-    /// The number in as many bytes as it takes.
+    /// Reads a number from exactly as many bytes as it has.
     fn number(self, bytes: &[u8]) -> f64 {
         let mut b = [0; 8];
         b[..bytes.len()].copy_from_slice(bytes);
@@ -692,7 +694,7 @@ impl Component {
     }
 }
 
-/// The numbers of a type.
+/// Component and width of a numeric type code; `None` for other types.
 fn numbers_of(kind: u8) -> Option<(Component, usize)> {
     use Component::{Byte, Double, Float, Half, Int, Int64, Uint, Uint64};
     Some(match kind {
@@ -726,7 +728,7 @@ fn numbers_of(kind: u8) -> Option<(Component, usize)> {
     })
 }
 
-/// The numbers of a value that is in its own description: vectors as bytes, matrices as the bytes of their diagonal.
+/// A value stored in its own description: vectors as one signed byte for each component, matrices as bytes of their diagonal.
 fn inlined(component: Component, width: usize, kind: u8, payload: u64) -> Vec<f64> {
     let bytes = payload.to_le_bytes();
     let byte = |i: usize| f64::from(bytes[i] as i8);

@@ -1,4 +1,4 @@
-//! Time samples as one clip: places of prims, joints of skeletons, weights of blend shapes.
+//! Time samples become one clip: prim transforms, skeleton joints, blend shape weights.
 
 use crate::layer::Prim;
 use crate::nodes::{Rig, Tree};
@@ -8,7 +8,7 @@ use choreo_motion::{Clip, Curve, Interpolation, Path, PropertyCurve, Time, Trans
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Hours into the timeline after which no key is read.
+/// Seconds from the start within which keys are read.
 const MOST_SECS: f64 = 1e6;
 
 pub struct Clips<'a> {
@@ -22,7 +22,8 @@ pub struct Clips<'a> {
 }
 
 impl Clips<'_> {
-    /// Key times of time codes; `None` where fewer than two are left.
+    /// Key times of time codes, with the codes that are kept: increasing, and within the limit. `None` where fewer than two are
+    /// left.
     pub fn times(&self, codes: &[f64]) -> Option<(Vec<f64>, Arc<[Time]>)> {
         let mut kept: Vec<f64> = Vec::new();
         let mut times: Vec<Time> = Vec::new();
@@ -37,14 +38,14 @@ impl Clips<'_> {
         (times.len() > 1).then(|| (kept, times.into()))
     }
 
-    /// Curves of a joint from its transforms at some times; those that do not change are left out.
+    /// Adds the curves of a joint from its transforms at the given times. A channel that does not change gets a single key.
     fn transforms(&mut self, joint: u32, times: &Arc<[Time]>, list: &[Transform]) -> Result<()> {
         self.budget.charge(list.len() as u64, 40)?;
         let mut before = list[0].rotation;
         let rotations: Vec<f32> = list
             .iter()
             .flat_map(|t| {
-                // The nearer one of the two quaternions.
+                // A rotation has two quaternions; the one nearer to the key before is used.
                 before = if before.dot(t.rotation) < 0.0 { -t.rotation } else { t.rotation };
                 before.to_array()
             })
@@ -68,7 +69,7 @@ impl Clips<'_> {
         self.curves.push(Curve { joint, path, interpolation, times, values });
     }
 
-    /// The places of prims.
+    /// Adds the curves of animated prim transforms.
     pub fn places(&mut self, tree: &Tree<'_>) -> Result<()> {
         for node in &tree.nodes {
             let codes = transforms::times(node.prim);
@@ -81,7 +82,7 @@ impl Clips<'_> {
         Ok(())
     }
 
-    /// The joints of a skeleton by a SkelAnimation.
+    /// Adds the curves of a skeleton's joints from a SkelAnimation.
     pub fn skeleton(&mut self, rig: &Rig<'_>, animation: &Prim, path: &str) -> Result<()> {
         let own = animation.texts("joints");
         let parts = ["translations", "rotations", "scales"].map(|name| animation.attributes.get(name));
@@ -126,7 +127,7 @@ impl Clips<'_> {
         Ok(())
     }
 
-    /// The weights of a mesh's blend shapes by a SkelAnimation; the weights where it has none for them.
+    /// Adds the curve of a mesh's blend shape weights from a SkelAnimation. Returns the weights at the start.
     pub fn weights(&mut self, joint: u32, shapes: &[String], animation: &Prim) -> Result<Vec<f32>> {
         let tokens = animation.texts("blendShapes");
         let known: BTreeMap<&String, usize> = tokens.iter().zip(0..).collect();
@@ -147,7 +148,7 @@ impl Clips<'_> {
         Ok(row(&transforms::at(attribute, self.start)))
     }
 
-    /// The clip of all curves; `None` where nothing moves.
+    /// The clip of all curves; `None` where nothing is animated.
     pub fn finish(self, name: &str, joints: usize) -> Result<Option<Clip>> {
         if self.curves.is_empty() && self.properties.is_empty() {
             return Ok(None);

@@ -1,4 +1,5 @@
-//! Composition: layers, classes, variants, references and payloads as one tree of prims. The stronger opinion about an attribute counts whole.
+//! Composition: combines layers, classes, variants, references and payloads into one tree of prims. A stronger opinion about an
+//! attribute's value or samples replaces a weaker one completely.
 
 use crate::archive::{Archive, is_archive};
 use crate::layer::{Attribute, Layer, Prim, Reference, Value};
@@ -10,12 +11,12 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Prims within each other and arcs one after the other, at most.
+/// Nesting of prims and chained arcs, at most.
 const MOST_DEPTH: usize = 100;
-/// Prims of the scene, at most: references of references multiply.
+/// Prims of the scene, at most: nested references multiply.
 const MOST_PRIMS: usize = 500_000;
 
-/// Files beside the scene, and those in its packages: `robot.usdz[skin.png]`.
+/// Files beside the scene, and files in its packages: `robot.usdz[skin.png]`.
 pub struct Packages<'a> {
     files: &'a dyn Files,
     known: RefCell<BTreeMap<String, Rc<Archive>>>,
@@ -26,7 +27,7 @@ impl<'a> Packages<'a> {
         Packages { files, known: RefCell::default() }
     }
 
-    /// Keeps a package; the path of its layer.
+    /// Opens and keeps a package. Returns the path and bytes of its root layer.
     fn open(&self, name: &str, bytes: Arc<Vec<u8>>) -> Result<(String, Arc<Vec<u8>>)> {
         let archive = Rc::new(Archive::open(bytes)?);
         let first = archive.first.clone();
@@ -57,7 +58,7 @@ impl Files for Packages<'_> {
     }
 }
 
-/// The path of a file that another one names.
+/// Resolves a file name relative to the file that contains it.
 fn beside(of: &str, file: &str) -> String {
     if let Some((package, inner)) = of.strip_suffix(']').and_then(|path| path.split_once('[')) {
         return format!("{package}[{}]", beside(inner, file));
@@ -80,7 +81,7 @@ pub struct Composer<'a> {
     packages: &'a Packages<'a>,
     budget: &'a Budget,
     notes: &'a Notes,
-    /// Layer stacks by the path of their first layer.
+    /// Layer stacks by the path of their root layer.
     stacks: BTreeMap<String, Rc<Layer>>,
     prims: usize,
 }
@@ -90,14 +91,14 @@ impl<'a> Composer<'a> {
         Composer { packages, budget, notes, stacks: BTreeMap::new(), prims: 0 }
     }
 
-    /// The composed scene of a file, with the metadata of its first layer.
+    /// The composed scene of a file, with the metadata of its root layer.
     pub fn scene(&mut self, name: &str, bytes: Arc<Vec<u8>>) -> Result<Layer> {
         let stack = self.stack(name, Some(bytes), 0)?;
         let root = self.flattened((&stack, name), &stack.root, "", (None, 0))?;
         Ok(Layer { root, ..Layer::clone(&stack) })
     }
 
-    /// A layer with those below it.
+    /// A layer merged with its sublayers.
     fn stack(&mut self, name: &str, bytes: Option<Arc<Vec<u8>>>, depth: usize) -> Result<Rc<Layer>> {
         if let Some(known) = self.stacks.get(name) {
             return Ok(known.clone());
@@ -131,7 +132,8 @@ impl<'a> Composer<'a> {
         Ok(layer)
     }
 
-    /// A prim with all that its arcs lead to. `over`: the stronger prim for which it is composed, whose variants count.
+    /// A prim merged with the targets of all its arcs. `over`: the stronger prim that it is composed for, whose variant
+    /// selections win.
     fn flattened(
         &mut self,
         (stack, name): (&Rc<Layer>, &str),
@@ -187,7 +189,7 @@ impl<'a> Composer<'a> {
         Ok(out)
     }
 
-    /// Adds what an arc leads to below the opinions of a prim.
+    /// Merges the target of an arc into a prim, as the weaker opinion.
     fn add(
         &mut self,
         (stack, name): (&Rc<Layer>, &str),
@@ -223,12 +225,12 @@ impl<'a> Composer<'a> {
     }
 }
 
-/// Places of prims by name.
+/// Index of each prim by name.
 fn places(children: &[Prim]) -> BTreeMap<String, usize> {
     children.iter().enumerate().map(|(place, child)| (child.name.clone(), place)).collect()
 }
 
-/// Gives paths of files in a layer that name a file the place from the scene's folder.
+/// Makes asset paths in a layer relative to the scene's folder.
 fn place_files(prim: &mut Prim, layer: &str) {
     for reference in prim.references.iter_mut().filter(|r| !r.file.is_empty()) {
         reference.file = beside(layer, &reference.file);
@@ -246,7 +248,7 @@ fn place_files(prim: &mut Prim, layer: &str) {
     }
 }
 
-/// Adds opinions of a weaker spec, whose arcs are still to be followed.
+/// Merges a weaker spec whose arcs are not composed yet.
 fn merge_specs(strong: &mut Prim, weak: Prim) {
     let Prim { references, classes, selections, variants, .. } = &weak;
     strong.references.extend(references.iter().cloned());
@@ -266,7 +268,7 @@ fn merge_specs(strong: &mut Prim, weak: Prim) {
     merge_opinions(strong, weak, merge_specs);
 }
 
-/// Adds opinions of a weaker prim that is composed.
+/// Merges a weaker prim that is already composed.
 fn merge(strong: &mut Prim, weak: Prim) {
     merge_opinions(strong, weak, merge);
 }
@@ -315,7 +317,7 @@ fn merge_opinions(strong: &mut Prim, weak: Prim, each_child: fn(&mut Prim, Prim)
     }
 }
 
-/// Lets paths below one prim lead below another.
+/// Rewrites connection and relationship targets below one path to another path.
 fn moved(prim: &mut Prim, from: &str, to: &str) {
     let lists = prim.connections.values_mut().chain(prim.relations.values_mut());
     for path in lists.flatten() {

@@ -1,10 +1,10 @@
-//! A layer as data: prims with attributes, relationships and arcs to other prims, before they are composed.
+//! A layer as data: prims with attributes, relationships and composition arcs, before composition.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A value: all numbers of a scalar, vector, matrix or array one after the other, or texts (tokens, strings, paths of files).
-/// Quaternions are x, y, z, w.
+/// A value: the numbers of a scalar, vector, matrix or array in one list, or texts (tokens, strings, asset paths). Quaternions
+/// are x, y, z, w.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     Numbers(Arc<[f64]>),
@@ -29,10 +29,10 @@ impl Value {
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Attribute {
-    /// Its type, `float3[]`.
+    /// Type name, `float3[]`.
     pub kind: String,
     pub value: Option<Value>,
-    /// Values at time codes, rising.
+    /// Time samples by increasing time code.
     pub samples: Vec<(f64, Value)>,
     pub interpolation: String,
     pub element_size: usize,
@@ -41,9 +41,9 @@ pub struct Attribute {
 /// A reference or payload.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reference {
-    /// Empty: the same layer stack.
+    /// Asset path; empty for the same layer stack.
     pub file: String,
-    /// Empty: the default prim.
+    /// Prim path; empty for the default prim.
     pub path: String,
     pub offset: f64,
     pub scale: f64,
@@ -61,19 +61,19 @@ pub enum Specifier {
 pub struct Prim {
     pub name: String,
     pub specifier: Specifier,
-    /// "Mesh"; empty where it has none.
+    /// Schema type, "Mesh"; empty where the prim has none.
     pub kind: String,
     pub display_name: String,
     pub inactive: bool,
     pub references: Vec<Reference>,
-    /// Prims that it inherits from or specializes, strongest first.
+    /// Paths of prims that it inherits from or specializes, strongest first.
     pub classes: Vec<String>,
-    /// Variant selected of each set.
+    /// Selected variant of each variant set.
     pub selections: BTreeMap<String, String>,
-    /// Variants by set.
+    /// Variants by variant set and name.
     pub variants: BTreeMap<String, BTreeMap<String, Prim>>,
     pub attributes: BTreeMap<String, Arc<Attribute>>,
-    /// Outputs that drive attributes.
+    /// Paths of the outputs that drive attributes, by attribute.
     pub connections: BTreeMap<String, Vec<String>>,
     pub relations: BTreeMap<String, Vec<String>>,
     pub children: Vec<Prim>,
@@ -88,7 +88,7 @@ pub struct Layer {
     pub default_prim: String,
     pub comment: String,
     pub sublayers: Vec<String>,
-    /// Holds the prims at the root.
+    /// The pseudo-root, whose children are the root prims.
     pub root: Prim,
 }
 
@@ -102,7 +102,7 @@ impl Prim {
         path.split('/').filter(|name| !name.is_empty()).try_fold(self, |prim, name| prim.child(name))
     }
 
-    /// The numbers of an attribute where it does not change.
+    /// The numbers of an attribute; `None` where it has none.
     pub fn numbers(&self, name: &str) -> Option<&[f64]> {
         self.value(name).map(Value::numbers).filter(|list| !list.is_empty())
     }
@@ -119,7 +119,7 @@ impl Prim {
         self.texts(name).first().map_or("", String::as_str)
     }
 
-    /// The value, or the first sample.
+    /// The default value, or else the first sample.
     pub fn value(&self, name: &str) -> Option<&Value> {
         let attribute = self.attributes.get(name)?;
         attribute.value.as_ref().or_else(|| attribute.samples.first().map(|(_, value)| value))

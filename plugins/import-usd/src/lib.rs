@@ -1,4 +1,4 @@
-//! USD into an [`Asset`]. What it reads, and limits: README.md.
+//! USD into an [`Asset`]. Contents and limits: README.md.
 
 mod archive;
 mod binary;
@@ -30,7 +30,7 @@ use std::sync::{Arc, LazyLock};
 /// The page of the documentation.
 pub const README: &str = include_str!("../README.md");
 
-/// Decoded bytes of one file and of those beside it.
+/// Limit of all bytes decoded from a file and the files it refers to.
 const MAX_DECODED_BYTES: u64 = 2 << 30;
 
 static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
@@ -80,7 +80,7 @@ impl Importer for UsdImporter {
 fn import(source: &Source, files: &dyn Files, needs: ImportScope) -> Result<Asset> {
     let (notes, budget) = (Notes::default(), Budget::new(MAX_DECODED_BYTES));
     let packages = Packages::new(files);
-    // Files are named from the folder of the source.
+    // File names are relative to the folder of the source.
     let name = source.name.rsplit(['/', '\\']).next().unwrap_or_default();
     let layer = Composer::new(&packages, &budget, &notes).scene(name, source.bytes.clone())?;
     let mut tree = Tree::of(&layer)?;
@@ -145,7 +145,7 @@ fn origin(source: &Source, layer: &Layer, metres: f64) -> Origin {
     }
 }
 
-/// The SkelAnimation of the skeleton at a path, with its own path.
+/// The SkelAnimation of the skeleton at a path, and the path of the animation.
 fn animation_of<'a>(tree: &'a Tree<'a>, skeleton: &str) -> Option<(&'a Prim, String)> {
     let node = tree.node(skeleton)?;
     let source = tree.inherited(node, |prim| prim.targets("skel:animationSource").first().cloned())?;
@@ -153,13 +153,13 @@ fn animation_of<'a>(tree: &'a Tree<'a>, skeleton: &str) -> Option<(&'a Prim, Str
     Some((animation, source))
 }
 
-/// The scene while its meshes are read.
+/// State while the meshes of the scene are read.
 struct MeshReader<'a, 'b> {
     tree: &'a Tree<'a>,
     clips: Clips<'b>,
     materials: Materials<'b>,
     triangulator: Triangulator,
-    /// Skins by skeleton, joints of the mesh and bind geometry.
+    /// Skin by skeleton, joints of the mesh and geometry bind transform.
     skins: BTreeMap<(String, Vec<String>, Vec<u64>), u32>,
     needs: ImportScope,
 }
@@ -226,7 +226,7 @@ impl<'b> MeshReader<'_, 'b> {
         Ok(())
     }
 
-    /// The parts of a mesh by material, and what the first material reads.
+    /// The material subsets of a mesh, and what the first material reads from the mesh.
     fn parts(&mut self, node: &Node<'_>) -> (Vec<FaceSubset>, Known) {
         let bound = |prim: &Prim| prim.targets("material:binding").first().cloned();
         let whole = self.tree.inherited(node, bound);
@@ -270,7 +270,7 @@ impl<'b> MeshReader<'_, 'b> {
         asset.skins.len() as u32 - 1
     }
 
-    /// Adds the meshes of an instancer's prototypes, once each with its copies.
+    /// Adds the meshes of an instancer's prototypes, each once with its copies.
     fn instancer(&mut self, node: &Node<'_>, asset: &mut Asset) -> Result<()> {
         let prim = node.prim;
         let list = |name: &str| prim.numbers(name).unwrap_or_default();
@@ -322,7 +322,7 @@ impl<'b> MeshReader<'_, 'b> {
     }
 }
 
-/// Lets influences of joints beyond a skin's last one be of the first.
+/// Redirects influences beyond a skin's last joint to its first joint.
 fn limit_joints(mesh: &mut choreo_asset::Mesh, joints: usize) {
     let all = mesh.primitives.iter_mut().flat_map(|p| &mut p.joint_indices);
     all.filter(|joint| usize::from(**joint) >= joints).for_each(|joint| *joint = 0);

@@ -1,4 +1,4 @@
-//! UsdPreviewSurface as materials (the UsdPreviewSurface specification).
+//! UsdPreviewSurface materials (the UsdPreviewSurface specification).
 
 use crate::layer::Prim;
 use choreo_asset::{AlphaMode, Material, Sampler, TextureRef, Wrap};
@@ -8,7 +8,7 @@ use choreo_plugin::Files;
 use glam::{Affine2, DVec2, DVec3, Mat2, Vec2, Vec3, Vec4};
 use std::collections::BTreeMap;
 
-/// The materials of a scene, and the names of the texture coordinates that each reads.
+/// The materials of a scene, with the texture coordinate names that each reads.
 pub struct Materials<'a> {
     pub root: &'a Prim,
     pub list: Vec<Material>,
@@ -20,18 +20,18 @@ pub struct Materials<'a> {
     wants_textures: bool,
 }
 
-/// A material that is there.
+/// A material that has been read.
 #[derive(Clone, Debug, Default)]
 pub struct Known {
     pub index: Option<u32>,
     pub uvs: [String; 2],
-    /// It reads vertex colors.
+    /// The material reads vertex colors.
     pub colors: bool,
-    /// Some texture was read.
+    /// The material has a texture.
     read: bool,
 }
 
-/// A texture as a shader reads it.
+/// A texture with the settings of the shader that reads it.
 struct Read {
     texture: TextureRef,
     channel: String,
@@ -49,7 +49,7 @@ impl<'a> Materials<'a> {
         Materials { root, list, textures, files, budget, notes, known, wants_textures }
     }
 
-    /// The material at a path.
+    /// The material at a path, read on first use.
     pub fn at(&mut self, path: &str) -> Known {
         if let Some(known) = self.known.get(path) {
             return known.clone();
@@ -192,7 +192,7 @@ impl<'a> Materials<'a> {
         let uv_set = match known.uvs.iter().position(|known| *known == set) {
             Some(known) => known,
             None if known.uvs[1].is_empty() => {
-                // A first set that nothing reads yet is none.
+                // The first set may be replaced as long as no texture uses it.
                 let next = usize::from(known.read);
                 known.uvs[next] = set;
                 next
@@ -222,11 +222,11 @@ impl<'a> Materials<'a> {
         Some(Read { texture, channel, scale, bias })
     }
 
-    /// The primvar of a texture's coordinates, and their transform with the origin above.
+    /// The primvar name of a texture's coordinates, and their transform with the origin at the top.
     fn coordinates(&self, texture: &Prim) -> (String, Affine2) {
         let mut transform = Affine2::IDENTITY;
         let mut at = texture.connections.get("inputs:st").and_then(|list| list.first());
-        // A transform, then a reader.
+        // A transform, then a primvar reader; at most four nodes are followed.
         for _ in 0..4 {
             let Some(prim) = at.and_then(|path| self.root.at(prim_of(path))) else { break };
             match prim.text("info:id") {
@@ -236,7 +236,7 @@ impl<'a> Materials<'a> {
                 }
                 _ => {
                     let own = prim.text("inputs:varname").to_string();
-                    // The name may be an input of the material.
+                    // The name may be connected to an input of the material.
                     let source = prim.connections.get("inputs:varname").and_then(|list| list.first());
                     let of_material = source.and_then(|path| {
                         let (at, name) = path.rsplit_once('.')?;
@@ -260,7 +260,7 @@ fn named(prim: &Prim) -> Material {
     Material { name: name.clone(), ..Material::default() }
 }
 
-/// Scale, then rotation, then translation of coordinates whose origin is below, as a transform of those whose origin is above.
+/// Converts scale, rotation and translation with the origin at the bottom to a transform with the origin at the top.
 fn from_below(prim: &Prim) -> Affine2 {
     let two = |name: &str, default: Vec2| {
         let found = prim.numbers(name).and_then(|v| v.first_chunk::<2>());
@@ -274,7 +274,7 @@ fn from_below(prim: &Prim) -> Affine2 {
     Affine2::from_mat2_translation(matrix, Vec2::new(at.x + y.x, 1.0 - y.y - at.y))
 }
 
-/// Takes numbers that are none out of a material of a damaged file.
+/// Replaces non-finite numbers in the material of a damaged file.
 fn sound(m: &mut Material) {
     let plain = Material::default();
     if !m.base_color.is_finite() {

@@ -1,4 +1,4 @@
-//! Mesh prims as meshes: polygons cut into triangles, values of faces and their vertices, influences of joints, blend shapes.
+//! Mesh prims become meshes: triangulated polygons, primvars, joint influences, blend shapes.
 
 use crate::layer::{Attribute, Prim};
 use crate::transforms;
@@ -8,33 +8,33 @@ use choreo_importer_kit::weld::Welder;
 use choreo_importer_kit::{Budget, Notes, Problem, Result, smooth};
 use glam::{DMat4, DVec3, Vec2, Vec3, Vec4};
 
-/// Degrees up to which an edge is smooth where a file has no normals.
+/// Degrees up to which an edge is smooth, where a file has no normals.
 const SMOOTH: f64 = 60.0;
-/// Joints that a vertex follows, at most.
+/// Influences of a vertex, at most.
 const MOST_INFLUENCES: usize = 8;
 
-/// How a mesh is read.
+/// The parts of a mesh to read, and the context for reading them.
 pub struct Reading<'a> {
     pub path: &'a str,
     pub budget: &'a Budget,
     pub notes: &'a Notes,
-    /// Names of the texture coordinates of the first and the second set.
+    /// Primvar names of the first and the second texture coordinate set.
     pub uvs: [String; 2],
     pub colors: bool,
-    /// Blend shapes with their prims.
+    /// Names of the blend shapes, with their prims.
     pub shapes: Vec<(String, &'a Prim)>,
-    /// Whether it follows joints.
+    /// Whether the mesh has joint influences.
     pub skinned: bool,
 }
 
-/// The faces of a mesh that have a material.
+/// The faces of a mesh that share a material.
 pub struct FaceSubset {
-    /// Indices of faces; `None`: all that no other part has.
+    /// Face indices; `None`: all faces that no other subset has.
     pub faces: Option<Vec<u32>>,
     pub material: Option<u32>,
 }
 
-/// A primvar: values, and which of them each element has.
+/// A primvar: its values, the indices into them, and how elements map to the mesh.
 struct Primvar<'a> {
     values: &'a [f64],
     width: usize,
@@ -51,7 +51,8 @@ enum Across {
 }
 
 impl<'a> Primvar<'a> {
-    /// `None` where it is not there, or has fewer values than elements, which is a warning.
+    /// Reads a primvar; `None` where the prim lacks it, or, with a warning, where it has too few elements or indices out of
+    /// range.
     fn of(
         prim: &'a Prim,
         name: &str,
@@ -68,7 +69,7 @@ impl<'a> Primvar<'a> {
             "vertex" | "varying" => (Across::Vertices, vertices),
             "faceVarying" => (Across::FaceVertices, face_vertices),
             "constant" => (Across::Constant, 1),
-            // Normals belong to vertices unless the file states otherwise.
+            // Normals without an interpolation belong to vertices, unless their number is that of the face vertices.
             _ if name == "normals" && values.len() / width == face_vertices => {
                 (Across::FaceVertices, face_vertices)
             }
@@ -142,7 +143,7 @@ pub fn mesh(
 ) -> Result<Option<Mesh>> {
     let Some(faces) = Faces::of(prim, reading.path)? else { return Ok(None) };
     let counts = [faces.counts.len(), faces.points.len() / 3, faces.indices.len()];
-    // Vertices, indices and what belongs to them.
+    // Memory of vertices, indices and their attributes, for each face vertex.
     reading.budget.charge(counts[2] as u64, 160)?;
     let mut taken = vec![false; counts[0]];
     for part in parts.iter().filter_map(|part| part.faces.as_ref()) {
@@ -205,7 +206,7 @@ impl<'a> Primvars<'a> {
     }
 }
 
-/// The values of a vertex that tell it from others at its point.
+/// Values of a face vertex, by which vertices at the same point differ.
 #[derive(Clone, Copy, PartialEq)]
 struct FaceVertex {
     normal: Vec3,
@@ -217,7 +218,7 @@ struct FaceVertex {
 struct Builder {
     material: Option<u32>,
     indices: Vec<u32>,
-    /// Points and values of the vertices.
+    /// Point and values of each vertex.
     vertices: Vec<(u32, FaceVertex)>,
 }
 
@@ -237,7 +238,7 @@ impl Builder {
             let at = |primvar: &Option<Primvar<'_>>| {
                 primvar.as_ref().map(|primvar| primvar.at(face, point(i), start + i).to_vec())
             };
-            // The origin of texture coordinates is above.
+            // USD has the origin of texture coordinates at the bottom; here it is at the top.
             let uv = |primvar| {
                 at(primvar).map_or(Vec2::ZERO, |v| finite(Vec2::new(v[0] as f32, 1.0 - v[1] as f32)))
             };
@@ -315,7 +316,7 @@ impl Builder {
     }
 }
 
-/// A blend shape's offsets of all points.
+/// Offsets of a blend shape for all points of the mesh.
 struct Shape {
     offsets: Vec<Vec3>,
     normals: Vec<Vec3>,
@@ -343,7 +344,7 @@ impl Shape {
     }
 }
 
-/// Influences of joints, 4 or 8 of each point.
+/// Joint influences, 4 or 8 for each point.
 struct Influences {
     size: usize,
     joints: Vec<u16>,
@@ -387,7 +388,7 @@ impl Influences {
     }
 }
 
-/// The space of joints at bind time from that of a mesh's points.
+/// Geometry bind transform: from mesh space to skeleton space at bind time.
 pub fn geometry(prim: &Prim) -> DMat4 {
     prim.numbers("primvars:skel:geomBindTransform").map_or(DMat4::IDENTITY, transforms::matrix)
 }

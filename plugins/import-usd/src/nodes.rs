@@ -1,4 +1,4 @@
-//! Prims and the joints of skeletons as the nodes of an asset.
+//! Prims, and the joints of skeletons, become the joints of an asset.
 
 use crate::layer::{Layer, Prim, Specifier};
 use crate::transforms;
@@ -8,38 +8,38 @@ use glam::{DMat4, DVec3};
 use std::collections::BTreeMap;
 use std::f64::consts::FRAC_PI_2;
 
-/// A prim that is a node.
+/// A prim that becomes a joint.
 pub struct Node<'a> {
     pub prim: &'a Prim,
     pub path: String,
     pub joint: u32,
-    /// The nodes above, by index; the root first.
+    /// Indices of the ancestor nodes, the root first.
     pub above: Vec<usize>,
 }
 
 /// The joints of a Skeleton prim.
 pub struct Rig<'a> {
-    /// The asset's joint of each.
+    /// The asset's joint for each joint of the skeleton.
     pub joints: Vec<u32>,
-    /// Their places by path.
+    /// Index of each joint by its path.
     pub places: BTreeMap<&'a str, usize>,
-    /// The skeleton's space at bind time.
+    /// Bind transforms, skeleton from joint.
     pub bind: Vec<DMat4>,
 }
 
 pub struct Tree<'a> {
     pub root: &'a Prim,
     pub nodes: Vec<Node<'a>>,
-    /// Nodes by path.
+    /// Index of each node by path.
     by_path: BTreeMap<String, usize>,
-    /// Rigs by the path of the Skeleton prim.
+    /// Skeletons by the path of the Skeleton prim.
     pub rigs: BTreeMap<String, Rig<'a>>,
     names: Vec<String>,
     parents: Vec<Option<u32>>,
     rest: Vec<Transform>,
 }
 
-/// Kinds of prims that have no place.
+/// Prim types without a transform.
 const PLACELESS: [&str; 8] = [
     "Material",
     "Shader",
@@ -62,7 +62,7 @@ impl<'a> Tree<'a> {
             parents: Vec::new(),
             rest: Vec::new(),
         };
-        // In metres, with +Y up.
+        // The conversion to meters and +Y up.
         let metres = layer.metres.filter(|m| m.is_finite() && *m > 0.0).unwrap_or(0.01);
         let turn = match layer.up.as_deref() {
             Some("Z") => DMat4::from_rotation_x(-FRAC_PI_2),
@@ -120,7 +120,7 @@ impl<'a> Tree<'a> {
         self.nodes.push(Node { prim, path: path.clone(), joint: own, above: above.to_vec() });
         let mut inside = above.to_vec();
         inside.push(self.nodes.len() - 1);
-        // Prototypes are drawn by their instancer.
+        // The instancer draws its prototypes.
         if prim.kind == "PointInstancer" {
             return Ok(());
         }
@@ -178,7 +178,7 @@ impl<'a> Tree<'a> {
             .map_err(|e| Problem::new("stage", e.to_string()))
     }
 
-    /// The value that a prim or the nearest one above it has.
+    /// The first value that `get` finds on the prim or an ancestor, nearest first.
     pub fn inherited<R>(&self, node: &'a Node<'a>, get: impl Fn(&'a Prim) -> Option<R>) -> Option<R> {
         let above = node.above.iter().rev().map(|index| self.nodes[*index].prim);
         std::iter::once(node.prim).chain(above).find_map(get)

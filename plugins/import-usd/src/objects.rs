@@ -1,4 +1,4 @@
-//! Cameras and lights, and what their time samples change.
+//! Cameras and lights, with their time samples.
 
 use crate::clips::Clips;
 use crate::layer::Prim;
@@ -11,10 +11,10 @@ use choreo_motion::{Interpolation, PropertyCurve, PropertyTarget, Time};
 use glam::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// How near keys of an angle come to those of a focal length.
+/// Accuracy of the keys that are added for nonlinear properties, such as field of view from focal length.
 const NEARNESS: Nearness = Nearness { tolerance: 5e-5, depth: 9, rows: 1_000_000 };
 
-/// A prim at a time code.
+/// A prim evaluated at a time code.
 #[derive(Clone, Copy)]
 struct At<'a> {
     prim: &'a Prim,
@@ -30,7 +30,7 @@ impl At<'_> {
         self.numbers(name).first().copied().filter(|v| v.is_finite())
     }
 
-    /// An input of a light, by its name of today or that of files before 2022.
+    /// An input of a light, under its current name, or the one that files before 2022 use.
     fn input(&self, name: &str, default: f64) -> f64 {
         self.number(&format!("inputs:{name}")).or_else(|| self.number(name)).unwrap_or(default)
     }
@@ -43,7 +43,7 @@ impl At<'_> {
         let far = if far > near && far.is_finite() { far } else { near * 1e6 };
         let height = number("verticalAperture", 15.2908);
         match self.prim.text("projection") {
-            // Apertures are in tenths of a unit.
+            // Apertures are in tenths of a scene unit.
             "orthographic" => Projection::Orthographic { height: (0.1 * height * metres) as f32, near, far },
             _ => {
                 let yfov = 2.0 * libm::atan(0.5 * height / number("focalLength", 50.0));
@@ -60,17 +60,17 @@ impl At<'_> {
         if color.is_finite() { color.max(Vec3::ZERO) } else { Vec3::ONE }
     }
 
-    /// Luminance, or illuminance of a distant light.
+    /// The light's luminance; illuminance for a distant light.
     fn strength(&self) -> f64 {
         self.input("intensity", 1.0).max(0.0) * libm::exp2(self.input("exposure", 0.0).clamp(-64.0, 64.0))
     }
 
-    /// The light; `None` for kinds that have no place in an asset. Lights with an extent become points: their intensity is the luminance
-    /// times the area that is seen from in front. Flat ones shine as their cosine does, which a spot of 90 degrees is near.
+    /// The light; `None` for types without an equivalent. Area lights become points, with luminance times visible frontal area as
+    /// intensity. Flat area lights shine with the cosine of the angle, which a spot of 90 degrees approximates.
     fn light(&self, metres: f64) -> Option<Light> {
         let length = |name: &str, default: f64| self.input(name, default).abs() * metres;
         let strength = self.strength();
-        // A normalized light is divided by its surface.
+        // The luminance of a normalized light is divided by its surface area.
         let of = |seen: f64, surface: f64| match self.input("normalize", 0.0) != 0.0 {
             true => strength * seen / surface.max(1e-12),
             false => strength * seen,
@@ -80,7 +80,7 @@ impl At<'_> {
             "DistantLight" => (LightKind::Directional, strength),
             "SphereLight" => {
                 let disc = PI * length("radius", 0.5) * length("radius", 0.5);
-                // The surface cancels where a radius of 0 has none.
+                // The surface area cancels, which keeps a radius of 0 valid.
                 let normalized = self.input("normalize", 0.0) != 0.0;
                 (LightKind::Point, if normalized { 0.25 * strength } else { of(disc, 4.0 * disc) })
             }
@@ -112,7 +112,7 @@ impl At<'_> {
     }
 }
 
-/// Adds the cameras and lights of a tree, and the curves of what changes about them.
+/// Adds the cameras and lights of a tree, and the curves of their animated properties.
 pub fn add(tree: &Tree<'_>, metres: f64, clips: &mut Clips<'_>, asset: &mut Asset) -> Result<()> {
     for node in &tree.nodes {
         let (prim, joint, notes) = (node.prim, node.joint, clips.notes);
@@ -163,7 +163,7 @@ pub fn add(tree: &Tree<'_>, metres: f64, clips: &mut Clips<'_>, asset: &mut Asse
     Ok(())
 }
 
-/// The attributes that change a light.
+/// Light attributes whose time samples are read.
 const INPUTS: [&str; 9] = [
     "inputs:color",
     "inputs:intensity",
@@ -176,7 +176,7 @@ const INPUTS: [&str; 9] = [
     "inputs:length",
 ];
 
-/// Light from all sides, of a dome without an image.
+/// Adds a dome light without an image to the ambient light; warns about one with an image.
 fn dome(at: &At<'_>, path: &str, notes: &Notes, asset: &mut Asset) {
     let image = ["inputs:texture:file", "texture:file"].map(|name| at.prim.text(name));
     match image.into_iter().find(|image| !image.is_empty()) {
@@ -198,7 +198,8 @@ fn dome(at: &At<'_>, path: &str, notes: &Notes, asset: &mut Asset) {
     }
 }
 
-/// Adds curves of the targets, whose numbers a row holds one after the other, where an attribute has time samples.
+/// Adds curves of the targets where any of the attributes has time samples. `row` returns the values of all targets,
+/// concatenated, at a time code.
 fn properties(
     prim: &Prim,
     attributes: &[&str],
@@ -216,7 +217,7 @@ fn properties(
     let width: usize = targets.iter().map(|target| target.width()).sum();
     let made = rows(&times, NEARNESS, |time: Time| {
         let mut row = row(start + time.as_secs() * rate);
-        // A spot whose cone opens to 90 degrees is none.
+        // A spot whose cone opens to 90 degrees becomes a point, so its angles are filled in with 90 degrees.
         row.resize(width, FRAC_PI_2 as f32);
         row
     });

@@ -1,15 +1,15 @@
-//! `.usda`: layers as text.
+//! Reads layers as text, `.usda`.
 
 use crate::layer::{Layer, Prim, Reference, Specifier, Value};
 use choreo_importer_kit::text::{number, shown};
 use choreo_importer_kit::{Budget, Problem, Result};
 use std::sync::Arc;
 
-/// Prims, values and dictionaries within each other, at most.
+/// Nesting of prims, values and dictionaries, at most.
 const MOST_DEPTH: usize = 96;
 
 pub fn read(bytes: &[u8], budget: &Budget) -> Result<Layer> {
-    // A number takes two bytes of text and eight of memory.
+    // A number takes at least two bytes of text, and eight bytes in memory.
     budget.charge(bytes.len() as u64, 5)?;
     let at = if bytes.starts_with(b"\xEF\xBB\xBF") { 3 } else { 0 };
     let mut parser = Parser { bytes, at, depth: 0 };
@@ -40,7 +40,7 @@ struct Parser<'a> {
     depth: usize,
 }
 
-/// The parts of a value.
+/// A parsed value: the parts it consists of.
 #[derive(Default)]
 struct Parsed {
     numbers: Vec<f64>,
@@ -77,7 +77,7 @@ impl<'a> Parser<'a> {
         self.at += rest.iter().position(|b| *b == b'\n').map_or(rest.len(), |end| end + 1);
     }
 
-    /// White space, separators and comments.
+    /// Skips white space, separators and comments.
     fn skip_space(&mut self) {
         loop {
             match self.peek() {
@@ -103,7 +103,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// A name with namespaces, or an empty text.
+    /// A name with namespaces; empty where none follows.
     fn word(&mut self) -> &'a str {
         self.skip_space();
         let is_of_word = |b: &u8| b.is_ascii_alphanumeric() || matches!(b, b'_' | b':' | b'.') || *b >= 0x80;
@@ -157,7 +157,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    /// Text up to a mark, which is taken.
+    /// Text up to a mark, which is consumed.
     fn until(&mut self, end: &[u8]) -> Result<String> {
         let rest = self.rest();
         let Some(found) = rest.windows(end.len()).position(|w| w == end) else {
@@ -229,7 +229,7 @@ impl<'a> Parser<'a> {
         self.until(b">")
     }
 
-    /// A reference, with its shift and scale of time.
+    /// Reads the rest of a reference: its time offset and scale.
     fn reference(&mut self, file: String, path: String, out: &mut Parsed) -> Result<()> {
         let mut reference = Reference { file, path, offset: 0.0, scale: 1.0 };
         if self.rest().iter().find(|b| !matches!(b, b' ' | b'\t')) == Some(&b'(') {
@@ -282,7 +282,7 @@ impl<'a> Parser<'a> {
         })
     }
 
-    /// The entries up to the closing parenthesis; a string alone has no key.
+    /// Reads metadata entries up to the closing parenthesis. A bare string has an empty key.
     fn metadata(&mut self, mut each: impl FnMut(&str, Parsed)) -> Result<()> {
         while !self.take(b')') {
             if matches!(self.peek(), b'"' | b'\'') {
@@ -312,7 +312,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// Names of variant sets and of the variants selected, by turns.
+    /// Names of variant sets and of the selected variants, alternating.
     fn selections(&mut self) -> Result<Vec<String>> {
         self.expect(b'{')?;
         let mut out = Vec::new();
@@ -329,7 +329,7 @@ impl<'a> Parser<'a> {
         Ok(out)
     }
 
-    /// A prim, a variant set or a property.
+    /// Reads a prim, a variant set or a property.
     fn statement(&mut self, parent: &mut Prim) -> Result<()> {
         let start = self.at;
         match self.word() {
@@ -469,7 +469,7 @@ impl<'a> Parser<'a> {
                     })?;
                 }
             }
-            // Splines and the like.
+            // Other statements, such as splines, are skipped.
             _ => {
                 if self.take(b'=') {
                     self.value(&mut parsed)?;
@@ -480,7 +480,7 @@ impl<'a> Parser<'a> {
         Ok(())
     }
 
-    /// Whether a parenthesis follows on the same line.
+    /// Whether metadata in parentheses follows on the same line.
     fn is_metadata(&self) -> bool {
         self.rest().iter().find(|b| !matches!(b, b' ' | b'\t')) == Some(&b'(')
     }
@@ -517,11 +517,11 @@ fn value_of(parsed: Parsed, kind: &str) -> Option<Value> {
     let Parsed { mut numbers, texts, .. } = parsed;
     let base = kind.trim_end_matches("[]");
     if base.starts_with("float") || base.ends_with('f') {
-        // As a crate file has them.
+        // Rounded to f32, as crate files store them.
         numbers.iter_mut().for_each(|number| *number = f64::from(*number as f32));
     }
     if kind.starts_with("quat") {
-        // The real part comes first in text.
+        // Quaternions have the real part first in text, and last here.
         numbers.chunks_exact_mut(4).for_each(|quaternion| quaternion.rotate_left(1));
     }
     let is_text = ["token", "string", "asset"].iter().any(|name| kind.starts_with(name));

@@ -1,11 +1,11 @@
-//! The places of prims: the operations of xformOpOrder at a time.
+//! Prim transforms: evaluates the ops of xformOpOrder at a time.
 
 use crate::layer::{Attribute, Prim};
 use choreo_importer_kit::decompose::decompose;
 use choreo_motion::Transform;
 use glam::{DMat4, DQuat, DVec3};
 
-/// The numbers of an attribute at a time code, straight lines between samples; quaternions turn.
+/// The numbers of an attribute at a time code: linear between samples, slerp for quaternions.
 pub fn at(attribute: &Attribute, code: f64) -> Vec<f64> {
     let samples = &attribute.samples;
     let whole = |value: &crate::layer::Value| value.numbers().to_vec();
@@ -33,12 +33,12 @@ pub fn quaternion(numbers: &[f64]) -> DQuat {
     if q.length_squared() > 1e-12 { q.normalize() } else { DQuat::IDENTITY }
 }
 
-/// A matrix as USD has it: rows one after the other, vectors on their left.
+/// A matrix in USD's convention: stored row by row, with row vectors multiplied from the left.
 pub fn matrix(numbers: &[f64]) -> DMat4 {
     numbers.first_chunk::<16>().map_or(DMat4::IDENTITY, DMat4::from_cols_array)
 }
 
-/// The parent's space from the prim's, at a time code.
+/// Parent-from-prim matrix at a time code.
 pub fn local(prim: &Prim, code: f64) -> DMat4 {
     let mut out = DMat4::IDENTITY;
     for full in prim.texts("xformOpOrder") {
@@ -66,7 +66,7 @@ fn operation(name: &str, numbers: &[f64]) -> DMat4 {
         "rotateY" => DMat4::from_rotation_y(angle),
         "rotateZ" => DMat4::from_rotation_z(angle),
         _ => match (kind.strip_prefix("rotate"), vector()) {
-            // The first letter turns first.
+            // Euler angles: the axis of the first letter is applied first.
             (Some(order), Some(v)) if order.len() == 3 => {
                 order.chars().fold(DMat4::IDENTITY, |m, axis| match axis {
                     'X' => DMat4::from_rotation_x(v.x.to_radians()) * m,
@@ -79,10 +79,10 @@ fn operation(name: &str, numbers: &[f64]) -> DMat4 {
     }
 }
 
-/// The largest turn between two keys, degrees: angles about axes are no straight way between rotations.
+/// The largest rotation between two keys, degrees, because interpolated Euler angles do not follow the shortest arc.
 const MOST_TURN: f64 = 1.0;
 
-/// Times at which an operation has a sample, rising, and between those of angles.
+/// Increasing times of all samples of the transform ops, with added times between samples of angles.
 pub fn times(prim: &Prim) -> Vec<f64> {
     let mut out: Vec<f64> = Vec::new();
     for name in prim.texts("xformOpOrder") {
@@ -103,7 +103,7 @@ pub fn times(prim: &Prim) -> Vec<f64> {
     out
 }
 
-/// Translation, rotation and scale of a matrix.
+/// Translation, rotation and scale of a matrix; the identity where they are not finite.
 pub fn parts(m: &DMat4) -> Transform {
     let parts = decompose(m);
     let out = Transform {

@@ -1,13 +1,13 @@
-//! Statements of a file about itself: title, authors, license.
+//! Metadata of a file: title, authors, license.
 
 use crate::json::At;
 use choreo_asset::{Asset, Origin};
 use import_gltf::profile::Document;
 
-/// Longer texts are cut: they are shown on one line.
+/// Longest text in characters; texts are shown on one line.
 const LONGEST: usize = 300;
 
-/// VRM 1.0, "meta.md".
+/// Reads the metadata of VRM 1.0 ("meta.md").
 pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) {
     let mut about = About::new();
     if let Some(meta) = vrm.get("meta") {
@@ -34,7 +34,7 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) {
     asset.origin = origin(document, "VRM 1.0", about);
 }
 
-/// VRM 0.x, "VRM extension: Model information".
+/// Reads the metadata of VRM 0.x ("VRM extension: Model information").
 pub(crate) fn read_v0(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) {
     let mut about = About::new();
     if let Some(meta) = vrm.get("meta") {
@@ -57,7 +57,7 @@ pub(crate) fn read_v0(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) 
     asset.origin = origin(document, "VRM 0.x", about);
 }
 
-/// A VRM animation states nothing about itself but its writer.
+/// Sets the origin of a VRM animation, which has no metadata but the program that wrote it.
 pub(crate) fn read_animation(document: &Document<'_>, asset: &mut Asset) {
     asset.origin = origin(document, "VRM Animation 1.0", About::new());
 }
@@ -92,7 +92,7 @@ impl About {
         self.add(label, meta.text(key).unwrap_or_default());
     }
 
-    /// Lists the meshes to hide in a view from the character's own eyes; there is no such view here.
+    /// Notes how many meshes have a first-person setting, which is not used here.
     fn first_person(&mut self, meshes: Option<usize>) {
         if let Some(n @ 1..) = meshes {
             self.add("first person", &format!("{n} meshes shown or hidden in it; not used"));
@@ -105,7 +105,7 @@ fn texts<'a>(meta: &At<'a>, key: &str) -> Vec<&'a str> {
     listed.unwrap_or_default()
 }
 
-/// The text without line breaks and other control characters, which would disturb a terminal.
+/// The text on one line, without control characters, which could disturb a terminal.
 fn one_line(text: &str) -> String {
     let words = text.split(|c: char| c.is_whitespace() || c.is_control()).filter(|w| !w.is_empty());
     let line = words.collect::<Vec<_>>().join(" ");

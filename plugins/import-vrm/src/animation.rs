@@ -1,4 +1,4 @@
-//! VRM animations: `VRMC_vrm_animation` 1.0. Human bones as in `VRMC_vrm`, expressions and gaze as nodes that move.
+//! VRM animations: `VRMC_vrm_animation` 1.0. Humanoid bones are stored as in `VRMC_vrm`, expressions and gaze as animated nodes.
 
 use crate::json::At;
 use crate::{about, gaze, human};
@@ -30,7 +30,7 @@ pub fn read(document: &Document<'_>, vrma: &At<'_>, asset: &mut Asset) -> Result
     Ok(())
 }
 
-/// The node whose rotation gives the direction of the eyes, if one does.
+/// The joint whose rotation is the gaze; `None` where there is none.
 fn gaze_joint(document: &Document<'_>, vrma: &At<'_>) -> Result<Option<u32>> {
     let Some(look) = vrma.get("lookAt") else { return Ok(None) };
     let Some(node) = look.index("node")? else { return Ok(None) };
@@ -45,7 +45,7 @@ fn place(index: usize) -> String {
     format!("animations[{index}]")
 }
 
-/// Name of the expression that each joint stands for.
+/// Name of the expression that each joint represents.
 fn expression_nodes(document: &Document<'_>, vrma: &At<'_>) -> Result<BTreeMap<u32, String>> {
     let mut names = BTreeMap::new();
     let Some(expressions) = vrma.get("expressions") else { return Ok(names) };
@@ -66,7 +66,7 @@ fn expression_nodes(document: &Document<'_>, vrma: &At<'_>) -> Result<BTreeMap<u
     Ok(names)
 }
 
-/// The x of such a node's place is the expression's weight.
+/// Moves the curves of expression nodes to expressions: the x of the node's translation is the weight.
 fn with_expressions(
     clip: &Clip,
     names: &BTreeMap<u32, String>,
@@ -85,7 +85,7 @@ fn with_expressions(
             times: c.times,
         })
         .collect();
-    // An expression of the file's own by such a name has the word.
+    // Expressions of the file with these names take precedence.
     let own: Vec<String> = faces.iter().map(|f| f.name.clone()).collect();
     faces.extend(looks.into_iter().filter(|look| !own.contains(&look.name)));
     Clip::new(clip.name.clone(), clip.joint_count(), moves)

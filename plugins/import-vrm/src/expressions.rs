@@ -10,7 +10,7 @@ use choreo_plugin::ImportScope;
 use glam::{Vec2, Vec4};
 use import_gltf::profile::Document;
 
-/// VRM 1.0, "expressions.md".
+/// Reads the expressions of VRM 1.0 ("expressions.md").
 pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &mut Asset) -> Result<()> {
     let Some(expressions) = vrm.get("expressions") else { return Ok(()) };
     let mut faces = Faces::new(document, needs, asset);
@@ -61,7 +61,7 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &m
     Ok(())
 }
 
-/// A character whose file says how its eyes move can be given a direction to look in: see [`GAZE`].
+/// Adds the expressions [`GAZE`], with which the gaze is set, to a character with eyes.
 pub(crate) fn add_gaze(asset: &mut Asset) {
     if asset.eyes.is_none() {
         return;
@@ -74,7 +74,7 @@ pub(crate) fn add_gaze(asset: &mut Asset) {
     }
 }
 
-/// VRM 0.x, "Morph setting": binds name meshes, weights go to 100.
+/// Reads the expressions of VRM 0.x ("Morph setting"): binds refer to meshes, and weights go up to 100.
 pub(crate) fn read_v0(
     document: &Document<'_>,
     vrm: &At<'_>,
@@ -105,7 +105,7 @@ pub(crate) fn read_v0(
                 continue;
             };
             match value.text("propertyName") {
-                // Moves all textures but the matcap; v counts from below.
+                // Applies to all textures except the matcap. v points up.
                 Some("_MainTex_ST") => face.uvs.push(UvBind {
                     material,
                     offset: Vec2::new(to[2], 1.0 - to[3] - to[1]),
@@ -124,7 +124,7 @@ pub(crate) fn read_v0(
     Ok(())
 }
 
-/// 1.0's name of a preset of 0.x; `None` for "unknown", which custom groups have.
+/// The VRM 1.0 name of a 0.x preset; `None` for "unknown", which custom groups have.
 fn preset_v0(name: &str) -> Option<&'static str> {
     Some(match name.to_ascii_lowercase().as_str() {
         "neutral" => "neutral",
@@ -148,7 +148,7 @@ fn preset_v0(name: &str) -> Option<&'static str> {
     })
 }
 
-/// VRM 1.0, "materialColorBinds"; outlines are not drawn.
+/// The color of a VRM 1.0 "materialColorBinds" type; `None` for outline colors, which expressions cannot change here.
 fn color_of(name: &str) -> Option<MaterialColor> {
     Some(match name {
         "color" => MaterialColor::Base,
@@ -160,7 +160,7 @@ fn color_of(name: &str) -> Option<MaterialColor> {
     })
 }
 
-/// Names of MToon 0.x's properties.
+/// The color of an MToon 0.x property.
 fn color_v0(name: &str) -> Option<MaterialColor> {
     Some(match name {
         "_Color" => MaterialColor::Base,
@@ -185,10 +185,10 @@ fn override_of(document: &Document<'_>, at: &At<'_>, key: &str) -> Override {
 
 struct Faces<'a, 'd> {
     document: &'a Document<'d>,
-    /// Whether geometry is imported: without it there are no meshes to bind to, and nothing is missing.
+    /// Whether geometry is imported. Without it there are no meshes to bind to, and that is no fault.
     geometry: bool,
     asset: &'a mut Asset,
-    /// Names of those that also change something of materials that is not drawn or not there.
+    /// Names of expressions that also change a material property which is not supported, or a missing material.
     unpainted: Vec<String>,
 }
 
@@ -208,7 +208,7 @@ impl<'a, 'd> Faces<'a, 'd> {
         if !self.geometry {
             return Ok(());
         }
-        // Looking through all instances for each bind is work that a file can request at will.
+        // Charged, because a file can request this search through all instances for any number of binds.
         self.document.charge(self.asset.instances.len() as u64, 16, &|| at.place())?;
         let mut found = false;
         for (instance, i) in self.asset.instances.iter().enumerate().filter(|(_, i)| is_meant(i)) {
@@ -226,7 +226,7 @@ impl<'a, 'd> Faces<'a, 'd> {
         Ok(())
     }
 
-    /// A material of the file, where the asset has it.
+    /// A material of the file; `None` where the asset has no materials because geometry is not imported.
     fn material(&self, at: &At<'_>, index: usize) -> Result<Option<u32>> {
         if !self.geometry && self.asset.materials.is_empty() {
             return Ok(None);

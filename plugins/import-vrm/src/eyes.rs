@@ -1,4 +1,4 @@
-//! How the eyes follow a target: VRM 1.0 `lookAt` ("lookAt.md"), `firstPerson` of VRM 0.x.
+//! How eyes follow a target: VRM 1.0 `lookAt` ("lookAt.md"), VRM 0.x `firstPerson`.
 
 use crate::json::At;
 use choreo_asset::{Eyes, EyesMovedBy, RangeMap};
@@ -15,7 +15,7 @@ pub fn read(vrm: &At<'_>) -> Result<Option<Eyes>> {
     eyes(&look, offset, by_expressions, maps.map(|map| (map, "inputMaxValue", output))).map(Some)
 }
 
-/// Curves other than straight lines are taken as straight lines: 1.0 has no others either.
+/// Reads VRM 0.x. Response curves are read as linear, the only kind in 1.0.
 pub(crate) fn read_v0(vrm: &At<'_>) -> Result<Option<Eyes>> {
     let Some(person) = vrm.get("firstPerson").filter(|p| p.text("lookAtTypeName").is_some()) else {
         return Ok(None);
@@ -26,10 +26,10 @@ pub(crate) fn read_v0(vrm: &At<'_>) -> Result<Option<Eyes>> {
     eyes(&person, offset, by_expressions, maps.map(|map| (map, "xRange", ("yRange", 10.0)))).map(Some)
 }
 
-/// The names of a range map's members: the map, its input, and its output with the default.
+/// Member names of a range map: the map, its input, and its output with the default.
 type RangeNames = (&'static str, &'static str, (&'static str, f32));
 
-/// `maps`: inner, outer, down, up.
+/// Reads the eyes. `maps`: inner, outer, down, up.
 fn eyes(at: &At<'_>, offset: Vec3, by_expressions: bool, maps: [RangeNames; 4]) -> Result<Eyes> {
     let map = |(map, input, (output, default)): RangeNames| -> Result<RangeMap> {
         let map = at.part(map);

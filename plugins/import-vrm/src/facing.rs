@@ -1,9 +1,9 @@
-//! VRM 0.x models look along −Z; here all look along +Z.
+//! Rotates VRM 0.x models, which look along −Z, to look along +Z like all others.
 //!
-//! The whole asset is written anew in axes turned by half a turn about +Y: every joint's transform T becomes R·T·R⁻¹, so that a
-//! joint's own axes are turned with it and a head's +Z is its forward direction, as in VRM 1.0. R only changes signs: no bit is lost.
-//! Skins follow by their bind matrices. What hangs on a joint without a skin (meshes, cameras, lights) gets a joint of its own
-//! between, which rests at R, and keeps its vertices.
+//! The whole asset is converted to axes rotated by a half turn R about +Y: every joint transform T becomes R·T·R⁻¹, so that joint
+//! axes rotate too, and a head's +Z is its forward direction, as in VRM 1.0. R only changes signs, so no precision is lost. Skins
+//! follow by their bind matrices. An object on a joint without a skin (mesh, camera, light) gets a joint between, which rests at R,
+//! and keeps its vertices.
 
 use choreo_asset::Asset;
 use choreo_importer_kit::{Problem, Result};
@@ -13,11 +13,11 @@ use glam::{Mat4, Quat, Vec3, Vec4};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Half a turn about +Y.
+/// Rotation by a half turn about +Y.
 const HALF_TURN: Quat = Quat::from_xyzw(0.0, 1.0, 0.0, 0.0);
 
-/// A vector that VRM 0.x wrote as Unity has it (left-handed, the model looks along +Z, +X is its right), in the axes of the turned
-/// model. UniVRM 0.x converts nodes and vertices to glTF by −z, but writes the vectors of its own extension as they are.
+/// Converts a vector of VRM 0.x's own extension to the axes of the rotated model. UniVRM 0.x writes these vectors in Unity's axes
+/// (left-handed, the model looks along +Z, +X is its right), although it converts nodes and vertices to glTF by −z.
 pub(crate) fn from_unity(v: Vec3) -> Vec3 {
     Vec3::new(-v.x, v.y, v.z)
 }
@@ -40,7 +40,7 @@ pub fn turn(asset: &mut Asset) -> Result<()> {
     };
     let mut rest: Vec<Transform> = old.rest().iter().map(turned).collect();
 
-    // Joints between for what has no skin; parents stay before children at the end of the list.
+    // Joints between, for objects without a skin. They come last in the list, so parents still precede children.
     let mut between: BTreeMap<u32, u32> = BTreeMap::new();
     let mut joint_between = |joint: u32| -> u32 {
         *between.entry(joint).or_insert_with(|| {
@@ -79,12 +79,12 @@ pub fn turn(asset: &mut Asset) -> Result<()> {
 
 fn turned_clip(clip: &Clip, joints: usize, between: &BTreeMap<u32, u32>) -> Result<Clip> {
     let turned = |curve: &Curve| {
-        // Tangents turn as the values do.
+        // Tangents have the same signs as values.
         let signs: &[f32] = match curve.path {
             Path::Translation => &[-1.0, 1.0, -1.0],
             Path::Rotation => &[-1.0, 1.0, -1.0, 1.0],
             Path::Scale => return curve.clone(),
-            // Weights belong to the mesh.
+            // Weight curves belong to the mesh, which may have moved to a joint between.
             Path::Weights(_) => {
                 let joint = between.get(&curve.joint).copied().unwrap_or(curve.joint);
                 return Curve { joint, ..curve.clone() };
@@ -97,7 +97,7 @@ fn turned_clip(clip: &Clip, joints: usize, between: &BTreeMap<u32, u32>) -> Resu
     Clip::new(clip.name.clone(), joints, curves).map_err(|e| Problem::new("animations", e.to_string()))
 }
 
-/// Only what was computed from nodes is in the file's axes; see [`from_unity`].
+/// Rotates the tails only: they were computed from nodes, in the file's axes; see [`from_unity`].
 fn turned_springs(mut springs: Springs) -> Springs {
     for joint in springs.chains.iter_mut().flat_map(|c| &mut c.joints) {
         joint.tail = vector(joint.tail);

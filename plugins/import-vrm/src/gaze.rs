@@ -1,7 +1,7 @@
 //! Gaze of a VRM animation: `VRMC_vrm_animation` 1.0, "LookAt".
 //!
-//! The rotation of a node, seen from the head: yaw about Y, then pitch about the turned X, then a roll that eyes do not have
-//! (extrinsic ZXY). How far eyes turn for it is stated by each character, so the clip keeps the angles, as weights of the four
+//! A node's rotation, relative to the head: yaw about Y, then pitch about the rotated X, then a roll that eyes ignore (extrinsic
+//! ZXY). Each character has its own mapping from gaze to eye rotation, so the clip stores the angles, as weights of the four
 //! expressions [`GAZE`] that every character with eyes has.
 
 use choreo_asset::{GAZE, eyes};
@@ -10,13 +10,13 @@ use glam::DVec3;
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-/// Angles between keys are straight lines where the file has rotations: within 0.01° at this step.
+/// Rotation between two samples, degrees. Interpolated angles then stay within 0.01° of the interpolated rotation.
 const STEP: f64 = 2.0;
-/// Steps of one stretch between two keys at most, whatever the file gives.
+/// Samples between two keys, at most.
 const MOST_STEPS: usize = 128;
 const TICKS_A_STEP: i64 = Time::TICKS_PER_SECOND / 60;
 
-/// Four curves, or none where the clip does not turn the joint.
+/// The four gaze curves; none where the clip does not rotate the joint.
 pub fn curves(clip: &Clip, joint: u32) -> Result<Vec<ExpressionCurve>, ClipError> {
     let turns = clip.curves().iter().find(|c| c.joint == joint && c.path == Path::Rotation);
     let Some(turns) = turns else { return Ok(Vec::new()) };
@@ -46,7 +46,7 @@ pub fn curves(clip: &Clip, joint: u32) -> Result<Vec<ExpressionCurve>, ClipError
         let long = next.0.saturating_sub(time.0);
         for step in 1..steps as i64 {
             let between = Time(time.0 + long / steps as i64 * step);
-            // Keys that lie closer than there are ticks for the steps.
+            // Keys can be closer than the samples' times in ticks.
             if times.last().is_some_and(|last| *last < between) && between < next {
                 let now = angles_at(between);
                 times.push(between);

@@ -1,4 +1,4 @@
-//! Bones of a human body: VRM 1.0 `humanoid.humanBones`, the same of VRM animations, and VRM 0.x `humanoid.humanBones`.
+//! Humanoid bones: `humanoid.humanBones` of VRM 1.0, VRM animations and VRM 0.x.
 
 use crate::json::At;
 use crate::set_humanoid;
@@ -8,7 +8,7 @@ use choreo_motion::{HumanBone, Humanoid};
 use import_gltf::profile::Document;
 use std::collections::BTreeMap;
 
-/// An object: `{ "hips": { "node": 0 }, … }`.
+/// Reads an object: `{ "hips": { "node": 0 }, … }`.
 pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) -> Result<()> {
     bones(document, vrm, asset, |humanoid, bones| {
         for (name, at) in humanoid.members("humanBones")? {
@@ -18,7 +18,7 @@ pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) -> Result<
     })
 }
 
-/// An array: `[{ "bone": "hips", "node": 0 }, …]`.
+/// Reads an array: `[{ "bone": "hips", "node": 0 }, …]`.
 pub(crate) fn read_v0(document: &Document<'_>, vrm: &At<'_>, asset: &mut Asset) -> Result<()> {
     bones(document, vrm, asset, |humanoid, bones| {
         for at in humanoid.list("humanBones")? {
@@ -44,7 +44,8 @@ fn bones(
     bones.finish(humanoid.place_of("humanBones"), asset)
 }
 
-/// The names of 1.0 but for the thumb, whose bones it calls one further down the finger.
+/// The bone of a VRM 0.x name. Names equal those of 1.0, except that 0.x calls the thumb's metacarpal proximal, and its proximal
+/// bone intermediate.
 fn bone_v0(name: &str) -> Option<HumanBone> {
     Some(match name {
         "leftThumbProximal" => HumanBone::LeftThumbMetacarpal,
@@ -68,7 +69,7 @@ impl HumanBones<'_, '_> {
             self.document.warn(at.place(), format!("\"{name}\" is no human bone; it is left out"));
             return Ok(());
         };
-        // Bones that are not there are written as −1, or left out.
+        // Missing bones are written as −1, or left out.
         let Some(node) = at.index("node")? else { return Ok(()) };
         let Some(joint) = self.document.joint(node, &|| at.place_of("node"))? else {
             self.document
@@ -91,7 +92,7 @@ impl HumanBones<'_, '_> {
         for bone in required.into_iter().filter(|b| !self.joints.values().any(|j| j == b)) {
             self.document.warn(place.clone(), format!("has no {}, which every VRM must have", bone.name()));
         }
-        // Each bone and each joint once: this cannot fail.
+        // Bones and joints are unique here, so this cannot fail.
         match Humanoid::new(self.joints.into_iter().map(|(joint, bone)| (bone, joint))) {
             Ok(humanoid) => set_humanoid(asset, humanoid, place),
             Err(e) => Err(choreo_importer_kit::Problem::new(place, e.to_string())),

@@ -1,10 +1,10 @@
-//! JSON values with their places, for messages.
+//! JSON values with their places, for error messages.
 
 use choreo_importer_kit::{Problem, Result};
 use glam::Vec3;
 use serde_json::Value;
 
-/// A value and where it stands: `extensions.VRMC_vrm.humanoid.humanBones.hips`.
+/// A value and its place: `extensions.VRMC_vrm.humanoid.humanBones.hips`.
 #[derive(Clone, Debug)]
 pub struct At<'a> {
     value: &'a Value,
@@ -32,7 +32,7 @@ impl<'a> At<'a> {
         Problem::new(self.place_of(key), what)
     }
 
-    /// A member; `null` counts as absent, as writers use it so.
+    /// A member of an object. `null` counts as absent, because writers use it so.
     fn value(&self, key: &str) -> Option<&'a Value> {
         self.value.get(key).filter(|v| !v.is_null())
     }
@@ -41,12 +41,12 @@ impl<'a> At<'a> {
         Some(At { value: self.value(key)?, place: self.place_of(key) })
     }
 
-    /// A member, or `null` where it is absent: its own members are absent, too.
+    /// A member, or `null` where it is absent, which has no members itself.
     pub fn part(&self, key: &str) -> At<'a> {
         self.get(key).unwrap_or(At { value: &Value::Null, place: self.place_of(key) })
     }
 
-    /// Elements of an array; none where it is absent.
+    /// Elements of an array; none where the array is absent.
     pub fn list(&self, key: &str) -> Result<impl Iterator<Item = At<'a>> + use<'a>> {
         let elements = match self.value(key) {
             None => &[],
@@ -56,7 +56,7 @@ impl<'a> At<'a> {
         Ok(elements.iter().enumerate().map(move |(i, value)| At { value, place: format!("{place}[{i}]") }))
     }
 
-    /// Members of an object, by name; none where it is absent.
+    /// Members of an object, by name; none where the object is absent.
     pub fn members(&self, key: &str) -> Result<impl Iterator<Item = (&'a str, At<'a>)> + use<'a>> {
         let object = match self.value(key) {
             None => None,
@@ -88,12 +88,12 @@ impl<'a> At<'a> {
         self.value(key)?.as_str()
     }
 
-    /// The texts of this array; `None` for anything else.
+    /// The strings of this array, at most 1000; `None` where the value is no array.
     pub(crate) fn as_texts(&self) -> Option<Vec<&'a str>> {
         self.value.as_array().map(|list| list.iter().take(1000).filter_map(Value::as_str).collect())
     }
 
-    /// The first `N` numbers of an array, as colors and tilings of VRM 0.x are written.
+    /// The first `N` numbers of an array, as VRM 0.x stores colors and tilings.
     pub fn first<const N: usize>(&self, key: &str) -> Result<Option<[f32; N]>> {
         let Some(value) = self.value(key) else { return Ok(None) };
         let mut out = [0.0f32; N];
@@ -104,13 +104,13 @@ impl<'a> At<'a> {
         Ok(Some(out))
     }
 
-    /// An index into a list of the file; −1 is none, as VRM 0.x writes it. Writers of 0.x also give whole floats.
+    /// An index into a list of the file; `None` for −1, as VRM 0.x writes it. VRM 0.x writers also store indices as floats.
     pub fn index(&self, key: &str) -> Result<Option<usize>> {
         let Some(value) = self.value(key) else { return Ok(None) };
         self.as_index(value, || self.place_of(key))
     }
 
-    /// This value as an index.
+    /// The value itself as an index; `None` for −1.
     pub(crate) fn own_index(&self) -> Result<Option<usize>> {
         self.as_index(self.value, || self.place())
     }
@@ -128,7 +128,7 @@ impl<'a> At<'a> {
         self.index(key)?.ok_or_else(|| self.wrong(key, "is missing"))
     }
 
-    /// `[x, y, z]`, or `{ "x": …, "y": …, "z": … }` of VRM 0.x, where what is left out is 0.
+    /// A vector `[x, y, z]`, or `{ "x": …, "y": …, "z": … }` as in VRM 0.x, where missing components are 0.
     pub fn vec3(&self, key: &str) -> Result<Option<Vec3>> {
         let Some(value) = self.value(key) else { return Ok(None) };
         let component = |i: usize| match value {

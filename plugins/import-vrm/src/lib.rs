@@ -1,4 +1,4 @@
-//! VRM 0.x and 1.0 characters and VRM animations (.vrma) into an [`Asset`]. What it reads, limits and options: README.md.
+//! VRM 0.x and 1.0 characters and VRM animations (.vrma) into an [`Asset`]. Contents, limits and options: README.md.
 
 mod about;
 mod animation;
@@ -34,7 +34,7 @@ static MANIFEST: LazyLock<Manifest> = LazyLock::new(|| {
     .flag("bones", "a mesh of the bones, for animations, which have none", true)
 });
 
-/// The root extension that makes a glTF file each kind.
+/// The root extension that marks each kind of file.
 const V0: &str = "VRM";
 const V1: &str = "VRMC_vrm";
 const ANIMATION: &str = "VRMC_vrm_animation";
@@ -47,8 +47,8 @@ impl Importer for VrmImporter {
         &MANIFEST
     }
 
-    /// Surer than glTF's own importer of the same bytes. A file that is cut off but speaks of VRM is claimed where its name says so
-    /// too, so that the message is about what is broken.
+    /// Claims with higher priority than the glTF importer. A truncated file that mentions VRM is claimed where its name says so
+    /// too, so that the user reads what is broken.
     fn claim(&self, source: &Source) -> Claim {
         let bytes = source.bytes.as_slice();
         let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes).trim_ascii_start();
@@ -75,7 +75,7 @@ impl Importer for VrmImporter {
     }
 }
 
-/// The profile of VRM, which extends glTF.
+/// The glTF profile that reads VRM's extensions.
 struct Vrm {
     bones: bool,
     orders: mtoon::DrawOrders,
@@ -129,7 +129,7 @@ impl Profile for Vrm {
     }
 }
 
-/// VRM 1.0.
+/// Reads a VRM 1.0 character.
 fn character(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &mut Asset) -> Result<()> {
     version(document, vrm, "1.0");
     about::read(document, vrm, asset);
@@ -144,7 +144,7 @@ fn character(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &
     checked(asset)
 }
 
-/// VRM 0.x. Its models look along −Z: everything is turned at the end.
+/// Reads a VRM 0.x character, and finally rotates it, because it looks along −Z.
 fn character_v0(document: &Document<'_>, vrm: &At<'_>, needs: ImportScope, asset: &mut Asset) -> Result<()> {
     about::read_v0(document, vrm, asset);
     human::read_v0(document, vrm, asset)?;
@@ -167,7 +167,7 @@ fn version(document: &Document<'_>, extension: &At<'_>, known: &str) {
     }
 }
 
-/// The springs go to a solver that trusts them.
+/// Checks the springs, which the solver relies on.
 fn checked(asset: &mut Asset) -> Result<()> {
     asset
         .springs
@@ -175,7 +175,7 @@ fn checked(asset: &mut Asset) -> Result<()> {
         .map_err(|e| Problem::new(format!("springs.{}", e.place), e.what))
 }
 
-/// Puts the bones of a human body into the skeleton.
+/// Sets the humanoid bones of the skeleton.
 fn set_humanoid(asset: &mut Asset, humanoid: choreo_motion::Humanoid, place: String) -> Result<()> {
     let skeleton = asset.skeleton.as_ref().clone();
     let skeleton = skeleton.with_humanoid(humanoid).map_err(|e| Problem::new(place, e.to_string()))?;

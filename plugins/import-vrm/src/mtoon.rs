@@ -11,7 +11,7 @@ use serde_json::json;
 use std::cell::Cell;
 use std::sync::Arc;
 
-/// The number of materials with an own drawing order, which no renderer here shows.
+/// Counts materials with a drawing order of their own, which the renderers ignore.
 #[derive(Default)]
 pub struct DrawOrders(Cell<usize>);
 
@@ -25,7 +25,7 @@ impl DrawOrders {
     }
 }
 
-/// `VRMC_materials_mtoon` 1.0. Base color, normals, emission and alpha are glTF's own and read already.
+/// Reads `VRMC_materials_mtoon` 1.0. Base color, normals, emission and alpha are plain glTF and read already.
 pub fn read(
     at: &At<'_>,
     textures: &mut dyn MaterialTextures,
@@ -81,7 +81,8 @@ pub fn read(
     finish(at, toon, material)
 }
 
-/// VRM 0.x. Colors there are sRGB; shift and toony mean other lines, converted as UniVRM and three-vrm do on migration to 1.0.
+/// Reads MToon of VRM 0.x. Colors are sRGB. Shift and toony have other meanings there, and are converted as UniVRM and three-vrm
+/// migrate them to 1.0.
 pub(crate) fn read_v0(
     at: &At<'_>,
     textures: &mut dyn MaterialTextures,
@@ -95,7 +96,7 @@ pub(crate) fn read_v0(
         let Some(rgb) = vectors.first::<3>(key)? else { return Ok(default) };
         Ok(Vec3::from(rgb.map(|c| linear_from_srgb(c.max(0.0)))))
     };
-    // The main texture's tiling holds for all but the matcap; v counts from below.
+    // The main texture's tiling applies to all textures except the matcap. v points up.
     let tiling = vectors.first::<4>("_MainTex")?.unwrap_or([0.0, 0.0, 1.0, 1.0]);
     let transform = json!({ "KHR_texture_transform": {
         "offset": [tiling[0], 1.0 - tiling[1] - tiling[3]], "scale": [tiling[2], tiling[3]],
@@ -114,7 +115,7 @@ pub(crate) fn read_v0(
     let toony = toony + (1.0 - toony) * (0.5 + 0.5 * shift);
     let mode = number("_OutlineWidthMode", 0.0)?;
     let outline = Outline {
-        // Centimetres.
+        // Centimeters to meters.
         width: number("_OutlineWidth", 0.0)? * 0.01,
         on_screen: mode == 2.0,
         width_texture: texture("_OutlineWidthTexture")?,
@@ -141,7 +142,7 @@ pub(crate) fn read_v0(
         uv_mask: texture("_UvAnimMaskTexture")?,
         ..d
     };
-    // v counts from below, and rotation in turns.
+    // v points up, and the rotation is in turns a second.
     let motion = UvMotion {
         scroll: Vec2::new(number("_UvAnimScrollX", 0.0)?, -number("_UvAnimScrollY", 0.0)?),
         rotation: number("_UvAnimRotation", 0.0)? * std::f32::consts::TAU,
@@ -150,7 +151,7 @@ pub(crate) fn read_v0(
     finish(at, toon, material)
 }
 
-/// `None` where nothing moves.
+/// The motion; `None` where nothing moves.
 fn moving(motion: UvMotion) -> Option<UvMotion> {
     (motion.scroll != Vec2::ZERO || motion.rotation != 0.0).then_some(motion)
 }

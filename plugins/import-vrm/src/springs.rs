@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub fn read(document: &Document<'_>, springs: &At<'_>, asset: &Asset) -> Result<Springs> {
     crate::version(document, springs, "1.0");
     let mut out = Springs::default();
-    // Where each collider of the file is in `out`; one outside the scene is nowhere.
+    // Index in `out` of each collider of the file; `None` for colliders outside the scene.
     let mut place_of = Vec::new();
     for at in springs.list("colliders")? {
         let node = at.needed_index("node")?;
@@ -61,7 +61,7 @@ pub fn read(document: &Document<'_>, springs: &At<'_>, asset: &Asset) -> Result<
     Ok(out)
 }
 
-/// The colliders of a spring's groups, each once.
+/// The colliders of a spring's collider groups, without duplicates.
 pub fn colliders(document: &Document<'_>, at: &At<'_>, groups: &[Vec<u32>]) -> Result<Vec<u32>> {
     let mut all = BTreeSet::new();
     for group in at.list("colliderGroups")? {
@@ -73,7 +73,7 @@ pub fn colliders(document: &Document<'_>, at: &At<'_>, groups: &[Vec<u32>]) -> R
     Ok(all.into_iter().collect())
 }
 
-/// Leaves out joints that swing already (§"Exception"): two springs cannot turn one joint.
+/// Drops joints that an earlier spring moves (§"Exception"), because two springs cannot move one joint.
 pub fn once(
     document: &Document<'_>,
     joints: Vec<SpringJoint>,
@@ -94,7 +94,7 @@ pub fn once(
     kept
 }
 
-/// Makes one stick from each joint to the next.
+/// Makes spring joints from the joints of a chain, each with the next joint as its tail. The last joint is only a tail.
 fn sticks(
     document: &Document<'_>,
     spring: &At<'_>,
@@ -132,11 +132,11 @@ fn sticks(
 fn is_above(skeleton: &Skeleton, above: u32, joint: u32) -> bool {
     let parents = skeleton.parents();
     let chain = std::iter::successors(parents[joint as usize], |j| parents[*j as usize]);
-    // Parents have smaller indices.
+    // Parents have smaller indices, so the search can stop early.
     chain.take_while(|j| *j >= above).any(|j| j == above)
 }
 
-/// The place of another joint in a joint's space.
+/// The origin of another joint in a joint's space.
 pub fn tail(model_from_joint: &DAffine3, model_from_other: &DAffine3) -> Vec3 {
     let tail = model_from_joint.inverse().transform_point3(model_from_other.translation).as_vec3();
     if tail.is_finite() { tail } else { Vec3::ZERO }
@@ -159,7 +159,7 @@ fn stick(document: &Document<'_>, at: &At<'_>, joint: u32) -> Result<SpringJoint
     })
 }
 
-/// A unit vector; its length goes to the power, as the specification multiplies the two.
+/// Gravity with a unit direction. The length of the given direction multiplies the power, as in the specification.
 pub fn gravity(direction: Vec3, power: f32) -> (Vec3, f32) {
     let length = direction.length();
     match direction.try_normalize() {
@@ -168,7 +168,7 @@ pub fn gravity(direction: Vec3, power: f32) -> (Vec3, f32) {
     }
 }
 
-/// Numbers from 0 to a limit; others are clamped, with a warning.
+/// Reads numbers that must lie between 0 and a limit; others are clamped, with a warning.
 pub struct Numbers<'a, 'd> {
     pub document: &'a Document<'d>,
     pub at: &'a At<'a>,

@@ -1,4 +1,4 @@
-//! `secondaryAnimation` of VRM 0.x in the form of 1.0: each bone named there swings with all that hangs on it.
+//! `secondaryAnimation` of VRM 0.x, converted to the springs of 1.0: each bone named there swings with all its descendants.
 
 use crate::facing::from_unity;
 use crate::json::At;
@@ -11,10 +11,10 @@ use glam::{DAffine3, DVec3, Vec3};
 use import_gltf::profile::Document;
 use std::collections::BTreeMap;
 
-/// Length of the stick of a bone without children, metres (VRMC_springBone 1.0, §"For vrm0").
+/// Length of a spring bone without children, meters (VRMC_springBone 1.0, §"For vrm0").
 const LAST_STICK: f64 = 0.07;
 
-/// Vectors come out in the axes of the turned model ([`crate::facing`]) but for tails, which that turns.
+/// Reads the springs. Vectors are in the axes of the rotated model ([`crate::facing`]), except tails, which that module rotates.
 pub fn read(document: &Document<'_>, vrm: &At<'_>, asset: &Asset) -> Result<Springs> {
     let mut out = Springs::default();
     let Some(secondary) = vrm.get("secondaryAnimation") else { return Ok(out) };
@@ -78,7 +78,7 @@ fn parameters(document: &Document<'_>, at: &At<'_>) -> Result<SpringJoint> {
     let (gravity_direction, gravity_power) = gravity(direction, at.number_or("gravityPower", 0.0)?);
     Ok(SpringJoint {
         hit_radius: numbers.within("hitRadius", 0.02, f32::MAX)?,
-        // So spelt in 0.x.
+        // VRM 0.x spells it this way.
         stiffness: numbers.within("stiffiness", 1.0, f32::MAX)?,
         drag_force: numbers.within("dragForce", 0.4, 1.0)?,
         gravity_direction,
@@ -87,7 +87,7 @@ fn parameters(document: &Document<'_>, at: &At<'_>) -> Result<SpringJoint> {
     })
 }
 
-/// A joint and all below it, parents first.
+/// A joint and its descendants, parents first.
 fn subtree(
     root: u32,
     children: &[Vec<u32>],

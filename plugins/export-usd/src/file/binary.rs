@@ -1,6 +1,7 @@
-//! Layers as crate files, `.usdc` (pxr/usd/usd/crateFile.cpp): values one after the other, then tables of what has them.
+//! Layers as crate files, `.usdc` (pxr/usd/usd/crateFile.cpp): first the values one after the other, then tables that say which
+//! spec has which value.
 //!
-//! The head states where the tables begin, so that it is written last.
+//! The header states where the tables begin, so it is written last.
 
 use crate::file::integers::{compressed, encoded};
 use crate::file::out::Out;
@@ -12,15 +13,15 @@ use std::collections::BTreeMap;
 use std::io::Result;
 use std::rc::Rc;
 
-/// Version of the format: readers of the last eight years know it.
+/// Version of the format. Readers of the last eight years know it.
 const VERSION: [u8; 8] = [0, 8, 0, 0, 0, 0, 0, 0];
-/// Bytes of the head.
+/// Bytes of the header.
 pub const HEAD: usize = 88;
 
 const IS_ARRAY: u64 = 1 << 63;
 const IS_INLINED: u64 = 1 << 62;
 
-/// Types of values beside those of attributes.
+/// Type codes of values that are not attribute types.
 const DICTIONARY: u8 = 31;
 const TOKEN_LIST_OP: u8 = 32;
 const PATH_LIST_OP: u8 = 34;
@@ -31,7 +32,7 @@ const VARIABILITY: u8 = 44;
 const TIME_SAMPLES: u8 = 46;
 const DOUBLE_VECTOR: u8 = 48;
 
-/// Lists of items: explicit, or before those of weaker layers.
+/// Flags of list operations: an explicit list, or items placed before those of weaker layers.
 const EXPLICIT: u8 = 1 | 2;
 const PREPENDED: u8 = 32;
 
@@ -41,7 +42,7 @@ const PRIM: i32 = 6;
 const ROOT: i32 = 7;
 const RELATIONSHIP: i32 = 8;
 
-/// The head of a file whose tables are listed at a place.
+/// Header of a file whose table of contents begins at a position.
 fn head(tables_at: u64) -> [u8; HEAD] {
     let mut out = [0; HEAD];
     out[..8].copy_from_slice(b"PXR-USDC");
@@ -50,7 +51,7 @@ fn head(tables_at: u64) -> [u8; HEAD] {
     out
 }
 
-/// Writes all that follows the head, and returns it.
+/// Writes everything after the header, and returns the header.
 pub fn rest(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<[u8; HEAD]> {
     let mut writer = Writer {
         out,
@@ -62,13 +63,13 @@ pub fn rest(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<[u8; HEAD]> {
         specs: Vec::new(),
         times: Vec::new(),
     };
-    // A property has a negative token, so that no name may be number 0.
+    // A property path stores its token negated, so no name may have token 0.
     writer.token(";-)");
     writer.layer(layer)?;
     Ok(head(writer.tables()?))
 }
 
-/// Distinct items in the order in which they came.
+/// Distinct items, numbered in the order of their first use.
 struct Table<T> {
     known: BTreeMap<T, u32>,
     items: Vec<T>,
@@ -95,15 +96,15 @@ impl<T: Ord + Clone> Table<T> {
 struct Writer<'o, 'w> {
     out: &'o mut Out<'w>,
     tokens: Table<String>,
-    /// Tokens of strings.
+    /// Token index of each string.
     strings: Table<u32>,
-    /// Token of the name, and value.
+    /// Fields: token index of the name, and value.
     fields: Table<(u32, u64)>,
     field_sets: Vec<i32>,
     paths: Paths,
-    /// Path, first of its fields, kind.
+    /// Specs: path index, index of the first field, kind.
     specs: Vec<[i32; 3]>,
-    /// Lists of times that are there.
+    /// Time lists that are written already, with their positions.
     times: Vec<(Rc<[f64]>, u64)>,
 }
 
@@ -129,7 +130,7 @@ impl Writer<'_, '_> {
         paths.of(path, |name| tokens.index(name.to_string()))
     }
 
-    /// A value that is written here.
+    /// The description of a value that is written at the current position.
     fn here(&self, code: u8) -> u64 {
         u64::from(code) << 48 | self.out.position()
     }
@@ -150,7 +151,7 @@ impl Writer<'_, '_> {
         Ok(value)
     }
 
-    /// A list of indices, explicit or prepended.
+    /// Writes a list operation over indices. `kind` is [`EXPLICIT`] or [`PREPENDED`].
     fn list_op(&mut self, code: u8, kind: u8, list: &[u32]) -> Result<u64> {
         let value = self.here(code);
         self.out.put(&[kind])?;
@@ -254,7 +255,7 @@ impl Writer<'_, '_> {
         self.word(1)?;
         self.out.put(&file.to_le_bytes())?;
         self.out.put(&path.to_le_bytes())?;
-        // No shift in time, scale 1, no custom data.
+        // Layer offset 0, layer scale 1, no custom data.
         self.out.put(&0.0f64.to_le_bytes())?;
         self.out.put(&1.0f64.to_le_bytes())?;
         self.word(0)?;
@@ -379,7 +380,7 @@ impl Writer<'_, '_> {
                 }
             }
             SampleValues::Numbers { count, each } if count.is_some() || of.width > 1 => {
-                // Each has the same length, so that its place is known.
+                // All samples have the same length, so each one's position is known beforehand.
                 let flag = if count.is_some() { IS_ARRAY } else { 0 };
                 let head = if count.is_some() { 8 } else { 0 };
                 let numbers = count.unwrap_or(1) * of.width;
@@ -410,7 +411,7 @@ impl Writer<'_, '_> {
             }
         }
         let value = self.here(TIME_SAMPLES);
-        // A list of times and one of values, each after the distance to it.
+        // The list of times and the list of values follow, each after its distance in bytes.
         self.word(8)?;
         self.word(times)?;
         self.word(8)?;
@@ -458,7 +459,7 @@ impl Writer<'_, '_> {
         }
     }
 
-    /// Writes the tables and the list of them, whose place is returned.
+    /// Writes the tables, then the table of contents. Returns the position of the latter.
     fn tables(mut self) -> Result<u64> {
         let mut places: Vec<(&str, u64, u64)> = Vec::new();
         for name in ["TOKENS", "STRINGS", "FIELDS", "FIELDSETS", "PATHS", "SPECS"] {
@@ -545,7 +546,7 @@ fn size_of(component: Component) -> u64 {
     }
 }
 
-/// Appends numbers as the file has them. The kind is told apart once a list, so that most of the time is that of storing.
+/// Appends numbers in the file's format. The component is matched once a list, so that nearly all of the time goes to storing.
 fn put(component: Component, numbers: &[f64], out: &mut Vec<u8>) {
     match component {
         Component::Bool => out.extend(numbers.iter().map(|number| u8::from(*number != 0.0))),

@@ -1,8 +1,10 @@
-//! Compression of crate files: lists of integers as differences, and bytes by LZ4 (pxr/usd/usd/integerCoding.cpp, pxr/base/tf/fastCompression.cpp).
+//! Compression in crate files: integer lists as coded differences, and bytes by LZ4 (pxr/usd/usd/integerCoding.cpp,
+//! pxr/base/tf/fastCompression.cpp).
 
 use std::collections::BTreeMap;
 
-/// Differences of a list, the most frequent in no bits, the others in 8, 16 or 32.
+/// Codes the differences between neighboring integers: the most frequent one needs only its 2-bit code, every other one 1, 2 or 4
+/// bytes more.
 pub fn encoded(list: &[i32]) -> Vec<u8> {
     if list.is_empty() {
         return Vec::new();
@@ -38,7 +40,7 @@ pub fn encoded(list: &[i32]) -> Vec<u8> {
     out
 }
 
-/// One chunk of LZ4, after the number of further chunks, none.
+/// Compresses bytes as a single LZ4 chunk. The leading 0 means that no further chunks follow.
 pub fn compressed(bytes: &[u8]) -> Vec<u8> {
     let mut out = vec![0];
     out.extend(lz4_flex::block::compress(bytes));

@@ -1,14 +1,14 @@
-//! The place that bytes go to: a file, with positions and a checksum of a file within a package.
+//! Buffered output to a file, with byte positions and a checksum for the files within a package.
 
 use std::io::{Result, Write};
 
-/// Bytes that are collected before they go on.
+/// Bytes that are collected before they are written.
 const CHUNK: usize = 1 << 16;
 
 pub struct Out<'w> {
     file: &'w mut dyn Write,
     position: u64,
-    /// The position at which the file within a package begins.
+    /// The position in the output at which the current file of a package begins.
     origin: u64,
     /// The checksum of all bytes since [`Out::begin_sum`].
     sum: Option<crc32fast::Hasher>,
@@ -20,29 +20,30 @@ impl<'w> Out<'w> {
         Out { file, position: 0, origin: 0, sum: None, pending: Vec::with_capacity(2 * CHUNK) }
     }
 
-    /// Bytes so far, of the file within a package where one has begun.
+    /// Bytes written so far, counted from the start of the current file of a package, or of the whole output where none has
+    /// begun.
     pub fn position(&self) -> u64 {
         self.position - self.origin
     }
 
-    /// Positions count from here on.
+    /// Begins a file of a package: positions count from here on.
     pub(crate) fn begin_file(&mut self) {
         self.origin = self.position;
     }
 
-    /// Positions count from the start of the package again.
+    /// Ends a file of a package: positions count from the start of the output again.
     pub(crate) fn end_file(&mut self) {
         self.origin = 0;
     }
 
-    /// Begins a CRC-32 of what follows.
+    /// Starts a CRC-32 over all bytes that follow.
     pub(crate) fn begin_sum(&mut self) -> Result<()> {
         self.send()?;
         self.sum = Some(crc32fast::Hasher::new());
         Ok(())
     }
 
-    /// The CRC-32 of all bytes since it has begun.
+    /// Ends the CRC-32 that [`Out::begin_sum`] started, over all bytes since then.
     pub(crate) fn end_sum(&mut self) -> Result<crc32fast::Hasher> {
         self.send()?;
         Ok(self.sum.take().unwrap_or_default())
@@ -63,7 +64,7 @@ impl<'w> Out<'w> {
         Ok(())
     }
 
-    /// Hands over what is pending.
+    /// Writes the pending bytes and flushes the output.
     pub fn finish(mut self) -> Result<()> {
         self.send()?;
         self.file.flush()

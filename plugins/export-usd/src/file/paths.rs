@@ -7,13 +7,13 @@ pub struct Paths {
 }
 
 struct Node {
-    /// Token of the last name.
+    /// Token index of the last name in the path.
     token: u32,
     is_property: bool,
     children: BTreeMap<(bool, u32), u32>,
 }
 
-/// The three lists of the PATHS section.
+/// The three parallel lists of the PATHS section.
 #[derive(Default)]
 pub struct Encoded {
     pub indices: Vec<i32>,
@@ -22,7 +22,7 @@ pub struct Encoded {
 }
 
 impl Paths {
-    /// The root alone, which has index 0.
+    /// A tree that holds only the root, whose index is 0.
     pub fn new() -> Paths {
         Paths { nodes: vec![Node { token: 0, is_property: false, children: BTreeMap::new() }] }
     }
@@ -40,7 +40,7 @@ impl Paths {
         index
     }
 
-    /// The index of an absolute path, `/a/b` or `/a/b.c`.
+    /// Index of an absolute path, `/a/b` or `/a/b.c`. Adds the path where the tree does not have it yet.
     pub fn of(&mut self, path: &str, mut token: impl FnMut(&str) -> u32) -> u32 {
         let (prim, property) = match path.split_once('.') {
             Some((prim, property)) => (prim, Some(property)),
@@ -53,14 +53,15 @@ impl Paths {
         property.map_or(at, |property| self.child(at, token(property), true))
     }
 
-    /// Depth first.
+    /// Lists the tree depth first.
     pub fn encoded(&self) -> Encoded {
         let mut out = Encoded::default();
         self.encode(0, false, &mut out);
         out
     }
 
-    /// `followed`: by a sibling. Prims are not nested deeply.
+    /// Appends a node and its descendants. `followed`: a sibling comes after the node. Recursion is safe, because prims are not
+    /// nested deeply.
     fn encode(&self, index: u32, followed: bool, out: &mut Encoded) {
         let node = &self.nodes[index as usize];
         let place = out.indices.len();

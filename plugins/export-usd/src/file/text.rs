@@ -7,7 +7,7 @@ use crate::layer::{
 use std::fmt::Write as _;
 use std::io::Result;
 
-/// Text that is collected before it goes on.
+/// Bytes of text that are collected before they are written.
 const CHUNK: usize = 1 << 14;
 
 pub fn write(layer: &Layer<'_>, out: &mut Out<'_>) -> Result<()> {
@@ -212,7 +212,7 @@ fn quoted(text: &str) -> String {
     out
 }
 
-/// One element of a type, whose numbers begin at an index.
+/// Writes one element of a type, whose numbers begin at index `at`.
 fn element(of: Type, number: &dyn Fn(usize) -> f64, at: usize, out: &mut String) {
     if of.is_quaternion() {
         let turned = |i: usize| number(at + (i + 3) % 4);
@@ -241,7 +241,7 @@ fn tuple(component: Component, width: usize, number: &dyn Fn(usize) -> f64, out:
     out.push(')');
 }
 
-/// The shortest text that is read as the same number.
+/// Writes the shortest text that is read back as the same number.
 fn one(component: Component, number: f64, out: &mut String) {
     let _ = match component {
         _ if number.is_nan() => write!(out, "nan"),

@@ -3,7 +3,7 @@
 use crate::file::Out;
 use choreo_plugin::ExportError;
 
-/// The checksum and length that the head of a file states.
+/// Checksum and length of a file, as its header in the archive states them.
 #[derive(Clone, Copy, Default)]
 pub struct Contents {
     /// CRC-32.
@@ -15,16 +15,16 @@ pub struct Contents {
 struct Entry {
     name: String,
     contents: Contents,
-    /// The place of its head.
+    /// Position of the file's local header in the archive.
     at: u64,
 }
 
-/// Files begin at multiples of it.
+/// The content of each file begins at a multiple of this many bytes.
 const ALIGNMENT: u64 = 64;
-/// 1980-01-01, so that the same scene has the same bytes.
+/// The date 1980-01-01 for every file, so that the same scene gives the same bytes.
 const DATE: u16 = 1 << 5 | 1;
 
-/// Offset in the head of a file at which it states its contents.
+/// Offset of the checksum in a local file header.
 const CONTENTS_AT: u64 = 14;
 
 #[derive(Default)]
@@ -33,10 +33,10 @@ pub struct Archive {
 }
 
 impl Archive {
-    /// Begins a file, whose bytes follow; what is not known about them yet is stated by [`Archive::end`].
+    /// Begins a file, whose bytes the caller writes next. [`Archive::end`] states a checksum and length that are not known yet.
     ///
     /// # Errors
-    /// Archives of this kind hold 4 GiB.
+    /// The archive would exceed 4 GiB or 65,535 files.
     pub fn begin(&mut self, out: &mut Out<'_>, name: String, contents: Contents) -> Result<(), ExportError> {
         let at = out.position();
         let entry = Entry { name, contents, at };
@@ -53,7 +53,7 @@ impl Archive {
         out.put(&common(&entry, padding as u16))?;
         out.put(entry.name.as_bytes())?;
         if padding > 0 {
-            // An extra field that no program knows.
+            // Padding as an extra field whose id no program uses.
             out.put(&0x1986u16.to_le_bytes())?;
             out.put(&(padding as u16 - 4).to_le_bytes())?;
             out.put(&vec![0; padding as usize - 4])?;
@@ -62,10 +62,10 @@ impl Archive {
         Ok(())
     }
 
-    /// States the contents of the last file that was begun: the bytes of its head that replace those at a place of the archive.
+    /// Sets the contents of the last file that was begun. Returns the position in the archive, and the header bytes to put there.
     ///
     /// # Errors
-    /// Archives of this kind hold 4 GiB.
+    /// The archive would exceed 4 GiB.
     pub fn end(&mut self, contents: Contents) -> Result<(u64, Vec<u8>), ExportError> {
         let Some(entry) = self.entries.last_mut() else { return Ok((0, Vec::new())) };
         entry.fits(contents.length)?;
@@ -73,13 +73,13 @@ impl Archive {
         Ok((entry.at + CONTENTS_AT, contents.stated()))
     }
 
-    /// Writes the directory of the archive.
+    /// Writes the central directory of the archive.
     pub fn finish(self, out: &mut Out<'_>) -> Result<(), ExportError> {
         let from = out.position();
         for entry in &self.entries {
             out.put(b"PK\x01\x02\x0a\x00")?;
             out.put(&common(entry, 0))?;
-            // Comment, disk, attributes.
+            // Comment, disk number and attributes, all 0.
             out.put(&[0; 10])?;
             out.put(&(entry.at as u32).to_le_bytes())?;
             out.put(entry.name.as_bytes())?;
@@ -97,7 +97,7 @@ impl Archive {
 }
 
 impl Entry {
-    /// Whether an archive has room for `length` bytes from here on, and the list of its files after them.
+    /// Fails where the file's `length` bytes and the central directory after them (1 MiB reserved) would exceed 4 GiB.
     fn fits(&self, length: u64) -> Result<(), ExportError> {
         let end = self.at.saturating_add(length).saturating_add(1 << 20);
         u32::try_from(end).map(|_| ()).map_err(|_| too_large())
@@ -105,7 +105,7 @@ impl Entry {
 }
 
 impl Contents {
-    /// Checksum, length in the archive, length.
+    /// Checksum, stored length and original length, as both headers have them.
     fn stated(self) -> Vec<u8> {
         let length = (self.length as u32).to_le_bytes();
         [self.checksum.to_le_bytes(), length, length].concat()
@@ -116,7 +116,7 @@ fn too_large() -> ExportError {
     ExportError::Format("a .usdz holds at most 4 GiB, and this scene has more; write a .usdc".into())
 }
 
-/// The part that both heads of a file have: version, flags, method, date, checksum, lengths.
+/// The fields that the local header and the central directory share: version, flags, method, date, checksum, lengths.
 fn common(entry: &Entry, padding: u16) -> Vec<u8> {
     let mut out = Vec::with_capacity(26);
     // Version 1.0, names in UTF-8, stored, at midnight.

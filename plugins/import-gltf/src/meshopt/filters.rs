@@ -1,4 +1,4 @@
-//! Filters of unpacked attributes: unit vectors, rotations, floats and colors from fewer bits.
+//! Filters of decompressed attributes: unit vectors, rotations, floats and colors from fewer bits.
 
 use super::Filter;
 
@@ -37,12 +37,12 @@ fn quads16(bytes: &mut [u8], f: impl Fn([u16; 4]) -> [i32; 4]) {
     }
 }
 
-/// Rounds to the nearest, halves away from zero. Out of range and NaN saturate (`as`).
+/// Rounds to the nearest integer, halves away from zero. Values out of range saturate, and NaN becomes 0 (`as`).
 fn rounded(v: f32) -> i32 {
     (v + if v >= 0.0 { 0.5 } else { -0.5 }) as i32
 }
 
-/// x, y on the octahedron |x| + |y| + |z| = one; the fourth component stays.
+/// Octahedral normal: x, y on the octahedron |x| + |y| + |z| = one. The fourth component stays.
 fn octahedral([x, y, one, w]: [f32; 4], max: f32) -> [i32; 4] {
     let z = one - x.abs() - y.abs();
     // The lower half was folded outwards.
@@ -50,11 +50,12 @@ fn octahedral([x, y, one, w]: [f32; 4], max: f32) -> [i32; 4] {
     let x = x + if x >= 0.0 { fold } else { -fold };
     let y = y + if y >= 0.0 { fold } else { -fold };
     let scale = max / (x * x + y * y + z * z).sqrt();
-    // A vector of length zero has no direction: NaN becomes 0.
+    // A vector of length zero has no direction: its NaN components become 0.
     [rounded(x * scale), rounded(y * scale), rounded(z * scale), w as i32]
 }
 
-/// The three smaller components, in units of 1/√2 over the upper bits of the fourth, whose lower two say which one is missing.
+/// Quaternion from its three smaller components, in units of 1/√2 over the upper bits of the fourth value. The lower two bits
+/// give the index of the omitted component.
 fn quaternion([x, y, z, scale_and_place]: [i16; 4]) -> [i32; 4] {
     let one = f32::from(scale_and_place | 3);
     let [x, y, z] = [x, y, z].map(f32::from);
@@ -68,13 +69,13 @@ fn quaternion([x, y, z, scale_and_place]: [i16; 4]) -> [i32; 4] {
     out
 }
 
-/// Mantissa of 24 bits, exponent of 8, both signed: m · 2^e.
+/// Float m · 2^e from a signed 24-bit mantissa and a signed 8-bit exponent.
 fn exponential(bits: u32) -> f32 {
     let mantissa = (bits << 8) as i32 >> 8;
     libm::ldexp(f64::from(mantissa), bits as i32 >> 24) as f32
 }
 
-/// YCoCg with an alpha whose highest bit says how many bits are in use.
+/// Color from YCoCg. The highest set bit of alpha gives the number of bits in use.
 fn color(y: i32, [co, cg]: [i32; 2], a: i32, max: f32) -> [i32; 4] {
     let mut ones = a;
     for shift in [1, 2, 4, 8] {

@@ -1,8 +1,8 @@
 //! EXT_meshopt_compression and KHR_meshopt_compression: buffer views packed by meshoptimizer's codecs.
 //!
-//! The crate `meshopt` unpacks; its decoders are safe for untrusted bytes as long as count and stride are checked first. The
-//! filters are ours: meshoptimizer's use approximate reciprocal roots on x86 and fused multiply-adds on ARM, so that one file
-//! would have other normals on another processor.
+//! The crate `meshopt` decodes. Its decoders are safe for untrusted bytes as long as count and stride are checked first. The
+//! filters are our own: meshoptimizer's use approximate reciprocal roots on x86 and fused multiply-adds on ARM, so one file would
+//! have different normals on different processors.
 
 mod filters;
 
@@ -23,23 +23,23 @@ pub enum Filter {
     Octahedral,
     Quaternion,
     Exponential,
-    /// KHR_meshopt_compression only.
+    /// Only in KHR_meshopt_compression.
     Color,
 }
 
-/// Description of one compressed view in the JSON.
+/// Compression parameters of one view, from its JSON.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Packed {
     pub mode: Mode,
     pub filter: Filter,
-    /// Elements: vertices or indices.
+    /// Number of elements: vertices or indices.
     pub count: usize,
-    /// Bytes an element when unpacked.
+    /// Bytes of a decompressed element.
     pub stride: usize,
 }
 
 impl Packed {
-    /// Checks the specification's rules for count and stride; the text states the problem.
+    /// Checks the specification's rules for count and stride. The error text states the problem.
     pub fn check(&self) -> Result<()> {
         let Packed { mode, filter, count, stride } = *self;
         let strides = |allowed: bool, text: &str| match allowed {
@@ -70,28 +70,28 @@ impl Packed {
         }
     }
 
-    /// Bytes that unpacking makes. Right after [`Packed::check`].
+    /// Decompressed size in bytes. Call [`Packed::check`] first.
     pub fn bytes(&self) -> u64 {
         (self.count as u64).saturating_mul(self.stride as u64)
     }
 
-    /// The fewest bytes that this many elements can be packed into: a lying count is found out before anything is allocated.
+    /// The fewest bytes that can encode this many elements. A false count is found before anything is allocated.
     pub fn least(&self) -> u64 {
         let (count, stride) = (self.count as u64, self.stride as u64);
         match self.mode {
             Mode::Attributes => {
-                // Version 1's all-zero bytes take two bits a block; the tail is padded to 24 bytes.
+                // Version 1: an all-zero byte stream takes two bits a block; the tail is padded to 24 bytes.
                 let block = ((8192 / stride) & !15).min(256);
                 1 + count.div_ceil(block) * (stride / 4) + 24
             }
-            // A code for each triangle, and a table of 16 bytes.
+            // One code byte for each triangle, and a table of 16 bytes.
             Mode::Triangles => 1 + count / 3 + 16,
-            // A byte or more for each index, and 4 bytes of padding.
+            // One byte or more for each index, and 4 bytes of padding.
             Mode::Indices => 1 + count + 4,
         }
     }
 
-    /// Unpacks. [`Packed::check`] must have passed. Every byte of `data` is accounted for, or it is an error.
+    /// Decompresses. [`Packed::check`] must have passed. Fails where bytes of `data` are left over.
     pub fn unpack(&self, data: &[u8]) -> Result<Vec<u8>> {
         let Packed { mode, filter, count, stride } = *self;
         if (data.len() as u64) < self.least() {
@@ -114,7 +114,7 @@ impl Packed {
         Ok(out)
     }
 
-    /// The codecs' first byte: the mode in the upper half, the version in the lower.
+    /// Checks the first byte of the codec: mode in the upper half, version in the lower.
     fn check_head(&self, head: u8) -> Result<()> {
         let mark = match self.mode {
             Mode::Attributes => 0xa0,
@@ -131,7 +131,7 @@ impl Packed {
     }
 }
 
-/// One vertex of `STRIDE` bytes. The decoder wants a default, which arrays of more than 32 elements do not have.
+/// One vertex of `STRIDE` bytes. The decoder requires `Default`, which arrays of more than 32 elements lack.
 #[derive(Clone)]
 struct Vertex<const STRIDE: usize>([u8; STRIDE]);
 
@@ -148,7 +148,8 @@ fn vertices_of<const STRIDE: usize>(count: usize, data: &[u8]) -> meshopt::Resul
     Ok(out)
 }
 
-/// The decoder takes the stride from a type: one for each stride that [`Packed::check`] allows.
+/// Decodes vertices. The decoder takes the stride from a type, so there is one instance for each stride that [`Packed::check`]
+/// allows.
 fn vertices(count: usize, stride: usize, data: &[u8]) -> meshopt::Result<Vec<u8>> {
     macro_rules! by_stride {
         ($($words:literal)*) => {

@@ -1,4 +1,4 @@
-//! Bytes written by meshoptimizer 1.0's encoders from numbers given here as formulas.
+//! Decodes bytes that meshoptimizer 1.0's encoders wrote, and compares them with the encoded numbers, given as formulas.
 
 use super::*;
 
@@ -36,7 +36,7 @@ fn attributes() {
     let wave_of = packed(Mode::Attributes, Filter::None, 40, 8);
     assert_eq!(wave_of.unpack(&hex(WAVE_0)).unwrap(), wave());
     assert_eq!(wave_of.unpack(&hex(WAVE_1)).unwrap(), wave());
-    // Version 1 with turned bits and with widths of one bit.
+    // Codec version 1, with rotated bits and with widths of one bit.
     let bits: Vec<u8> = (0..20u32)
         .flat_map(|i| [0x3f80_0000 ^ i << 20, (i as f32).to_bits()])
         .flat_map(u32::to_le_bytes)
@@ -50,13 +50,13 @@ fn attributes() {
     for text in [turned, narrow] {
         assert_eq!(packed(Mode::Attributes, Filter::None, 20, 8).unpack(&hex(text)).unwrap(), bits);
     }
-    // A planted fault: one bit of the data and the numbers are others.
+    // A planted fault: one flipped bit of the data gives other numbers.
     let mut other = hex(WAVE_0);
     other[40] ^= 1;
     assert_ne!(wave_of.unpack(&other).unwrap(), wave());
 }
 
-/// The decoder takes the stride from a type; a wrong one in the table would unpack other bytes or none.
+/// The decoder takes the stride from a type parameter; a wrong entry in the table would unpack other bytes or none.
 #[test]
 fn every_stride() {
     fn round_trip<const STRIDE: usize>() {
@@ -95,7 +95,7 @@ fn indices() {
         9801690000";
     for text in [version_0, version_1] {
         let of = packed(Mode::Triangles, Filter::None, grid.len(), 4);
-        // The encoder may turn a triangle's vertices, never its winding.
+        // The encoder may rotate the vertices of a triangle, but never changes its winding.
         let turned = |t: &[u32]| {
             let first = (0..3).min_by_key(|i| t[*i]).unwrap_or(0);
             [t[first], t[(first + 1) % 3], t[(first + 2) % 3]]
@@ -166,7 +166,7 @@ fn filters() {
     for (filter, stride, expected, numbers, tolerance, text) in cases {
         let read = numbers(&packed(Mode::Attributes, filter, 4, stride).unpack(&hex(text)).unwrap());
         for (element, expected) in read.chunks(4).zip(&expected) {
-            // A rotation and its negative are one.
+            // A quaternion and its negative are the same rotation.
             let dot: f64 = element.iter().zip(expected).map(|(a, b)| a * b).sum();
             let sign = if filter == Filter::Quaternion { dot.signum() } else { 1.0 };
             for (a, b) in element.iter().zip(expected) {
@@ -211,7 +211,7 @@ fn lies_are_refused_before_anything_is_allocated() {
     assert_eq!(check(Mode::Indices, Filter::Exponential, 4, 4), "has a filter, but no attributes");
 }
 
-/// Every byte changed and every length: an error or other numbers, never a panic.
+/// Damages every byte and cuts at every length: each gives an error or other numbers, never a panic.
 #[test]
 fn damage() {
     for (mode, count, stride, text) in [

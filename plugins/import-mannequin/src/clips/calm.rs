@@ -1,15 +1,15 @@
-//! Standing.
+//! A standing idle clip.
 
 use crate::keys::{cos, sin};
 use crate::pose::{Pose, turn};
 use glam::vec3;
 
-/// Two breaths and one shift of the weight in six seconds.
+/// Two breaths and one weight shift in six seconds.
 pub fn idle(t: f32) -> Pose {
     let mut pose = Pose::default();
     let phase = t / 6.0;
     let breath = 0.5 - 0.5 * cos(2.0 * phase);
-    // Longer on each leg than between them.
+    // The weight stays on each leg longer than between them.
     let shift = sin(phase) + 0.18 * sin(3.0 * phase);
     pose.hips +=
         vec3(0.026 * shift, -0.002 - 0.003 * shift * shift + 0.002 * breath, 0.004 * sin(2.0 * phase));

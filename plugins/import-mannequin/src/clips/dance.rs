@@ -1,4 +1,4 @@
-//! Dances on the beat: 120 a minute, half a second each.
+//! Dances on the beat, at 120 beats a minute.
 
 use crate::keys::{cos, cycle, ease, keys};
 use crate::pose::{Arm, Foot, Pose, turn};
@@ -7,7 +7,7 @@ use glam::vec3;
 const BEATS_PER_SECOND: f32 = 2.0;
 const BEATS: f32 = 16.0;
 
-/// Position of a foot after steps that each begin a tenth of a beat after `(beat, to)` and take seven: x and lift.
+/// x and lift of a foot after steps: a step `(beat, x)` begins 0.1 beats after `beat` and takes 0.7 beats.
 fn steps(beat: f32, start: f32, steps: &[(f32, f32)]) -> (f32, f32) {
     let (mut x, mut lift) = (start, 0.0);
     for &(when, to) in steps {
@@ -18,7 +18,7 @@ fn steps(beat: f32, start: f32, steps: &[(f32, f32)]) -> (f32, f32) {
     (x, lift)
 }
 
-/// 1 while a heel is held up, from half a beat after `beat` until the foot has left again.
+/// 1 while a heel is lifted, from half a beat after `beat` until the foot moves away.
 fn touch(beat: f32, beats: &[f32]) -> f32 {
     beats
         .iter()
@@ -26,11 +26,11 @@ fn touch(beat: f32, beats: &[f32]) -> f32 {
         .fold(0.0, f32::max)
 }
 
-/// Sixteen beats in eight seconds: four two-steps to the sides with swinging arms, then hips: four beats with the
-/// hands overhead, four pointing up and down.
+/// Sixteen beats in eight seconds: four two-steps to the sides with swinging arms, then hip sways, four beats with the hands
+/// overhead and four pointing up and down.
 pub(crate) fn groove(t: f32) -> Pose {
     let beat = t * BEATS_PER_SECOND;
-    // Beats 8 to 16 are danced on the spot.
+    // Beats 8 to 16 stay on the spot.
     let spot = ease(beat, 7.7, 8.6) * (1.0 - ease(beat, 15.1, 16.0));
     let weight = |b: f32| {
         let travel =
@@ -39,7 +39,7 @@ pub(crate) fn groove(t: f32) -> Pose {
     };
     let now = weight(beat);
     let late = weight(beat - 0.22);
-    // Down on the beat, up between; a little sharper on the way down.
+    // Down on the beat, up between beats, a little faster on the way down.
     let bounce = cos(beat) + 0.15 * cos(2.0 * beat);
     let nod = cos(beat - 0.10);
 
@@ -52,7 +52,7 @@ pub(crate) fn groove(t: f32) -> Pose {
 
     pose.feet = feet(beat, spot, now);
     let accent = 0.5 + 0.5 * nod;
-    // Second time round the arms swing higher.
+    // The arms swing higher in the second repetition.
     let high = ease(beat, 3.6, 4.4) * (1.0 - ease(beat, 7.4, 8.4));
     for (arm, s) in pose.arms.iter_mut().zip([1.0, -1.0]) {
         let out = s * late;
@@ -68,7 +68,7 @@ pub(crate) fn groove(t: f32) -> Pose {
             lift: 4.0 * accent,
             reach: -5.0 * out,
         };
-        // Hands overhead, from one side to the other.
+        // Hands overhead, moving from one side to the other.
         let aloft = Arm {
             raise: 134.0 + 13.0 * out,
             flex: 16.0,
@@ -90,7 +90,7 @@ pub(crate) fn groove(t: f32) -> Pose {
     pose
 }
 
-/// Pose of the pointing right hand: high to the side on even beats, across to the left hip on odd ones.
+/// The pointing right arm: up to the side on even beats, across to the left hip on odd beats.
 fn point(beat: f32) -> Arm {
     let high = cycle(beat - 0.05, 2.0, &[(0.0, 1.0), (0.25, 0.97), (1.0, 0.0), (1.25, 0.03)]);
     Arm {
@@ -107,7 +107,7 @@ fn point(beat: f32) -> Arm {
     }
 }
 
-/// The left hand on its hip.
+/// The left arm, its hand on the hip.
 fn on_hip(accent: f32) -> Arm {
     Arm {
         raise: 42.0 + 3.0 * accent,
@@ -128,10 +128,10 @@ fn feet(beat: f32, spot: f32, weight: f32) -> [Foot; 2] {
     let right = [(1.0, 0.025), (2.0, -0.225), (5.0, 0.025), (6.0, -0.225)];
     let (left_x, left_lift) = steps(beat, -0.025, &left);
     let (right_x, right_lift) = steps(beat, -0.225, &right);
-    // The heel is up at a touch; wrapped so that the last touch reaches over the seam.
+    // A touch lifts the heel. The last one is repeated a loop earlier, so that it continues over the loop point.
     let left_touch = touch(beat, &[3.0, 7.0, 15.0]).max(touch(beat + BEATS, &[15.0]));
     let right_touch = touch(beat, &[1.0, 5.0]);
-    // While on the spot, the free knee comes in, its heel up.
+    // The knee of the unweighted leg comes in on the spot, with its heel up.
     let free = |side: f32| spot * (-side * weight).max(0.0) * (-side * weight).max(0.0);
     let foot = |x: f32, lift: f32, touching: f32, free: f32| Foot {
         x,
@@ -145,12 +145,12 @@ fn feet(beat: f32, spot: f32, weight: f32) -> [Foot; 2] {
     [foot(left_x, left_lift, left_touch, free(1.0)), foot(right_x, right_lift, right_touch, free(-1.0))]
 }
 
-/// Wind up, once round on the left ball, and out into a pose.
+/// A spin: winds up, turns once on the left ball, and ends in a pose.
 pub fn spin(t: f32) -> Pose {
     let mut pose = Pose::default();
     let facing = keys(t, &[(0.52, 0.0), (0.72, 50.0), (1.30, 322.0), (1.56, 360.0)]);
     pose.facing = facing;
-    // Over the left foot while turning; then away onto the right.
+    // Weight over the left foot while turning, then onto the right one.
     let over = keys(t, &[(0.08, 0.0), (0.52, 1.0), (1.50, 1.0), (1.85, 0.0)]);
     let wind = keys(t, &[(0.0, 0.0), (0.40, 1.0), (0.66, -0.25), (1.2, 0.0)]);
     let turning = ease(t, 0.50, 0.72) * (1.0 - ease(t, 1.36, 1.60));
@@ -171,7 +171,7 @@ pub fn spin(t: f32) -> Pose {
     pose.hips = vec3(-0.015 * over - 0.105 * show, -0.004 - 0.060 * knees, -0.012 * (1.0 - over));
     pose.pelvis = turn(3.0 * knees, -16.0 * wind - 8.0 * show, 5.0 * show);
     pose.spine = turn(1.0 + 2.0 * knees - 5.0 * show, -26.0 * wind + 12.0 * show, 3.0 * turning - 9.0 * show);
-    // Spotting: the eyes stay on the audience, then the head whips round before the body.
+    // Spotting: the eyes stay on the audience, then the head whips around ahead of the body.
     let spot = keys(facing, &[(0.0, 0.0), (75.0, -62.0), (190.0, 25.0), (262.0, 62.0), (360.0, 0.0)]);
     pose.head = turn(1.0 - 4.0 * show, spot + 10.0 * show, -4.0 * show);
 
@@ -185,10 +185,10 @@ pub fn spin(t: f32) -> Pose {
     pose
 }
 
-/// The arm wound up, gathered while turning, and shown at the end. `lead` is 1 for the left arm and 0 for the right one.
+/// Arm poses: wound up, gathered while turning, and extended at the end. `lead` is 1 for the left arm and 0 for the right one.
 fn spin_arms(lead: f32) -> (Arm, Arm, Arm) {
     let rest = Arm::default();
-    // Wound up to the right: the left arm across, the right arm open.
+    // Wound up to the right: the left arm crosses, the right arm opens.
     let wound = Arm {
         raise: 62.0 - 30.0 * lead,
         flex: 8.0 + 50.0 * lead,
@@ -207,7 +207,7 @@ fn spin_arms(lead: f32) -> (Arm, Arm, Arm) {
         reach: 6.0,
         ..rest
     };
-    // Out: one arm high, the other wide.
+    // Extended: one arm high, the other wide.
     let shown = Arm {
         raise: 92.0 + 46.0 * (1.0 - lead),
         flex: 8.0,
@@ -223,7 +223,7 @@ fn spin_arms(lead: f32) -> (Arm, Arm, Arm) {
 }
 
 fn spin_feet(t: f32, show: f32) -> [Foot; 2] {
-    // Left: the ball under the axis of the turn. Right: drawn up to the knee, then set wide.
+    // Left foot: its ball moves below the axis of the turn. Right foot: drawn up to the knee, then set down wide.
     let left = ease(t, 0.10, 0.42) * (1.0 - ease(t, 2.42, 2.74));
     let hop = 4.0 * 0.035;
     let left_hop = hop * left * (1.0 - left);

@@ -1,27 +1,27 @@
-//! Walk and run, in place: the standing foot moves back with the floor, at `speed`.
+//! Walk and run in place: the standing foot moves back with the floor, at `speed`.
 //!
-//! Timing and ranges after Perry & Burnfield, "Gait Analysis" (2010): the foot strikes with the heel, lies flat, rolls
-//! off over the ball, and swings; the pelvis is lowest with both feet down, and turns against the shoulders.
+//! Timing and ranges follow Perry & Burnfield, "Gait Analysis" (2010): the foot strikes with the heel, lies flat, rolls off over
+//! the ball, and swings. The pelvis is lowest when both feet are down, and rotates against the shoulders.
 
 use crate::keys::{cos, cycle, ease, hermite, sin};
 use crate::pose::{Foot, Pose, turn};
 use glam::vec3;
 
 pub struct Gait {
-    /// Duration of a whole cycle, two steps, seconds.
+    /// Duration of a full cycle of two steps, seconds.
     pub period: f32,
-    /// Metres a second.
+    /// Speed of the floor, meters a second.
     pub speed: f32,
-    /// Part of the cycle for which a foot is down.
+    /// Fraction of the cycle in which a foot is on the floor.
     stance: f32,
-    /// Distance in front of the hips at which the foot comes down, metres.
+    /// Distance in front of the hips at which the foot strikes, meters.
     strike: f32,
-    /// Distance of the feet from the middle line.
+    /// Lateral distance of each foot from the center line, meters.
     track: f32,
-    /// Keys over the cycle, from strike to strike: degrees, and metres above the floor.
+    /// Keys over the cycle, from strike to strike: (phase, degrees) and (phase, meters above the floor).
     pitch: &'static [(f32, f32)],
     lift: &'static [(f32, f32)],
-    /// How much the path of the swinging foot rounds its ends; 1 meets the floor's speed.
+    /// Factor of the swinging foot's end speeds; at 1 they match the floor's speed.
     carry: f32,
 }
 
@@ -75,7 +75,7 @@ impl Gait {
     }
 }
 
-/// The left heel strikes at 0.
+/// A walk, with the left heel strike at 0.
 pub fn walk(t: f32) -> Pose {
     let p = t / WALK.period;
     let mut pose = Pose { feet: WALK.feet(p), ..Pose::default() };
@@ -89,7 +89,7 @@ pub fn walk(t: f32) -> Pose {
         arm.raise = 11.0 - 1.0 * swing;
         arm.flex = 3.0 + 21.0 * swing;
         arm.twist = 4.0 + 4.0 * swing;
-        // Elbow and wrist come after the arm.
+        // Elbow and wrist follow with a delay.
         arm.elbow = 24.0 - 15.0 * cos(p + half - 0.09);
         arm.wrist = 4.0 + 7.0 * cos(p + half - 0.22);
         arm.curl = 0.28;

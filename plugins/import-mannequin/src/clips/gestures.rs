@@ -1,13 +1,13 @@
-//! Wave, bow, jump: from standing at ease, and back.
+//! Wave, bow and jump, which begin and end in the relaxed standing pose.
 
 use crate::keys::{ease, keys, sin};
 use crate::pose::{Pose, turn};
 use glam::vec3;
 
-/// Three swings of the right hand, the body answering.
+/// Three waves of the right hand, with a reaction of the body.
 pub fn wave(t: f32) -> Pose {
     let mut pose = Pose::default();
-    // The body leads, the arm follows, the hand comes last.
+    // The body moves first, then the arm, then the hand.
     let body = keys(t, &[(0.0, 0.0), (0.45, 1.0), (2.15, 1.0), (2.85, 0.0)]);
     let up = keys(t, &[(0.05, 0.0), (0.18, -0.04), (0.70, 1.05), (0.85, 1.0), (2.15, 1.0), (2.85, 0.0)]);
     let swinging = ease(t, 0.45, 0.8) * (1.0 - ease(t, 2.0, 2.4));
@@ -33,7 +33,7 @@ pub fn wave(t: f32) -> Pose {
     pose
 }
 
-/// The right hand comes to the chest, the left opens to the side, the body folds at the hips.
+/// The right hand comes in front of the body, the left opens to the side, and the body folds at the hips.
 pub fn bow(t: f32) -> Pose {
     let mut pose = Pose::default();
     let down = keys(t, &[(0.15, 0.0), (0.35, -0.06), (1.25, 1.0), (1.95, 1.0), (2.95, -0.02), (3.35, 0.0)]);
@@ -65,7 +65,7 @@ pub fn bow(t: f32) -> Pose {
 const LEAVE: f32 = 0.62;
 const LAND: f32 = 1.12;
 
-/// Crouch, half a second in the air (30 cm, as gravity has it), and a soft landing.
+/// A crouch, half a second in the air (30 cm high, by gravity), and a soft landing.
 pub fn jump(t: f32) -> Pose {
     let mut pose = Pose::default();
     let air = t.clamp(LEAVE, LAND) - LEAVE;
@@ -103,7 +103,7 @@ pub fn jump(t: f32) -> Pose {
         arm.curl = 0.22 - 0.16 * reach;
         arm.lift = 5.0 * reach;
     }
-    // Heels leave first and come down last; the toes point in the air.
+    // Heels lift first and land last; the toes point down in the air.
     let heel = keys(t, &[(0.46, 0.0), (LEAVE, 52.0), (0.78, 40.0), (LAND, 22.0), (1.24, 0.0)]);
     for foot in &mut pose.feet {
         foot.pitch = heel;

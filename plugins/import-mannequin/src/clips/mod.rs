@@ -1,4 +1,4 @@
-//! The clips: functions from time to [`Pose`], sampled at 30 Hz into curves.
+//! The clips. Each is a function from time to [`Pose`], sampled at 30 Hz into curves.
 
 mod calm;
 mod dance;
@@ -11,7 +11,7 @@ use choreo_motion::{Clip, ClipError, Curve, Interpolation, Path, Time};
 use glam::Quat;
 use std::sync::Arc;
 
-/// A movement: its last pose is its first, so every clip loops.
+/// A looping movement: its last pose equals its first.
 pub struct Movement {
     pub name: &'static str,
     pub duration_secs: f32,
@@ -35,7 +35,7 @@ pub fn movements() -> Vec<Movement> {
 }
 
 fn curve(joint: usize, path: Path, times: &Arc<[Time]>, keys: Vec<Vec<f32>>) -> Curve {
-    // A joint that stands still needs one key, which still holds it there against other layers.
+    // A constant joint needs only one key, which still overrides other layers.
     let still = keys.iter().all(|k| k.iter().zip(&keys[0]).all(|(a, b)| (a - b).abs() < 1e-6));
     let (times, keys) = if still { (times[..1].into(), &keys[..1]) } else { (times.clone(), &keys[..]) };
     Curve {
@@ -55,7 +55,7 @@ pub fn clip(movement: &Movement, joints: &[Joint], scale: f32) -> Result<Clip, C
     for i in 0..=intervals {
         let secs = movement.duration_secs * i as f32 / intervals as f32;
         times.push(Time::from_secs(f64::from(secs)));
-        // The last key is the first one's copy: no rounding at the seam.
+        // The last key copies the first, so that no rounding shows at the loop point.
         let secs = if i == intervals { 0.0 } else { secs };
         let authored = (movement.pose)(secs).solve(joints);
         hips.push((authored.hips * scale).to_array().to_vec());
