@@ -29,7 +29,7 @@ pub fn touches(contact: &Contact, stands: Option<f64>, [before, now]: [DVec3; 2]
 
 pub fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Series, Unjudged> {
     let step = looks.step(e);
-    // To know the sliding distance at one time, evaluation must begin before the foot comes down.
+    // The sliding distance at one time is known only if evaluation begins before the foot comes down.
     let times = match e.when {
         When::At(time) => {
             let from = When::During(Time::ZERO.min(time - step), time);

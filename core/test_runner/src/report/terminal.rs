@@ -55,7 +55,7 @@ fn one(text: &mut String, check: &Check) {
     if let Evidence::Traces(traces) = &check.evidence
         && let Some(first) = traces.first()
     {
-        // In a loop or a function, the line of the script does not identify the subject. The label of a component ends with its axis.
+        // The line of the script does not identify the subject in a loop or a function. The label of a component ends with its axis.
         let name = first.label.rsplit_once(' ').filter(|_| traces.len() > 1);
         row("of", name.map_or(first.label.as_str(), |(name, _)| name));
     }
