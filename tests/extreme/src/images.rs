@@ -283,7 +283,7 @@ fn normals(normal: Vec3) -> f64 {
         if light {
             stage.lights.push(StageLight::sun("sun", Vec3::NEG_Z, PI));
         } else {
-            // Without any light, a default sun would shine.
+            // A light that is off keeps the default sun away.
             stage.lights.push(StageLight::sun("none", Vec3::NEG_Z, 0.0));
         }
         let normals = vec![normal; 4];

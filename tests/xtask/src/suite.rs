@@ -59,7 +59,7 @@ pub fn test(args: &[&str]) -> Result<(), String> {
     }
     let skipped: u64 = tally.skips.iter().map(|(n, _)| n).sum();
     println!("all took {:.0} s", started.elapsed().as_secs_f64());
-    // After a failure outside the tests themselves, such as formatting or a build, the total must not say "0 failed".
+    // The total must not say "0 failed" after a failure outside the tests, such as formatting or a build.
     let failed = if problems.is_empty() { 0 } else { tally.failed.max(1) };
     println!("{} passed, {failed} failed, {skipped} skipped", tally.passed);
     if problems.is_empty() { Ok(()) } else { Err(problems.join("; ")) }
