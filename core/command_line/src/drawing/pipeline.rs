@@ -50,7 +50,7 @@ impl Pixels {
     }
 }
 
-/// The pixels of one frame or of several that follow each other.
+/// Pixels that one frame, or several consecutive frames, show.
 pub(crate) struct Picture {
     pub pixels: Pixels,
     /// The encoded file, for formats with one image per file.

@@ -278,7 +278,7 @@ mod tests {
         assert_eq!(journal.records[2].1, bytes.len() as u64);
     }
 
-    /// Cut or bent at any byte, it gives what lies whole before.
+    /// A journal that is truncated or corrupt at any byte gives the intact records before it.
     #[test]
     fn damage_leaves_what_lies_before_it() {
         let (bytes, records) = sample();

@@ -32,7 +32,7 @@ pub fn names(app: &App) -> impl Iterator<Item = &'static str> {
     all(app).map(|(path, _)| path)
 }
 
-/// Text of the page with this path, or with a path that ends so if no other page's does: `API.md`, `film_grain/README.md`.
+/// Text of the page with this path. The end of a path is enough if no other page's path ends so: `API.md`, `film_grain/README.md`.
 pub fn text(app: &App, name: &str) -> Option<&'static str> {
     let name = name.trim_start_matches("./");
     let exact = all(app).find(|(path, _)| *path == name);

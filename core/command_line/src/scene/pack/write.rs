@@ -64,7 +64,7 @@ pub(crate) fn write<W: Write>(
     Ok((manifest, to))
 }
 
-/// Writes the entries of an archive made by [`write`] as files of a folder.
+/// Writes the entries of an archive made by `write` as files of a folder.
 pub(crate) fn write_folder(archive: impl Read, folder: &Path) -> Result<(), WriteError> {
     let mut archive = tar::Archive::new(archive);
     for entry in archive.entries()? {
