@@ -19,7 +19,7 @@ pub struct Package {
     /// SPDX expression.
     pub licence: String,
     pub is_ours: bool,
-    /// Whether the source is a registry other than crates.io.
+    /// Whether the source is not crates.io, but another registry or a repository.
     pub is_foreign: bool,
     is_macro: bool,
     /// Whether its build script compiles C or C++, or may do so.

@@ -1,4 +1,4 @@
-//! `cargo xtask test`: runs all checks, the cheapest first, and prints one total at the end.
+//! `cargo xtask test`: formatting and lints, the tests of all crates, and the sections of scripts, with one total at the end.
 
 use crate::tally::Tally;
 use crate::{assets, binaries, cargo, root, run, setup};

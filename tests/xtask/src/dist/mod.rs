@@ -35,7 +35,7 @@ pub fn dist(args: &[&str]) -> Result<(), String> {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", out.display())),
         _ => {}
     }
-    // The name is fixed in core/cli/Cargo.toml, from which cargo-deb takes the files.
+    // The folder's name is repeated in core/cli/Cargo.toml, which lists the files for cargo-deb.
     let staged = out.join("tree");
     tree::write(&built, &staged)?;
     let package = debian(&out)?;
