@@ -1,4 +1,4 @@
-//! choreo with an importer, an exporter and an effect that panic: `tests/plugins/faulty_plugins.rs` runs it.
+//! The program choreo with an importer, an exporter and an effect that panic; run by `tests/plugins/faulty_plugins.rs`.
 
 use choreo_asset::Asset;
 use choreo_plugin::{
@@ -24,7 +24,7 @@ impl Importer for Faulty {
         &self.0
     }
 
-    /// Panics at short files, whatever they are.
+    /// Panics for empty files of any format.
     fn claim(&self, source: &Source) -> Claim {
         match source.bytes.len() {
             0 => panic!("no first byte"),

@@ -1,5 +1,5 @@
-//! The program `choreo`: the command line with the plugins of this repository. A program with plugins of its own adds them to
-//! [`app`] and gives it to [`run`] and, for its viewer, to `choreo_viewer::run`; `tests/studio` shows how.
+//! The program `choreo`: the command line with the plugins of this repository. A program with further plugins adds them to [`app`], and
+//! passes it to [`run`] and, for its viewer, to `choreo_viewer::run`; `tests/studio` is an example.
 
 mod pages;
 
@@ -7,19 +7,19 @@ use choreo_plugin::Registry;
 
 pub use choreo_command_line::{App, command, run};
 
-/// The program `choreo`.
+/// Describes the program `choreo`.
 pub fn app() -> App {
-    // Installed before the plugins allocate.
+    // Must be called before the plugins allocate memory.
     choreo_command_line::exit_code_of_abort();
     let mut app = App::new("choreo", env!("CARGO_PKG_VERSION"), registry());
     app.pages = pages::pages();
     app
 }
 
-/// Declares the built-in plugins: how each is added to the registry, its folder and its page.
+/// Declares the built-in plugins: the registry function for each, its folder and its page.
 macro_rules! plugins {
     ($($add:ident($plugin:path) $folder:literal $page:path;)*) => {
-        /// The plugins that this program is built with.
+        /// Registry of the plugins that are compiled into this program.
         pub fn registry() -> Registry {
             let mut registry = Registry::default();
             effects::all().into_iter().for_each(|effect| registry.add_effect(effect));

@@ -1,7 +1,7 @@
-//! Pages of the documentation, compiled in, because they do not lie beside an installed program: `choreo help` searches their headings and
-//! tables, `choreo help --page NAME` prints one.
+//! Pages of the documentation, which are compiled into the program so that it can be installed alone. `choreo help` searches their headings
+//! and tables, and `choreo help --page NAME` prints one.
 
-/// Path in the sources, and text. Those in `pages` are symbolic links, because a package holds no files outside its own folder.
+/// Pages as (path in the sources, text). The files in `pages` are symbolic links, because a package contains only files of its own folder.
 const PAGES: &[(&str, &str)] = &[
     ("core/cli/README.md", include_str!("../README.md")),
     ("core/viewer/README.md", include_str!("../pages/viewer.md")),

@@ -1,4 +1,4 @@
-//! Why a command ended without a result, and the exit code that says so.
+//! Reasons why a command ends without a result, and the exit code of each.
 
 use choreo_files::WriteError;
 pub use choreo_files::words as reason;
@@ -7,23 +7,23 @@ use serde_json::json;
 
 #[derive(Debug)]
 pub enum Failure {
-    /// Script, model or another input.
+    /// An error in the script, the model or another input.
     Input(Vec<Problem>),
-    /// The command line.
+    /// An error in the command line.
     Usage(String),
-    /// The result cannot be written to its place.
+    /// The result cannot be written.
     Output(String),
     Device(String),
-    /// Sections failed, or none was tested: how many. What failed has been reported.
+    /// Sections failed, or none was tested. The text holds the numbers; the failures themselves have been reported.
     Tests(String),
-    /// Rows of a batch failed: how many. What failed has been reported.
+    /// Rows of a batch failed. The text holds their numbers; the failures themselves have been reported.
     Rows(String),
     /// The machine, or a limit set on the program, gives too few threads or too little memory.
     Machine(String),
-    /// The program is at fault.
+    /// A bug in the program.
     Internal(String),
     Interrupted,
-    /// Another program of ours ended with this code and has said why.
+    /// Another program of choreo ended with this exit code, and has printed the reason.
     Told(u8),
     /// The reader of standard output has gone.
     ClosedPipe,
@@ -32,7 +32,7 @@ pub enum Failure {
 /// An error of an input.
 #[derive(Debug, PartialEq)]
 pub enum Problem {
-    /// Complete with its place.
+    /// A text that includes its place.
     Text(String),
     Script(Diagnostic),
 }
@@ -92,7 +92,7 @@ impl Failure {
         }
     }
 
-    /// The lines on standard error.
+    /// Lines to print on standard error.
     pub fn lines(&self) -> Vec<String> {
         match self {
             Failure::Input(problems) => problems.iter().map(ToString::to_string).collect(),
@@ -131,7 +131,7 @@ impl Failure {
     }
 }
 
-/// Writes to standard output, without what would steer a terminal; a reader that has gone ends the program quietly.
+/// Writes to standard output, without characters that would control a terminal. If the reader of a pipe has gone, the program ends quietly.
 pub fn print(text: &str) -> Result<(), Failure> {
     use std::io::Write;
     let mut out = std::io::stdout().lock();
@@ -141,8 +141,8 @@ pub fn print(text: &str) -> Result<(), Failure> {
         .map_err(|e| output_error("standard output", &e))
 }
 
-/// Writes one message to standard error, without what would steer a terminal. Its further lines are set in, so that no
-/// name in it can pass for a message of its own.
+/// Writes one message to standard error, without characters that would control a terminal. Its further lines are indented, so that no name
+/// in it can pass for a message of its own.
 pub(crate) fn print_message(message: impl std::fmt::Display) {
     let shown = printable(&message.to_string()).replace('\n', "\n    ").replace("\n        ", "\n    ");
     write_error(&shown);
@@ -157,14 +157,14 @@ pub(crate) fn print_json_message(value: &serde_json::Value) {
     write_error(&escaped(&value.to_string()));
 }
 
-/// A line on standard error; where that is closed or full, the exit code is left.
+/// Writes a line to standard error. If standard error is closed or full, the exit code is the only report left.
 fn write_error(line: &str) {
     use std::io::Write;
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
-/// JSON in which what would steer a terminal is written as \uXXXX: serde_json escapes ASCII's control characters only.
-/// Such characters stand only inside strings, where the escape means the same.
+/// Writes characters that would control a terminal as \uXXXX: serde_json escapes only the control characters of ASCII. They occur only
+/// inside strings, where the escape means the same.
 fn escaped(json: &str) -> String {
     let escape = |c: char| match steers_terminal(c) && c != '\n' {
         true => format!("\\u{:04x}", c as u32),
@@ -180,7 +180,7 @@ pub(crate) fn output_error(place: &str, error: &std::io::Error) -> Failure {
     }
 }
 
-/// Why an output that the user knows as `shown` was not written.
+/// Failure for an output that was not written. `shown`: the output's name in messages.
 pub(crate) fn write_failure(shown: &str, error: WriteError) -> Failure {
     match error {
         WriteError::Io(e) => output_error(shown, &e),
@@ -191,7 +191,7 @@ pub(crate) fn write_failure(shown: &str, error: WriteError) -> Failure {
     }
 }
 
-/// Refuses more of something than its limit.
+/// Fails if a count is above its limit.
 pub(crate) fn too_many(count: u64, name: &str, limit: u64) -> Result<(), Failure> {
     if count <= limit {
         return Ok(());

@@ -1,5 +1,5 @@
-//! The command line of the program `choreo`. [`run`] gets the [`App`] from its caller and knows no plugin, so that a change in a
-//! plugin compiles the plugin and `core/cli` only. Each command is one module; `failure` defines how commands end.
+//! The command line of the program `choreo`. [`run`] gets the [`App`] from its caller and knows no plugin, so that after a change in a
+//! plugin only the plugin and `core/cli` are compiled. Each command is one module; `failure` defines how commands end.
 
 mod app;
 mod args;
@@ -33,8 +33,8 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::ExitCode;
 
-/// One call of the program: `args` as in `std::env::args_os()`, the program's name first. Writes to the process's standard streams,
-/// and takes Ctrl-C and panics for the length of the process.
+/// Runs the program once. `args`: as in `std::env::args_os()`, with the program's name first. Writes to the standard streams, and handles
+/// Ctrl-C and panics until the process ends.
 pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
     let args = help::as_flag(args.into_iter().collect());
     let extended = match project_file::extended(&args, app) {
@@ -61,7 +61,10 @@ pub fn run(args: impl IntoIterator<Item = OsString>, app: &App) -> ExitCode {
 #[error("{0}")]
 pub struct ProjectFileError(String);
 
-/// Options of the viewer for the search and plugin folders of the project that an input belongs to; else what is wrong with its `choreo.toml`.
+/// Viewer options for the search and plugin folders of the project that an input belongs to.
+///
+/// # Errors
+/// The `choreo.toml` of the project is wrong.
 pub fn project_folders(input: &Path, app: &App) -> Result<Vec<OsString>, ProjectFileError> {
     project_file::folders(input, app).map_err(|failure| ProjectFileError(failure.lines().join("\n")))
 }
@@ -73,7 +76,7 @@ pub fn command(app: &App) -> clap::Command {
 
 fn ended(failure: &Failure, json: bool, args: &[OsString]) -> ExitCode {
     failure.lines().iter().for_each(print_message);
-    // A report of failed tests or rows has said it already.
+    // The report of failed tests or rows contains it already.
     if json && !matches!(failure, Failure::Tests(_) | Failure::Rows(_)) {
         write_json(failure, writes_video_to_stdout(args));
     }
@@ -131,9 +134,10 @@ fn start(cli: Cli, args: &[OsString], app: &App) -> Result<(), Failure> {
     }
 }
 
-/// A command line that is asked about, or wrong; with `--json` anywhere on it, the error is printed as JSON too.
+/// Answers a command line that asks for help or the version, or that is wrong. With `--json` anywhere in it, an error is printed as JSON
+/// too.
 fn unread(args: &[OsString], error: &clap::Error) -> ExitCode {
-    // Help and version are answers, not errors; clap knows which stream and code.
+    // Help and version are answers, not errors; clap knows the stream and the exit code.
     let _ = error.print();
     if error.use_stderr() && args.iter().skip(1).take_while(|a| *a != "--").any(|a| a == "--json") {
         let text = error.render().to_string();
@@ -145,7 +149,7 @@ fn unread(args: &[OsString], error: &clap::Error) -> ExitCode {
     ExitCode::from(error.exit_code() as u8)
 }
 
-/// `render -o -`, however it is written.
+/// Whether the video goes to standard output: `render -o -`, in any spelling.
 fn writes_video_to_stdout(args: &[OsString]) -> bool {
     let named = |pair: &[OsString]| (pair[0] == "-o" || pair[0] == "--output") && pair[1] == "-";
     args.windows(2).any(named) || args.iter().any(|a| a == "-o-" || a == "-o=-" || a == "--output=-")
@@ -154,7 +158,7 @@ fn writes_video_to_stdout(args: &[OsString]) -> bool {
 fn write_json(failure: &Failure, to_stderr: bool) {
     match to_stderr {
         true => print_json_message(&failure.json()),
-        // If the reader of the pipe has gone, the exit code is all that remains.
+        // If the reader of the pipe has gone, the exit code is the only report left.
         false => drop(print_json(&failure.json())),
     }
 }

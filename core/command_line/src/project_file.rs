@@ -1,6 +1,6 @@
-//! `choreo.toml` marks the folder of a project. The one beside the input, or in the nearest folder around it, states search folders, plugin
-//! folders and default options of commands. It becomes options of the command line, unless they are given there. The defaults of the
-//! [`App`] follow in the same way.
+//! The project file `choreo.toml`, which marks the folder of a project. The file beside the input, or in the nearest folder around it,
+//! states search folders, plugin folders and default options of commands. They are added to the command line unless it gives those options
+//! itself. The defaults of the [`App`] are added after them, under the same rule.
 
 use crate::App;
 use crate::args::{Cli, values};
@@ -17,10 +17,10 @@ use toml::de::{DeTable, DeValue};
 
 const NAME: &str = "choreo.toml";
 
-/// Bytes of the largest file that is read.
+/// Size limit of the file in bytes.
 const LARGEST: u64 = 64 << 10;
 
-/// Options that may have a default. Those that write files, loosen limits or belong to one scene are for the command line alone.
+/// Options that may have a default. Options that write files, loosen limits or belong to one scene are allowed only on the command line.
 const OPTIONS: [&str; 15] = [
     "size",
     "fps",
@@ -39,7 +39,7 @@ const OPTIONS: [&str; 15] = [
     "joints",
 ];
 
-/// The command line with the options of the input's `choreo.toml` behind its own, and then those of the program.
+/// Adds default options to the command line: first those of the input's `choreo.toml`, then those of the program.
 pub fn extended(args: &[OsString], app: &App) -> Result<Vec<OsString>, Failure> {
     let args = with_options(args, |name, given| match given.get_flag("no_project_file") {
         true => Ok(None),
@@ -50,13 +50,13 @@ pub fn extended(args: &[OsString], app: &App) -> Result<Vec<OsString>, Failure> 
     with_folders(args, app)
 }
 
-/// The input of a command, where it is a packed scene.
+/// The input of a command, if it is a packed scene.
 fn packed(given: &ArgMatches) -> Option<&Path> {
     let input = given.try_get_one::<PathBuf>("input").ok()?;
     input.map(PathBuf::as_path).filter(|input| pack::is_packed(input))
 }
 
-/// The text of the choreo.toml that counts for an input: to be packed with it. Empty where there is none.
+/// Text of the `choreo.toml` that applies to an input, to be packed with it; empty if there is none.
 pub(crate) fn text_for(args: &[OsString], input: &Path) -> Result<String, Failure> {
     if args.iter().any(|arg| arg == "--no-project-file") {
         return Ok(String::new());
@@ -66,16 +66,16 @@ pub(crate) fn text_for(args: &[OsString], input: &Path) -> Result<String, Failur
     Ok(found.transpose()?.map(|file| file.text).unwrap_or_default())
 }
 
-/// The words with the options of a file that is chosen by the command's name and arguments.
+/// Adds the options of a project file, which `file` chooses by the command's name and arguments.
 fn with_options(
     args: &[OsString],
     file: impl FnOnce(&str, &ArgMatches) -> Result<Option<ProjectFile>, Failure>,
 ) -> Result<Vec<OsString>, Failure> {
-    // What is wrong with the command line is reported when it is read.
+    // Errors in the command line are reported later, when it is parsed.
     let Ok(matches) = Cli::command().try_get_matches_from(args) else { return Ok(args.to_vec()) };
     let Some((name, given)) = matches.subcommand() else { return Ok(args.to_vec()) };
     if given.subcommand_name().is_some() {
-        // Work on packages takes no defaults.
+        // Commands about packages (`plugins …`) have no defaults.
         return Ok(args.to_vec());
     }
     let Some(file) = file(name, given)? else { return Ok(args.to_vec()) };
@@ -84,7 +84,7 @@ fn with_options(
     Ok(appended(args, file.options(&cli, command, given)?))
 }
 
-/// The words with further options; words behind -- are no options.
+/// Inserts options before `--`: words after it are not options.
 fn appended(args: &[OsString], options: Vec<OsString>) -> Vec<OsString> {
     let end = args.iter().position(|a| a == "--").unwrap_or(args.len());
     let mut extended = args.to_vec();
@@ -92,7 +92,7 @@ fn appended(args: &[OsString], options: Vec<OsString>) -> Vec<OsString> {
     extended
 }
 
-/// The words with the folders of the program, where the command takes them. The viewer has them of its own program.
+/// Adds the search and plugin folders of the program, if the command takes them. The viewer gets them from its own program.
 fn with_folders(args: Vec<OsString>, app: &App) -> Result<Vec<OsString>, Failure> {
     let Ok(matches) = Cli::command().try_get_matches_from(&args) else { return Ok(args) };
     if matches.subcommand().is_some_and(|(_, given)| given.subcommand_name().is_some()) {
@@ -112,7 +112,7 @@ fn with_folders(args: Vec<OsString>, app: &App) -> Result<Vec<OsString>, Failure
     Ok(appended(&args, options))
 }
 
-/// The folder that the file is looked for in first. The viewer looks for it itself ([`folders`]).
+/// Folder in which the search for the file begins. `None` for the viewer, which looks for the file itself ([`folders`]).
 fn start_folder(command: &str, given: &ArgMatches) -> Option<PathBuf> {
     let input = match command {
         "plugins" => return std::env::current_dir().ok(),
@@ -129,7 +129,7 @@ fn start_folder(command: &str, given: &ArgMatches) -> Option<PathBuf> {
     folder_of(input)
 }
 
-/// The folder of a file, or the folder that is given.
+/// The folder of a file; a folder is its own.
 fn folder_of(input: &Path) -> Option<PathBuf> {
     if input.is_dir() {
         return input.canonicalize().ok();
@@ -143,15 +143,15 @@ pub(crate) fn root_of(input: &Path) -> Option<PathBuf> {
     find(&folder_of(input)?)?.parent().map(Path::to_path_buf)
 }
 
-/// The folders of the input's `choreo.toml` as options of the viewer.
+/// Folders in the input's `choreo.toml`, as options of the viewer.
 pub fn folders(input: &Path, app: &App) -> Result<Vec<OsString>, Failure> {
     let Some(path) = folder_of(input).and_then(|start| find(&start)) else { return Ok(Vec::new()) };
     let words = [OsString::from(app.name), "view".into(), input.into()];
     Ok(with_options(&words, |_, _| ProjectFile::read(path).map(Some))?.split_off(words.len()))
 }
 
-/// The nearest file, up to the folder of a repository. Outside repositories a file in a folder around the first one must have the same
-/// owner as that one: others may write to `/tmp`.
+/// Finds the nearest file, up to the root of a repository. Outside repositories, a file in a folder above `start` must have the same owner
+/// as `start`, since others may write to `/tmp`.
 fn find(start: &Path) -> Option<PathBuf> {
     let repository = start.ancestors().position(|folder| folder.join(".git").exists());
     let folders = start.ancestors().take(repository.map_or(usize::MAX, |at| at + 1));
@@ -180,13 +180,13 @@ struct ProjectFile {
     of: FileOf,
 }
 
-/// The origin of a text.
+/// Origin of the options.
 #[derive(Clone, Copy, PartialEq)]
 enum FileOf {
     Project,
-    /// A program, whose folders are fields.
+    /// Defaults of a program, whose folders are fields of [`App`].
     App,
-    /// A packed scene, whose folders are in the archive.
+    /// Project file of a packed scene, whose folders are in the archive.
     Pack,
 }
 
@@ -202,7 +202,7 @@ impl ProjectFile {
         Ok(ProjectFile { path, text, of: FileOf::Project })
     }
 
-    /// The defaults of the program, which messages call so.
+    /// Defaults of the program; messages call them "defaults of NAME".
     fn of_app(app: &App) -> Option<ProjectFile> {
         let path = PathBuf::from(format!("defaults of {}", app.name));
         (!app.defaults.is_empty()).then(|| ProjectFile { path, text: app.defaults.clone(), of: FileOf::App })
@@ -214,7 +214,7 @@ impl ProjectFile {
         Some(ProjectFile { path: input.join(NAME), text, of: FileOf::Pack })
     }
 
-    /// An error at a place of the file.
+    /// Failure for an error at a place in the file.
     fn wrong(&self, span: Range<usize>, what: impl std::fmt::Display) -> Failure {
         let before = &self.text[..span.start.min(self.text.len())];
         let line = before.matches('\n').count() + 1;
@@ -222,7 +222,7 @@ impl ProjectFile {
         Failure::input(format!("{}:{line}:{column}: {what}", self.path.display()))
     }
 
-    /// The options that the command takes of it, as words of a command line.
+    /// Options of the file that apply to the command, as command-line words.
     fn options(
         &self,
         cli: &clap::Command,
@@ -276,7 +276,7 @@ impl ProjectFile {
         self.wrong(key.span(), format!("unknown {what} \"{name}\"{meant}\n    hint: known: {known}"))
     }
 
-    /// Folders beneath that of the file: a project of a stranger must not reach what lies outside it.
+    /// Reads a list of folders. They must lie beneath the folder of the file: an untrusted project must not reach files outside it.
     fn folders(&self, name: &str, value: &Spanned<DeValue>) -> Result<Vec<OsString>, Failure> {
         let must = || self.wrong(value.span(), format!("{name} must be an array of folders, [\"assets\"]"));
         let DeValue::Array(folders) = value.get_ref() else { return Err(must()) };
@@ -302,7 +302,7 @@ impl ProjectFile {
         Ok(words)
     }
 
-    /// The default options of a command, without those that the command line gives or that it excludes.
+    /// Default options of a command, without those that the command line gives or that conflict with given ones.
     fn defaults(
         &self,
         command: &clap::Command,
@@ -373,7 +373,7 @@ fn argument<'c>(command: &'c clap::Command, name: &str) -> Option<&'c Arg> {
     command.get_arguments().find(|arg| arg.get_long() == Some(name))
 }
 
-/// The options of a command that may have defaults.
+/// Options of a command that may have defaults.
 fn defaults(command: &clap::Command) -> Vec<&Arg> {
     OPTIONS.iter().filter_map(|name| argument(command, name)).collect()
 }

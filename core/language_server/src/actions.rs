@@ -1,4 +1,4 @@
-//! Code actions: what resolves a diagnostic with one key.
+//! Code actions: edits that resolve a diagnostic with one keystroke.
 
 use crate::diagnostics::suggestion;
 use crate::source::{is_string, is_word};
@@ -6,7 +6,7 @@ use crate::view::View;
 use choreo_script::describe;
 use serde_json::{Value, json};
 
-/// The actions for some diagnostics of the client.
+/// Code actions for the diagnostics that the client sends.
 pub fn actions(view: &View, uri: &str, diagnostics: &[Value]) -> Value {
     let mut found = Vec::new();
     for diagnostic in diagnostics.iter().filter(|d| d["source"] == "choreo") {
@@ -34,7 +34,7 @@ fn edit(range: Value, text: String) -> Value {
     json!({ "range": range, "newText": text })
 }
 
-/// Puts the suggested name in the place of the wrong one.
+/// Action that replaces the wrong name by the suggested one.
 fn replace(view: &View, diagnostic: &Value, name: &str) -> Option<(String, Value)> {
     let source = view.source;
     let bytes = source.lines.bytes(&source.text, &diagnostic["range"]);
@@ -49,7 +49,7 @@ fn replace(view: &View, diagnostic: &Value, name: &str) -> Option<(String, Value
         .then(|| (title, edit(source.range(&source.tokens[token]), name.to_string())))
 }
 
-/// A comment that marks a finding as intended, on the line above it or behind the one that is there.
+/// Action that marks a finding as intended: extends an `// allow:` comment on its line or the line above, or adds one above.
 fn allow(view: &View, diagnostic: &Value, rule: &str) -> Value {
     let source = view.source;
     let line = diagnostic["range"]["start"]["line"].as_u64().unwrap_or(0) as usize;
@@ -68,7 +68,7 @@ fn allow(view: &View, diagnostic: &Value, rule: &str) -> Value {
     edit(source.range(&(bytes.start..bytes.start)), format!("{indentation}{comment}{line_break}"))
 }
 
-/// Imports of modules that are not there: of the name that is used, or of the function that is called.
+/// Actions that import a missing module: the module whose name is used, or modules that have the called function.
 fn imports(view: &View, diagnostic: &Value, message: &str) -> Vec<(String, Vec<Value>)> {
     let quoted =
         |mark: &str| message.strip_prefix(mark).and_then(|rest| rest.split('"').next()).map(str::to_string);
@@ -84,7 +84,7 @@ fn imports(view: &View, diagnostic: &Value, message: &str) -> Vec<(String, Vec<V
             .collect();
     }
     let Some(wanted) = quoted("unknown function \"") else { return Vec::new() };
-    /// Modules that are read for a function.
+    /// Largest number of modules that are searched for a function.
     const MOST: usize = 40;
     let mut found = Vec::new();
     for module in modules.take(MOST) {
@@ -102,7 +102,7 @@ fn imports(view: &View, diagnostic: &Value, message: &str) -> Vec<(String, Vec<V
     found
 }
 
-/// An import behind those that are there, else before the first statement.
+/// Edit that adds an import after the existing ones, or before the first statement.
 fn import(view: &View, module: &str, alias: &str) -> (String, Value) {
     let source = view.source;
     let tokens = 0..source.tokens.len();

@@ -1,4 +1,4 @@
-//! The calls of a finished script with their entries in the reference, for documentation.
+//! Calls in a script and their entries in the reference, for documentation.
 
 use crate::source::{Source, is_word};
 use crate::values::{Budget, Modules, Types};
@@ -6,7 +6,7 @@ use choreo_script::describe::{self, Entry};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A script that is read alone.
+/// Import resolver for a script that is read alone: finds no module.
 pub(crate) struct NoModules;
 
 impl Modules for NoModules {
@@ -19,8 +19,8 @@ impl Modules for NoModules {
     }
 }
 
-/// The calls of the API in a text, in its order: the byte where the name begins, and the entry. A method of a value whose type only a
-/// run could tell is left out.
+/// API calls in a text, in order: the byte where the name begins, and the entry. Methods of values whose type is known only at run time are
+/// left out.
 pub fn calls(text: &str) -> Vec<(usize, &'static Entry)> {
     let source = Source::new(text);
     let entry_at = |index: usize| {

@@ -1,5 +1,4 @@
-//! Runs scripts on a thread of its own, as `check` does, on texts that are not saved. Of several texts of one script only the latest
-//! is run.
+//! Runs unsaved scripts on a thread of its own, as `check` does. If several texts of one script are waiting, only the latest is run.
 
 use crate::{Host, Project};
 use choreo_plugin::{ImportScope, PluginPanic};
@@ -12,21 +11,21 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Sections that have not been run by then are left to `choreo test`.
+/// Time limit for the sections of tests. Later sections are left to `choreo test`.
 const SECTIONS_TIME: Duration = Duration::from_secs(5);
 
-/// Texts that are not saved, by canonical path.
+/// Unsaved texts by canonical path.
 pub type Unsaved = Arc<BTreeMap<PathBuf, Arc<str>>>;
 
 /// A script to be run.
 pub struct Job {
     pub uri: String,
     pub version: i64,
-    /// The script's path, also where it was never saved; `None` for a text without one.
+    /// Path of the script, even if it was never saved; `None` for a text without a path.
     pub path: Option<PathBuf>,
     pub text: Arc<str>,
     pub unsaved: Unsaved,
-    /// The folder that is open in the editor, in which a text without a path looks for files.
+    /// Folder that is open in the editor, in which a text without a path looks for files.
     pub folder: PathBuf,
 }
 
@@ -35,11 +34,11 @@ pub struct Checked {
     pub uri: String,
     pub version: i64,
     pub diagnostics: Vec<Diagnostic>,
-    /// Messages of assets, by the name that the script loads them by.
+    /// Messages about assets, each with the name by which the script loads the asset.
     pub of_assets: Vec<(String, String)>,
-    /// The stage and the places that made it, where the script has no errors.
+    /// The stage and the places in the script that created it; `None` if the script has errors.
     pub stage: Option<(Arc<Stage>, Arc<Places>)>,
-    /// Files that were read, the script and its modules among them.
+    /// Files that were read, including the script and its modules.
     pub read: BTreeSet<PathBuf>,
     /// Name of the script in its diagnostics.
     pub main: String,
@@ -62,7 +61,7 @@ fn locked(queue: &Mutex<Queue>) -> MutexGuard<'_, Queue> {
 }
 
 impl Checker {
-    /// `tell` gets each result, on the checker's thread.
+    /// Starts the thread. `tell` gets each result, on that thread.
     pub fn start(
         host: Arc<dyn Host>,
         assets: AssetCache,
@@ -73,7 +72,7 @@ impl Checker {
         let work = move || {
             loop {
                 let mut waiting = locked(&own.0);
-                // The text that was changed last is the one that is looked at.
+                // The script that was submitted last is run first.
                 let job = loop {
                     if waiting.closed {
                         return;
@@ -93,7 +92,7 @@ impl Checker {
                 }
             }
         };
-        // Without the thread there are no diagnostics; everything else works.
+        // If the thread cannot be started, there are no diagnostics; everything else works.
         let _ = std::thread::Builder::new().name("checker".into()).spawn(work);
         Checker { queue }
     }
@@ -132,12 +131,12 @@ fn failed(job: &Job, panic: &(dyn std::any::Any + Send)) -> Checked {
     Checked { diagnostics: vec![Diagnostic::error(what)], ..empty(job) }
 }
 
-/// The path of a script; a text without one is taken to lie in the folder.
+/// Path of a script; a text without a path is assumed to be in the open folder.
 fn script_path(job: &Job) -> PathBuf {
     job.path.clone().unwrap_or_else(|| job.folder.join("untitled.rhai"))
 }
 
-/// The unsaved texts with that of the script itself, which may have no file.
+/// Unsaved texts, including the script itself, which may have no file.
 fn with_script(job: &Job, path: &Path) -> Unsaved {
     if job.unsaved.contains_key(path) {
         return job.unsaved.clone();
@@ -147,7 +146,7 @@ fn with_script(job: &Job, path: &Path) -> Unsaved {
     Arc::new(unsaved)
 }
 
-/// Runs a script; nothing where `is_old` says meanwhile that its text is no longer the latest.
+/// Runs a script. `None` if `is_old` reports meanwhile that the text is no longer the latest.
 fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> bool) -> Option<Checked> {
     let begun = Instant::now();
     let mut checked = empty(job);
@@ -199,13 +198,13 @@ fn check(job: &Job, host: &dyn Host, assets: &AssetCache, is_old: &dyn Fn() -> b
     Some(checked)
 }
 
-/// The folder in which the tests of a script may read: the project's, else the one that is open in the editor.
+/// Folder in which the tests of a script may read: that of the project, else the one that is open in the editor.
 pub(crate) fn tests_root(script: &Path, open: &Path, project: &Project) -> Option<PathBuf> {
     let open = || script.starts_with(open.canonicalize().ok()?).then(|| open.to_path_buf());
     project.root.clone().or_else(open)
 }
 
-/// Warnings of the assets on stage, once each.
+/// Warnings of the assets on stage, each once.
 fn of_assets(stage: &Stage) -> Vec<(String, String)> {
     let mut found = Vec::new();
     for actor in &stage.actors {

@@ -1,4 +1,4 @@
-//! Colors of a script, shown and picked by the editor.
+//! Colors in a script, for the editor's swatches and color picker.
 
 use crate::context::call_around;
 use crate::names::{self, Names};
@@ -7,7 +7,7 @@ use crate::view::View;
 use choreo_plugin::color;
 use serde_json::{Value, json};
 
-/// All strings that are colors: `"#rrggbb"` anywhere, names where a color is expected.
+/// All strings that are colors: `"#rrggbb"` anywhere, color names only where a color is expected.
 pub fn colors(view: &View) -> Value {
     let source = view.source;
     let mut found = Vec::new();
@@ -31,7 +31,7 @@ pub fn colors(view: &View) -> Value {
     found.into()
 }
 
-/// A picked color as `"#rrggbb"`, and by its name if it has one.
+/// Spellings of a picked color: `"#rrggbb"`, and its name if it has one.
 pub(crate) fn presentations(color: &Value) -> Value {
     let byte = |name: &str| (color[name].as_f64().unwrap_or(1.0).clamp(0.0, 1.0) * 255.0).round() as u32;
     let (r, g, b, a) = (byte("red"), byte("green"), byte("blue"), byte("alpha"));

@@ -1,5 +1,5 @@
-//! Commands: work that the program does in a process of its own, with progress, while the server goes on answering. The answer comes
-//! when the process has ended; a client can call it off.
+//! Commands that the program executes in a separate process, with progress, while the server continues to answer. The response is sent when
+//! the process has ended; the client can cancel it.
 
 use crate::document::uri_of;
 use crate::transport::{Client, ResponseError};
@@ -19,28 +19,28 @@ pub const TEST: &str = "choreo.runTest";
 pub(crate) const VIEW: &str = "choreo.openViewer";
 pub const NAMES: [&str; 3] = [RENDER, TEST, VIEW];
 
-/// Time in which a viewer that cannot show the script has ended.
+/// Time after which a viewer that is still running is assumed to show the script.
 const VIEWER_STARTS: Duration = Duration::from_secs(2);
-/// Time between looks at a process.
+/// Interval between checks of a process.
 const POLL: Duration = Duration::from_millis(15);
 
-/// A command as the client gives it, with its file and time found.
+/// A command of the client, with the resolved file and time.
 pub struct Asked {
     pub id: Value,
     pub name: String,
     pub script: PathBuf,
     pub secs: f64,
-    /// The test to run; all tests of the file without it.
+    /// The test to run; `None` runs all tests of the file.
     pub section: Option<String>,
-    /// The folder of the project.
+    /// Folder of the project.
     pub root: PathBuf,
-    /// The client shows the result itself.
+    /// Whether the client shows the result itself.
     pub is_silent: bool,
-    /// Token for progress, of the client or ours.
+    /// Token for progress, from the client or from the server.
     pub progress: Option<Value>,
 }
 
-/// Commands that are running, and the folder for what they write.
+/// Running commands, and the folder for their output.
 #[derive(Default)]
 pub struct Running {
     jobs: Vec<Job>,
@@ -55,7 +55,7 @@ struct Job {
 }
 
 impl Running {
-    /// Starts a command on a thread of its own, which answers the request.
+    /// Starts a command on its own thread, which sends the response.
     pub fn start(&mut self, asked: Asked, host: &dyn Host, client: Client) -> Result<(), ResponseError> {
         let failed = |why: String| ResponseError::new(ResponseError::FAILED, why);
         let folder = self.folder().map_err(|e| failed(format!("no folder for results: {e}")))?;
@@ -90,13 +90,13 @@ impl Running {
         Ok(())
     }
 
-    /// Calls off the command of a request, or the one with this progress.
+    /// Cancels the command with this request id or progress token.
     pub fn cancel(&self, id: &Value) {
         let is_meant = |job: &&Job| job.id == *id || job.progress.as_ref() == Some(id);
         self.jobs.iter().filter(is_meant).for_each(|job| job.stop.store(true, Ordering::Relaxed));
     }
 
-    /// The folder for what commands write, made when it is first needed.
+    /// Folder for the output of commands, created when it is first needed.
     fn folder(&mut self) -> io::Result<PathBuf> {
         if let Some(folder) = &self.folder {
             return Ok(folder.clone());
@@ -125,15 +125,15 @@ impl Drop for Running {
 /// One command on its thread.
 struct Work<'w> {
     asked: &'w Asked,
-    /// The image that is to be drawn.
+    /// Path of the image to be drawn.
     output: PathBuf,
-    /// Files for what the process writes to its standard streams.
+    /// Files for the standard output and standard error of the process.
     texts: [PathBuf; 2],
     stop: &'w AtomicBool,
     client: &'w Client,
 }
 
-/// How a process went.
+/// How the process ended.
 enum Went {
     Ended(ExitStatus),
     CalledOff,
@@ -192,7 +192,7 @@ impl Work<'_> {
                 return Ok(Went::CalledOff);
             }
             if self.asked.name == VIEW && begun.elapsed() > VIEWER_STARTS {
-                // The window stays open when the editor is closed.
+                // The viewer stays open when the editor is closed.
                 let _ = std::thread::Builder::new().name("viewer".into()).spawn(move || process.wait());
                 return Ok(Went::Open);
             }
@@ -200,7 +200,7 @@ impl Work<'_> {
         }
     }
 
-    /// Shows a message; its kind as the protocol numbers them.
+    /// Shows a message. `kind`: message type of the protocol.
     fn show(&self, kind: u8, message: &str) {
         if !self.asked.is_silent {
             self.client.notify("window/showMessage", json!({ "type": kind, "message": message }));
@@ -208,7 +208,7 @@ impl Work<'_> {
     }
 }
 
-/// "3 passed", or the names of what failed.
+/// Summary of a test report: "3 passed", or the names of the failed tests.
 fn summary(report: &Value) -> String {
     let sections = report["sections"].as_array().map_or(&[][..], Vec::as_slice);
     let is_bad = |section: &&Value| matches!(section["status"].as_str(), Some("failed" | "error"));

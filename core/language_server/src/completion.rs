@@ -1,4 +1,4 @@
-//! Completion: methods by the type before the dot, options, allowed values, and names from the actual files.
+//! Completion: methods by the type before the dot, options, allowed values, and names from files.
 
 use crate::context::{CallSite, call_around, keys_of};
 use crate::facts;
@@ -31,28 +31,28 @@ enum ItemKind {
     Constant = 21,
 }
 
-/// The items of a completion.
+/// Items of one completion request.
 pub struct Items<'v> {
     view: &'v View<'v>,
     /// The text as the client has it.
     written: &'v Source,
-    /// The bytes that an item replaces.
+    /// Range of bytes that an item replaces.
     range: Range<usize>,
     items: Vec<Value>,
-    /// A file is still being read: the client asks again.
+    /// Whether a file is still being read, so that the client must ask again.
     incomplete: bool,
 }
 
-/// An item before it is a message.
+/// An item, before it is encoded for the protocol.
 struct Item<'t> {
     label: &'t str,
     kind: ItemKind,
     detail: String,
     about: String,
-    /// Text of the item; with placeholders if it is a snippet.
+    /// Text that is inserted; contains placeholders if the item is a snippet.
     text: String,
     is_snippet: bool,
-    /// Items of a smaller number come first.
+    /// Sort order: items with smaller numbers come first.
     order: u8,
 }
 
@@ -63,7 +63,7 @@ impl<'t> Item<'t> {
     }
 }
 
-/// Items that a list has at most.
+/// Largest number of items in a list.
 const MOST: usize = 1500;
 
 pub fn complete(view: &View, byte: usize) -> Value {
@@ -122,7 +122,7 @@ impl Items<'_> {
         self.items.push(value);
     }
 
-    /// Methods of the value that ends at a dot; keys of an object map.
+    /// Adds the methods of the value before a dot, and the keys of an object map.
     fn methods(&mut self, dot: usize) {
         let types = self.view.types();
         let on = types.ending_at(dot);
@@ -140,7 +140,7 @@ impl Items<'_> {
         }
     }
 
-    /// A function or method with placeholders, or its name alone where the parenthesis is there already.
+    /// Adds a function or method with placeholders, or its name alone if the parenthesis is already there.
     fn call(&mut self, entry: &Entry, order: u8) {
         let is_text = |argument: &str| takes_text(entry, argument);
         let has_parenthesis = self.view.source.text[self.range.end..].starts_with('(');
@@ -156,7 +156,7 @@ impl Items<'_> {
         self.push(Item { detail, about, text, is_snippet: !plain, order, ..Item::new(entry.name, kind) });
     }
 
-    /// Functions and variables of a module.
+    /// Adds the functions and variables of a module.
     fn of_module(&mut self, separator: usize) {
         let types = self.view.types();
         let name = self.view.source.before(separator, 1);
@@ -184,7 +184,7 @@ impl Items<'_> {
         }
     }
 
-    /// Items for an expression, a statement or the key of an option.
+    /// Adds items for an expression, a statement or the key of an option.
     fn expression(&mut self, at: usize, byte: usize) {
         let source = self.view.source;
         let site = call_around(self.view.types(), byte);
@@ -223,13 +223,13 @@ impl Items<'_> {
         }
     }
 
-    /// The options that an object map can have and does not have yet.
+    /// Adds the options that an object map may have and does not have yet.
     fn options(&mut self, site: &CallSite, byte: usize) {
         let Some(entry) = site.entry(self.view.source) else { return };
         let (Some((open, _)), depth) = (site.maps.last(), site.maps.len()) else { return };
         let present = keys_of(self.view.source, *open, byte);
         if depth > 1 {
-            // `background: #{ top, bottom }` is described where the option is.
+            // Nested maps such as `background: #{ top, bottom }` are described in the text of the option.
             let outer = site.maps[depth - 2].1.clone().unwrap_or_default();
             let about =
                 entry.options().into_iter().find(|o| o.name == outer).map(|o| o.about).unwrap_or_default();
@@ -268,7 +268,7 @@ impl Items<'_> {
         }
     }
 
-    /// Values of an option or argument that are texts, with their quotes, and true and false.
+    /// Adds values of an option or argument: quoted texts, and true and false.
     fn quoted_values(&mut self, site: &CallSite) {
         let Some(entry) = site.entry(self.view.source) else { return };
         let key = site.maps.last().and_then(|(_, key)| key.clone());
@@ -290,7 +290,7 @@ impl Items<'_> {
         }
     }
 
-    /// Variables, functions and modules of the script, those of a wanted type first.
+    /// Adds variables, functions and modules of the script; those of a wanted type come first.
     fn variables(&mut self, at: usize, wanted: &[&str]) {
         let (types, source) = (self.view.types(), self.view.source);
         let mut seen = BTreeSet::new();
@@ -311,7 +311,7 @@ impl Items<'_> {
         }
     }
 
-    /// `moves.clip("Walk")` for each clip of each asset that the script has loaded.
+    /// Adds `moves.clip("Walk")` for each clip of each asset that the script has loaded.
     fn clips_of_files(&mut self, at: usize) {
         let (types, source) = (self.view.types(), self.view.source);
         let mut seen = BTreeSet::new();
@@ -332,7 +332,7 @@ impl Items<'_> {
         }
     }
 
-    /// Inside a string.
+    /// Adds items for a position inside a string.
     fn in_string(&mut self, string: usize, byte: usize) {
         let source = self.view.source;
         let inside = source.inside(string);
@@ -351,7 +351,7 @@ impl Items<'_> {
         let argument = key.as_deref().or_else(|| site.argument_name(source)).unwrap_or_default();
         let names = names::names(source, &site);
         names.iter().for_each(|names| self.named(*names, &site));
-        // Texts of the description are examples where files and plugins give the names.
+        // If files and plugins provide the names, the texts in the description are only examples.
         let listed_too = names.is_none_or(|names| matches!(names, Names::Panoramas | Names::Colors));
         let listed = self.view.plugin_options(&site).into_iter().find(|option| option.name == argument);
         match listed.map(|option| option.kind) {
@@ -367,7 +367,7 @@ impl Items<'_> {
         }
     }
 
-    /// Names of one kind.
+    /// Adds names of one kind.
     fn named(&mut self, names: Names, site: &CallSite) {
         let file = |view: &View| names::file_of(site.on.as_ref()).or_else(|| view.file_of_arguments(site));
         match names {
@@ -428,7 +428,7 @@ impl Items<'_> {
         }
     }
 
-    /// Names that the script of a `Scene` gives by a function, where the receiver is one; else those of this script.
+    /// Names declared with a function, such as `camera("wide")`: in the script of the `Scene` if the receiver is one, else in this script.
     fn of_scene(&self, site: &CallSite, function: &str, arguments: usize) -> Vec<String> {
         let scene = site.on.as_ref().filter(|on| on.kind == "Scene").and_then(|on| on.name.as_ref());
         let script = scene.and_then(|file| self.view.modules.module(file));
@@ -441,7 +441,7 @@ impl Items<'_> {
 
     fn files(&mut self, extensions: &[String], with_built_in: bool) {
         for name in self.view.files_named(extensions) {
-            // A script may load its own export, but rarely means it.
+            // A script may load a file that it exported itself, but rarely needs to.
             let own = with_built_in && self.view.is_exported(&name);
             let (detail, order) = if own { ("written by choreo export", 9) } else { ("", 5) };
             self.push(Item { detail: detail.into(), order, ..Item::new(&name, ItemKind::File) });
@@ -464,7 +464,7 @@ impl Items<'_> {
         }
     }
 
-    /// Names in a file.
+    /// Adds names from a file.
     fn of_asset(&mut self, names: Names, asset: &Asset) {
         match names {
             Names::Clips => {
@@ -490,7 +490,7 @@ impl Items<'_> {
         }
     }
 
-    /// Joints by their short names, then by those of the file.
+    /// Adds the joints by their short names, then by their names in the file.
     fn joints(&mut self, asset: &Asset, patterns: bool) {
         let skeleton = &asset.skeleton;
         let parents = skeleton.parents();
@@ -537,14 +537,14 @@ fn default_of(option: &OptionSpec) -> String {
     }
 }
 
-/// Whether an argument is written as a string.
+/// Whether an argument is a string.
 fn takes_text(entry: &Entry, argument: &str) -> bool {
     const TEXTS: [&str; 7] = ["name", "file", "words", "joint", "name_or_index", "property", "parameter"];
     TEXTS.contains(&argument)
         || matches!(argument, "kind" | "how" | "slot" | "what") && !entry.values(argument).is_empty()
 }
 
-/// The types of handles that an argument or option of this name takes.
+/// Handle types that an argument or option of this name accepts.
 fn kinds_of(argument: &str) -> &'static [&'static str] {
     match argument {
         "clip" | "idle" => &["Clip"],
@@ -558,7 +558,7 @@ fn kinds_of(argument: &str) -> &'static [&'static str] {
     }
 }
 
-/// The keys that a description shows: `#{ top, bottom }`, or `#{ … } with size (…), softness (…)`.
+/// Keys shown in a description, such as `#{ top, bottom }` or `#{ … } with size (…), softness (…)`.
 fn inner_keys(about: &str) -> Vec<String> {
     let shown = about.split("#{").nth(1).and_then(|rest| rest.split('}').next()).unwrap_or_default();
     let word = |part: &str| part.trim().split([':', ' ']).next().unwrap_or_default().to_string();
@@ -578,7 +578,7 @@ fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-/// "Actor of knight.glb".
+/// Description of a value, such as "Actor of knight.glb".
 pub fn in_words(value: &Known) -> String {
     let mut words = value.kind.clone();
     if let Some(name) = value.name.as_ref().filter(|_| value.is_handle() && value.kind != "Asset") {

@@ -1,4 +1,4 @@
-//! The place of the cursor: in which call, which argument, which option.
+//! Context of the cursor: the call, argument and option that it is in.
 
 use crate::source::{Source, is_open, is_string, is_word};
 use crate::values::{Types, Value, is_keyword};
@@ -7,24 +7,24 @@ use choreo_script::describe::{self, Entry};
 /// A call around the cursor.
 #[derive(Clone, Debug)]
 pub struct CallSite {
-    /// Token of the function's name.
+    /// Token of the function name.
     pub name: usize,
-    /// Its parenthesis.
+    /// Token of the opening parenthesis.
     pub open: usize,
-    /// Which argument the cursor is in, from 0.
+    /// Index of the argument that contains the cursor, from 0.
     pub argument: usize,
-    /// Object maps between the call and the cursor, outermost first: bracket, and key of the entry in which the cursor is.
+    /// Object maps between the call and the cursor, outermost first: opening bracket, and key of the entry that contains the cursor.
     pub maps: Vec<(usize, Option<String>)>,
-    /// Whether a list lies between the call, or the innermost map, and the cursor.
+    /// Whether the cursor is in a list inside the call or the innermost map.
     pub in_list: bool,
-    /// Whether the cursor is where the key of an entry of the innermost map is written.
+    /// Whether the cursor is at the key of an entry of the innermost map.
     pub at_key: bool,
-    /// The value of the receiver of a method.
+    /// Receiver of a method.
     pub on: Option<Value>,
 }
 
 impl CallSite {
-    /// The entry of the API, if it is known. A method of an unknown receiver is one of any type.
+    /// API entry of the call, if it is known. If the type of the receiver is unknown, the method of any type.
     pub fn entry(&self, source: &Source) -> Option<&'static Entry> {
         let name = source.get(self.name);
         match &self.on {
@@ -36,7 +36,7 @@ impl CallSite {
         }
     }
 
-    /// The name of the argument; where forms differ, that of the one with as many arguments, else the longest.
+    /// Name of the argument. If the call has several forms, the form with the same number of arguments counts, else the longest.
     pub(crate) fn argument_name(&self, source: &Source) -> Option<&'static str> {
         let entry = self.entry(source)?;
         let count = source.arguments(self.open).len();
@@ -53,21 +53,21 @@ impl CallSite {
         form.get(self.argument).copied()
     }
 
-    /// The text of the first argument, as in `.key("morph", "smile", …)`.
+    /// Text of the first argument, as in `.key("morph", "smile", …)`.
     pub(crate) fn first_text(&self, source: &Source) -> Option<String> {
         let first = source.arguments(self.open).into_iter().next()?;
         source.string(first.start)
     }
 }
 
-/// The call around a byte, none outside of calls and in the blocks of closures.
+/// The call around a byte; `None` outside of calls and in the blocks of closures.
 pub(crate) fn call_around(types: Types, byte: usize) -> Option<CallSite> {
     let source = types.source;
     let mut maps: Vec<(usize, Option<String>)> = Vec::new();
     let (mut in_list, mut at_key, mut commas) = (false, false, 0);
     let mut key: Option<String> = None;
     let mut index = source.count_before(byte);
-    // A string or word in which the cursor stands is the one that is typed.
+    // A string or word that touches the cursor is the one being typed.
     if index > 0
         && source.tokens[index - 1].end >= byte
         && (is_word(source.get(index - 1)) || is_string(source.get(index - 1)))
@@ -111,12 +111,12 @@ pub(crate) fn call_around(types: Types, byte: usize) -> Option<CallSite> {
     None
 }
 
-/// `if (`, `while (`: not a call. After a dot, keywords are names of methods.
+/// Whether a parenthesis follows a keyword, as in `if (`, so that it is no call. After a dot, keywords are method names.
 fn is_keyword_call(source: &Source, name: usize) -> bool {
     is_keyword(source.get(name)) && !matches!(source.before(name, 1), "." | "?.")
 }
 
-/// The keys that an object map has already, but for the one at the cursor.
+/// Keys that an object map already has, except for the one at the cursor.
 pub fn keys_of(source: &Source, open: usize, byte: usize) -> Vec<String> {
     let end = source.partner(open).unwrap_or(source.tokens.len());
     let mut keys = Vec::new();

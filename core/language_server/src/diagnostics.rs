@@ -1,4 +1,4 @@
-//! Diagnostics of a run as messages of the protocol, by file.
+//! Converts the diagnostics of a run to messages of the protocol, grouped by file.
 
 use crate::checker::Checked;
 use crate::document::uri_of;
@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// The messages of a run, by URI; the script's own are there even if there are none.
+/// Messages of a run by URI. The script itself always has an entry, even without messages.
 pub fn by_file(
     checked: &Checked,
     source: &Source,
@@ -42,7 +42,7 @@ pub fn by_file(
     found
 }
 
-/// A module puts nothing on stage when it is run alone, as is intended.
+/// Whether a diagnostic reports an empty stage for a module, where that is intended.
 fn says_nothing(diagnostic: &Diagnostic, source: &Source) -> bool {
     let has = |word: &str| (0..source.tokens.len()).any(|i| source.get(i) == word);
     diagnostic.line == 0
@@ -50,17 +50,17 @@ fn says_nothing(diagnostic: &Diagnostic, source: &Source) -> bool {
         && (has("fn") || source.tokens.is_empty())
 }
 
-/// The file of a module, by its name in messages.
+/// Path of a module, by its name in messages.
 fn module_path(checked: &Checked, folder: Option<&Path>, name: &str) -> Option<PathBuf> {
     let beside = folder.map(|folder| folder.join(name));
-    // The name of another script may lead upwards.
+    // The name of another script may contain `..`.
     let beside = beside.map(|path| path.canonicalize().unwrap_or(path));
     beside
         .filter(|path| checked.read.contains(path))
         .or_else(|| checked.read.iter().find(|path| path.ends_with(name)).cloned())
 }
 
-/// The string of `load("…")` for a file.
+/// Token of the string in `load("…")` for a file.
 fn load_of(source: &Source, file: &str) -> Option<usize> {
     let is_load = |i: &usize| source.before(*i, 2) == "load" && source.string(*i).as_deref() == Some(file);
     (0..source.tokens.len()).find(is_load)
@@ -79,13 +79,13 @@ fn plain(diagnostic: &Diagnostic, range: Value) -> Value {
         value["code"] = diagnostic.rule.into();
     }
     if diagnostic.rule.starts_with("unused") {
-        // Shown faded.
+        // Tag 1 (unnecessary): shown faded.
         value["tags"] = json!([1]);
     }
     value
 }
 
-/// The range of a diagnostic: the token at its column, else its line without the indentation.
+/// Range of a diagnostic: the token at its column, else its line without the indentation.
 fn range(diagnostic: &Diagnostic) -> Value {
     let text = &diagnostic.source_line;
     let line = diagnostic.line.saturating_sub(1);
@@ -105,7 +105,7 @@ fn floor(text: &str, byte: usize) -> usize {
     (0..=byte.min(text.len())).rev().find(|at| text.is_char_boundary(*at)).unwrap_or(0)
 }
 
-/// The script of a run.
+/// The script that was run.
 struct Main<'a> {
     uri: &'a str,
     source: &'a Source,
@@ -140,7 +140,7 @@ impl Main<'_> {
         json!({ "location": { "uri": self.uri, "range": range }, "message": message })
     }
 
-    /// Places that a message speaks of: "from line 3", and the declaration of a name that it suggests.
+    /// Places that a message mentions: "from line 3", and the declaration of a suggested name.
     fn related(&self, diagnostic: &Diagnostic) -> Vec<Value> {
         let mut related = Vec::new();
         for mark in ["in line ", "from line "] {
@@ -167,7 +167,7 @@ impl Main<'_> {
     }
 }
 
-/// The name of `did you mean "NAME"?`.
+/// The suggested name in a message that contains `did you mean "NAME"?`.
 pub fn suggestion(message: &str) -> Option<&str> {
     message.split("did you mean \"").nth(1)?.split("\"?").next()
 }

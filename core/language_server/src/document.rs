@@ -1,4 +1,4 @@
-//! An open file: its text as the editor has it.
+//! An open file, with its text as the editor has it.
 
 use crate::position::Lines;
 use crate::source::Source;
@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 pub struct Document {
     pub uri: String,
-    /// The document's path, canonical where its folder exists; `None` for a text without one, such as `untitled:Untitled-1`.
+    /// Path of the document, canonical if its folder exists; `None` for a text without a path, such as `untitled:Untitled-1`.
     pub path: Option<PathBuf>,
     pub version: i64,
     pub source: Arc<Source>,
@@ -20,7 +20,7 @@ impl Document {
         Document { uri: uri.to_string(), path, version, source: Arc::new(Source::new(text)) }
     }
 
-    /// Takes over changes in the order of the protocol: each is relative to the text after the one before.
+    /// Applies changes in the order of the protocol: each is relative to the text after the previous one.
     pub fn change(&mut self, version: i64, changes: &[Value]) {
         let mut text = self.source.text.to_string();
         for change in changes {
@@ -37,20 +37,20 @@ impl Document {
         self.source = Arc::new(Source::new(&text));
     }
 
-    /// The folder in which its files are looked for.
+    /// Folder in which files of the script are looked for.
     pub fn folder(&self) -> Option<&Path> {
         self.path.as_deref().and_then(Path::parent)
     }
 }
 
-/// The canonical path of a file, or of one that is still to be saved in a folder.
+/// Canonical path of a file, or of a file that will be saved in an existing folder.
 fn resolved(path: PathBuf) -> PathBuf {
     let in_folder = || Some(path.parent()?.canonicalize().ok()?.join(path.file_name()?));
     let found = path.canonicalize().ok().or_else(in_folder);
     found.unwrap_or(path)
 }
 
-/// The path of a `file:` URI, or of a new file that VS Code has not saved yet, `untitled:/…`; `None` for other schemes and other machines.
+/// Path of a `file:` URI, or of an unsaved file in VS Code, `untitled:/…`; `None` for other schemes and other machines.
 pub(crate) fn path_of(uri: &str) -> Option<PathBuf> {
     let new = uri.strip_prefix("untitled:").filter(|path| path.starts_with('/'));
     let rest = new.or_else(|| uri.strip_prefix("file://"))?;
@@ -69,7 +69,7 @@ pub(crate) fn path_of(uri: &str) -> Option<PathBuf> {
         });
     }
     let path = String::from_utf8(bytes).ok()?;
-    // `/c:/scenes` of Windows.
+    // Windows paths begin with a drive, as in `/c:/scenes`.
     let drive = path.as_bytes().get(2) == Some(&b':');
     Some(PathBuf::from(if drive { &path[1..] } else { &path }))
 }

@@ -1,4 +1,4 @@
-//! Descriptions of files, clips and options, for hovers and completions.
+//! Descriptions of files, clips and options, for hover and completion.
 
 use choreo_asset::{Asset, Topology};
 use choreo_motion::{Clip, RootMotion, RootParts, Skeleton, Time};
@@ -11,14 +11,14 @@ pub fn count(number: usize, one: &str) -> String {
     format!("{number} {one}{}", if number == 1 { "" } else { many })
 }
 
-/// "1.20 s, 36 frames at 30 fps".
+/// Length of a clip, such as "1.20 s, 36 frames at 30 fps".
 pub fn length(clip: &Clip, fps: f64) -> String {
     let secs = clip.duration.as_secs();
     let frames = (secs * fps).round();
     format!("{secs:.2} s, {frames} frames at {fps} fps")
 }
 
-/// The description of a clip of a file.
+/// Description of a clip in a file.
 pub fn clip(asset: &Asset, clip: &Arc<Clip>, fps: f64) -> String {
     let motion =
         RootMotion::new(&asset.skeleton, clip, None, RootParts::default(), (Time::ZERO, clip.duration));
@@ -27,7 +27,7 @@ pub fn clip(asset: &Asset, clip: &Arc<Clip>, fps: f64) -> String {
     format!("**{}** — clip of `{}`: {}{travels}", clip.name, asset.name, length(clip, fps))
 }
 
-/// The description of a file: what is in it.
+/// Description of the contents of a file.
 pub fn file(asset: &Asset, fps: f64) -> String {
     let primitives = || asset.meshes.iter().flat_map(|mesh| &mesh.primitives);
     let triangles: usize =
@@ -78,7 +78,7 @@ pub fn morphs(asset: &Asset) -> Vec<String> {
     names
 }
 
-/// The short name that scripts may write for each joint in place of the file's, if it has one: `RightHand` for `mixamorig:RightHand`
+/// Short name of each joint that scripts may use instead of the name in the file, if there is one: `RightHand` for `mixamorig:RightHand`
 /// and for `hand.r_Armature`.
 pub(crate) fn short_joints(skeleton: &Skeleton) -> Vec<Option<String>> {
     let own = skeleton.names();
@@ -91,7 +91,8 @@ pub(crate) fn short_joints(skeleton: &Skeleton) -> Vec<Option<String>> {
     short
 }
 
-/// "joint of `a.glb`, child of Hips, 3 joints below it". The name is one that scripts may use, as LeftHand for hand.l.
+/// Description of a joint, such as "joint of `a.glb`, child of Hips, 3 joints below it". `name` may be a short name, such as LeftHand for
+/// hand.l.
 pub fn joint(asset: &Asset, name: &str) -> Option<String> {
     let skeleton = &asset.skeleton;
     let index = skeleton.find(name)?;
@@ -112,7 +113,7 @@ pub fn joint(asset: &Asset, name: &str) -> Option<String> {
     ))
 }
 
-/// The entry of the reference as Markdown.
+/// An entry of the reference as Markdown.
 pub fn entry(entry: &Entry) -> String {
     use choreo_script::describe::Returns;
     let gives = match entry.gives {
@@ -135,7 +136,7 @@ pub fn entry(entry: &Entry) -> String {
     text
 }
 
-/// The option of a call.
+/// Description of an option of a call.
 pub fn option(entry: &Entry, option: &OptionEntry) -> String {
     match option.about.is_empty() {
         true => format!("**{}** — option of `{}`", option.name, entry.full_name()),
@@ -143,7 +144,7 @@ pub fn option(entry: &Entry, option: &OptionEntry) -> String {
     }
 }
 
-/// The option of a plugin: "strength: how bright (0 to 10, default 1)".
+/// Description of an option of a plugin, such as "how bright (0 to 10, default 1)".
 pub(crate) fn plugin_option(option: &OptionSpec) -> String {
     format!("{} ({}, default {})", option.about, option.allowed(), option.default())
 }

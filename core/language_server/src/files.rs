@@ -1,5 +1,5 @@
-//! Files in the folders of a script: their names and the contents of models, which are read in the background and kept as
-//! long as size and time of change are the same.
+//! Files in the folders of a script: their names, and the contents of models, which are read in the background and cached until size or
+//! modification time change.
 
 use crate::Project;
 use choreo_asset::Asset;
@@ -13,17 +13,17 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 
-/// How long a request waits for a file that is being read; a longer one is answered without it.
+/// Time that a request waits for a file that is being read; after that it is answered without the file.
 const PATIENCE: Duration = Duration::from_millis(150);
-/// Names listed at most, folders on the way included, and how deep.
+/// Largest number of names visited, including folders, and largest depth of folders.
 const MOST_NAMES: usize = 4000;
 const DEEPEST: usize = 6;
 
-/// The contents of a file, as far as they are known.
+/// Contents of a file, as far as they are known.
 #[derive(Clone)]
 pub enum Contents {
     Known(Arc<Asset>),
-    /// It is being read.
+    /// The file is being read.
     Reading,
     Unreadable(String),
 }
@@ -37,7 +37,7 @@ pub struct Files {
 struct Read {
     stamp: Option<(u64, SystemTime)>,
     import: Arc<Import>,
-    /// Imports end with their loader.
+    /// Kept alive because imports end when their loader is dropped.
     _loader: Arc<Loader>,
 }
 
@@ -46,7 +46,8 @@ impl Files {
         Files { cache: AssetCache::by_times(), reads: BTreeMap::new() }
     }
 
-    /// The contents of a file as a script in a folder loads it. Begins to read it, and waits a moment. Tests may read in all of a root.
+    /// Contents of a file, as a script in a folder loads it. Starts reading the file if necessary, and waits a moment. Tests may read
+    /// everything below a root.
     pub fn contents(
         &mut self,
         project: &Project,
@@ -69,7 +70,7 @@ impl Files {
         }
     }
 
-    /// Begins to read a file that is not being read yet, or has changed.
+    /// Starts reading a file that has not been read, or has changed.
     fn begin(
         &mut self,
         project: &Project,
@@ -105,13 +106,13 @@ fn folders(project: &Project, folder: &Path, tests_root: Option<&Path>) -> Resul
     }
 }
 
-/// Names of files with some extensions (all, if there are none) in the folder of a script and on the search paths, relative to
-/// these, with `/`. Hidden ones and links to folders are left out.
+/// Names of files with the given extensions (all files if there are none) in the folder of a script and on the search paths, relative to
+/// these folders, with `/`. Hidden files and links to folders are left out.
 pub fn names(project: &Project, folder: &Path, extensions: &[String]) -> Vec<String> {
     let mut found = Vec::new();
     let mut seen = 0;
     for root in std::iter::once(folder).chain(project.search.iter().map(PathBuf::as_path)) {
-        // Breadth first: what lies near is found even in a folder with many more.
+        // Breadth first, so that nearby files are found even in a folder with too many files.
         let mut open = std::collections::VecDeque::from([root.to_path_buf()]);
         while let Some(here) = open.pop_front() {
             for entry in std::fs::read_dir(&here).into_iter().flatten().flatten() {
@@ -135,7 +136,7 @@ pub fn names(project: &Project, folder: &Path, extensions: &[String]) -> Vec<Str
     sorted(found)
 }
 
-/// Whether `choreo export` has written a file of these names: glTF and USD state that in their first bytes.
+/// Whether a file was written by `choreo export`: glTF and USD files state that in their first bytes.
 pub(crate) fn is_exported(project: &Project, folder: &Path, name: &str) -> bool {
     const MARK: &[u8] = b"choreo export-";
     let mut roots = std::iter::once(folder).chain(project.search.iter().map(PathBuf::as_path));
@@ -164,7 +165,7 @@ fn slashes(path: &Path) -> Option<String> {
     Some(parts.collect::<Option<Vec<_>>>()?.join("/"))
 }
 
-/// The built-in assets: `choreo:mannequin`.
+/// Names of built-in assets, such as `choreo:mannequin`.
 pub fn built_in(project: &Project) -> Vec<String> {
     built_in_assets(&project.registry).map(|(name, _)| name).collect()
 }

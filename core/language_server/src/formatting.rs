@@ -4,18 +4,17 @@ use crate::view::View;
 use choreo_script::format::edits;
 use serde_json::{Value, json};
 
-/// The edits that format the document, those in the lines of `range` if there is one; none where the text has errors, which
-/// diagnostics show.
+/// Edits that format the document, or only the lines in `range`. `null` if the text has errors; diagnostics show them.
 pub fn formatting(view: &View, range: Option<&Value>) -> Value {
     let source = view.source;
     let Ok(edits) = edits(&source.text) else { return Value::Null };
     let lines = range.map(|range| {
         let bytes = source.lines.bytes(&source.text, range);
-        // A range that ends before the first letter of a line does not mean that line.
+        // A range that ends at the start of a line does not include that line.
         let end = source.lines.line_of(bytes.end.saturating_sub(1).max(bytes.start));
         source.lines.line_of(bytes.start)..=end
     });
-    // Blanks belong to what follows them.
+    // White space belongs to the token after it.
     let is_meant = |end: usize| lines.as_ref().is_none_or(|lines| lines.contains(&source.lines.line_of(end)));
     let edits = edits.iter().filter(|edit| is_meant(edit.range.end));
     edits.map(|edit| json!({ "range": source.range(&edit.range), "newText": edit.text })).collect()

@@ -1,4 +1,4 @@
-//! Inlay hints: start and end of cues as the last run has resolved them, and lengths of clips. What the text states itself is not
+//! Inlay hints: start and end of cues as resolved by the last run, and lengths of clips. Values that the text itself states are not
 //! repeated.
 
 use crate::checker::Checked;
@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Different times that a hint shows at most, where a call makes several cues.
+/// Largest number of different times in a hint, if one call makes several cues.
 const MOST_TIMES: usize = 3;
 
 pub fn hints(view: &View, settings: &Settings, last: Option<&Checked>, range: &Value) -> Value {
@@ -36,15 +36,15 @@ fn hint(source: &Source, byte: usize, label: &str, tooltip: String) -> Value {
     })
 }
 
-/// A cue of the stage, with the time at which it ends.
+/// A cue of the stage, with its place in the script and its end time.
 pub struct PlacedCue<'s> {
     pub place: &'s Place,
     pub cue: &'s Cue,
     pub end: Time,
 }
 
-/// All cues with their places in the script. A cue without an end lasts until it is played through, until the next takes over, or until
-/// the stage ends.
+/// All cues with their places in the script. A cue without an end lasts until its clip is over, until the next cue takes over, or until the
+/// stage ends.
 pub fn cues<'s>(stage: &'s Stage, places: &'s Places) -> Vec<PlacedCue<'s>> {
     let mut found = Vec::new();
     for (actor, places) in stage.actors.iter().zip(&places.cues) {
@@ -60,11 +60,11 @@ pub fn cues<'s>(stage: &'s Stage, places: &'s Places) -> Vec<PlacedCue<'s>> {
     found
 }
 
-/// The lines of the text that was run, as they stand in the present text. A line that was edited since, or whose copies are more or fewer
-/// now, is not found.
+/// Maps lines of the text that was run to lines of the current text. A line that was edited since then is not found, nor is one whose
+/// number of identical copies has changed.
 pub struct Moved<'m> {
     run: Vec<&'m str>,
-    /// Numbers of equal lines, from 0: in the text that was run, and now.
+    /// Line numbers of each text of a line, from 0: in the text that was run, and in the current text.
     lines: BTreeMap<&'m str, [Vec<usize>; 2]>,
 }
 
@@ -81,7 +81,7 @@ impl<'m> Moved<'m> {
         Moved { run, lines }
     }
 
-    /// The line, from 0, of a line of the text that was run, from 1.
+    /// Line of the current text, from 0, for a line of the text that was run, from 1.
     pub fn line(&self, old: usize) -> Option<usize> {
         let old = old.checked_sub(1)?;
         let [run, now] = self.lines.get(self.run.get(old)?)?;
@@ -101,7 +101,7 @@ fn cue_times(source: &Source, stage: &Stage, places: &Places, bytes: &Range<usiz
     for ((line, column), cues) in by_place {
         let Some(line) = moved.line(line) else { continue };
         let byte = source.lines.byte_of_diagnostic(&source.text, line + 1, column);
-        // Keys of joints are a cue of their own, whose times are those of the keys.
+        // Keyframes of joints form a cue whose times are stated by the keyframes.
         let Some(call) = call_at(source, byte).filter(|call| source.get(*call) != "key") else { continue };
         let (end, is_stated) = chain(source, call);
         if is_stated || !(bytes.start..=bytes.end).contains(&end) {
@@ -124,13 +124,13 @@ fn cue_times(source: &Source, stage: &Stage, places: &Places, bytes: &Range<usiz
     }
 }
 
-/// The token of a call's name at a byte, or behind the dot there.
+/// Token of the function name of the call at a byte, or after the dot there.
 fn call_at(source: &Source, byte: usize) -> Option<usize> {
     let token = source.tokens.partition_point(|token| token.end <= byte);
     (token..token + 2).find(|token| source.get(token + 1) == "(")
 }
 
-/// The byte behind the calls that describe the cue of a call, and whether they state both of its times.
+/// The byte after the chained calls that describe a cue, and whether they state both its start and its end.
 fn chain(source: &Source, call: usize) -> (usize, bool) {
     let (mut starts, mut ends) = (false, false);
     let mut name = call;

@@ -1,4 +1,4 @@
-//! Hover: the description of the call, option, variable, file or clip at a place.
+//! Hover: description of the call, option, variable, file or clip under the cursor.
 
 use crate::completion::in_words;
 use crate::context::call_around;
@@ -56,7 +56,7 @@ fn of_word(view: &View, token: usize) -> Option<String> {
     describe::entry("", word).map(facts::entry)
 }
 
-/// A variable: its type, and what is known of its file or clip.
+/// Description of a variable: its type, and facts about its file or clip.
 fn of_value(view: &View, name: &str, value: &Known) -> String {
     let mut text = format!("**{name}**");
     if !value.kind.is_empty() {
@@ -141,7 +141,7 @@ fn of_string(view: &View, token: usize) -> Option<String> {
     ))
 }
 
-/// A joint, `Spine..` or a pattern.
+/// Description of a joint, of a joint with those below it (`Spine..`), or of the joints that match a pattern.
 fn joints(asset: &choreo_asset::Asset, written: &str) -> Option<String> {
     if let Some(pattern) = written.strip_prefix('*').and_then(|p| p.strip_suffix('*')) {
         let names = asset.skeleton.names().iter().filter(|name| name.contains(pattern));

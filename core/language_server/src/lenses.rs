@@ -1,4 +1,4 @@
-//! Code lenses: what can be run at a line, and the time that belongs to a line.
+//! Code lenses, which run a frame, viewer or test for a line; and the time on the timeline that belongs to a line.
 
 use crate::checker::Checked;
 use crate::commands::{RENDER, TEST, VIEW};
@@ -25,7 +25,7 @@ pub fn lenses(view: &View, uri: &str, last: Option<&Checked>) -> Value {
         match source.get(token) {
             "test" if is_call => match source.string(token + 2) {
                 Some(name) => add(line, "Run test".into(), TEST, json!({ "section": name })),
-                // The section's name is known only when the script runs.
+                // The name of the section is known only at run time.
                 None => add(line, "Run the tests of this file".into(), TEST, json!({})),
             },
             "stage" if is_call => {
@@ -43,7 +43,7 @@ pub fn lenses(view: &View, uri: &str, last: Option<&Checked>) -> Value {
     found.into()
 }
 
-/// Lines and times of camera cuts, as the last run has resolved them.
+/// Lines and times of camera cuts, as resolved by the last run.
 fn cuts(source: &Source, last: Option<&Checked>) -> Vec<(usize, Time)> {
     let Some((stage, places)) = last.and_then(|last| last.stage.as_ref()) else { return Vec::new() };
     let moved = Moved::new(source, places);
@@ -52,8 +52,8 @@ fn cuts(source: &Source, last: Option<&Checked>) -> Vec<(usize, Time)> {
     in_script.filter_map(|(cut, place)| Some((moved.line(place.line)?, cut.at))).collect()
 }
 
-/// The time that belongs to a line: the middle of the cue, or the cut, that the last line up to this one puts on the timeline; else the
-/// beginning.
+/// Time in seconds that belongs to a line. It is the middle of the cue, or the time of the cut, that the nearest line up to this one
+/// creates; else 0.
 pub fn time_at(source: &Source, last: Option<&Checked>, line: usize) -> f64 {
     let Some((stage, places)) = last.and_then(|last| last.stage.as_ref()) else { return 0.0 };
     let moved = Moved::new(source, places);
@@ -64,7 +64,7 @@ pub fn time_at(source: &Source, last: Option<&Checked>, line: usize) -> f64 {
         Some((moved.line(cue.place.line)?, middle))
     });
     let all = of_cues.chain(cuts(source, last)).filter(|(known, _)| *known <= line);
-    // The first of several on one line counts.
+    // If one line creates several, the first one counts.
     let found = all.fold(None, |best: Option<(usize, Time)>, next| match best {
         Some(best) if best.0 >= next.0 => Some(best),
         _ => Some(next),

@@ -1,5 +1,5 @@
-//! The language server: what `check`, the script API and the files of a project know, for editors that speak the Language Server
-//! Protocol (LSP).
+//! The language server: gives editors that use the Language Server Protocol (LSP) the findings of `check`, the script API and the contents
+//! of a project's files.
 //!
 //! ```text
 //! editor ─► transport ─► server ─┬─► completion, hover, … ◄── source (tokens) ◄── values (types of expressions)
@@ -8,7 +8,7 @@
 //!                          ├─────┴── checker (its own thread): the script run on the unsaved text
 //!                          └──────── commands (a thread and a process each): frames, tests, the viewer
 //! ```
-//! It knows neither the command line nor particular plugins: the [`Host`] gives it both.
+//! The server depends neither on the command line nor on particular plugins: the [`Host`] provides both.
 
 mod actions;
 mod calls;
@@ -52,33 +52,33 @@ use std::process::Command;
 use std::sync::Arc;
 use thiserror::Error;
 
-/// The page of the documentation.
+/// The README, as a page of the documentation.
 pub const README: &str = include_str!("../README.md");
 
-/// The program around the server.
+/// The program that runs the server.
 pub trait Host: Send + Sync {
-    /// Name and version.
+    /// Name and version of the program.
     fn program(&self) -> (String, String);
-    /// The settings for a script.
+    /// Settings with which a script is run.
     ///
     /// # Errors
     /// `choreo.toml` or a plugin is wrong.
     fn project(&self, script: &Path) -> Result<Project, HostError>;
-    /// The findings of `check` about the stage of a script, beyond the messages of the run itself.
+    /// Findings of `check` about the stage of a script, beyond the messages of the run itself.
     fn survey(&self, stage: &Arc<Stage>, places: &Places, project: &Project) -> Vec<Diagnostic>;
-    /// The process that does a task.
+    /// Command line of the process that does a task.
     ///
     /// # Errors
-    /// The program cannot tell where it lies itself.
+    /// The program cannot determine its own path.
     fn command(&self, task: &Task) -> Result<Command, HostError>;
 }
 
-/// Why the program around the server cannot do something, as a text for the user.
+/// Reason why the program cannot do something, as a text for the user.
 #[derive(Clone, Debug, Error)]
 #[error("{0}")]
 pub struct HostError(pub String);
 
-/// Work that a command of the editor has the program do, in a process of its own.
+/// Work that an editor's command requests, done in a separate process.
 pub enum Task<'t> {
     /// Draw the frame at a time as an image.
     Frame { script: &'t Path, secs: f64, output: &'t Path },
@@ -92,9 +92,9 @@ pub enum Task<'t> {
 #[derive(Clone)]
 pub struct Project {
     pub registry: Registry,
-    /// Folders besides the script's own in which files are looked for.
+    /// Folders in which files are looked for, besides that of the script.
     pub search: Vec<PathBuf>,
-    /// Folder of the project, in which tests may read; `None`: the folder that is open in the editor.
+    /// Folder of the project, in which tests may read; `None` stands for the folder that is open in the editor.
     pub root: Option<PathBuf>,
     pub limits: Limits,
 }

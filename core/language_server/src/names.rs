@@ -1,10 +1,10 @@
-//! The names that arguments and options take, and their origin.
+//! Kinds of names that arguments and options accept, and where the names come from.
 
 use crate::context::CallSite;
 use crate::source::Source;
 use crate::values::Value;
 
-/// The kind of name that is written in a string.
+/// Kind of the name in a string.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Names {
     /// Models and clips, built-in ones included.
@@ -13,20 +13,20 @@ pub enum Names {
     Panoramas,
     Scripts,
     Fonts,
-    /// Clips of the file of the receiver or of an argument.
+    /// Clips in the file of the receiver or of an argument.
     Clips,
     Joints,
-    /// Joints with `..` behind them, and patterns with `*`.
+    /// Joints followed by `..`, and patterns with `*`.
     JointPatterns,
     Morphs,
     Expressions,
     Materials,
     FileCameras,
-    /// Meshes and nodes that show one.
+    /// Meshes, and nodes that show a mesh.
     Parts,
     Effects,
     EffectParameters,
-    /// Named times of the stage and of clips.
+    /// Named times of the stage.
     Markers,
     ClipMarkers,
     Actors,
@@ -35,7 +35,7 @@ pub enum Names {
     Colors,
 }
 
-/// Arguments that take names: method or function, argument, names.
+/// Arguments that accept names: method or function, argument, kind of names.
 const ARGUMENTS: &[(&str, &str, Names)] = &[
     ("load", "file", Names::Models),
     ("image", "file", Names::Images),
@@ -73,7 +73,7 @@ const ARGUMENTS: &[(&str, &str, Names)] = &[
     ("Effect.key", "parameter", Names::EffectParameters),
 ];
 
-/// Options that take names, of any call.
+/// Options that accept names, in any call.
 const OPTIONS: &[(&str, Names)] = &[
     ("importer", Names::Importers),
     ("joint", Names::Joints),
@@ -85,7 +85,7 @@ const OPTIONS: &[(&str, Names)] = &[
     ("font", Names::Fonts),
 ];
 
-/// The names that the place of the cursor takes.
+/// Kind of names that is accepted at the cursor.
 pub fn names(source: &Source, site: &CallSite) -> Option<Names> {
     let entry = site.entry(source)?;
     if let Some((_, Some(key))) = site.maps.last() {
@@ -102,7 +102,7 @@ pub fn names(source: &Source, site: &CallSite) -> Option<Names> {
         let is_face = site.first_text(source).as_deref() == Some("expression");
         return Some(if is_face { Names::Expressions } else { Names::Morphs });
     }
-    // The only argument that is a map from joints to weights.
+    // `Cue.on` is the only call with an argument that maps joints to weights.
     if site.at_key && !site.maps.is_empty() && entry.full_name() != "Cue.on" {
         return None;
     }
@@ -111,12 +111,12 @@ pub fn names(source: &Source, site: &CallSite) -> Option<Names> {
     listed.map(|(.., names)| *names).or_else(|| (argument == "color").then_some(Names::Colors))
 }
 
-/// The file whose contents are named: that of the receiver, or of a value given.
+/// The file in which names are looked up: that of the receiver.
 pub(crate) fn file_of(on: Option<&Value>) -> Option<String> {
     on.and_then(|value| value.file.clone())
 }
 
-/// Names that a script gives itself, as in `camera("wide")` or `.marker("top", 1.2)`: the first text of each call of a function.
+/// Names that a script declares, as in `camera("wide")` or `.marker("top", 1.2)`: the first text in each call of a function.
 pub fn given(source: &Source, function: &str, arguments: usize, as_method: bool) -> Vec<String> {
     let mut found = Vec::new();
     for index in 0..source.tokens.len() {

@@ -1,9 +1,9 @@
-//! Places in a text: bytes here, lines and UTF-16 columns in the protocol, lines and columns in characters in diagnostics.
+//! Positions in a text: bytes in the server, lines and UTF-16 columns in the protocol, lines and character columns in diagnostics.
 
 use serde_json::{Value, json};
 use std::ops::Range;
 
-/// The first byte of each line of a text.
+/// Byte offset of the start of each line.
 #[derive(Clone, Debug)]
 pub struct Lines {
     starts: Vec<usize>,
@@ -19,19 +19,19 @@ impl Lines {
         self.starts.len()
     }
 
-    /// The line of a byte, from 0.
+    /// Line of a byte, from 0.
     pub fn line_of(&self, byte: usize) -> usize {
         self.starts.partition_point(|start| *start <= byte).saturating_sub(1)
     }
 
-    /// The bytes of a line without its line break; an empty range behind the last.
+    /// Bytes of a line without its line break; an empty range after the last line.
     pub fn line(&self, text: &str, line: usize) -> Range<usize> {
         let start = self.starts.get(line).copied().unwrap_or(text.len());
         let end = self.starts.get(line + 1).copied().unwrap_or(text.len());
         start..start + text[start..end].trim_end_matches(['\n', '\r']).len()
     }
 
-    /// The byte of a place of the protocol; the end of the line where it lies beyond that, as the protocol demands.
+    /// Byte of a position of the protocol. A column after the end of the line means its end, as the protocol demands.
     pub fn byte(&self, text: &str, position: &Value) -> usize {
         let number = |name: &str| position[name].as_u64().unwrap_or(0) as usize;
         let range = self.line(text, number("line"));
@@ -45,7 +45,7 @@ impl Lines {
         range.end
     }
 
-    /// The line and column of a byte in the protocol.
+    /// Line and UTF-16 column of a byte, both from 0.
     pub fn place(&self, text: &str, byte: usize) -> (usize, usize) {
         let byte = byte.min(text.len());
         let line = self.line_of(byte);
@@ -67,7 +67,7 @@ impl Lines {
         start.min(end)..end.max(start)
     }
 
-    /// The byte of a line and a column of a diagnostic, both from 1 and the column in characters.
+    /// Byte of a position of a diagnostic: line and character column, both from 1.
     pub(crate) fn byte_of_diagnostic(&self, text: &str, line: usize, column: usize) -> usize {
         let range = self.line(text, line.saturating_sub(1));
         let skipped: usize =

@@ -1,4 +1,4 @@
-//! Declarations and uses of names, here and in the modules of the folder, and their change everywhere.
+//! Declaration, uses and renaming of names, in a script and in the modules of its folder.
 
 use crate::calls::NoModules;
 use crate::document::uri_of;
@@ -13,17 +13,17 @@ use std::ops::Range;
 use std::sync::Arc;
 use thiserror::Error;
 
-/// A name that the cursor is on.
+/// The name under the cursor.
 struct Named {
     name: String,
-    /// The bytes of the name there.
+    /// Bytes of the name at the cursor.
     range: Range<usize>,
-    /// The module that declares it; `None`: this script.
+    /// Module that declares the name; `None` if this script does.
     module: Option<String>,
     declaration: Declaration,
 }
 
-/// Scripts of a folder in which a module is looked for.
+/// Largest number of scripts in a folder that are searched for uses of a module.
 const MOST_FILES: usize = 300;
 
 pub fn definition(request: &Request) -> Result<Value, ResponseError> {
@@ -63,7 +63,7 @@ fn declared_at(request: &Request, named: &Named) -> Option<Value> {
     Some(location(&uri_of(&view.modules.path(module)?), range))
 }
 
-/// The variable, parameter, function or module that a place names, also in the code inside a string; nothing of the API.
+/// The variable, parameter, function or module under the cursor, also in code inside a string. Names of the API are left out.
 fn named_at(view: &View, byte: usize) -> Option<Named> {
     let (source, types) = (view.source, view.types());
     let touches = |word: &InnerWord| (word.range.start..=word.range.end).contains(&byte);
@@ -89,7 +89,7 @@ fn named_at(view: &View, byte: usize) -> Option<Named> {
     Some(Named { name: name.to_string(), range, module: None, declaration })
 }
 
-/// The name of a module that is imported by another name, as it is seen from a token.
+/// The name of a module member, given the alias under which the module is imported at a token.
 fn of_module(view: &View, alias: &str, name: &str, from: usize, range: Range<usize>) -> Option<Named> {
     let types = view.types();
     let module = types.declared(&types.declaration(alias, from)?).name?;
@@ -97,13 +97,13 @@ fn of_module(view: &View, alias: &str, name: &str, from: usize, range: Range<usi
     Some(Named { name: name.to_string(), range, module: Some(module), declaration })
 }
 
-/// Whether a token is the name of a method or property, or the key of an object map.
+/// Whether a token is a method, a property, or the key of an object map.
 fn is_member(source: &Source, token: usize) -> bool {
     let in_map = source.parent(token).is_some_and(|open| source.get(open) == "#{");
     matches!(source.before(token, 1), "." | "?.") || (in_map && source.get(token + 1) == ":")
 }
 
-/// A function or variable that a module gives to others.
+/// Declaration of a function or variable that a module exports.
 fn exported(source: &Source, name: &str, modules: &dyn Modules) -> Option<Declaration> {
     let budget = Budget::default();
     let types = Types::new(source, modules, &budget);
@@ -113,7 +113,7 @@ fn exported(source: &Source, name: &str, modules: &dyn Modules) -> Option<Declar
     declared.find(|d| d.kind == Declared::Function || source.before(d.token, 2) == "export")
 }
 
-/// The bytes in a source that mean a declaration of this source.
+/// Ranges in a source that refer to one of its declarations.
 fn uses(source: &Source, named: &Named, modules: &dyn Modules) -> Vec<Range<usize>> {
     let is_it = |declared: Option<Declaration>| declared.as_ref() == Some(&named.declaration);
     let own = |token: &usize| {
@@ -139,7 +139,7 @@ fn in_order(ranges: impl Iterator<Item = Range<usize>>) -> Vec<Range<usize>> {
     ranges
 }
 
-/// The bytes of a script that mean a name of a module.
+/// Ranges in a script that refer to a name of a module.
 fn uses_of_module(source: &Source, module: &str, name: &str) -> Vec<Range<usize>> {
     let imports = (0..source.tokens.len()).filter(|i| {
         source.before(*i, 1) == "import"
@@ -155,7 +155,7 @@ fn uses_of_module(source: &Source, module: &str, name: &str) -> Vec<Range<usize>
     in_order(tokens.chain(inner))
 }
 
-/// All places of a name: URI, source and bytes.
+/// All occurrences of a name: URI, source and bytes.
 fn places(request: &Request, named: &Named) -> Vec<(String, Arc<Source>, Range<usize>)> {
     let view = request.view;
     let own = Arc::new(Source::new(&view.source.text));
@@ -187,7 +187,7 @@ fn places(request: &Request, named: &Named) -> Vec<(String, Arc<Source>, Range<u
     found
 }
 
-/// The name by which scripts of the folder import a file.
+/// Name by which scripts in the folder import a file.
 fn scripts_name(view: &View, uri: &str) -> Option<String> {
     let names = view.files_named(&["rhai".into()]);
     let is_it = |name: &&String| view.modules.path(name).is_some_and(|path| uri_of(&path) == uri);
@@ -235,7 +235,7 @@ pub fn rename(request: &Request) -> Result<Value, ResponseError> {
     Ok(json!({ "changes": changes }))
 }
 
-/// Why a text can be no name of what a script declares. Variables may have the name of a function of the API, which scripts can call still.
+/// Reason why a text is not a valid new name. A variable may have the name of an API function, since scripts can still call the function.
 fn unfit_name(new: &str, declaration: &Declaration) -> Option<String> {
     let plain = is_word(new) && new.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
     if !plain || is_keyword(new) {
@@ -246,19 +246,19 @@ fn unfit_name(new: &str, declaration: &Declaration) -> Option<String> {
     taken.map(|_| format!("{new} is a function of the API"))
 }
 
-/// Why a variable is not renamed, for the user.
+/// Reason why a variable is not renamed, for the user.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{why}")]
 pub struct NotRenamed {
     pub why: String,
-    /// The line in the way, from 1.
+    /// Line with the conflict, from 1.
     pub line: Option<usize>,
 }
 
-/// The bytes of a script that mean the variable which is declared at a byte, where all of them can be given another name with certainty.
+/// Ranges in a script that refer to the variable declared at a byte, if all of them can safely be renamed.
 ///
 /// # Errors
-/// Something else has the new name, or the variable is known to other scripts or by a text.
+/// The new name is in use, or the variable is visible to other scripts or referenced by a text.
 pub fn variable_uses(text: &str, byte: usize, new: &str) -> Result<Vec<Range<usize>>, NotRenamed> {
     let (source, budget) = (Source::new(text), Budget::default());
     let line = source.lines.line_of(byte) + 1;
@@ -277,7 +277,7 @@ pub fn variable_uses(text: &str, byte: usize, new: &str) -> Result<Vec<Range<usi
     Ok(uses(&source, &named, &NoModules))
 }
 
-/// Why a name cannot be changed with certainty in a source.
+/// Reason why a name cannot be changed safely in a source.
 fn unsafe_name(source: &Source, named: &Named, new: &str) -> Option<NotRenamed> {
     let is_function = named.declaration.kind == Declared::Function;
     let line = |range: &Range<usize>| source.lines.line_of(range.start) + 1;
@@ -321,7 +321,7 @@ fn unsafe_name(source: &Source, named: &Named, new: &str) -> Option<NotRenamed> 
 mod tests {
     use super::*;
 
-    /// The variable is declared where `|` stands.
+    /// Renames the variable that is declared at `|`.
     fn renamed(text: &str, new: &str) -> Result<String, NotRenamed> {
         let at = text.find('|').unwrap();
         let mut text = text.replacen('|', "", 1);

@@ -1,4 +1,4 @@
-//! A request about a document, as the functions that answer it get it.
+//! Parameters of a request about a document, for the functions that answer it.
 
 use crate::checker::Checked;
 use crate::settings::Settings;
@@ -10,13 +10,13 @@ pub struct Request<'r> {
     pub view: &'r View<'r>,
     pub uri: &'r str,
     pub parameters: &'r Value,
-    /// The last run of the script.
+    /// Result of the last run of the script.
     pub last: Option<&'r Checked>,
     pub settings: &'r Settings,
 }
 
 impl Request<'_> {
-    /// The byte of its place.
+    /// Byte of the requested position.
     pub fn byte(&self) -> usize {
         let source = self.view.source;
         source.lines.byte(&source.text, &self.parameters["position"])

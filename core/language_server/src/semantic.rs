@@ -1,4 +1,4 @@
-//! Semantic tokens: the meaning of words and strings, for the colors of the editor.
+//! Semantic tokens: the meaning of words and strings, for syntax coloring.
 
 use crate::context::call_around;
 use crate::names::{self, Names};
@@ -29,7 +29,7 @@ enum TokenKind {
     Parameter,
     Keyword,
     String,
-    /// Numbers, and the functions that state their unit: `cm(2)`.
+    /// Numbers, and functions that convert units: `cm(2)`.
     Number,
     Comment,
 }
@@ -53,17 +53,17 @@ const MODIFIERS: [&str; 2] = ["declaration", "defaultLibrary"];
 const DECLARATION: u32 = 1;
 const DEFAULT_LIBRARY: u32 = 2;
 
-/// Functions that state a unit.
+/// Functions that convert units to seconds or metres.
 const UNITS: [&str; 3] = ["f", "cm", "mm"];
 
-/// Tokens of a bracket around a string at most, so that looking at each of a long list takes no time without end.
+/// Largest number of tokens in a list whose strings are examined: each string is looked up by its call, which takes long in long lists.
 const LONGEST_LIST: usize = 1000;
 
 pub fn legend() -> Value {
     json!({ "tokenTypes": KINDS, "tokenModifiers": MODIFIERS })
 }
 
-/// The tokens in some bytes of the document, or in all of it, as the protocol encodes them.
+/// Semantic tokens of a range, or of the whole document, in the encoding of the protocol.
 pub fn tokens(view: &View, range: Option<&Value>) -> Value {
     let source = view.source;
     let bytes = match range {
@@ -95,7 +95,7 @@ pub fn tokens(view: &View, range: Option<&Value>) -> Value {
     json!({ "data": encoded.data })
 }
 
-/// Tokens as five numbers each, relative to the one before.
+/// Encoded tokens: five numbers each, relative to the previous token.
 struct Encoded<'v> {
     view: &'v View<'v>,
     last: (usize, usize),
@@ -103,7 +103,7 @@ struct Encoded<'v> {
 }
 
 impl Encoded<'_> {
-    /// A token of several lines is one on each of them.
+    /// Adds a token; a token of several lines is split into one per line.
     fn push(&mut self, bytes: Range<usize>, kind: TokenKind, modifiers: u32) {
         let (text, lines) = (&self.view.source.text, &self.view.source.lines);
         let mut start = bytes.start;
@@ -124,12 +124,12 @@ impl Encoded<'_> {
     }
 }
 
-/// The meaning of tokens. Declarations are found once, since there can be many.
+/// Meaning of tokens. Declarations are collected once, since there can be many.
 struct Meaning<'v> {
     view: &'v View<'v>,
     types: Types<'v>,
     declarations: BTreeMap<&'v str, Vec<Declaration>>,
-    /// Kinds of declared names, by their tokens.
+    /// Kinds of declared names, by token.
     kinds: BTreeMap<usize, TokenKind>,
 }
 
@@ -159,7 +159,7 @@ impl<'v> Meaning<'v> {
         Meaning { view, types, declarations, kinds }
     }
 
-    /// A token with its meaning; of an interpolated string, its letters and the words and numbers of its code.
+    /// Adds a token with its meaning; for an interpolated string, its text and the words and numbers of its code.
     fn push(&self, token: usize, encoded: &mut Encoded) {
         let (source, range) = (self.view.source, self.view.source.tokens[token].clone());
         let inner = source.inner_code(token);
@@ -207,12 +207,12 @@ impl<'v> Meaning<'v> {
         in_place.unwrap_or_else(|| self.of_name(word.text, word.next, word.string))
     }
 
-    /// A name that is declared before a token, or is one of the API.
+    /// Meaning of a name that is declared before a token, or belongs to the API.
     fn of_name(&self, word: &str, next: &str, token: usize) -> (TokenKind, u32) {
         let declared = self.declarations.get(word).map_or(&[][..], Vec::as_slice);
         let before = declared.partition_point(|declaration| declaration.token < token);
         let seen = self.types.seen(declared[..before].iter().rev().cloned(), token);
-        // A function is known everywhere.
+        // Functions are visible everywhere in a script.
         let seen = seen.or_else(|| declared.iter().find(|d| d.kind == Declared::Function).cloned());
         if let Some(kind) = seen.and_then(|declaration| self.kinds.get(&declaration.token)) {
             return (*kind, 0);
@@ -255,7 +255,7 @@ impl<'v> Meaning<'v> {
         }
     }
 
-    /// Whether the call around a string states it as one of the allowed values.
+    /// Whether the string is one of the allowed values of the argument or option around it.
     fn is_allowed_value(&self, token: usize) -> bool {
         let source = self.view.source;
         let Some(site) = call_around(self.types, source.tokens[token].start + 1) else { return false };
@@ -266,7 +266,7 @@ impl<'v> Meaning<'v> {
     }
 }
 
-/// The meaning of a word by its neighbours alone.
+/// Meaning of a word, determined by its neighbors alone.
 fn of_place(word: &str, before: &str, next: &str) -> Option<(TokenKind, u32)> {
     Some(match (before, next) {
         ("." | "?.", "(") => (TokenKind::Method, DEFAULT_LIBRARY),

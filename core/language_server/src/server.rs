@@ -1,4 +1,4 @@
-//! The server: takes messages in their order, answers requests, and passes on what the checker finds.
+//! The server: processes messages in order, answers requests, and forwards the findings of the checker.
 
 use crate::checker::{Checked, Checker, Job, Unsaved, tests_root};
 use crate::commands::{self, Asked, Running};
@@ -23,12 +23,12 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-/// How a session has ended.
+/// How a session ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// The client said so.
+    /// The client sent `shutdown` and `exit`.
     Exit,
-    /// The client asked to end without `shutdown`, or its pipe was closed.
+    /// The client sent `exit` without `shutdown`, or its pipe was closed.
     Abruptly,
 }
 
@@ -37,7 +37,7 @@ enum Event {
     Checked(Box<Checked>),
 }
 
-/// Serves one client until it leaves.
+/// Serves one client until it disconnects.
 pub fn serve(
     mut input: impl BufRead + Send + 'static,
     output: impl Write + Send + 'static,
@@ -87,13 +87,13 @@ struct Server {
     checker: Checker,
     files: RefCell<Files>,
     modules: RefCell<ModuleFiles>,
-    /// Open texts by URI.
+    /// Open documents by URI.
     documents: BTreeMap<String, Document>,
-    /// Settings by URI, read anew after a moment.
+    /// Settings by URI, read again after a moment.
     projects: RefCell<BTreeMap<String, (Instant, Project)>>,
-    /// The last run of each document.
+    /// Result of the last run of each document.
     last: BTreeMap<String, Checked>,
-    /// Messages by the script that was run and the file in which they are.
+    /// Published messages, by the script that was run and the file that they are about.
     published: BTreeMap<String, BTreeMap<String, Vec<Value>>>,
     root: PathBuf,
     settings: Settings,
@@ -103,10 +103,10 @@ struct Server {
     shut_down: bool,
 }
 
-/// Abilities of the client.
+/// Capabilities of the client.
 #[derive(Clone, Copy, Debug, Default)]
 struct Can {
-    /// Insert placeholders.
+    /// Supports snippets with placeholders.
     snippets: bool,
     refresh_hints: bool,
     refresh_lenses: bool,
@@ -125,7 +125,7 @@ impl Server {
                     Err(_) => return Ended::Abruptly,
                 }
             }
-            // Requests that are called off before their turn are not worked on.
+            // Requests that are cancelled before their turn are not processed.
             waiting.extend(incoming.try_iter());
             self.call_off(&mut waiting);
             let Some(event) = waiting.pop_front() else { continue };
@@ -171,11 +171,11 @@ impl Server {
         });
     }
 
-    /// A request or notification. A panic is the error of its request, and the server goes on.
+    /// Processes a request or notification. A panic becomes the error of its request, and the server continues.
     fn message(&mut self, message: &Value) {
         let id = message.get("id").cloned();
         let Some(method) = message["method"].as_str() else {
-            // The answer to a request of ours, or nonsense.
+            // The message is the response to a request of the server, or invalid.
             if let Some(id) = id.filter(|_| message.get("result").is_none() && message.get("error").is_none())
             {
                 self.client
@@ -185,7 +185,7 @@ impl Server {
         };
         let parameters = &message["params"];
         let answer = catch_unwind(AssertUnwindSafe(|| match &id {
-            // The request is answered when the command has ended.
+            // The response is sent when the command has ended.
             Some(id) if method == "workspace/executeCommand" => self.execute(id, parameters).map(|()| None),
             Some(_) => self.request(method, parameters).map(Some),
             None => {
@@ -256,14 +256,14 @@ impl Server {
         OpenModules { documents: &self.documents, folder: Some(folder), tests_root, known: &self.modules }
     }
 
-    /// The folder in all of which a document may read, where it has tests.
+    /// Folder that a document with tests may read completely.
     fn tests_root(&self, document: &Document, project: &Project) -> Option<PathBuf> {
         let untitled = self.root.join("untitled.rhai");
         let script = document.path.as_deref().unwrap_or(&untitled);
         document.source.has_tests().then(|| tests_root(script, &self.root, project)).flatten()
     }
 
-    /// Starts a command; its first argument names the file: `{ uri, line?, time?, section?, silent? }`.
+    /// Starts a command. Its first argument names the file: `{ uri, line?, time?, section?, silent? }`.
     fn execute(&mut self, id: &Value, p: &Value) -> Result<(), ResponseError> {
         let wrong = |why: &str| ResponseError::new(ResponseError::PARAMETERS, why);
         if !self.initialized {
@@ -384,7 +384,7 @@ impl Server {
         }
     }
 
-    /// Has a script run, and the open scripts that import it.
+    /// Submits a script and the open scripts that import it to the checker.
     fn check(&mut self, uri: &str) {
         let path = self.documents.get(uri).and_then(|document| document.path.clone());
         let uses = |checked: &&Checked| {
@@ -392,7 +392,7 @@ impl Server {
         };
         let dependents: Vec<String> =
             self.last.values().filter(uses).map(|checked| checked.uri.clone()).collect();
-        // The one submitted last is run first.
+        // The one that is submitted last is run first.
         dependents.iter().for_each(|uri| self.submit(uri));
         self.submit(uri);
     }
@@ -411,7 +411,7 @@ impl Server {
         });
     }
 
-    /// Shows what a run has found, unless the text has changed meanwhile.
+    /// Publishes the findings of a run, unless the text has changed since.
     fn found(&mut self, mut checked: Checked) {
         let uri = checked.uri.clone();
         let Some(document) = self.documents.get(&uri).filter(|document| document.version == checked.version)
@@ -427,7 +427,7 @@ impl Server {
         targets.sort();
         targets.dedup();
         targets.iter().for_each(|target| self.publish(target));
-        // What is known of the stage stays while the script has errors.
+        // While the script has errors, the last valid stage is kept.
         let is_new = checked.stage.is_some();
         if let Some(before) = self.last.remove(&uri).filter(|_| !is_new) {
             checked.stage = before.stage;
@@ -438,7 +438,7 @@ impl Server {
         }
     }
 
-    /// Has the client ask again for what depends on the last run.
+    /// Asks the client to request everything again that depends on the last run.
     fn refresh(&self) {
         if self.can.refresh_hints {
             self.client.ask("workspace/inlayHint/refresh", Value::Null);
@@ -448,7 +448,7 @@ impl Server {
         }
     }
 
-    /// Sends all messages about a file. Those of a module count once for all scripts that import it.
+    /// Publishes all messages about a file. Messages about a module are sent once, even if several scripts import it.
     fn publish(&self, target: &str) {
         let mut all: Vec<&Value> = Vec::new();
         for message in self.published.values().filter_map(|of_script| of_script.get(target)).flatten() {
@@ -465,9 +465,9 @@ impl Server {
         self.client.notify("textDocument/publishDiagnostics", parameters);
     }
 
-    /// The settings of a document.
+    /// Settings of a document.
     fn project(&self, document: &Document) -> Result<Project, HostError> {
-        /// How long settings are taken to be unchanged.
+        /// Time for which settings are reused.
         const FRESH: Duration = Duration::from_secs(2);
         if let Some((_, known)) =
             self.projects.borrow().get(&document.uri).filter(|(at, _)| at.elapsed() < FRESH)
@@ -483,7 +483,7 @@ impl Server {
 
 type Method = fn(&Request) -> Answer;
 
-/// The requests about a document.
+/// Requests about a document, by method.
 const METHODS: &[(&str, Method)] = &[
     ("textDocument/completion", |r| Ok(completion::complete(r.view, r.byte()))),
     ("textDocument/hover", |r| Ok(hover::hover(r.view, r.byte()))),

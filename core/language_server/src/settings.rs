@@ -4,11 +4,11 @@ use serde_json::Value;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// Start and end of cues behind the calls that make them.
+    /// Show start and end of cues after the calls that create them.
     pub cue_times: bool,
-    /// Lengths of clips behind their names.
+    /// Show lengths of clips after their names.
     pub clip_lengths: bool,
-    /// Commands above tests, the stage and camera cuts.
+    /// Show commands above tests, the stage and camera cuts.
     pub code_lenses: bool,
 }
 
@@ -19,7 +19,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Takes over what a client has set; the rest stays.
+    /// Applies the settings that a client sends; others keep their values.
     pub fn update(&mut self, given: &Value) {
         let hints = &given["inlayHints"];
         let named = [

@@ -1,4 +1,4 @@
-//! Signature help: the ways to write the call around the cursor.
+//! Signature help: the forms of the call around the cursor.
 
 use crate::context::call_around;
 use crate::facts;
@@ -31,7 +31,7 @@ pub fn signature(view: &View, byte: usize) -> Value {
     json!({ "signatures": signatures, "activeSignature": active.unwrap_or(0), "activeParameter": site.argument })
 }
 
-/// A function that the script itself defines.
+/// Signature of a function that the script defines.
 fn own_function(view: &View, name: &str, argument: usize) -> Value {
     let source = view.source;
     let function = (1..source.tokens.len()).find(|i| source.get(*i) == name && source.get(i - 1) == "fn");
@@ -45,7 +45,7 @@ fn own_function(view: &View, name: &str, argument: usize) -> Value {
     })
 }
 
-/// The places of the parameters in a label, in UTF-16.
+/// Ranges of the parameters in a label, in UTF-16.
 fn parameters(label: &str) -> Vec<Value> {
     let Some(open) = label.find('(') else { return Vec::new() };
     let inside = label[open + 1..].trim_end_matches(')');

@@ -1,8 +1,8 @@
-//! Calls with placeholders, and beginnings of scripts.
+//! Snippets: calls with placeholders, and templates for the start of a script.
 
 use choreo_script::describe::Entry;
 
-/// Beginnings for the start of a statement: label, description, text.
+/// Templates for the start of a statement: label, description, text.
 pub(crate) const STARTERS: &[(&str, &str, &str)] = &[
     (
         "character",
@@ -22,7 +22,7 @@ pub(crate) const STARTERS: &[(&str, &str, &str)] = &[
     ("let", "A variable", "let ${1:name} = $0;"),
 ];
 
-/// A call with placeholders for what must be given: `cast("${1:name}", ${2:asset})`.
+/// A call with placeholders for required arguments: `cast("${1:name}", ${2:asset})`.
 pub fn call(entry: &Entry, texts: &dyn Fn(&str) -> bool) -> String {
     let Some(form) = entry.forms.first() else { return entry.name.to_string() };
     let arguments = form.iter().enumerate().map(|(index, argument)| {
@@ -38,7 +38,7 @@ pub fn call(entry: &Entry, texts: &dyn Fn(&str) -> bool) -> String {
     format!("{}({})", entry.name, arguments.collect::<Vec<_>>().join(", "))
 }
 
-/// The text of a snippet for clients that know none.
+/// Text of a snippet without placeholders, for clients that do not support snippets.
 pub fn plain(snippet: &str) -> String {
     let mut text = String::new();
     let mut rest = snippet;

@@ -1,4 +1,4 @@
-//! A script's text with its tokens, as Rhai's own lexer finds them. Unlike a syntax tree they are there for a text that is being typed.
+//! The text of a script and its tokens, found by Rhai's own lexer. Unlike a syntax tree, tokens exist even for a text that is being typed.
 
 use crate::position::Lines;
 use choreo_script::{InnerCode, tokens_with_inner};
@@ -11,7 +11,7 @@ pub struct Source {
     pub tokens: Vec<Range<usize>>,
     /// Code inside interpolated strings, in order.
     inner: Vec<InnerCode>,
-    /// The bracket that belongs to a bracket.
+    /// The matching bracket of each bracket.
     partner: Vec<Option<usize>>,
     /// The innermost bracket around each token.
     parent: Vec<Option<usize>>,
@@ -34,13 +34,13 @@ pub fn is_string(token: &str) -> bool {
     token.starts_with(['"', '`'])
 }
 
-/// A word of the code inside an interpolated string.
+/// A word in the code inside an interpolated string.
 pub struct InnerWord<'s> {
     pub text: &'s str,
     pub range: Range<usize>,
-    /// The string.
+    /// Token of the string.
     pub string: usize,
-    /// The tokens before and behind it.
+    /// The two tokens before it, and the token after it.
     pub before: [&'s str; 2],
     pub next: &'s str,
 }
@@ -61,7 +61,7 @@ impl<'s> InnerWord<'s> {
         }
     }
 
-    /// Whether it is the name of a method or property, or the key of an object map.
+    /// Whether the word is a method, a property, or the key of an object map.
     pub fn is_member(&self) -> bool {
         matches!(self.before[0], "." | "?.") || (matches!(self.before[0], "#{" | ",") && self.next == ":")
     }
@@ -82,7 +82,7 @@ impl Source {
         for index in 0..source.tokens.len() {
             let token = source.get(index);
             let is_close = matches!(token, ")" | "]" | "}");
-            // A bracket that is not closed ends with the one around it.
+            // A bracket that is not closed ends with the bracket around it.
             let matching = open.iter().rposition(|o| is_close && closes(source.get(*o), token));
             if let Some(depth) = matching {
                 source.partner[index] = Some(open[depth]);
@@ -98,12 +98,12 @@ impl Source {
         source
     }
 
-    /// A token's text; empty behind the last.
+    /// Text of a token; empty after the last token.
     pub fn get(&self, index: usize) -> &str {
         self.tokens.get(index).map_or("", |token| &self.text[token.clone()])
     }
 
-    /// The token some places before; empty before the first.
+    /// Text of the token `places` before; empty before the first token.
     pub fn before(&self, index: usize, places: usize) -> &str {
         index.checked_sub(places).map_or("", |index| self.get(index))
     }
@@ -116,12 +116,12 @@ impl Source {
         self.parent.get(index).copied().flatten()
     }
 
-    /// The number of tokens that begin before a byte.
+    /// Number of tokens that begin before a byte.
     pub(crate) fn count_before(&self, byte: usize) -> usize {
         self.tokens.partition_point(|token| token.start < byte)
     }
 
-    /// The token that a byte lies in or that ends there; of two that touch, the word or string.
+    /// The token that contains a byte or ends there. If two tokens touch there, the word or string.
     pub fn token_at(&self, byte: usize) -> Option<usize> {
         let count = self.tokens.partition_point(|token| token.start <= byte);
         let touches = |index: &usize| self.tokens[*index].end >= byte;
@@ -130,7 +130,7 @@ impl Source {
         found.iter().find(named).or(found.first()).copied()
     }
 
-    /// The code inside an interpolated string.
+    /// Code inside an interpolated string.
     pub(crate) fn inner_code(&self, token: usize) -> &[InnerCode] {
         let range = self.tokens[token].clone();
         let first = self.inner.partition_point(|code| code.range.start < range.start);
@@ -138,12 +138,12 @@ impl Source {
         &self.inner[first..end]
     }
 
-    /// The text with the code around a byte in the place of the interpolated string that holds it, each byte in its place: `` `a ${b.c}` `` as
-    /// ``     (b.c) ``. `None` where the byte is in no such code.
+    /// The text in which an interpolated string is replaced by its code around a byte; all bytes keep their positions: `` `a ${b.c}` ``
+    /// becomes ``     (b.c) ``. `None` if the byte is in no such code.
     pub(crate) fn with_code_of_string(&self, byte: usize) -> Option<Source> {
         let string = self.token_at(byte).filter(|token| self.get(*token).starts_with('`'))?;
         let token = self.tokens[string].clone();
-        // Depths of braces: code of an interpolation may have blocks.
+        // Braces are counted, since code in an interpolation may contain blocks.
         let (mut code, mut depth, mut before) = (None, 0usize, ' ');
         for (at, c) in self.text[token.start..byte.min(token.end)].char_indices() {
             match c {
@@ -166,7 +166,7 @@ impl Source {
             text[range].iter_mut().filter(|byte| **byte != b'\n').for_each(|byte| *byte = b' ');
         };
         blank(&mut text, token.start..start);
-        // Without its brace the lexer takes what follows for code of the string, too.
+        // If the brace is not closed, the lexer takes the rest of the string for code too.
         let is_closed = self.text[end..].starts_with('}');
         let rest = self.text[end..token.end].find('`').filter(|_| !is_closed);
         blank(&mut text, end..rest.map_or(token.end, |at| end + at + 1));
@@ -177,7 +177,7 @@ impl Source {
         String::from_utf8(text).ok().map(|text| Source::new(&text))
     }
 
-    /// The words of the code inside all interpolated strings.
+    /// Words in the code inside all interpolated strings.
     pub(crate) fn inner_words(&self) -> impl Iterator<Item = InnerWord<'_>> {
         self.inner.iter().flat_map(move |code| {
             let words = (0..code.tokens.len()).filter(|at| is_word(&self.text[code.tokens[*at].clone()]));
@@ -185,13 +185,13 @@ impl Source {
         })
     }
 
-    /// Whether a test is declared at any place.
+    /// Whether the script declares a test.
     pub(crate) fn has_tests(&self) -> bool {
         let is_test = |at: &usize| self.get(*at) == "test" && self.get(at + 1) == "(";
         (0..self.tokens.len()).any(|at| is_test(&at) && self.before(at, 1) != ".")
     }
 
-    /// Whether a byte lies in a comment: between two tokens, behind `//` or inside `/* */`.
+    /// Whether a byte is in a comment: between two tokens, after `//` or inside `/* */`.
     pub(crate) fn in_comment(&self, byte: usize) -> bool {
         let count = self.count_before(byte);
         let start = count.checked_sub(1).map_or(0, |last| self.tokens[last].end);
@@ -204,7 +204,7 @@ impl Source {
         line.contains("//") || block(gap)
     }
 
-    /// The contents of a plain string; what is written in it as an escape is taken out of it.
+    /// Contents of a plain string, with escapes resolved.
     pub fn string(&self, index: usize) -> Option<String> {
         let token = self.get(index);
         let quote = token.chars().next().filter(|c| matches!(c, '"' | '`'))?;
@@ -226,7 +226,7 @@ impl Source {
         Some(plain)
     }
 
-    /// The bytes between the quotes of a string.
+    /// Bytes between the quotes of a string.
     pub fn inside(&self, index: usize) -> Range<usize> {
         let range = self.tokens[index].clone();
         let token = self.get(index);
@@ -234,7 +234,7 @@ impl Source {
         range.start + 1..range.end - usize::from(closed)
     }
 
-    /// The arguments of a call as ranges of tokens, given its parenthesis.
+    /// Arguments of a call as ranges of tokens, given its opening parenthesis.
     pub fn arguments(&self, open: usize) -> Vec<Range<usize>> {
         let end = self.partner(open).unwrap_or(self.tokens.len());
         let mut arguments = Vec::new();
@@ -258,14 +258,14 @@ impl Source {
         arguments
     }
 
-    /// The range of the protocol of some bytes.
+    /// Bytes as a range of the protocol.
     pub fn range(&self, bytes: &Range<usize>) -> serde_json::Value {
         self.lines.range(&self.text, bytes)
     }
 }
 
-/// The tokens of a text, and the code inside its strings. A string that is not closed ends with its line, so that what follows is still
-/// seen.
+/// Tokens of a text, and the code inside its strings. A string that is not closed ends with its line, so that the text after it is still
+/// parsed.
 fn tokens(text: &str) -> (Vec<Range<usize>>, Vec<InnerCode>) {
     let mut tokens: Vec<Range<usize>> = Vec::new();
     let mut inner: Vec<InnerCode> = Vec::new();

@@ -1,4 +1,4 @@
-//! Document symbols: variables, functions, tests, and what is put on stage, by their names.
+//! Document symbols: variables, functions, tests and elements on stage, by name.
 
 use crate::values::Declared;
 use crate::view::View;
@@ -26,7 +26,7 @@ pub fn symbols(view: &View) -> Value {
             });
             (whole, value)
         };
-        // `test("name", || { … })` and what is on stage without a variable.
+        // Tests, and elements on stage that have no variable.
         let on_stage = matches!(name, "test" | "cast" | "camera" | "marker") && source.get(token + 1) == "(";
         if on_stage
             && source.before(token, 1) != "."
@@ -73,7 +73,7 @@ pub fn symbols(view: &View) -> Value {
     nested(found).into()
 }
 
-/// Symbols inside of others as their children.
+/// Nests symbols: a symbol inside another becomes its child.
 fn nested(found: Vec<(Range<usize>, Value)>) -> Vec<Value> {
     let mut open: Vec<(Range<usize>, Value)> = Vec::new();
     let mut roots: Vec<Value> = Vec::new();
@@ -101,7 +101,7 @@ fn nested(found: Vec<(Range<usize>, Value)>) -> Vec<Value> {
     roots
 }
 
-/// Folding ranges: brackets, and comments of several lines.
+/// Folding ranges: brackets, and comments that span several lines.
 pub fn folding(view: &View) -> Value {
     let source = view.source;
     let mut found = Vec::new();
@@ -109,7 +109,7 @@ pub fn folding(view: &View) -> Value {
         let Some(close) = source.partner(token).filter(|close| *close > token) else { continue };
         let start = source.lines.line_of(source.tokens[token].start);
         let end = source.lines.line_of(source.tokens[close].start);
-        // The line of the closing bracket stays visible.
+        // The line with the closing bracket stays visible.
         if end > start + 1 {
             found.push(json!({ "startLine": start, "endLine": end - 1 }));
         }

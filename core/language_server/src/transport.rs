@@ -1,26 +1,26 @@
-//! Messages of JSON-RPC with the header `Content-Length`, as the Language Server Protocol has them.
+//! JSON-RPC messages with the header `Content-Length`, as used by the Language Server Protocol.
 
 use serde_json::{Value, json};
 use std::io::{self, BufRead, Read, Write};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Bytes of the largest message that is read.
+/// Largest message in bytes.
 const LARGEST: usize = 64 << 20;
-/// Bytes of the longest line of a header.
+/// Longest header line in bytes.
 const LONGEST_LINE: u64 = 4096;
 
-/// A message or the end, from the client.
+/// A message of the client, or the end of its messages.
 #[derive(Debug, PartialEq)]
 pub enum Received {
     Message(Value),
-    /// Text that is no message; the next message can be read all the same.
+    /// Invalid data; the next message can still be read.
     Nonsense(String),
     /// The client has closed the pipe.
     Closed,
 }
 
-/// Reads the next message. A header without a length, and a message that is no JSON, are nonsense.
+/// Reads the next message. A header without a length, and a message that is not JSON, give [`Received::Nonsense`].
 pub fn receive(input: &mut impl BufRead) -> Received {
     match try_receive(input) {
         Ok(received) => received,
@@ -61,7 +61,7 @@ fn try_receive(input: &mut impl BufRead) -> io::Result<Received> {
     serde_json::from_slice(&body).map(Received::Message).map_err(|e| nonsense(&e.to_string()))
 }
 
-/// The way to the client, for any thread.
+/// Connection to the client, shared by threads.
 #[derive(Clone)]
 pub struct Client(Arc<Mutex<Box<dyn Write + Send>>>);
 
@@ -70,7 +70,7 @@ impl Client {
         Client(Arc::new(Mutex::new(Box::new(output))))
     }
 
-    /// Sends a message. A client that has gone is noticed where its messages end.
+    /// Sends a message. Errors are ignored: that the client has gone is noticed when its messages end.
     fn send(&self, message: &Value) {
         let body = message.to_string();
         let mut output = self.0.lock().unwrap_or_else(PoisonError::into_inner);
@@ -87,7 +87,7 @@ impl Client {
         self.send(&json!({ "jsonrpc": "2.0", "id": id, "error": error }));
     }
 
-    /// Sends a request of ours, whose answer nothing depends on.
+    /// Sends a request whose response is ignored.
     pub fn ask(&self, method: &str, parameters: Value) {
         static NUMBER: AtomicU32 = AtomicU32::new(0);
         let id = format!("choreo {}", NUMBER.fetch_add(1, Ordering::Relaxed));
@@ -99,7 +99,7 @@ impl Client {
     }
 }
 
-/// The error of a request.
+/// Error response to a request.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ResponseError {
     pub code: i32,
@@ -114,7 +114,7 @@ impl ResponseError {
     pub(crate) const INTERNAL: i32 = -32603;
     pub(crate) const NOT_INITIALIZED: i32 = -32002;
     pub const CANCELLED: i32 = -32800;
-    /// The request is understood and cannot be done.
+    /// The request is valid, but failed.
     pub const FAILED: i32 = -32803;
 
     pub fn new(code: i32, message: impl Into<String>) -> ResponseError {

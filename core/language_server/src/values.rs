@@ -1,4 +1,4 @@
-//! Types of expressions, from the results that the API states for its calls. Nothing is run.
+//! Types of expressions, inferred from the result types that the API states. No code is run.
 
 use crate::source::{Source, is_string, is_word};
 use choreo_script::BUILT_IN;
@@ -8,20 +8,20 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// The known properties of an expression's value.
+/// Known properties of an expression's value.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Value {
-    /// Type of handle, or a word for plain values ("text", "number", "array", "map", "function"); empty: unknown.
+    /// Type of a handle, or a word for plain values ("text", "number", "array", "map", "function"); empty if unknown.
     pub kind: String,
-    /// The file that it comes from, as the script writes it.
+    /// File that the value comes from, as written in the script.
     pub file: Option<String>,
-    /// Name that it was made with: of an actor, a camera, a clip, an effect; of a text its letters.
+    /// Name of an actor, camera, clip or effect; for a text, its characters.
     pub name: Option<String>,
     /// File and name of the clip that a cue plays.
     pub clip: Option<(String, String)>,
     /// Element of an array.
     pub item: Option<Box<Value>>,
-    /// Brackets of the object maps in this source that it may be: one, or the rows of an array.
+    /// Opening brackets, in this source, of the object maps that the value may be: one map, or the rows of an array.
     maps: Vec<usize>,
 }
 
@@ -30,7 +30,7 @@ impl Value {
         Value { kind: kind.to_string(), ..Value::default() }
     }
 
-    /// The value as it is known in another source, where the maps of this one cannot be looked at.
+    /// The value as seen from another source, which cannot refer to brackets of this one.
     fn elsewhere(self) -> Value {
         let item = self.item.map(|item| Box::new(item.elsewhere()));
         Value { item, maps: Vec::new(), ..self }
@@ -44,34 +44,34 @@ impl Value {
 /// A variable, function or parameter that a script declares.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Declaration {
-    /// Token of its name.
+    /// Token of the name.
     pub token: usize,
     pub kind: Declared,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Declared {
-    /// `let`, `const`: the value begins after `=`.
+    /// Declared by `let` or `const`: the value begins after `=`.
     Variable,
-    /// `for NAME in`.
+    /// Declared by `for NAME in`.
     Loop,
-    /// Parameter of a function, by its number.
+    /// Parameter of a function, with its index.
     Parameter(usize),
-    /// Parameter of a closure, by its number.
+    /// Parameter of a closure, with its index.
     ClosureParameter(usize),
     Function,
-    /// `import "…" as NAME`.
+    /// Declared by `import "…" as NAME`.
     Module,
 }
 
-/// The modules that a script imports, by their names as imported.
+/// Modules that a script imports, by the names in its imports.
 pub trait Modules {
     fn module(&self, name: &str) -> Option<Arc<Source>>;
-    /// The file of a module.
+    /// Path of a module.
     fn path(&self, name: &str) -> Option<PathBuf>;
 }
 
-/// Evaluates expressions of a source.
+/// Infers the types of expressions in a source.
 #[derive(Clone, Copy)]
 pub struct Types<'a> {
     pub source: &'a Source,
@@ -80,8 +80,8 @@ pub struct Types<'a> {
     depth: usize,
 }
 
-/// Expressions that may still be evaluated for a request: a variable that is used three times by one that is used three times, and so
-/// on, would take time without end.
+/// Number of expressions that may still be evaluated for a request. Without a limit, a variable that is used three times by a variable that
+/// is used three times, and so on, would take exponential time.
 pub struct Budget(Cell<u32>);
 
 impl Default for Budget {
@@ -90,7 +90,7 @@ impl Default for Budget {
     }
 }
 
-/// Declarations may refer to each other without end.
+/// Largest depth of evaluation: declarations may refer to each other in a cycle.
 const DEEPEST: usize = 24;
 
 impl<'a> Types<'a> {
@@ -104,13 +104,13 @@ impl<'a> Types<'a> {
         (self.depth < DEEPEST).then_some(Types { depth: self.depth + 1, ..self })
     }
 
-    /// The value of the expression that ends before a token, such as the dot of a method call.
+    /// Value of the expression that ends before a token, such as the dot of a method call.
     pub(crate) fn ending_at(self, end: usize) -> Value {
         let Some(start) = self.chain_start(end) else { return Value::default() };
         self.value(start..end)
     }
 
-    /// The first token of a chain of calls that ends before a token.
+    /// First token of a chain of calls that ends before a token.
     fn chain_start(self, end: usize) -> Option<usize> {
         let mut index = end.checked_sub(1)?;
         loop {
@@ -140,12 +140,12 @@ impl<'a> Types<'a> {
         }
     }
 
-    /// Keywords of Rhai are names of methods after a dot.
+    /// Whether a token follows a dot: there, keywords of Rhai are method names.
     fn is_after_dot(self, token: usize) -> bool {
         matches!(self.source.before(token, 1), "." | "?.")
     }
 
-    /// The value of the expression in some tokens.
+    /// Value of the expression in a range of tokens.
     pub fn value(self, tokens: Range<usize>) -> Value {
         let Some(deeper) = self.deeper() else { return Value::default() };
         let (mut value, mut index) = deeper.primary(tokens.start, tokens.end);
@@ -174,7 +174,7 @@ impl<'a> Types<'a> {
         value
     }
 
-    /// The value before the first dot, and the token after it.
+    /// Value before the first dot, and the token after it.
     fn primary(self, index: usize, end: usize) -> (Value, usize) {
         let after = |open: usize| self.source.partner(open).map_or(end, |close| close + 1);
         let token = self.source.get(index);
@@ -211,7 +211,7 @@ impl<'a> Types<'a> {
         }
     }
 
-    /// The entries of a map in this source: keys, and the tokens of their values.
+    /// Entries of a map in this source: keys, and the tokens of their values.
     fn map_entries(self, open: usize) -> impl Iterator<Item = (String, Range<usize>)> {
         let source = self.source;
         let entries = source.arguments(open).into_iter();
@@ -221,13 +221,13 @@ impl<'a> Types<'a> {
         })
     }
 
-    /// The value of an entry of an object map.
+    /// Value of an entry of an object map.
     pub fn field(self, map: &Value, key: &str) -> Value {
         let mut entries = map.maps.iter().flat_map(|open| self.map_entries(*open));
         entries.find(|(known, _)| known == key).map(|(_, tokens)| self.value(tokens)).unwrap_or_default()
     }
 
-    /// The keys of an object map, of all rows where it is one of an array.
+    /// Keys of an object map; for the rows of an array, the keys of all rows.
     pub fn keys(self, map: &Value) -> Vec<String> {
         let mut keys: Vec<String> = Vec::new();
         for (key, _) in map.maps.iter().flat_map(|open| self.map_entries(*open)) {
@@ -238,7 +238,7 @@ impl<'a> Types<'a> {
         keys
     }
 
-    /// The result of a function call, given the token of its name.
+    /// Result of a function call, given the token of the function name.
     fn function(self, name: usize) -> Value {
         let called = self.source.get(name);
         let arguments = self.source.arguments(name + 1);
@@ -263,7 +263,7 @@ impl<'a> Types<'a> {
         }
     }
 
-    /// The actor that the script of another file casts by a name.
+    /// The actor that the script of another file casts under a name.
     fn cast_in(self, file: &str, name: &str) -> Option<Value> {
         let source = self.modules.module(file)?;
         let types = Types { source: &source, ..self.deeper()? };
@@ -272,7 +272,7 @@ impl<'a> Types<'a> {
             source.get(*at) == "cast" && source.get(at + 1) == "(" && given().as_deref() == Some(name)
         };
         let value = types.function((0..source.tokens.len()).find(casts)?).elsewhere();
-        // The files of that script lie beside it.
+        // Paths in that script are relative to its folder.
         let folder = file.rsplit_once('/').map(|(folder, _)| folder);
         let beside = |model: String| match folder.filter(|_| !model.starts_with(BUILT_IN)) {
             Some(folder) => format!("{folder}/{model}"),
@@ -287,7 +287,7 @@ impl<'a> Types<'a> {
         let first = values.first().cloned().unwrap_or_default();
         match gives {
             Returns::Nothing => Value::default(),
-            // Other textures, copies and so on of the same.
+            // The method returns a changed receiver: the same object with another texture, a copy and so on.
             Returns::Receiver => on.clone(),
             Returns::Handle(kind) => {
                 let loaded = (called == "load").then(|| first.name.clone()).flatten();
@@ -313,7 +313,7 @@ impl<'a> Types<'a> {
         }
     }
 
-    /// The value of a variable as it is seen from a token.
+    /// Value of a variable that is visible at a token.
     fn variable(self, name: &str, from: usize) -> Value {
         match self.declaration(name, from) {
             Some(declaration) => self.declared(&declaration),
@@ -322,7 +322,7 @@ impl<'a> Types<'a> {
         }
     }
 
-    /// The declaration of a name that is seen from a token: the last one before it whose block is around it.
+    /// Declaration of a name that is visible at a token: the last one before it whose block contains the token.
     pub fn declaration(self, name: &str, from: usize) -> Option<Declaration> {
         let candidates =
             (0..from.min(self.source.tokens.len())).rev().filter(|i| self.source.get(*i) == name);
@@ -330,7 +330,7 @@ impl<'a> Types<'a> {
         seen.or_else(|| self.own_function(name))
     }
 
-    /// The first of some declarations of a name that is seen from a token; they are given from the last one before it backwards.
+    /// The first of some declarations of a name that is visible at a token. The declarations are given in backward order.
     pub fn seen(self, candidates: impl Iterator<Item = Declaration>, from: usize) -> Option<Declaration> {
         let around: Vec<Option<usize>> =
             std::iter::successors(Some(self.source.parent(from)), |p| p.map(|p| self.source.parent(p)))
@@ -346,7 +346,7 @@ impl<'a> Types<'a> {
         };
         let mut seen = candidates.filter(is_seen);
         let first = seen.next();
-        // In `let a = a.at(…)` the second name is the variable before.
+        // The second `a` in `let a = a.at(…)` is the variable declared before.
         let is_inside = |d: &Declaration| d.kind == Declared::Variable && self.statement_end(d.token) > from;
         let before = first.as_ref().filter(|d| is_inside(d)).and_then(|_| seen.find(|d| !is_inside(d)));
         before.or(first)
@@ -358,7 +358,7 @@ impl<'a> Types<'a> {
         Some(Declaration { token, kind: Declared::Function })
     }
 
-    /// The declaration of which a token is the name.
+    /// The declaration whose name is this token.
     pub fn declares(self, token: usize) -> Option<Declaration> {
         let source = self.source;
         let kind = match (source.before(token, 1), source.get(token + 1)) {
@@ -366,7 +366,7 @@ impl<'a> Types<'a> {
             ("fn", _) => Declared::Function,
             ("for", "in" | ",") => Declared::Loop,
             ("as", _) if is_string(source.before(token, 2)) => Declared::Module,
-            // `for (line, number) in lines`.
+            // A loop with an index: `for (line, number) in lines`.
             ("(" | ",", ")" | ",") if self.is_loop_pair(token) => Declared::Loop,
             ("(" | ",", ")" | ",") => {
                 let open = source.parent(token)?;
@@ -389,19 +389,19 @@ impl<'a> Types<'a> {
         self.source.parent(token).is_some_and(|open| self.source.before(open, 1) == "for")
     }
 
-    /// The `|` before the parameters of a closure of which a token is one.
+    /// The `|` before the parameters of a closure, given one of its parameters.
     fn closure_start(self, token: usize) -> Option<usize> {
         let mut start = token;
         while self.source.before(start, 1) == "," && is_word(self.source.before(start, 2)) {
             start -= 2;
         }
         let bar = start.checked_sub(1).filter(|bar| self.source.get(*bar) == "|")?;
-        // `a | b | c` is no closure.
+        // The bars in `a | b | c` are operators, not a closure.
         let is_value = |t: &str| is_word(t) && !matches!(t, "return" | "in") || matches!(t, ")" | "]");
         (!is_value(self.source.before(bar, 1))).then_some(bar)
     }
 
-    /// The tokens in which a parameter or loop variable is seen.
+    /// Tokens in which a parameter or loop variable is visible.
     fn body(self, declaration: &Declaration) -> Option<Range<usize>> {
         let source = self.source;
         let from = match declaration.kind {
@@ -417,7 +417,7 @@ impl<'a> Types<'a> {
         Some(from..block.or(around).unwrap_or(source.tokens.len()))
     }
 
-    /// The value of a declared name.
+    /// Value of a declared name.
     pub fn declared(self, declaration: &Declaration) -> Value {
         let Some(types) = self.deeper() else { return Value::default() };
         let (source, token) = (self.source, declaration.token);
@@ -456,7 +456,7 @@ impl<'a> Types<'a> {
         }
     }
 
-    /// The actor of `perform(actors, |actor| …)`, the time of `on_frame(|t| …)`.
+    /// Value of a closure's parameter: the actor of `perform(actors, |actor| …)`, the time of `on_frame(|t| …)`.
     fn closure_parameter(self, token: usize) -> Value {
         let source = self.source;
         let Some(bar) = self.closure_start(token) else { return Value::default() };
@@ -479,14 +479,14 @@ impl<'a> Types<'a> {
         }
     }
 
-    /// The token that ends the statement of a token.
+    /// Token that ends the statement that contains a token.
     pub fn statement_end(self, from: usize) -> usize {
         let source = self.source;
         let mut index = from;
         while index < source.tokens.len() {
             match source.get(index) {
                 ";" | ")" | "]" | "}" => return index,
-                // A statement that is not finished.
+                // A new statement begins: the one before is not finished.
                 "let" | "fn" | "const" | "import" if index > from => return index,
                 "(" | "[" | "{" | "#{" => index = source.partner(index).unwrap_or(index),
                 _ => {}
@@ -496,7 +496,7 @@ impl<'a> Types<'a> {
         index
     }
 
-    /// The result of a function that the script defines: its last expression.
+    /// Result of a function that the script defines: its last expression.
     fn result_of(self, function: Declaration) -> Value {
         let Some(types) = self.deeper() else { return Value::default() };
         let source = self.source;
@@ -515,7 +515,7 @@ impl<'a> Types<'a> {
         returned.map(|at| types.value(at + 1..self.statement_end(at + 1))).unwrap_or_default()
     }
 
-    /// The value of `MODULE::name` or `MODULE::name(…)`.
+    /// Value of `MODULE::name` or `MODULE::name(…)`.
     fn of_module(self, module: &str, name: usize) -> Value {
         let path = self.variable(module, name).name;
         let Some((source, types)) = path.and_then(|p| self.modules.module(&p)).zip(self.deeper()) else {
@@ -531,7 +531,7 @@ impl<'a> Types<'a> {
     }
 }
 
-/// Words of the language that are no names.
+/// Keywords of the language.
 pub const KEYWORDS: [&str; 27] = [
     "let", "const", "fn", "if", "else", "for", "in", "while", "loop", "do", "until", "return", "break",
     "continue", "switch", "true", "false", "import", "export", "as", "private", "throw", "try", "catch",

@@ -1,4 +1,4 @@
-//! Everything that a request about a place in a script may ask: the text, the types, the project and its files.
+//! Context of a request about a position in a script: the text, its types, the project and its files.
 
 use crate::Project;
 use crate::context::CallSite;
@@ -17,21 +17,21 @@ use std::time::SystemTime;
 pub struct View<'v> {
     pub source: &'v Source,
     pub project: &'v Project,
-    /// The folder of the script.
+    /// Folder of the script.
     pub folder: Option<&'v Path>,
-    /// The folder in all of which a script with tests may read.
+    /// Folder that a script with tests may read completely.
     pub tests_root: Option<&'v Path>,
     pub files: &'v RefCell<Files>,
     pub modules: &'v dyn Modules,
     pub budget: Budget,
-    /// Frames a second of the stage.
+    /// Frame rate of the stage in frames per second.
     pub fps: f64,
-    /// Whether the client inserts placeholders.
+    /// Whether the client supports snippets with placeholders.
     pub snippets: bool,
 }
 
 impl View<'_> {
-    /// The same for another text.
+    /// The same context for another text.
     pub fn of<'s>(&'s self, source: &'s Source) -> View<'s> {
         let View { project, folder, tests_root, files, modules, fps, snippets, .. } = *self;
         View { source, project, folder, tests_root, files, modules, budget: Budget::default(), fps, snippets }
@@ -41,17 +41,17 @@ impl View<'_> {
         Types::new(self.source, self.modules, &self.budget)
     }
 
-    /// The contents of a file, if the script has a folder.
+    /// Contents of a file, if the script has a folder.
     pub fn contents(&self, name: &str) -> Option<Contents> {
         Some(self.files.borrow_mut().contents(self.project, self.folder?, self.tests_root, name))
     }
 
-    /// Names of files that the script can read.
+    /// Names of files that the script may read.
     pub(crate) fn files_named(&self, extensions: &[String]) -> Vec<String> {
         self.folder.map(|folder| files::names(self.project, folder, extensions)).unwrap_or_default()
     }
 
-    /// Whether `choreo export` has written a file.
+    /// Whether a file was written by `choreo export`.
     pub(crate) fn is_exported(&self, name: &str) -> bool {
         self.folder.is_some_and(|folder| files::is_exported(self.project, folder, name))
     }
@@ -62,13 +62,13 @@ impl View<'_> {
         importers.flat_map(|importer| importer.manifest().extensions.clone()).collect()
     }
 
-    /// The file of the first argument that comes from one.
+    /// File of the first argument whose value comes from a file.
     pub(crate) fn file_of_arguments(&self, site: &CallSite) -> Option<String> {
         let arguments = self.source.arguments(site.open).into_iter();
         arguments.map(|argument| self.types().value(argument)).find_map(|value| value.file)
     }
 
-    /// The options of the plugin that a call uses: the parameters of an effect, or the options of the importer of a file.
+    /// Options of the plugin that a call uses: the parameters of an effect, or the options of a file's importer.
     pub(crate) fn plugin_options(&self, site: &CallSite) -> Vec<OptionSpec> {
         let registry = &self.project.registry;
         let name = self.source.get(site.name);
@@ -101,22 +101,22 @@ impl View<'_> {
     }
 }
 
-/// The modules of a script: as they are open in the editor, else as their files are.
+/// Modules of a script: the text in the editor if they are open, else the text of their files.
 pub(crate) struct OpenModules<'m> {
     pub documents: &'m BTreeMap<String, Document>,
     pub folder: Option<&'m Path>,
-    /// The folder in all of which a script with tests may read.
+    /// Folder that a script with tests may read completely.
     pub tests_root: Option<&'m Path>,
     pub known: &'m RefCell<ModuleFiles>,
 }
 
-/// Modules that were read from files, with their time of change.
+/// Modules that were read from files, with their modification times.
 pub type ModuleFiles = BTreeMap<PathBuf, (Option<SystemTime>, Arc<Source>)>;
 
 impl Modules for OpenModules<'_> {
-    /// Only the script's own folder is looked at, and the root of tests.
+    /// Only the folder of the script and the root of tests are searched.
     fn path(&self, name: &str) -> Option<PathBuf> {
-        /// Bytes of a script at most.
+        /// Largest script in bytes.
         const LARGEST: u64 = 4 << 20;
         let name = if name.ends_with(".rhai") { name.to_string() } else { format!("{name}.rhai") };
         let mut folders = Folders::new(self.folder?, &[], LARGEST).ok()?;

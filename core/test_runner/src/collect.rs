@@ -1,4 +1,4 @@
-//! Collects sections from the paths on the command line: which files are tests, and which of their sections are selected.
+//! Collects the sections to run from the paths on the command line: the files that are tests, and their selected sections.
 
 use choreo_plugin::Registry;
 use choreo_script::testing::{SectionInfo, TestOptions, list_sections};
@@ -6,28 +6,28 @@ use choreo_script::{Diagnostic, did_you_mean};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Files beyond this are a slip of the hand (`choreo test /`).
+/// Largest number of files; more are a mistake (`choreo test /`).
 const MOST_FILES: usize = 20_000;
-/// Folders that hold no tests of their own: modules are imported, images compared, the rest is not ours.
+/// Folders that contain no tests: imported modules, golden images, build output, packages.
 const PASSED_OVER: &[&str] = &["modules", "pictures", "target", "node_modules"];
-/// Plugins in Rhai are no tests.
+/// Extensions of plugins in Rhai, which are no tests.
 const PLUGINS: [&str; 2] = [".importer.rhai", ".exporter.rhai"];
 
 /// One section to run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
     pub path: PathBuf,
-    /// The path in messages, with `/`.
+    /// Path in messages, with `/`.
     pub file: String,
-    /// A folder that holds the file, and in which its test may read: the one of the options, else the one that was given.
+    /// Folder around the file in which its test may read: that of its project, else the root in the options, else the folder given.
     pub root: Option<PathBuf>,
-    /// An error: the file cannot be read.
+    /// The section, or the errors if the file cannot be read.
     pub section: Result<SectionInfo, Vec<Diagnostic>>,
-    /// First and last line of the file's sections.
+    /// First and last line of each section in the file.
     pub spans: Arc<[(usize, usize)]>,
 }
 
-/// Why there is nothing to run; complete, with what to type.
+/// Reason why there is nothing to run; a complete message that says what to type.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NothingToRun {
     /// The command line is wrong.
@@ -36,12 +36,12 @@ pub enum NothingToRun {
     Input(String),
 }
 
-/// The requested sections.
+/// Choice of the sections to run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Selection {
-    /// Parts of `FILE > SECTION`, any case, or tags; none = all. Each must fit at least one section.
+    /// Substrings of `FILE > SECTION` in any case, or tags; empty selects all. Each must match at least one section.
     pub filter: Vec<String>,
-    /// The i-th of n equal parts, from 1.
+    /// The I-th of N equal parts, counted from 1.
     pub shard: Option<(usize, usize)>,
 }
 
@@ -59,8 +59,8 @@ impl Case {
     }
 }
 
-/// The scripts of the files and folders, in the order given, each with the folder given that it was found in; folders
-/// sorted by name.
+/// Scripts named by the paths, and in the folders named by the paths, in the given order; each with the folder in which it was found. The
+/// content of a folder is sorted by name.
 pub fn files(paths: &[PathBuf]) -> Result<Vec<(PathBuf, Option<PathBuf>)>, NothingToRun> {
     let mut files: Vec<(PathBuf, Option<PathBuf>)> = Vec::new();
     for path in paths {
@@ -87,13 +87,13 @@ pub fn files(paths: &[PathBuf]) -> Result<Vec<(PathBuf, Option<PathBuf>)>, Nothi
     Ok(files)
 }
 
-/// Whether a file lies in a folder or below it.
+/// Whether a file lies in a folder or in a folder below it.
 pub fn holds(folder: &Path, file: &Path) -> bool {
     let real = file.canonicalize().ok().zip(folder.canonicalize().ok());
     real.is_some_and(|(file, folder)| file.starts_with(folder))
 }
 
-/// All sections of the [`files`]. The root of a file is that of its project, else `options.root` where that holds the file.
+/// Collects all sections of the [`files`]. The root of a file is the folder of its project, else `options.root` if the file lies in it.
 pub fn collect(
     paths: &[PathBuf],
     registry: &Registry,
@@ -131,7 +131,7 @@ fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>)
         if text.starts_with('.') {
             continue;
         }
-        // Links to folders are not followed: they can lead in a circle.
+        // Links to folders are not followed, since they may form a cycle.
         if kind.is_dir() {
             if !PASSED_OVER.contains(&text.as_ref()) {
                 walk(&path, root, files)?;
@@ -146,7 +146,7 @@ fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>)
                     shown(root)
                 )));
             }
-            // A file that only the folder names must lie in it: its text can be in messages.
+            // A file that is found in a folder must really lie in it: its text may appear in messages.
             let leads_out = || {
                 let real = path.canonicalize().ok().zip(root.canonicalize().ok());
                 !real.is_some_and(|(path, root)| path.starts_with(root))
@@ -158,7 +158,7 @@ fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>)
                     shown(root)
                 )));
             }
-            // "./a.rhai" is named "a.rhai" everywhere.
+            // The prefix "./" is left out of all names.
             let path = path.strip_prefix(".").map_or(path.clone(), Path::to_path_buf);
             files.push((path, Some(root.to_path_buf())));
         }
@@ -166,7 +166,7 @@ fn walk(folder: &Path, root: &Path, files: &mut Vec<(PathBuf, Option<PathBuf>)>)
     Ok(())
 }
 
-/// The sections that were requested, in order.
+/// Selected sections, in order.
 pub fn select(cases: Vec<Case>, selection: &Selection) -> Result<Vec<Case>, NothingToRun> {
     for filter in &selection.filter {
         if cases.iter().any(|c| c.fits(filter)) {
@@ -194,7 +194,7 @@ pub fn select(cases: Vec<Case>, selection: &Selection) -> Result<Vec<Case>, Noth
     }
     let Some((part, parts)) = selection.shard else { return Ok(cases) };
     let count = cases.len();
-    // Neighbours cost alike: dealt out in turn, the parts take about equally long.
+    // Neighboring sections take about the same time, so they are distributed round-robin to balance the parts.
     let cases: Vec<Case> = cases.into_iter().skip(part - 1).step_by(parts).collect();
     match cases.is_empty() {
         true => Err(NothingToRun::Usage(format!(
@@ -205,7 +205,7 @@ pub fn select(cases: Vec<Case>, selection: &Selection) -> Result<Vec<Case>, Noth
     }
 }
 
-/// A path as messages write it.
+/// Formats a path for messages.
 pub fn shown(path: &Path) -> String {
     let text = path.display().to_string().replace('\\', "/");
     match text.strip_prefix("./") {
@@ -214,7 +214,7 @@ pub fn shown(path: &Path) -> String {
     }
 }
 
-/// The text, quoted so that a shell takes it for one word.
+/// Quotes a text so that a shell reads it as one word.
 pub fn quoted(text: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=+,@%".contains(c);
     match !text.is_empty() && text.chars().all(plain) {

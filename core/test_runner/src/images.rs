@@ -1,4 +1,4 @@
-//! `expect_picture`: a stage drawn at a time, against the image stored beside its test.
+//! Image expectations (`expect_picture`): draws a stage at a time and compares it with the golden image beside the test.
 
 use crate::outcome::{Check, Evidence, Measures, Pictures, SourceLocation};
 use crate::painter::{Device, NoImage, Painter, Shot};
@@ -11,16 +11,16 @@ use choreo_stage::Stage;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Pixels of an image whose script gives no size.
+/// Longer side in pixels of an image whose script gives no size.
 const LARGEST_SIDE: u32 = 256;
 
-/// The images that are accepted as the expected ones.
+/// Choice of the drawn images that become golden images.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Accept {
     #[default]
     None,
     All,
-    /// If given, only images of these names are compared.
+    /// Only images with these names are accepted, and only they are compared.
     Named(Vec<String>),
 }
 
@@ -34,22 +34,22 @@ impl Accept {
     }
 }
 
-/// How images are compared in this run.
+/// Options for comparing images.
 #[derive(Clone, Debug, Default)]
 pub struct ImageOptions {
     pub accept: Accept,
-    /// If given, it is used instead of the device that the scripts state.
+    /// Device to use instead of the one that the scripts name, if given.
     pub device: Option<Device>,
-    /// Images accepted on another device count too.
+    /// Whether images accepted on another device are compared too.
     pub any_device: bool,
-    /// Folder for images of failures, if any.
+    /// Folder for images of failed tests, if any.
     pub failures: Option<PathBuf>,
 }
 
-/// The section that the image belongs to.
+/// Identifies the section that an image belongs to.
 pub struct Whose<'a> {
     pub path: &'a Path,
-    /// File and section as the user names them.
+    /// File and section, as the user names them.
     pub file: &'a str,
     pub section: &'a str,
     pub place: SourceLocation,
@@ -58,11 +58,11 @@ pub struct Whose<'a> {
 pub enum Judged {
     /// A check, with the content hash of the golden image if one was read.
     Check(Box<Check>, Option<[u8; 32]>),
-    /// This machine cannot draw it: the reason.
+    /// This machine cannot draw the image; contains the reason.
     Skipped(String),
 }
 
-/// Draws one image and compares it with the golden image, which is replaced if it is to be accepted and differs.
+/// Draws an image and compares it with the golden image. If it differs and is to be accepted, it replaces the golden image.
 pub fn judge(
     wanted: &ImageExpectation,
     stage: &Arc<Stage>,
@@ -114,7 +114,7 @@ struct Failing<'a> {
 }
 
 impl Failing<'_> {
-    /// Accepts the image, or fills the check with the difference and writes the images for people to look at.
+    /// Accepts the image, or adds the difference to the check and writes the images to files.
     fn fill(self, verdict: Verdict, check: &mut Check) {
         let (wanted, whose) = (self.wanted, self.whose);
         let name = match whose.section {
@@ -195,7 +195,7 @@ fn too_heavy(bytes: usize) -> String {
     )
 }
 
-/// `Check::by` of an image that has just been taken over.
+/// Text in `Check::by` for an image that has just been accepted.
 pub(crate) const ACCEPTED: &str = "accepted now";
 
 #[derive(Debug, thiserror::Error)]
@@ -226,14 +226,14 @@ fn shot(wanted: &ImageExpectation, stage: &Stage, options: &ImageOptions) -> Res
     })
 }
 
-/// Result of comparing an image with the stored one.
+/// Result of comparing an image with its golden image.
 enum Verdict {
     /// The images are equal within the tolerance; the text describes the difference.
     Good(String),
     Missing,
     Damaged(String),
     OtherDevice(String),
-    /// The stored image and its file.
+    /// The golden image has another size; contains it and its file.
     OtherSize((Stored, Vec<u8>)),
     Differs(Box<DifferentImage>),
 }
@@ -287,7 +287,7 @@ fn hint(check: &mut Check, text: String) {
     check.hint = if check.hint.is_empty() { text } else { format!("{}; {text}", check.hint) };
 }
 
-/// The three images where a person can open them.
+/// Writes the expected image, the drawn image and the difference to files.
 fn write(folder: &Path, file: &str, pictures: &mut Pictures, check: &mut Check) {
     for (kind, bytes) in
         [("expected", &pictures.expected), ("got", &pictures.got), ("difference", &pictures.difference)]
@@ -310,7 +310,7 @@ fn write(folder: &Path, file: &str, pictures: &mut Pictures, check: &mut Check) 
     }
 }
 
-/// A path as one folder name.
+/// Turns a path into a single folder name.
 fn flat(file: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '_' };
     let name: String = file.trim_start_matches(['.', '/']).chars().map(plain).collect();

@@ -1,9 +1,9 @@
-//! Scenes tested by scripts: sections of Rhai files, each run, judged and reported.
+//! Runs tests that are written as scripts: sections of Rhai files are run, judged and reported.
 //!
 //! ```text
 //! paths ─► sections ─► stage + expectations ─► checks ─► outcomes ─► terminal │ HTML │ JUnit │ JSON
 //! ```
-//! Sections are read and run by [`choreo_script`]; here they are judged ([`outcome::Check`]) and reported ([`outcome::Outcome`]).
+//! Sections are read and run by [`choreo_script`]. This crate judges them ([`outcome::Check`]) and reports them ([`outcome::Outcome`]).
 
 pub mod collect;
 pub mod evaluate;
@@ -18,5 +18,5 @@ pub mod stored;
 
 pub use outcome::{Check, Evidence, Measures, Outcome, Pictures, SourceLocation, Status, Trace};
 
-/// The page of the documentation.
+/// The README, as a page of the documentation.
 pub const README: &str = include_str!("../README.md");

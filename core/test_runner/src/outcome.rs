@@ -4,28 +4,28 @@ use choreo_image_diff::ImageDifference;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// One section, or one plain script, after its run.
+/// Result of a section, or of a script without sections.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
-    /// The path as the user can type it: as given or found, with `/`.
+    /// Path as the user can type it, with `/`.
     pub file: String,
-    /// Name of the section; empty for a script that is a test as it stands.
+    /// Name of the section; empty for a script without sections.
     pub section: String,
     pub place: SourceLocation,
     pub status: Status,
     /// Checks in the order of the script.
     pub checks: Vec<Check>,
-    /// Warnings of the script, its stage and its assets, each complete with its place.
+    /// Warnings of the script, its stage and its assets; each includes its place.
     pub warnings: Vec<String>,
     /// Lines that the section printed.
     pub printed: Vec<String>,
-    /// Wall time, seconds; of the earlier run where the outcome was reused.
+    /// Wall time in seconds; of the earlier run if the outcome was reused.
     pub seconds: f64,
-    /// Taken from an earlier run with the same content.
+    /// Whether the outcome was reused from an earlier run with the same content.
     pub reused: bool,
-    /// Hash of everything that the outcome depends on, as hexadecimal digits; empty if it is unknown.
+    /// Hash of everything that the outcome depends on, in hexadecimal digits; empty if unknown.
     pub key: String,
-    /// Further words of the command that runs it: the folders of plugins and of assets that were given.
+    /// Further arguments of the command that runs the section: folders of plugins and assets.
     #[serde(skip)]
     pub words: String,
 }
@@ -36,13 +36,13 @@ pub enum Status {
     Passed,
     /// At least one check failed.
     Failed,
-    /// The reason, as the section or the runner gives it.
+    /// The section was skipped; contains the reason given by the section or the runner.
     Skipped(String),
-    /// It could not be judged: an error of the script, or nothing asserted. Complete, with place and hint.
+    /// The section could not be judged: an error of the script, or no assertion. The message includes place and hint.
     Error(String),
 }
 
-/// A place in a file; lines and columns from 1, 0 = unknown.
+/// A place in a file; line and column are counted from 1, and 0 is unknown.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct SourceLocation {
     pub file: String,
@@ -50,25 +50,25 @@ pub struct SourceLocation {
     pub column: usize,
 }
 
-/// One expectation, judged. The texts are short: one line each.
+/// A judged expectation. Each text fits on one line.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Check {
     pub place: SourceLocation,
     /// The assertion, for a reader of the report: `anna.joint("LeftHand") near [0.1, 1.2, 0.0] at 1.5 s`.
     pub title: String,
     pub passed: bool,
-    /// `[0.100, 1.200, 0.000] ± 0.001 m`
+    /// Expected value, such as `[0.100, 1.200, 0.000] ± 0.001 m`.
     pub expected: String,
-    /// `[0.100, 1.214, 0.000] m`
+    /// Actual value, such as `[0.100, 1.214, 0.000] m`.
     pub got: String,
-    /// How far off: `0.014 m, 14 times the tolerance`. Empty where there is no such measure.
+    /// Error of the actual value, such as `0.014 m, 14 times the tolerance`; empty if there is no measure.
     pub by: String,
     /// How to resolve a failure, with a command to type; empty if there is nothing beyond the obvious.
     pub hint: String,
     pub evidence: Evidence,
 }
 
-/// Evidence of a check beyond its texts, for a report. Filled for failures; empty for checks that passed.
+/// Evidence of a check for reports, in addition to its texts. Filled only for failures.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Evidence {
     #[default]
@@ -78,40 +78,40 @@ pub enum Evidence {
     Pictures(Box<Pictures>),
 }
 
-/// A value over time against what is allowed.
+/// A value over time, with its allowed range.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Trace {
-    /// `anna LeftHand y`
+    /// Name of the value, such as `anna LeftHand y`.
     pub label: String,
-    /// `m`, `°`, `m/s`; empty for a plain number.
+    /// Unit: `m`, `°`, `m/s`; empty for a plain number.
     pub unit: String,
-    /// Seconds, ascending.
+    /// Times in seconds, ascending.
     pub times: Vec<f64>,
-    /// Values at each of `times`; NaN where there is none.
+    /// Actual value at each of `times`; NaN if there is none.
     pub got: Vec<f64>,
     /// Expected values at each of `times`, if a whole curve is expected; else empty.
     pub expected: Vec<f64>,
-    /// Lowest and highest value allowed at each of `times`; infinite where that side is open, NaN where nothing is asserted.
+    /// Lowest and highest allowed value at each of `times`; infinite if that side is unbounded, NaN if nothing is asserted.
     pub band: Vec<[f64; 2]>,
-    /// The time that is asserted, or where the worst value is.
+    /// Time of the assertion, or of the worst value.
     pub mark: Option<f64>,
 }
 
-/// An image expectation's three images, as PNG files, and by how much they differ.
+/// The expected image, the drawn image and the difference, as PNG files, with measures of the difference.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Pictures {
-    /// The image's name in the script.
+    /// Name of the image in the script.
     pub name: String,
-    /// Path at which the golden image is, or would be, stored.
+    /// Path of the golden image, even if it does not exist.
     pub stored: PathBuf,
-    /// PNG files; empty where there is none. Not kept with reused outcomes, nor printed in JSON.
+    /// PNG files; empty if there is none. They are not stored with reused outcomes, nor printed in JSON.
     #[serde(skip)]
     pub expected: Vec<u8>,
     #[serde(skip)]
     pub got: Vec<u8>,
     #[serde(skip)]
     pub difference: Vec<u8>,
-    /// Map of the visible difference (ꟻLIP), from black over violet and orange to pale yellow.
+    /// Map of the perceived difference (ꟻLIP), from black over violet and orange to pale yellow.
     #[serde(skip)]
     pub seen: Vec<u8>,
     /// Paths of the three written images, in the order expected, got, difference; empty if they were not written.
@@ -122,18 +122,18 @@ pub struct Pictures {
 /// Measured differences between two images of one size.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Measures {
-    /// Share of pixels with a channel more than `tolerance` steps of 255 off, 0..=1.
+    /// Fraction of pixels with a channel that differs by more than `tolerance` steps of 255, 0..=1.
     pub share_beyond: f64,
     pub tolerance: u8,
-    /// Largest difference of a channel, steps of 255, and where.
+    /// Largest difference of a channel in steps of 255, and its pixel.
     pub worst: u8,
     pub worst_at: [u32; 2],
-    /// Smallest box with every pixel beyond the tolerance: x, y, width, height.
+    /// Smallest rectangle with all pixels beyond the tolerance: x, y, width, height.
     pub region: Option<[u32; 4]>,
-    /// Visible difference when the images alternate (ꟻLIP), 0 = nothing, 1 = the largest possible: mean and largest.
+    /// Perceived difference when the images alternate (ꟻLIP), 0 to 1: mean and largest.
     pub visible_mean: f64,
     pub visible_worst: f64,
-    /// The meaning to a viewer, in words.
+    /// Visibility of the difference to a viewer, as a text.
     pub words: String,
 }
 
@@ -164,7 +164,7 @@ impl std::fmt::Display for SourceLocation {
 }
 
 impl Outcome {
-    /// The outcome of a section at a line of a file, before it has run.
+    /// An outcome for a section at a line of a file, before it is run.
     pub fn new(file: &str, section: &str, line: usize) -> Outcome {
         Outcome {
             file: file.to_string(),
@@ -181,7 +181,7 @@ impl Outcome {
         }
     }
 
-    /// The name for a user: `tests/suite/walk.rhai > feet stay on the floor`, or the file alone.
+    /// Name for messages: `tests/suite/walk.rhai > feet stay on the floor`, or the file alone.
     pub fn name(&self) -> String {
         match self.section.as_str() {
             "" => self.file.clone(),
@@ -189,7 +189,7 @@ impl Outcome {
         }
     }
 
-    /// Whether it neither passed nor was skipped.
+    /// Whether the section failed or could not be judged.
     pub fn bad(&self) -> bool {
         matches!(self.status, Status::Failed | Status::Error(_))
     }

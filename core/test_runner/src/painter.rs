@@ -1,4 +1,4 @@
-//! Draws the image of a stage at a time: on the CPU renderer, which gives the same bytes everywhere, or on Vulkan.
+//! Draws the image of a stage at a time: with the CPU renderer, which gives the same bytes on every machine, or with Vulkan.
 
 use choreo_motion::Time;
 use choreo_plugin::{Effect, Frame};
@@ -11,35 +11,35 @@ use choreo_stage::{Evaluator, Stage};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A test image is small: this much is room for a "large" one, and keeps a slip of the hand from filling the memory.
+/// Largest number of pixels of a test image. It leaves room for a "large" image, and keeps a typing error from filling the memory.
 pub const MOST_PIXELS: u64 = 4 << 20;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Device {
-    /// Our own renderer: the reference of all test images unless they say otherwise.
+    /// The CPU renderer, which draws all test images unless scripts name another device.
     #[default]
     Cpu,
     Vulkan,
 }
 
-/// Why there is no image.
+/// Reason why there is no image.
 #[derive(Clone, Debug, PartialEq)]
 pub enum NoImage {
-    /// This machine has no such device; complete, with what to install.
+    /// This machine has no such device; the message says what to install.
     NoDevice(String),
     Failed(String),
 }
 
-/// One worker's renderers, started when first used.
+/// Renderers of one worker thread, started when they are first used.
 pub struct Painter {
     effects: Vec<Effect>,
-    /// Folder in which compiled pipelines are kept between runs.
+    /// Folder for the pipeline cache, kept between runs.
     gpu_cache: Option<PathBuf>,
-    /// Vulkan under the validation layer; what it reports makes an image fail.
+    /// Whether Vulkan runs under the validation layer; each of its messages makes an image fail.
     pub validation: bool,
     cpu: Option<CpuRenderer>,
     vulkan: Option<Result<Box<VulkanRenderer>, NoImage>>,
-    /// The stage that each renderer holds: images of one stage often follow each other.
+    /// Stage that each renderer has loaded: consecutive images often show the same stage.
     loaded: [Option<(Arc<Stage>, Arc<SceneResources>)>; 2],
 }
 
@@ -47,9 +47,9 @@ pub struct Painter {
 #[derive(Clone, Debug)]
 pub struct Shot {
     pub at: Time,
-    /// Pixels.
+    /// Width and height in pixels.
     pub size: [u32; 2],
-    /// 1 or 4.
+    /// Samples per pixel: 1 or 4.
     pub samples: u32,
     pub device: Device,
 }
@@ -66,7 +66,7 @@ impl Painter {
         }
     }
 
-    /// Draws with these effects from now on: those of the program and of the plugin files that a section uses.
+    /// Sets the effects for the following images: those of the program and of the plugin files that a section uses.
     pub fn set_effects(&mut self, effects: &[Effect]) -> Result<(), NoImage> {
         let same = self.effects.len() == effects.len()
             && self.effects.iter().zip(effects).all(|(a, b)| a.is_same(b));
@@ -84,7 +84,7 @@ impl Painter {
         Ok(())
     }
 
-    /// The image, and the class of device that drew it (see [`device_class`]).
+    /// Draws an image. Returns it with the class of the device that drew it (see [`device_class`]).
     pub fn draw(&mut self, stage: &Arc<Stage>, shot: &Shot) -> Result<(Frame, String), NoImage> {
         let [width, height] = shot.size;
         let pixels = u64::from(width) * u64::from(height);
@@ -95,7 +95,7 @@ impl Painter {
         }
         let mut stage = stage.clone();
         if stage.settings.size != shot.size {
-            // The stage too: a camera that frames what it sees does so for the shape of this image.
+            // The size is set on the stage too, since automatic camera framing depends on the image's aspect ratio.
             Arc::make_mut(&mut stage).settings.size = shot.size;
         }
         let failed = |e: RenderError| NoImage::Failed(e.to_string());
@@ -135,7 +135,7 @@ impl Painter {
     }
 }
 
-/// Whether scene resources of one stage serve the other: the same assets in the same order.
+/// Whether two stages can share scene resources: they have the same assets in the same order.
 fn same_scene(a: &Stage, b: &Stage) -> bool {
     a.actors.len() == b.actors.len()
         && a.actors.iter().zip(&b.actors).all(|(a, b)| Arc::ptr_eq(&a.asset, &b.asset))
@@ -151,8 +151,8 @@ fn start_vulkan(options: GpuOptions) -> Result<Box<VulkanRenderer>, NoImage> {
     }
 }
 
-/// Images of one class compare without asking: `cpu`, which is the same everywhere, or
-/// `vulkan:DEVICE/DRIVER` with the driver's version.
+/// Class of a device. Images of the same class are compared by default: `cpu`, which is the same everywhere, or `vulkan:DEVICE/DRIVER` with
+/// the driver's version.
 pub fn device_class(info: &DeviceInfo) -> String {
     match info.kind {
         DeviceKind::CpuReference => "cpu".to_string(),

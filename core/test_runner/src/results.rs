@@ -1,10 +1,9 @@
-//! Outcomes of earlier runs, for `--changed`: a section that passed is not run again while all that it depends on is the same.
+//! Results of earlier runs, for `--changed`: a section that passed is not run again while everything that it depends on is unchanged.
 //!
-//! The outcome depends on the program itself, the options of the run, the section's text and the text around the sections of its file,
-//! every
-//! file that it read and the images that it was compared with, by content; and which of the folders that could have
-//! given such a file had none. Not kept: failures, skips, and sections that expect an error, since the file that
-//! would end the error is not known by name.
+//! An outcome depends on the program, the options of the run, the text of the section and the text outside all sections of its file. It
+//! also depends on the content of every file that was read and of every golden image, and on the absence of files in folders that would
+//! have been searched first. Failures, skipped sections, and sections that expect an error are not stored, since the name of a file that
+//! would end the error is unknown.
 
 use crate::collect::Case;
 use crate::outcome::{Outcome, Status};
@@ -15,33 +14,33 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// Raised when an entry's meaning changes.
+/// Version of the entries, raised when their meaning changes.
 const FORMAT: u32 = 1;
-/// An entry is a few kilobytes.
+/// Largest entry in bytes; normal entries have a few kilobytes.
 const MOST_BYTES: u64 = 4 << 20;
-/// Limit of the size of a script.
+/// Largest script in bytes.
 const MOST_SCRIPT: u64 = 64 << 20;
 
 type Hash = [u8; 32];
 
 pub struct Results {
     folder: PathBuf,
-    /// Hash of program and options.
+    /// Hash of the program and its options.
     run: Hash,
-    /// Content hashes of files seen in this run; `None` = cannot be read.
+    /// Content hashes of files seen in this run; `None` if a file cannot be read.
     seen: Mutex<HashMap<PathBuf, Option<Hash>>>,
-    /// Hashes of the text and of the lines outside sections, for each test file.
+    /// Hash of the whole text, and of the lines outside sections, for each test file.
     around: Mutex<HashMap<PathBuf, (Hash, Hash)>>,
 }
 
 #[derive(Serialize, Deserialize)]
 struct Entry {
     format: u32,
-    /// Hash of program, options and the section's text, as hexadecimal digits.
+    /// Hash of the program, the options and the section's text, in hexadecimal digits.
     base: String,
     files: Vec<(PathBuf, String)>,
     pictures: Vec<(PathBuf, String)>,
-    /// Other paths at which a file of the same relative name could lie, and whether it did.
+    /// Other paths at which a file of the same relative name could be found, and whether it existed.
     elsewhere: Vec<(PathBuf, bool)>,
     outcome: Outcome,
 }
@@ -54,7 +53,7 @@ pub struct Reused {
 }
 
 impl Results {
-    /// `identity`: texts that identify this program and its options.
+    /// Opens the results in a folder. `identity`: texts that identify this program and its options.
     pub fn new(folder: PathBuf, identity: &[&str]) -> Results {
         let mut hasher = blake3::Hasher::new();
         for text in identity {
@@ -68,7 +67,7 @@ impl Results {
         }
     }
 
-    /// The earlier outcome, where all is as it was. Entries that are damaged, old or another user's count as none.
+    /// Earlier outcome of a section, if everything is unchanged. Damaged and old entries are ignored, and so are those of another user.
     pub fn find(&self, case: &Case) -> Option<Reused> {
         let bytes = choreo_files::read(&self.place(case)?, MOST_BYTES).ok()?;
         let entry: Entry = serde_json::from_slice(&bytes).ok()?;
@@ -83,7 +82,7 @@ impl Results {
         }
         let info = case.section.as_ref().ok()?;
         let mut outcome = entry.outcome;
-        // The file may be given by another path now, and lines above may have come or gone.
+        // The path of the file may be given differently now, and lines above the section may have been added or removed.
         outcome.file = case.file.clone();
         outcome.place.file = case.file.clone();
         outcome.place.line = info.line;
@@ -92,8 +91,8 @@ impl Results {
         Some(Reused { outcome, files: names(entry.files), pictures: names(entry.pictures) })
     }
 
-    /// Keeps a passed outcome. Gives its key; a folder that cannot be written only costs the next run its time. `files` and
-    /// `pictures` come with the hashes of what was read of them: what lies there by now may be something else.
+    /// Stores a passed outcome and sets its key. If the folder cannot be written, the section is only run again next time. `files` and
+    /// `pictures` carry hashes of the content that was read: the files may have changed since.
     pub fn keep(
         &self,
         case: &Case,
@@ -105,7 +104,7 @@ impl Results {
         let Ok(text) = choreo_files::read(&case.path, MOST_SCRIPT) else { return };
         let (Some(base), Some(place)) = (self.base(case, &text), self.place(case)) else { return };
         let own = case.path.canonicalize().ok();
-        // Saved while it ran: what passed is not what is there now.
+        // The script was saved during the run: the text that passed is not the current one.
         let read = files.iter().find(|(path, _)| Some(path) == own.as_ref());
         if read.is_some_and(|(_, hash)| blake3::hash(&text) != *hash) {
             return;
@@ -141,7 +140,7 @@ impl Results {
         }
     }
 
-    /// Forgets the result of a section that must run again in any case.
+    /// Removes the stored result of a section that must be run again.
     pub fn forget(&self, case: &Case) {
         if let Some(place) = self.place(case) {
             let _ = std::fs::remove_file(place);
@@ -155,7 +154,7 @@ impl Results {
         Some(self.folder.join(format!("{}.json", &hex(hasher.finalize().as_bytes())[..32])))
     }
 
-    /// Program, options, and the file's text without the lines of its other sections.
+    /// Hash of the program, the options, and the file's text without the lines of its other sections.
     fn base(&self, case: &Case, text: &[u8]) -> Option<Hash> {
         let info = case.section.as_ref().ok()?;
         let text = String::from_utf8_lossy(text);
@@ -170,7 +169,7 @@ impl Results {
         Some(*hasher.finalize().as_bytes())
     }
 
-    /// Hash of the lines that belong to no section, computed once for all sections of a file.
+    /// Hash of the lines that belong to no section, computed once per file.
     fn around(&self, case: &Case, text: &str) -> Hash {
         let whole = *blake3::hash(text.as_bytes()).as_bytes();
         let mut known = self.around.lock().unwrap_or_else(PoisonError::into_inner);
@@ -201,7 +200,8 @@ impl Results {
     }
 }
 
-/// A file is looked for in several folders, the first that has it wins: one that appears in another may win next time.
+/// Other places at which the files could be found: the first folder that contains a file wins, so a file that appears in another folder may
+/// win next time.
 fn elsewhere(files: &[(PathBuf, String)], roots: &[PathBuf]) -> Vec<(PathBuf, bool)> {
     let mut out = Vec::new();
     for (path, _) in files {
@@ -216,13 +216,13 @@ fn elsewhere(files: &[(PathBuf, String)], roots: &[PathBuf]) -> Vec<(PathBuf, bo
     out
 }
 
-/// Identifies this build of the program: version and content hash of its file; `None` where it cannot be read.
+/// Identifies this build of the program: version and content hash of its file; `None` if the file cannot be read.
 pub fn program() -> Option<String> {
     let hash = content_of(&std::env::current_exe().ok()?)?;
     Some(format!("choreo {} {}", env!("CARGO_PKG_VERSION"), hex(&hash)))
 }
 
-/// Distinguishes folders in a name.
+/// Short hash that distinguishes folders in a file name.
 pub fn short_hash(path: &Path) -> String {
     hex(&blake3::hash(path.to_string_lossy().as_bytes()).as_bytes()[..8])
 }

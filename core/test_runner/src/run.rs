@@ -1,4 +1,4 @@
-//! Runs sections on all cores; outcomes are reported in the order of the sections, whichever finishes first.
+//! Runs sections on all cores. Outcomes are reported in the order of the sections, regardless of which finishes first.
 
 use crate::collect::Case;
 use crate::images::ImageOptions;
@@ -19,34 +19,34 @@ use std::time::Instant;
 pub struct RunOptions {
     pub test: TestOptions,
     pub pictures: ImageOptions,
-    /// Sections at once; 0 = one a core.
+    /// Number of sections run at the same time; 0 stands for one per core.
     pub jobs: usize,
-    /// Seconds that a section may take; `None`: any.
+    /// Time limit of a section in seconds; `None` for no limit.
     pub timeout: Option<f64>,
-    /// Folder in which outcomes are kept for the next run, if any.
+    /// Folder in which outcomes are stored for later runs, if any.
     pub results: Option<PathBuf>,
-    /// Outcomes of earlier runs are taken over where nothing has changed.
+    /// Whether outcomes of earlier runs are reused if nothing has changed.
     pub changed: bool,
     /// Identifies this build of the program.
     pub program: String,
-    /// Folder in which compiled pipelines are kept between runs.
+    /// Folder for the pipeline cache, kept between runs.
     pub gpu_cache: Option<PathBuf>,
-    /// Words of the command line without which sections do not run: ` --plugins DIR`; empty if none is needed.
+    /// Options that sections need to be run again, such as ` --plugins DIR`; empty if none is needed.
     pub words: String,
 }
 
-/// All that a run showed.
+/// Results of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
     /// Outcomes in the order of the sections.
     pub outcomes: Vec<Outcome>,
-    /// Wall time.
+    /// Wall time in seconds.
     pub seconds: f64,
-    /// Every file that was read, for those who watch them; canonical.
+    /// Canonical paths of all files that were read, for watching them.
     pub files: BTreeSet<PathBuf>,
     /// Names of all images that were compared.
     pub pictures: BTreeSet<String>,
-    /// Stored images of the files run that no section requests.
+    /// Golden images beside the files run that no section requests.
     pub unused: Vec<PathBuf>,
 }
 
@@ -54,14 +54,14 @@ pub struct Report {
 pub struct Counts {
     pub passed: usize,
     pub failed: usize,
-    /// Could not be judged.
+    /// Number of sections that could not be judged.
     pub errors: usize,
     pub skipped: usize,
-    /// Number of the passed ones whose result was reused from an earlier run.
+    /// Number of passed sections whose result was reused from an earlier run.
     pub reused: usize,
     pub checks: usize,
     pub warnings: usize,
-    /// Images taken over as the expected ones.
+    /// Number of images accepted as golden images.
     pub accepted: usize,
 }
 
@@ -83,7 +83,7 @@ impl Report {
         counts
     }
 
-    /// Why the run as a whole is no success; `None` where it is one.
+    /// Reason why the run as a whole failed; `None` if it succeeded.
     pub fn failure(&self) -> Option<String> {
         let counts = self.counts();
         let bad = counts.failed + counts.errors;
@@ -98,7 +98,7 @@ impl Report {
     }
 }
 
-/// Runs the sections. `on_outcome` gets every outcome in order, as soon as it and all before it are known.
+/// Runs the sections. `on_outcome` gets the outcomes in order, each as soon as all before it are known.
 pub fn run(
     cases: &[Case],
     registry: &Registry,
@@ -128,7 +128,7 @@ pub fn run(
         words: &options.words,
     });
     let worker = || {
-        // A few sections on many cores: each image is drawn by several threads.
+        // If there are fewer sections than cores, each image is drawn by several threads.
         let pool = rayon::ThreadPoolBuilder::new().num_threads((jobs / workers).max(1)).build();
         let mut painter = Painter::new(registry.effects(), options.gpu_cache.clone());
         loop {
@@ -148,7 +148,7 @@ pub fn run(
     };
     std::thread::scope(|scope| {
         let thread = || std::thread::Builder::new().name("section".into()).spawn_scoped(scope, worker);
-        // Fewer threads only take longer; if none could be started, this one does the work.
+        // If some threads cannot be started, the run only takes longer; if none can, this thread does the work.
         if (0..workers).map_while(|_| thread().ok()).count() == 0 {
             worker();
         }
@@ -169,7 +169,7 @@ fn one(
     painter: &mut Painter,
 ) -> Ran {
     if let Some(found) = results.filter(|_| options.changed).and_then(|r| r.find(case)) {
-        // Their hashes have been compared and are not requested again.
+        // Hashes of these files have been compared already, and are not needed again.
         let files = found.files.into_iter().map(|f| (f, [0; 32])).collect();
         let pictures = found.pictures.into_iter().map(|p| (p, None)).collect();
         return Ran { outcome: found.outcome, files, pictures, keep: false };
@@ -188,7 +188,7 @@ fn one(
     ran
 }
 
-/// The folders in which a section's files are looked for.
+/// Folders in which a section's files are looked for.
 fn roots(case: &Case, options: &TestOptions) -> Vec<PathBuf> {
     let own =
         case.path.parent().map(|p| if p.as_os_str().is_empty() { PathBuf::from(".") } else { p.into() });
@@ -196,7 +196,7 @@ fn roots(case: &Case, options: &TestOptions) -> Vec<PathBuf> {
     all.filter_map(|folder| folder.canonicalize().ok()).collect()
 }
 
-/// A plugin, or the program itself, failed: the others go on.
+/// Outcome of a section in which a plugin or the program itself panicked; other sections continue.
 fn broken(case: &Case, panic: &(dyn std::any::Any + Send)) -> Ran {
     let own = || {
         let text = panic.downcast_ref::<String>().map(String::as_str);
@@ -209,12 +209,12 @@ fn broken(case: &Case, panic: &(dyn std::any::Any + Send)) -> Ran {
     Ran { outcome, files: Vec::new(), pictures: Vec::new(), keep: false }
 }
 
-/// Puts what comes in any order back into order.
+/// Restores the order of outcomes that arrive in any order.
 struct Teller<'a> {
     waiting: BTreeMap<usize, Ran>,
     on_outcome: &'a mut (dyn FnMut(&Outcome) + Send),
     report: Report,
-    /// Stored images, and the section whose they are.
+    /// Golden images, each with the section that owns it.
     claims: BTreeMap<PathBuf, String>,
     words: &'a str,
 }
@@ -231,7 +231,8 @@ impl Teller<'_> {
         }
     }
 
-    /// Two sections cannot have one image: they would be compared with each other's, and accepted over each other.
+    /// Fails a section that uses the golden image of another one: both would be compared with the same image, and overwrite it when
+    /// accepted.
     fn claim(&mut self, ran: &mut Ran) {
         for (path, _) in &ran.pictures {
             let name = ran.outcome.name();
@@ -254,7 +255,7 @@ impl Teller<'_> {
     }
 }
 
-/// Stored images that nothing requests, of files whose sections have all been judged.
+/// Golden images that no section requests, in files whose sections have all been judged.
 fn unused(cases: &[Case], report: &Report, claims: &BTreeMap<PathBuf, String>) -> Vec<PathBuf> {
     let mut found = Vec::new();
     let mut files: BTreeMap<&PathBuf, (usize, usize, bool)> = BTreeMap::new();

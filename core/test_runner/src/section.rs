@@ -1,4 +1,4 @@
-//! One section from its script to its outcome.
+//! Runs one section, from its script to its outcome.
 
 use crate::collect::Case;
 use crate::evaluate::evaluate;
@@ -15,18 +15,18 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The outcome, and what it rests on.
+/// The outcome of a section, and the files that it depends on.
 pub(crate) struct Ran {
     pub outcome: Outcome,
-    /// Canonical, with content hashes; sorted.
+    /// Canonical paths with content hashes, sorted.
     pub files: Vec<(PathBuf, [u8; 32])>,
-    /// Stored images that it is compared with, with the content hash of what was read of each.
+    /// Golden images that were compared, with the hash of the content that was read.
     pub pictures: Vec<(PathBuf, Option<[u8; 32]>)>,
-    /// May be taken over by a later run that finds nothing changed.
+    /// Whether a later run may reuse the outcome if nothing has changed.
     pub keep: bool,
 }
 
-/// The outcome before the section has run.
+/// Outcome of a section before it is run.
 pub fn blank(case: &Case) -> Outcome {
     match &case.section {
         Ok(info) => Outcome::new(&case.file, &info.name, info.line),
@@ -58,7 +58,7 @@ pub fn run(
         outcome.status = Status::Skipped(reason.clone());
         return without(outcome);
     }
-    // The root of the options counts for the files below it only.
+    // The root in the options applies only to files below it.
     let options = TestOptions { root: case.root.clone(), ..options.clone() };
     let run = match run_section(&case.path, info.index, registry, &options) {
         Ok(run) => run,
@@ -69,13 +69,13 @@ pub fn run(
         }
     };
     outcome.printed = run.printed.clone();
-    // The effects include those of plugin files that the section uses, and perhaps others.
+    // The effects include those of plugin files that the section uses, and perhaps further ones.
     let registry = registry.settled_for(run.stages.iter().map(|stage| &**stage));
     if let Err(NoImage::Failed(why) | NoImage::NoDevice(why)) = painter.set_effects(registry.effects()) {
         outcome.status = Status::Error(why);
         return without(outcome);
     }
-    // An image of a known bug must not become the expected one.
+    // An image of a known bug must not become a golden image.
     let without_accept = ImageOptions { accept: Accept::None, ..picture_options.clone() };
     let picture_options = if info.fails.is_some() { &without_accept } else { picture_options };
     let mut ran = judge(case, outcome, &run, &registry, picture_options, painter);
@@ -144,10 +144,10 @@ fn judge(
             outcome.checks.push(drawable(case, stage, painter));
         }
     }
-    // Most warnings are failed checks already.
+    // Most warnings are already failed checks.
     let reported = |d: &&Diagnostic| outcome.checks.iter().any(|c| !c.passed && c.got == d.message);
     outcome.warnings = run.warnings.iter().filter(|d| !reported(d)).map(ToString::to_string).collect();
-    // Checks are in the order of the script; checks of the file as a whole come first.
+    // Checks are sorted by their place in the script; checks of the file as a whole come first.
     outcome.checks.sort_by_key(|c| match c.place.file == run.info.file {
         true => (c.place.line, c.place.column),
         false => (0, 0),
@@ -163,7 +163,7 @@ fn judge(
     Ran { outcome, files: Vec::new(), pictures, keep }
 }
 
-/// A script that is a test as it stands is drawn once, in its middle.
+/// Draws a script without sections once, at half its length.
 fn drawable(case: &Case, stage: &Arc<Stage>, painter: &mut Painter) -> Check {
     let middle = Time(stage.settings.length.0 / 2);
     let [w, h] = stage.settings.size;
@@ -185,7 +185,7 @@ fn drawable(case: &Case, stage: &Arc<Stage>, painter: &mut Painter) -> Check {
     }
 }
 
-/// A section that is known to fail passes while it does, and fails once the bug is gone.
+/// Inverts the outcome of a section marked as known to fail: it passes while it fails, and fails once the bug is fixed.
 fn known_bug(outcome: &mut Outcome, why: &str) {
     let first = match &outcome.status {
         Status::Error(text) => Some(text.lines().next().unwrap_or_default().to_string()),

@@ -1,12 +1,12 @@
-//! Images as they lie beside the tests: PNG files that say on which class of device they were accepted.
+//! Golden images in files beside the tests: PNG files that record the class of device on which they were accepted.
 
 use choreo_files::{FileError, Folder, WriteError, write_whole_beneath};
 use choreo_plugin::Frame;
 use std::path::{Path, PathBuf};
 
-/// Largest size of a stored image that is not marked as large: stored images stay in version control for ever.
+/// Largest golden image in bytes that is not marked as large: golden images stay in version control forever.
 pub const MOST_BYTES: usize = 40 << 10;
-/// Limit of the bytes that are read of a file: no test image is larger.
+/// Largest number of bytes that are read from a file: no test image is larger.
 const MOST_FILE_BYTES: u64 = 64 << 20;
 
 const DEVICE: &str = "choreo:device";
@@ -14,18 +14,18 @@ const DEVICE: &str = "choreo:device";
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stored {
     pub frame: Frame,
-    /// Empty where the file does not state it: it was not written by `choreo test`.
+    /// Class of the device; empty if the file does not state it, because `choreo test` did not write it.
     pub device: String,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Unreadable {
     Missing,
-    /// Why, without the file's name.
+    /// Reason, without the file's name.
     Damaged(String),
 }
 
-/// Why the bytes are no golden image, without the file's name.
+/// Reason why bytes are not a golden image, without the file's name.
 #[derive(Debug, thiserror::Error)]
 pub enum DecodeError {
     #[error("it ends too early")]
@@ -51,7 +51,7 @@ impl From<png::DecodingError> for DecodeError {
     }
 }
 
-/// A golden image could not be written to its place.
+/// Error of writing a golden image.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: cannot write: {error}", place.display())]
 pub struct NotWritten {
@@ -59,7 +59,7 @@ pub struct NotWritten {
     error: WriteError,
 }
 
-/// `tests/suite/walk.rhai` keeps its image "start" in `tests/suite/pictures/walk/start.png`.
+/// Path of a golden image: for "start" of `tests/suite/walk.rhai`, `tests/suite/pictures/walk/start.png`.
 pub fn place(test_file: &Path, name: &str) -> PathBuf {
     let stem = test_file.file_stem().unwrap_or_default();
     test_file.with_file_name("pictures").join(stem).join(format!("{name}.png"))
@@ -73,15 +73,15 @@ pub fn read(path: &Path) -> Result<(Stored, Vec<u8>), Unreadable> {
     decode(&bytes).map(|stored| (stored, bytes)).map_err(|e| Unreadable::Damaged(e.to_string()))
 }
 
-/// The bytes of a golden image. Links lead to places beneath the test's folder only.
+/// Reads the bytes of a golden image. Links may only lead to files below the test's folder.
 fn beside(path: &Path) -> Result<Vec<u8>, FileError> {
-    // FOLDER/pictures/FILE/NAME.png, as `place` has it.
+    // Paths have the form FOLDER/pictures/FILE/NAME.png, as in `place`.
     let Some(folder) = path.ancestors().nth(3) else { return choreo_files::read(path, MOST_FILE_BYTES) };
     let inside = path.strip_prefix(folder).unwrap_or(path);
     Folder::open(folder)?.read(inside, MOST_FILE_BYTES)
 }
 
-/// The image in a PNG file's bytes, 8 bits a channel; else why not, without the file's name.
+/// Decodes a PNG with 8 bits per channel.
 pub fn decode(bytes: &[u8]) -> Result<Stored, DecodeError> {
     let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes));
     decoder.set_transformations(png::Transformations::normalize_to_color8() | png::Transformations::ALPHA);
@@ -111,7 +111,7 @@ pub fn decode(bytes: &[u8]) -> Result<Stored, DecodeError> {
     Ok(Stored { frame: Frame { width, height, rgba }, device: device.unwrap_or_default() })
 }
 
-/// Compressed as far as PNG allows, since images are written once and kept. `texts`: keyword and text.
+/// Encodes a PNG with the strongest compression, since images are written once and kept. `texts`: keywords and texts.
 pub fn encode(frame: &Frame, texts: &[(&str, &str)]) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
     let mut encoder = png::Encoder::new(&mut bytes, frame.width, frame.height);
@@ -139,12 +139,12 @@ pub fn encode(frame: &Frame, texts: &[(&str, &str)]) -> Result<Vec<u8>, png::Enc
     Ok(bytes)
 }
 
-/// An image as it is to be stored. `name`: file and section, for readers who find the image alone.
+/// Encodes an image to be stored as golden. `name`: file and section, for readers who find the image alone.
 pub fn encode_accepted(frame: &Frame, device: &str, name: &str) -> Result<Vec<u8>, png::EncodingError> {
     encode(frame, &[(DEVICE, device), ("choreo:test", name)])
 }
 
-/// Writes the bytes of an image to its [`place`], through no link on the way from the test's folder.
+/// Writes the bytes of an image to its [`place`], and follows no links below the test's folder.
 pub fn write(test_file: &Path, name: &str, bytes: &[u8]) -> Result<(), NotWritten> {
     let (folder, place) = (test_file.parent().unwrap_or(Path::new("")), place(test_file, name));
     let beneath = place.strip_prefix(folder).unwrap_or(&place);

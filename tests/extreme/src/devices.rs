@@ -1,4 +1,4 @@
-//! Devices that lack what choreo uses where it is there: each feature masked, and limits gone beyond.
+//! Devices without optional features: each feature that choreo uses is masked, and limits of the device are exceeded.
 
 use crate::{Case, images, refused};
 use choreo_motion::Time;
@@ -46,7 +46,7 @@ fn skip(why: &str) -> f64 {
     0.0
 }
 
-/// A renderer with the validation layer, if it is installed.
+/// Runs `value` with a Vulkan renderer, under the validation layer if it is installed.
 fn vulkan(options: GpuOptions, value: impl FnOnce(&mut VulkanRenderer) -> f64) -> f64 {
     let checked = VulkanRenderer::new(GpuOptions { validation: true, ..options.clone() });
     match checked.or_else(|_| VulkanRenderer::new(options)) {
@@ -64,8 +64,8 @@ fn draw(renderer: &mut dyn Renderer, stage: &Stage, size: [u32; 2], samples: u32
     Ok(renderer.collect(None).map_err(|e| e.to_string())?.rgba)
 }
 
-/// The 99th of 100 differences between a device that lacks something and the CPU's image of a stage that does without it: on edges
-/// single samples may fall on the other side.
+/// The 99th percentile of the byte differences between a device without a feature and the CPU renderer's image of a stage changed to do
+/// without it. The percentile allows samples on edges to differ.
 fn without(ability: Ability, stage: &Stage, samples: u32, change: impl FnOnce(&mut Stage)) -> f64 {
     let options = GpuOptions { without: vec![ability], anisotropy: Some(16.0), ..GpuOptions::default() };
     vulkan(options, |gpu| {

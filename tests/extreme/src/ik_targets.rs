@@ -70,7 +70,7 @@ fn arm(target: DVec3, pole: Option<DVec3>) -> TwoBone {
     }
 }
 
-/// Distance to the target that is left, by forward kinematics.
+/// Remaining distance to the target in metres, by forward kinematics.
 fn left(limb: TwoBone) -> f64 {
     limb.solve().map_or(f64::NAN, |turned| {
         let middle = limb.start + turned.start * (limb.middle - limb.start);
@@ -83,7 +83,7 @@ fn chain_left(count: usize, length: f64, target: DVec3) -> f64 {
     let bone = ChainBone { rotation, rest: rotation, offset: DVec3::Y * length, limit: Limit::Free };
     let mut chain = Chain { origin: DVec3::ZERO, parent: rotation, bones: vec![bone; count] };
     let solvers = SolverSettings::default();
-    // A thousand bones need more than a hand does.
+    // A chain of a thousand bones needs more iterations than a hand.
     let iterations = if count > 100 { 200 } else { solvers.chain_iterations };
     chain.solve(target, solvers.chain_solver, iterations, solvers.chain_tolerance);
     (chain.end() - target).length()

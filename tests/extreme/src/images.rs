@@ -1,4 +1,4 @@
-//! Images at the limits of what can be drawn; by the CPU renderer, which every driver is compared with.
+//! Images at the limits of what can be drawn, with the CPU renderer, to which every driver is compared.
 
 use crate::{Case, refused};
 use choreo_asset::{
@@ -60,7 +60,7 @@ pub const CASES: &[Case] = &[
     Case::new("a shadow in a scene of 10 km", "share over 2 of 255 off that on 10 m", 0.0, || {
         shadow_moved(10.0, 1024.0, false)
     }),
-    // Texels have other sizes and places at factors that are no powers of two: the edges of the board's shadow differ.
+    // The edges of the board's shadow differ, because texels have other sizes and places at factors that are not powers of two.
     Case::new("a shadow, all 1,000 times smaller", "share over 2 of 255 off that on 10 m", 0.02, || {
         shadow_moved(10.0, 1e-3, false)
     }),
@@ -121,7 +121,7 @@ fn asset(primitive: Primitive, material: Material) -> Asset {
     }
 }
 
-/// A camera at `position` that looks along −Z, black all around, no light, raw values.
+/// A camera at `position` that looks along −Z; black background, no light, no view transform.
 fn stage(position: DVec3, near: f32) -> Stage {
     let mut stage = Stage::default();
     stage.settings.background = Background::Color(Vec4::W);
@@ -148,14 +148,14 @@ fn draw(stage: &Stage, size: [u32; 2]) -> Result<Vec<u8>, String> {
     Ok(renderer.collect(None).map_err(|e| e.to_string())?.rgba)
 }
 
-/// Share of pixels for which something holds; NaN without an image.
+/// Fraction of the pixels for which `holds` is true; NaN without an image.
 fn share(stage: &Stage, holds: impl Fn([u8; 4]) -> bool) -> f64 {
     let Ok(rgba) = draw(stage, SIZE) else { return f64::NAN };
     let pixels = rgba.as_chunks::<4>().0;
     pixels.iter().filter(|p| holds(**p)).count() as f64 / pixels.len() as f64
 }
 
-/// The largest difference of two images, in steps of 255.
+/// Largest difference between two images, in steps of 255.
 fn off(a: &Result<Vec<u8>, String>, b: &Result<Vec<u8>, String>) -> f64 {
     match (a, b) {
         (Ok(a), Ok(b)) if a.len() == b.len() => {
@@ -165,7 +165,7 @@ fn off(a: &Result<Vec<u8>, String>, b: &Result<Vec<u8>, String>) -> f64 {
     }
 }
 
-/// A red wall a millimetre before a green one, drawn before and after it.
+/// Fraction of wrong pixels for a red wall one millimetre in front of a green one, at this distance. The worse of both drawing orders.
 fn apart(metres: f64) -> f64 {
     let wall = |color| asset(quad(metres as f32), unlit(color));
     let worst = [false, true].map(|near_first| {
@@ -205,7 +205,7 @@ fn far_away() -> f64 {
     off(&at(DVec3::ZERO), &at(DVec3::new(1e7, -1e7, 1e7)))
 }
 
-/// A board that stands on a square ground, in the sun; all of it `scale` times as large.
+/// A board on a square ground in the sun, scaled by `scale`.
 fn shadow(ground: f64, scale: f64, far_box: bool) -> Stage {
     let mut stage = stage(DVec3::new(0.0, 1.0, 3.0) * scale, (0.05 * scale) as f32);
     stage.lights.push(StageLight { shadow: Some(Shadow::default()), ..sun() });
@@ -219,14 +219,14 @@ fn shadow(ground: f64, scale: f64, far_box: bool) -> Stage {
     stage
 }
 
-/// Against rays in f64: pixels of the ground that lie wholly in the light or wholly in the shadow of the board, whatever point of them and of
-/// the sun's disc is taken.
+/// Fraction of wrong pixels, against rays in f64. Only pixels of the ground count that are completely lit or completely in the shadow of
+/// the board, over the whole pixel and the whole disc of the sun.
 fn shadow_off_rays(stage: &Stage) -> f64 {
     const SIDE: usize = 96;
     let Ok(rgba) = draw(stage, [SIDE as u32; 2]) else { return f64::NAN };
     let sun = -DVec3::new(-0.4, -0.3, -0.8).normalize();
     let (across, up) = (sun.cross(DVec3::Y).normalize(), sun.cross(DVec3::Y).normalize().cross(sun));
-    // Twice the disc's radius, since edges are filtered over texels, too.
+    // The disc is doubled, since edges are also filtered over texels.
     let disc = f64::from(choreo_stage::SUN_ANGLE);
     let suns = [(0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)]
         .map(|(x, y)| (sun + (across * x + up * y) * disc).normalize());
@@ -237,7 +237,7 @@ fn shadow_off_rays(stage: &Stage) -> f64 {
         from.z / way.z < 0.0 && at.x.abs() < 0.5 && at.y.abs() < 0.5
     };
     let eye = DVec3::new(0.0, 1.0, 3.0);
-    // Whether the ground at a place of the image is in the shadow; `None` where the board is before it.
+    // Whether a point of the ground in the image is in shadow; `None` if the board hides it.
     let ground = |x: f64, y: f64, sun: DVec3| {
         let half = libm::tan(0.4) * 2.0 / SIDE as f64;
         let way = DVec3::new((x - SIDE as f64 / 2.0) * half, (SIDE as f64 / 2.0 - y) * half, -1.0);
@@ -259,7 +259,7 @@ fn shadow_off_rays(stage: &Stage) -> f64 {
     if sure < (SIDE * SIDE / 8) as u32 || dark < 50 { f64::NAN } else { f64::from(wrong) / f64::from(sure) }
 }
 
-/// Against the same shadow in a scene of 10 m, where the board meets the ground.
+/// Difference from the same shadow in a scene of 10 m, in the part of the image where the board meets the ground.
 fn shadow_moved(ground: f64, scale: f64, far_box: bool) -> f64 {
     off_room(&shadow(ground, scale, far_box))
 }
@@ -283,7 +283,7 @@ fn normals(normal: Vec3) -> f64 {
         if light {
             stage.lights.push(StageLight::sun("sun", Vec3::NEG_Z, PI));
         } else {
-            // Something shines, or there would be a sun.
+            // A light that is off keeps the default sun away.
             stage.lights.push(StageLight::sun("none", Vec3::NEG_Z, 0.0));
         }
         let normals = vec![normal; 4];
@@ -293,7 +293,7 @@ fn normals(normal: Vec3) -> f64 {
     off(&with(normal, true), &with(normal, false))
 }
 
-/// A relief seen in a mirror is the mirrored image of it, where its light is mirrored too.
+/// A relief in a mirrored actor must be the mirror image of the relief, with its light mirrored too.
 fn mirrored_relief() -> f64 {
     let relief = |x: u32, y: u32| {
         if (x / 4 + y / 4).is_multiple_of(2) { [180, 150, 220, 255] } else { [90, 110, 220, 255] }
@@ -321,7 +321,7 @@ fn broken(at: Vec3) -> f64 {
     primitive.positions[2] = at;
     let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
     put(&mut stage, asset(primitive, unlit(GREEN)), Placement::default());
-    // A valid mesh beside it must be visible.
+    // A valid mesh beside it must still be visible.
     put(&mut stage, asset(quad(0.1), unlit(Vec4::ONE)), Placement::default());
     let white = share(&stage, |p| p == [255; 4]);
     if white == 0.0 { f64::NAN } else { share(&stage, |p| p[1] == 255 && p[0] == 0) * 1024.0 }
@@ -346,7 +346,7 @@ fn image([width, height]: [u32; 2], texel: impl Fn(u32, u32) -> [u8; 4]) -> Arc<
     Arc::new(Image { name: String::new(), width, height, rgba: rgba.collect(), file: None })
 }
 
-/// A wall with a texture of one color, against the same without.
+/// Largest difference between a wall with a texture of one color and the wall without it.
 fn textured(size: [u32; 2]) -> f64 {
     let with = |there: bool| {
         let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
@@ -359,7 +359,7 @@ fn textured(size: [u32; 2]) -> f64 {
     off(&with(true), &with(false))
 }
 
-/// So many in one place, as one actor.
+/// Number of draws for `count` copies of a quad in one actor; NaN if not all are drawn.
 fn copies(count: usize) -> f64 {
     let mut stage = stage(DVec3::new(0.0, 0.0, 40.0), 0.1);
     let mut field = asset(quad(0.03), unlit(GREEN));
@@ -384,7 +384,7 @@ fn sized(size: [u32; 2]) -> f64 {
     off(&draw(&facing(), size), &Ok([0, 255, 0, 255].repeat(count)))
 }
 
-/// A leaf of soft alpha that is cut off, over half the image.
+/// A leaf of soft alpha, cut out by its alpha, over half the image.
 pub fn leaf() -> Stage {
     let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
     let texel = |i: u32| {
@@ -407,7 +407,7 @@ pub fn leaf() -> Stage {
     stage
 }
 
-/// A wall that a sun and a lamp light.
+/// A wall lit by a sun and a lamp.
 pub(crate) fn lit_wall() -> Stage {
     let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
     stage.lights.push(sun());
@@ -417,7 +417,7 @@ pub(crate) fn lit_wall() -> Stage {
     stage
 }
 
-/// Two panes that cross.
+/// Two panes that intersect.
 pub fn panes() -> Stage {
     let mut stage = stage(DVec3::new(0.0, 0.0, 2.0), 0.1);
     for (degrees, color) in [(40.0f64, Vec4::new(0.9, 0.1, 0.1, 0.6)), (-40.0, Vec4::new(0.1, 0.2, 0.9, 0.6))]

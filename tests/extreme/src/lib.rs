@@ -1,4 +1,4 @@
-//! Stiff and extreme cases: what is measured in each, and what it must not exceed. `tests/matrix.rs` runs and prints them.
+//! Stiff and extreme cases: the quantity measured in each, and its bound. `tests/matrix.rs` runs them and prints the results.
 
 pub mod devices;
 pub mod ik_targets;
@@ -6,10 +6,10 @@ pub mod images;
 pub mod poses;
 pub mod springs;
 
-/// One case.
+/// A test case.
 pub struct Case {
     pub name: &'static str,
-    /// The quantity that `run` returns, with its unit.
+    /// Quantity that `run` returns, with its unit.
     pub measured: &'static str,
     pub bound: f64,
     pub run: fn() -> f64,
@@ -35,7 +35,7 @@ pub fn all() -> impl Iterator<Item = &'static Case> {
         .chain(devices::CASES)
 }
 
-/// 0 where a named error was given, as it must be, and 1 where not.
+/// 0 if the result is an error that contains `part`, as expected, else 1.
 fn refused(result: Result<(), String>, part: &str) -> f64 {
     match result {
         Err(text) if text.contains(part) => 0.0,

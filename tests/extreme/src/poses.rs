@@ -59,7 +59,7 @@ pub const CASES: &[Case] = &[
     Case::new("weights summing to 1e-30", "radians from the pose below", 1e-6, || blend(1e-30, None).0),
 ];
 
-/// A position keyed at 0, 1, 2 and 3 m, a second apart but for the gap, as scripts key it "cubic".
+/// A position with keyframes at 0, 1, 2 and 3 m, one second apart except for the gap, interpolated as "cubic" in scripts.
 fn stage_keys() -> f64 {
     let times = [0.0, 1.0, 1.000_001, 2.000_001].map(Time::from_secs);
     let places: Vec<Vec<f64>> = (0..4).map(|i| vec![f64::from(i), 0.0, 0.0]).collect();
@@ -81,7 +81,8 @@ fn stage_keys() -> f64 {
 
 const TILTED: Quat = Quat::from_xyzw(0.6, 0.0, 0.0, 0.8);
 
-/// Metres of the worst joint from f64, and the worst number as a share of the largest.
+/// Errors of model-space matrices against f64: largest position error in metres, and largest error of a number relative to the largest in
+/// its matrix.
 fn model(count: usize, depth: usize, scale: fn(usize) -> Vec3) -> (f64, f64) {
     let rest: Vec<Transform> = (0..count)
         .map(|i| Transform {
@@ -135,7 +136,7 @@ fn sample(clip: &Clip, time: Time) -> Quat {
     pose.get(0).rotation
 }
 
-/// Keys a second apart.
+/// Samples a clip with keyframes one second apart.
 fn sampled(keys: &[Quat], secs: f64) -> Option<Quat> {
     let times: Vec<Time> = (0..keys.len()).map(|i| Time::from_secs(i as f64)).collect();
     clip(&times, keys).ok().map(|clip| sample(&clip, Time::from_secs(secs)))
@@ -161,7 +162,7 @@ fn many_keys() -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// Radians that a blend goes from the pose below, and what its check says.
+/// Angle in radians by which a blend rotates the pose below, and the result of its check.
 fn blend(weight: f32, mask: Option<f32>) -> (f64, Result<(), String>) {
     let (mut below, mut above) = (Pose::identity(1), Pose::identity(1));
     above.set(0, Transform { rotation: TILTED, ..Transform::IDENTITY });

@@ -70,7 +70,7 @@ fn drive() -> Drive {
     }
 }
 
-/// Bent by 1 rad.
+/// Initial state, bent by 1 rad.
 fn start() -> BoneState {
     let direction = DVec3::new(libm::sin(1.0), -libm::cos(1.0), 0.0);
     let zero = DVec3::ZERO;
@@ -124,7 +124,7 @@ fn thrown() -> f64 {
     worst
 }
 
-/// Four joints of a tail under a body that shakes, after a second.
+/// Joint matrices of a tail of four joints under a shaking body, after one second.
 fn tail(scale: DVec3, origin: DVec3, length: f32) -> Vec<Affine3A> {
     let rest = |i: usize| Transform {
         translation: Vec3::NEG_Y * if i == 0 { 0.0 } else { length },

@@ -1,4 +1,4 @@
-//! The matrix of extreme cases, printed.
+//! Runs all extreme cases and prints their results as a table.
 
 use choreo_bench::plots::{Cell, Table, quantity};
 use std::process::ExitCode;
@@ -12,7 +12,7 @@ fn main() -> ExitCode {
     for case in
         extreme::all().filter(|c| filters.is_empty() || filters.iter().any(|f| c.name.contains(f.as_str())))
     {
-        // A panic is a failure of this case, not of those after it.
+        // A panic fails this case only.
         let value = std::panic::catch_unwind(case.run).unwrap_or(f64::NAN);
         let holds = case.holds(value);
         *(if holds { &mut passed } else { &mut failed }) += 1;

@@ -1,4 +1,4 @@
-//! How densely motion must be sampled.
+//! Sampling rate of baked motion: error against frames per second.
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
@@ -8,10 +8,10 @@ use choreo_motion::{Clip, Curve, FrameRate, Interpolation, Path, Pose, Sample, T
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
-/// Motion that a body makes: walking is 1 Hz, a wave of the hand 3, a shiver 8.
+/// Frequencies of human motion: walking has about 1 Hz, a waving hand 3 Hz, a shiver 8 Hz.
 const HERTZ: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 const AMPLITUDE_DEGREES: f64 = 30.0;
-/// Metres from the joint: a forearm with its hand.
+/// Distance in metres from the joint to the measured point: a forearm with its hand.
 const ARM: f64 = 0.45;
 const SECS: f64 = 4.0;
 
@@ -104,7 +104,7 @@ fn hand(clip: &Clip, secs: f64) -> DVec3 {
     pose.get(0).rotation.as_dquat() * (DVec3::Y * ARM)
 }
 
-/// Eight joints that all swing.
+/// A clip with eight joints that all swing.
 fn swing(hz: f64, (rate, interpolation): (u32, Interpolation)) -> Result<Clip, String> {
     let rate = FrameRate { num: rate, den: 1 };
     let frames = rate.frames_in(Time::from_secs(SECS));
@@ -114,7 +114,7 @@ fn swing(hz: f64, (rate, interpolation): (u32, Interpolation)) -> Result<Clip, S
         let secs = time.as_secs();
         let q = rotation(hz, secs);
         if interpolation == Interpolation::CubicSpline {
-            // The derivative of the quaternion, ½ ω q.
+            // Derivative of the quaternion, ½ ω q.
             let speed = AMPLITUDE_DEGREES.to_radians()
                 * std::f64::consts::TAU
                 * hz

@@ -1,4 +1,4 @@
-//! Bloom: in how small an image its light is spread, against the Gaussian at full size.
+//! Bloom: size of the image in which the light is blurred, against a Gaussian blur at full size.
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Choice, Row};
@@ -22,9 +22,9 @@ pub fn section() -> Result<Section, String> {
 }
 
 const SIZE: [usize; 2] = [640, 360];
-/// Radius as a share of the image's height: 36 pixels, three standard deviations of 12.
+/// Radius as a fraction of the image's height: 36 pixels, three standard deviations of 12.
 const RADIUS: f32 = 0.1;
-/// Strength, threshold, radius.
+/// Parameters of the effect: strength, threshold, radius.
 const P: [f32; 8] = [1.0, 0.9, RADIUS, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 /// Lamps of all sizes and colors, and a thin bright line, away from the image's edges.
@@ -49,14 +49,15 @@ fn picture() -> Vec<Vec4> {
     rgba
 }
 
-/// The part of a color above the threshold, with its hue, as in the effect.
+/// The part of a color above the threshold, with the same hue, as in the effect.
 fn bright(c: Vec4) -> Vec3 {
     let c = c.truncate();
     let most = c.max_element();
     c * ((most - P[1]).max(0.0) / most.max(1e-6))
 }
 
-/// Blurs in an image this many times smaller, with as many taps as three standard deviations need and no fewer than the effect has.
+/// Blurs in an image that is `shrink` times smaller, with as many taps as three standard deviations need, but no fewer than the effect
+/// uses.
 fn spread(rgba: &[Vec4], shrink: usize) -> Vec<Vec3> {
     let small = SIZE.map(|s| s.div_ceil(shrink));
     let clamped = |v: i32, side: usize| v.clamp(0, side as i32 - 1) as usize;
@@ -105,7 +106,7 @@ fn spread(rgba: &[Vec4], shrink: usize) -> Vec<Vec3> {
     (0..SIZE[0] * SIZE[1]).map(between).collect()
 }
 
-/// The Gaussian to six standard deviations, f64.
+/// Reference blur: a Gaussian cut off at six standard deviations, in f64.
 fn truth(rgba: &[Vec4]) -> Vec<DVec3> {
     let sigma = f64::from(RADIUS) * SIZE[1] as f64 / 3.0;
     let reach = (6.0 * sigma).ceil() as i32;
@@ -130,7 +131,7 @@ fn truth(rgba: &[Vec4]) -> Vec<DVec3> {
     now
 }
 
-/// The light that the effect adds.
+/// Light that the effect adds.
 fn by_effect(bloom: &Effect, rgba: &[Vec4]) -> Vec<Vec3> {
     let image = EffectImage { size: SIZE.map(|s| s as u32), rgba };
     let now = bloom.over_image(image, None, &P);

@@ -1,4 +1,4 @@
-//! How much of a light a rough surface reflects towards the viewer: the lobe of GGX.
+//! Specular reflection of a rough surface: visibility terms of the GGX lobe.
 
 use crate::images::{drawn, srgb, stage};
 use crate::{BUDGET_SECS, Random, Section};
@@ -11,7 +11,7 @@ use choreo_render::{CpuRenderer, Renderer};
 use std::f64::consts::{PI, TAU};
 
 const OURS: &str = "Smith, heights correlated (glTF)";
-/// Visibility of a facet from the light and the viewer, over 4 NL NV, of α², NL, NV and VH.
+/// Visibility term of a BRDF, masking and shadowing divided by 4 NL NV, as a function of α², NL, NV and VH.
 type Visibility = fn(f32, f32, f32, f32) -> f32;
 const WAYS: [(&str, Visibility); 5] = [
     (OURS, correlated),
@@ -22,7 +22,7 @@ const WAYS: [(&str, Visibility); 5] = [
 ];
 const ROUGHNESS: [f64; 6] = [0.1, 0.25, 0.4, 0.6, 0.8, 1.0];
 const DEGREES: [f64; 5] = [0.0, 30.0, 60.0, 75.0, 85.0];
-/// Directions in each of two dimensions.
+/// Number of directions in each of two dimensions.
 const DIRECTIONS: u32 = 256;
 
 /// E. Heitz, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs", 2014, eq. 99: the formula of brdf.wgsl.
@@ -50,14 +50,14 @@ fn kelemen(_: f32, _: f32, _: f32, vh: f32) -> f32 {
     0.25 / (vh * vh)
 }
 
-/// The lobe times π, where all light is reflected (F = 1): distribution times visibility.
+/// GGX lobe times π for F = 1: distribution times visibility.
 fn lobe(way: Visibility, a2: f32, [nh, nl, nv, vh]: [f32; 4]) -> f32 {
     let d = nh * nh * (a2 - 1.0) + 1.0;
     a2 / (d * d) * way(a2, nl, nv, vh)
 }
 
-/// The share of a light from everywhere that the lobe reflects towards the viewer, summed over directions of light, which are spread as facets
-/// mirror them.
+/// Directional albedo of the lobe: the fraction of uniform light that it reflects towards the viewer. The sum is importance-sampled by the
+/// GGX distribution of half vectors.
 fn reflected(way: Visibility, roughness: f64, nv: f64) -> f64 {
     let a2 = roughness.powi(4);
     let view = [(1.0 - nv * nv).max(0.0).sqrt(), nv];
@@ -82,8 +82,8 @@ fn reflected(way: Visibility, roughness: f64, nv: f64) -> f64 {
     sum / f64::from(DIRECTIONS * DIRECTIONS)
 }
 
-/// The same in f64 by facets that the viewer sees (E. Heitz, "Sampling the GGX Distribution of Visible Normals", 2018), and the masking function as
-/// Smith's Λ has it: the mean of G₂ / G₁, with no distribution and no visibility of the ways above in it.
+/// Reference albedo in f64: visible normals are sampled (E. Heitz, "Sampling the GGX Distribution of Visible Normals", 2018), and G₂ / G₁
+/// with Smith's Λ is averaged. It uses neither the distribution nor the visibility terms under test.
 fn truth(roughness: f64, nv: f64) -> f64 {
     let alpha = roughness * roughness;
     let view = [(1.0 - nv * nv).max(0.0).sqrt(), 0.0, nv];
@@ -96,7 +96,7 @@ fn truth(roughness: f64, nv: f64) -> f64 {
         0.5 * ((1.0 + alpha * alpha * tangent2).sqrt() - 1.0)
     };
     let stretched = unit([alpha * view[0], 0.0, view[2]]);
-    // The view lies in the plane of x and z.
+    // The view direction lies in the plane of x and z.
     let (first, second) = ([0.0, 1.0, 0.0], [-stretched[2], 0.0, stretched[0]]);
     let mut sum = 0.0;
     for i in 0..DIRECTIONS {
@@ -179,7 +179,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// Whether a white metal in the sun shows what the formula says, to a code of 8 bits.
+/// Checks that a white metal in the sun has the color of the formula, within one 8-bit code.
 fn check_renderer() -> Result<(), String> {
     let registry = choreo::registry();
     for (roughness, degrees) in [(0.5f64, 60.0), (0.7, 30.0), (0.9, 70.0)] {
@@ -199,7 +199,7 @@ fn check_renderer() -> Result<(), String> {
         renderer.load(moment.resources.clone()).map_err(|e| e.to_string())?;
         let frame = drawn(&mut renderer, &moment.plan([16, 16], 1))?;
         let got = f64::from(frame.rgba[4 * (8 * 16 + 8)]);
-        // Half way between the light and the viewer, who looks straight at it.
+        // Half vector between the light and the viewer, who looks straight at the surface.
         let half = libm::cos(f64::to_radians(0.5 * degrees));
         let light = lobe(correlated, roughness.powi(4) as f32, [half, cosine, 1.0, half].map(|v| v as f32));
         let expected = 255.0 * srgb((f64::from(light) * cosine).clamp(0.0, 1.0));
@@ -221,7 +221,7 @@ mod tests {
         for (roughness, nv) in [(0.25, 0.9), (0.6, 0.5), (1.0, 0.3)] {
             let (exact, summed) = (truth(roughness, nv), reflected(correlated, roughness, nv));
             assert!((exact - summed).abs() < 2e-3, "{roughness} {nv}: {exact} {summed}");
-            // The comparison can fail: what hides facets from each direction alone hides too much.
+            // Negative control: the uncorrelated term, which masks from each direction separately, loses too much light.
             assert!(roughness < 0.9 || exact - reflected(apart, roughness, nv) > 0.05);
         }
         assert!((truth(0.1, 0.8) - 1.0).abs() < 1e-3);

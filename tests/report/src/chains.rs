@@ -1,4 +1,4 @@
-//! Local transforms to model space along chains of joints.
+//! Local transforms to model space along chains of joints: error by chain length.
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
@@ -8,9 +8,9 @@ use choreo_motion::{Level, LocalToModel, Pose, Skeleton, Transform};
 use glam::{Affine3A, DAffine3, DVec3, Quat, Vec3};
 
 const LENGTHS: [usize; 5] = [1, 10, 50, 200, 1000];
-/// Metres a joint.
+/// Length of a bone in metres.
 const BONE: f32 = 0.1;
-/// A figure with a long spine or a tail.
+/// Index of the typical length: a character with a long spine or a tail.
 const TYPICAL: usize = 2;
 const OURS: &str = "f32 matrices, by depth (LocalToModel)";
 const WAYS: [&str; 4] =
@@ -78,7 +78,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// Each joint on the one before.
+/// A chain in which each joint is the child of the previous one.
 fn chain(length: usize, seed: u64) -> Result<(Skeleton, Pose), String> {
     let mut random = Random(seed * 77 + 1);
     let rest: Vec<Transform> = (0..length)
@@ -99,7 +99,7 @@ fn chain(length: usize, seed: u64) -> Result<(Skeleton, Pose), String> {
     Ok((skeleton, pose))
 }
 
-/// The results of each way, kept from one run to the next.
+/// Results of each method, reused between runs.
 #[derive(Default)]
 struct Buffers {
     exact: Vec<DAffine3>,
@@ -138,7 +138,7 @@ impl Buffers {
         }
     }
 
-    /// The place of the last joint, after a run of this way.
+    /// Position of the last joint after a run of a method.
     fn tip(&self, way: usize) -> DVec3 {
         let place = match way {
             0 => self.exact.last().map(|m| m.translation),

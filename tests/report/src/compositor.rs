@@ -1,4 +1,4 @@
-//! Passes for compositors: how many samples the ids of Cryptomatte take, how an OpenEXR file holds light, what each pass costs.
+//! Passes for compositors: samples needed for Cryptomatte IDs, pixel formats of OpenEXR files, cost of each pass.
 
 use crate::images::{renderers, stage};
 use crate::{BUDGET_SECS, Section};
@@ -14,10 +14,10 @@ use std::cell::RefCell;
 use std::io::Cursor;
 
 const SIZE: [u32; 2] = [320, 180];
-/// Steps a side of a pixel in the reference: each of its pixels has one name.
+/// Supersampling of the reference along each side of a pixel; each of its pixels has one name.
 const FINER: u32 = 16;
 
-/// Two dancers in front of each other, thin posts, a floor, light from a window: many edges, and values far above 1.
+/// Two dancers one behind the other, thin posts, a floor, light from a window: many edges, and values far above 1.
 const SCENE: &str = r##"
     stage(#{ length: 2.0, fps: 24, background: "#10182000" });
     let figure = load("choreo:mannequin");
@@ -43,7 +43,7 @@ fn drawn(renderer: &mut dyn Renderer, plan: &Plan) -> Result<FloatFrame, String>
     renderer.collect_floats().map_err(|e| e.to_string())
 }
 
-/// The share of each name at each pixel: rows of as many numbers as there are names.
+/// Coverage of each name at each pixel: one row per pixel, one number per name.
 fn shares(matte: &IdMatte) -> Vec<Vec<f64>> {
     let pixels = matte.ranks.first().map_or(0, Vec::len);
     let mut out = vec![vec![0.0; matte.names.len()]; pixels];
@@ -57,7 +57,7 @@ fn shares(matte: &IdMatte) -> Vec<Vec<f64>> {
     out
 }
 
-/// The shares of names in squares of `FINER` pixels a side.
+/// Averages coverage over squares of `FINER` × `FINER` pixels.
 fn averaged(fine: &[Vec<f64>], [width, height]: [u32; 2]) -> Vec<Vec<f64>> {
     let (step, names) = (FINER as usize, fine.first().map_or(0, Vec::len));
     let mut out = vec![vec![0.0; names]; (width * height) as usize];
@@ -123,7 +123,7 @@ fn cryptomatte(moment: &Moment) -> Result<Choice, String> {
     Ok(choice)
 }
 
-/// The frame as a file with these options.
+/// Encodes the frame as a file with these options.
 fn encoded(
     registry: &Registry,
     frame: &FloatFrame,
@@ -150,7 +150,7 @@ fn encoded(
     Ok(out.bytes())
 }
 
-/// The channels R, G and B of a file, one after the other.
+/// Channels R, G and B of a file, concatenated.
 fn colors(file: &[u8]) -> Result<Vec<f32>, String> {
     let read = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels();
     let image = read.first_valid_layer().all_attributes().from_buffered(Cursor::new(file));
@@ -203,7 +203,7 @@ fn pixels(moment: &Moment, registry: &Registry) -> Result<Choice, String> {
     Ok(choice)
 }
 
-/// The cost of a frame with each pass beside color, on each device, and the bytes that the pass adds to the file.
+/// Cost of a frame with each pass in addition to color, on each device, and the bytes that the pass adds to the file.
 fn costs(moment: &Moment, registry: &Registry) -> Result<Table, String> {
     let columns = [
         ("passes", "passes"),

@@ -1,10 +1,10 @@
-//! Blending two poses.
+//! Blending of two poses.
 
 use crate::{BUDGET_SECS, Section, scenes};
 use choreo_bench::scene::crossfade::{Fade, NOW, crossfade};
 use choreo_motion::{Pose, Sample};
 
-/// Clips faded into each other, and where in each the middle of the fade lies.
+/// Clips that are crossfaded, each with the time in seconds at the middle of the fade.
 const FADES: [(&str, f64, &str, f64); 6] = [
     ("Walk", 0.3, "Run", 0.1),
     ("Run", 0.2, "Idle", 0.5),

@@ -1,4 +1,4 @@
-//! Lighting surfaces as they are drawn, or once a pixel: by how many lights reach a place and how many surfaces lie over each other.
+//! Forward against deferred shading, by number of lights per surface and by overdraw.
 
 use crate::images::{drawn, stage, times};
 use crate::{BUDGET_SECS, Section};
@@ -32,8 +32,8 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// So many walls of slanted tiles, one behind the other, in eight materials that are drawn one after the other, whichever is nearer;
-/// lamps of two metres' range along all of them.
+/// `layers` walls of slanted tiles, one behind the other, in eight materials. Materials are drawn one after another, regardless of depth.
+/// Lamps with a range of 2 m are spread along all walls.
 fn scene(lights: usize, layers: usize) -> Result<Arc<Stage>, String> {
     let text = format!(
         r##"
@@ -67,7 +67,7 @@ fn plan(stage: &Arc<Stage>, resources: &SceneResources, pipeline: Pipeline) -> R
     Ok(Plan::new(resources, &stage, &snapshot, &PlanOptions::new(SIZE, 1)))
 }
 
-/// The plan's estimates before it chose.
+/// Estimates on which the plan based its choice.
 fn numbers(plan: &Plan) -> String {
     if let Some(DeferredCause::Pays { lights, surfaces, wasted }) = plan.deferred.as_ref().map(|d| d.cause) {
         return format!("{lights:.1} lights per surface, {surfaces:.1} surfaces, {wasted:.1} wasted");

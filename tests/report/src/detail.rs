@@ -1,4 +1,4 @@
-//! Levels of detail: how far coarser versions may be off in the image, and what that saves.
+//! Levels of detail: geometric error in the image, and the time that it saves.
 
 use crate::images::{drawn, rows, stage};
 use crate::{BUDGET_SECS, Section};
@@ -9,10 +9,10 @@ use choreo_render::{CpuRenderer, Plan, PlanOptions, Renderer, SceneResources};
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [640, 360];
-/// Pixels; 0: as the files say.
+/// Tolerances in pixels; 0 draws all triangles.
 const TOLERANCES: [f32; 6] = [0.0, 0.5, 1.0, 2.0, 4.0, 8.0];
 
-/// Twenty rows of ten walkers that go away from the camera, each a little out of step.
+/// A crowd of two hundred walkers, twenty rows of ten, with shifted phases.
 const CROWD: &str = r##"
     stage(#{ length: 2.0, background: "#8fa0b0" });
     let moves = load("choreo:mannequin", #{ color: "#f2a93b" });
@@ -51,7 +51,7 @@ fn tolerance() -> Result<Choice, String> {
     let resources = Arc::new(SceneResources::new(&stage));
     let snapshot = stage.at(Time::from_secs(0.4)).map_err(|e| e.to_string())?;
     let plan = |tolerance: f32| {
-        // The planner's tolerance is one pixel: what is off by less counts as less.
+        // The planner's tolerance is fixed at one pixel, so the errors of the levels are scaled instead.
         let mut scaled = (*resources).clone();
         let levels = scaled.assets.iter_mut().flat_map(|asset| &mut asset.levels);
         levels.for_each(|level| level.error /= tolerance.max(1e-9));

@@ -1,4 +1,4 @@
-//! How finely a shape is divided that an image of heights raises.
+//! Displacement maps: subdivision of the displaced shape.
 
 use crate::images::{stage, times};
 use crate::rays::Shapes;
@@ -15,16 +15,16 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [320, 180];
-/// Metres of a side of the ground, its height from trough to crest, and waves over a side.
+/// Side of the ground in metres, height from trough to crest in metres, and number of waves over a side.
 const GROUND: f64 = 2.0;
 const HEIGHT: f64 = 0.1;
 const WAVES: f64 = 4.0;
-/// Texels of a side of the image of heights.
+/// Number of texels along a side of the height map.
 const TEXELS: usize = 128;
 const DETAILS: [u32; 7] = [1, 2, 3, 4, 5, 6, 7];
 const DEFAULT: u32 = 2;
 
-/// Share of the height, x and z in shares of a side.
+/// Height as a fraction of `HEIGHT`; u and v are positions along x and z as fractions of a side.
 fn height(u: f64, v: f64) -> f64 {
     0.5 + 0.25 * (libm::sin(TAU * WAVES * u) + libm::cos(TAU * WAVES * v))
 }

@@ -1,4 +1,4 @@
-//! How a gradient gets into 8 bits.
+//! Dithering: quantization of a gradient to 8 bits.
 
 use crate::Section;
 use crate::images::{drawn, stage};
@@ -7,7 +7,7 @@ use choreo_bench::plots::{Cell, Table, quantity};
 use choreo_motion::Time;
 use choreo_render::{CpuRenderer, Renderer};
 
-/// Codes of gray at the top and at the bottom.
+/// 8-bit codes of gray at the top and at the bottom.
 const ENDS: [f64; 2] = [40.0, 52.0];
 const SIZE: [usize; 2] = [128, 256];
 const BLOCK: usize = 16;
@@ -52,7 +52,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// The gradient in codes, row by row: even steps of linear light from the upper edge of the image to the lower one.
+/// The exact gradient in codes, row by row: equal steps of linear light from the top of the image to the bottom.
 fn exact() -> Vec<f64> {
     let light = ENDS.map(|code| choreo_asset::linear_from_srgb(code / 255.0));
     let row = |y: usize| {
@@ -101,7 +101,7 @@ fn rendered() -> Result<Vec<f64>, String> {
     Ok(frame.rgba.chunks_exact(4).map(|p| f64::from(p[0])).collect())
 }
 
-/// Worst and mean difference of the means of squares.
+/// Worst and mean error of the averages over blocks.
 fn off(codes: &[f64], exact: &[f64], block: usize) -> (f64, f64) {
     let (mut worst, mut sum, mut count) = (0.0f64, 0.0, 0.0);
     for y in (0..SIZE[1]).step_by(block) {
@@ -117,7 +117,7 @@ fn off(codes: &[f64], exact: &[f64], block: usize) -> (f64, f64) {
     (worst, sum / count)
 }
 
-/// Pixels below each other with the same code, at most.
+/// Largest number of vertically adjacent pixels with the same code.
 fn longest_run(codes: &[f64]) -> usize {
     let longest = |x: usize| {
         let column: Vec<f64> = (0..SIZE[1]).map(|y| codes[y * SIZE[0] + x]).collect();

@@ -1,4 +1,4 @@
-//! How the weight of a Bézier easing is found at a time.
+//! Easing by Bézier curves: methods to find the weight at a time.
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Choice, Row};
@@ -15,7 +15,7 @@ const WAYS: [&str; 5] = [
     "table of 256, linear",
 ];
 
-/// One coordinate of the Bézier curve 0, a, b, 1.
+/// One coordinate of the cubic Bézier curve with control values 0, a, b, 1.
 fn cubic(a: f64, b: f64, s: f64) -> f64 {
     let r = 1.0 - s;
     3.0 * r * r * s * a + 3.0 * r * s * s * b + s * s * s
@@ -26,12 +26,12 @@ fn slope(a: f64, b: f64, s: f64) -> f64 {
     3.0 * r * r * a + 6.0 * r * s * (b - a) + 3.0 * s * s * (1.0 - b)
 }
 
-/// A curve and what the ways prepare of it.
+/// A curve, and the tables that the methods precompute.
 struct Curve {
     points: [f64; 4],
-    /// x at parameters 0, 0.1, … 1.
+    /// Values of x at parameters 0, 0.1, … 1.
     starts: [f64; 11],
-    /// y at x = 0, 1/255, … 1.
+    /// Values of y at x = 0, 1/255, … 1.
     weights: Vec<f64>,
 }
 
@@ -97,7 +97,7 @@ pub fn section() -> Result<Section, String> {
     for curve in &curves {
         let [x1, y1, x2, y2] = curve.points;
         for i in 1..400 {
-            // The parameter is given: time and weight are polynomials of it.
+            // The parameter is known, so the exact time and weight are polynomials of it.
             let s = f64::from(i) / 400.0;
             let (x, y) = (cubic(x1, x2, s), cubic(y1, y2, s));
             for (way, (error, place)) in errors.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! Effects: what each costs a frame, how many times make motion blur, and smooth edges with and without samples.
+//! Effects: cost per frame, number of sub-frames for motion blur, antialiasing with and without multisampling.
 
 use crate::images::{drawn, renderers, rows, stage};
 use crate::{BUDGET_SECS, Section};
@@ -15,9 +15,9 @@ use std::cell::RefCell;
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [1280, 720];
-/// The references are drawn at four times this.
+/// Image size of the comparisons; the references are drawn at four times this size.
 const SMALL: [u32; 2] = [480, 272];
-/// Number of rounds over all effects in turns.
+/// Number of rounds; in each round all effects take turns.
 const ROUNDS: usize = 5;
 
 pub fn section() -> Result<Section, String> {
@@ -39,7 +39,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// A lit walker with a shadow on a floor, and an effect.
+/// A lit walker that casts a shadow on a floor, and an effect.
 const SCENE: &str = r##"
     stage(#{ length: 2.0, background: #{ top: "#5f7fa8", bottom: "#cfd6dc" } });
     let moves = load("choreo:mannequin", #{ color: "#f2a93b" });
@@ -118,7 +118,7 @@ fn costs(registry: &Registry) -> Result<Table, String> {
         let mut times = vec![Vec::new(); plans.len()];
         for _ in 0..ROUNDS {
             for (plan, times) in plans.iter().zip(&mut times) {
-                // Another effect has other targets and pipelines, which a video makes once.
+                // Changing the effect creates new targets and pipelines, which a video does only once.
                 drawn(renderer, plan)?;
                 for _ in 0..3 {
                     let start = Clock::Process.now();
@@ -146,10 +146,10 @@ fn costs(registry: &Registry) -> Result<Table, String> {
     Ok(table.without_empty_columns())
 }
 
-/// Pixels of the image and points of the surfaces on which functions are evaluated.
+/// Size of the image, and of the grid of surface points, on which functions are evaluated.
 const EVALUATED: [u32; 2] = [256, 144];
 
-/// The time of each effect's function on the CPU, and that of tone mapping written by hand in Rust, eight pixels at once.
+/// Time of each effect's function on the CPU, compared with tone mapping written by hand in Rust for eight pixels at once.
 fn evaluation(registry: &Registry) -> Result<Table, String> {
     let effects: Vec<_> = registry.effects().iter().filter(|e| e.shader().is_some()).cloned().collect();
     let image = discs();
@@ -199,7 +199,7 @@ fn evaluation(registry: &Registry) -> Result<Table, String> {
     Ok(table)
 }
 
-/// Discs with sharp edges over a gradient, some brighter than white; linear.
+/// Test image: discs with sharp edges over a gradient, some brighter than white; linear.
 fn discs() -> Vec<Vec4> {
     let [width, height] = EVALUATED;
     let pixel = |i: u32| {
@@ -212,7 +212,7 @@ fn discs() -> Vec<Vec4> {
     (0..width * height).map(pixel).collect()
 }
 
-/// The result of an effect's function for an image, or for surfaces of these colors.
+/// Result of an effect's function for an image, or for surfaces of these colors.
 fn evaluated(effect: &Effect, image: &[Vec4]) -> Vec<Vec4> {
     let (size, width) = (EVALUATED, EVALUATED[0] as usize);
     let parameters = effect_parameters(effect, &[]);
@@ -275,7 +275,7 @@ fn blur(registry: &Registry) -> Result<Choice, String> {
     let one = |time| {
         Ok::<_, String>(Plan::new(&resources, &plain, &plain.at(time).map_err(|e| e.to_string())?, &options))
     };
-    // The number of samples is the effect's, or larger than scripts may request.
+    // The effect determines the number of sub-frames; it may exceed the limit for scripts.
     let plan = |samples: u32| {
         let mut whole = one(at)?;
         if samples > 1 {

@@ -1,4 +1,4 @@
-//! How much of an even environment a rough surface reflects: the second half of the split sum.
+//! Environment BRDF, the second factor of the split-sum approximation: reflection of uniform light by a rough surface.
 
 use crate::images::{drawn, srgb, stage};
 use crate::{BUDGET_SECS, Section};
@@ -13,14 +13,14 @@ const OURS: &str = "Karis's fit (2014)";
 const WAYS: [&str; 4] =
     [OURS, "table of 16 × 16, linear", "table of 64 × 64, linear", "Schlick's term alone"];
 const F0: [f64; 3] = [0.04, 0.5, 1.0];
-/// Steps in which roughness and angle are looked at.
+/// Number of steps in which roughness and angle are sampled.
 const STEPS: u32 = 24;
-/// Directions of the reference, in each of two dimensions.
+/// Number of directions of the reference in each of two dimensions.
 const DIRECTIONS: u32 = 96;
-/// Roughness below which the renderer takes this one.
+/// Lower bound of the roughness in the renderer.
 const SMOOTHEST: f64 = 0.045;
 
-/// Scale and bias of F0. B. Karis, "Physically Based Shading on Mobile", 2014: the formula of brdf.wgsl.
+/// Scale and bias applied to F0. B. Karis, "Physically Based Shading on Mobile", 2014: the formula of brdf.wgsl.
 fn karis(roughness: f32, nv: f32) -> [f32; 2] {
     let x = 1.0 - roughness;
     let (y, z, w) = (roughness * -0.0275 + 0.0425, roughness * -0.572 + 1.04, roughness * 0.022 - 0.04);
@@ -34,8 +34,8 @@ fn schlick(nv: f32) -> [f32; 2] {
     [1.0 - fresnel, fresnel]
 }
 
-/// The integral of GGX (α = roughness²) with Smith's height-correlated visibility and Schlick's term over all directions of light, by
-/// directions of the half vector that are spread as GGX is (Karis, "Real Shading in Unreal Engine 4", 2013).
+/// Reference: GGX (α = roughness²) with Smith's height-correlated visibility and Schlick's Fresnel term, integrated over all light
+/// directions by importance-sampled half vectors (Karis, "Real Shading in Unreal Engine 4", 2013).
 fn integral(roughness: f64, nv: f64) -> [f64; 2] {
     let a2 = roughness.powi(4);
     let view = [(1.0 - nv * nv).max(0.0).sqrt(), nv];
@@ -61,7 +61,7 @@ fn integral(roughness: f64, nv: f64) -> [f64; 2] {
     sums.map(|sum| sum / f64::from(DIRECTIONS * DIRECTIONS))
 }
 
-/// The integral at even steps of roughness and angle, ends included.
+/// Table of the integral at equal steps of roughness and angle, ends included.
 struct IntegralTable {
     side: usize,
     values: Vec<[f32; 2]>,
@@ -147,7 +147,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// Whether a metal of F0 = 1 under even light shows what the fit says, to a code of 8 bits.
+/// Checks that a metal of F0 = 1 under uniform light has the color of the fit, within one 8-bit code.
 fn check_renderer() -> Result<(), String> {
     let registry = choreo::registry();
     for (roughness, degrees) in [(0.2, 0.0), (0.5, 60.0), (0.9, 80.0)] {

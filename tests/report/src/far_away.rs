@@ -1,4 +1,4 @@
-//! Positions far from the origin.
+//! Precision of positions far from the origin.
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_asset::Projection;
@@ -10,7 +10,7 @@ use choreo_render::view::relative;
 use choreo_stage::CameraState;
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 
-/// Metres: a room, a town, a country, the Earth, the Moon.
+/// Distances from the origin in metres: a room, a town, a country, the Earth, the Moon.
 const DISTANCES: [(f64, &str); 5] =
     [(1.0, "1 m"), (1e3, "1 km"), (1e5, "100 km"), (1e7, "10 000 km"), (4e8, "400 000 km")];
 const TYPICAL: usize = 1;
@@ -30,7 +30,7 @@ pub fn section() -> Result<Section, String> {
         for (way, errors) in by_distance.iter_mut().enumerate() {
             let got = shot.draw(way);
             for point in 0..POINTS {
-                // Nothing at all where f32 has no such place: half an image off.
+                // If f32 cannot represent the position, the error counts as the height of the image.
                 let off = [0, 1].map(|i| got[i][point] - exact[i][point]);
                 let off = libm::hypot(off[0], off[1]);
                 errors[at].add(if off.is_finite() { off } else { HEIGHT });
@@ -78,7 +78,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// Points of a figure, coordinates apart, and a camera before it.
+/// Points of a character, stored by coordinate, and a camera in front of it.
 struct Shot {
     world_from_model: DAffine3,
     points: [Vec<f64>; 3],
@@ -88,14 +88,13 @@ struct Shot {
     world_from_view: DAffine3,
 }
 
-/// Both coordinates of all points on the image, in pixels.
+/// Image coordinates of all points in pixels: all x, then all y.
 type Places = [Vec<f64>; 2];
 
-/// Transforms points by matrices one after the other, in loops that the compiler turns into vector instructions as wide as the
-/// processor's for this type of number.
+/// Defines a function that transforms points by several matrices in turn, in loops that the compiler vectorizes for this number type.
 macro_rules! on_image {
     ($name:ident, $number:ty) => {
-        /// `steps`: rows of affine maps and what is subtracted after each; `clip`: rows x, y and w of the last one.
+        /// `steps`: rows of affine maps, each with an offset that is subtracted afterwards. `clip`: rows x, y and w of the projection.
         fn $name(
             points: &[Vec<$number>; 3],
             steps: &[([[$number; 4]; 3], [$number; 3])],
@@ -126,7 +125,7 @@ macro_rules! on_image {
 on_image!(on_image32, f32);
 on_image!(on_image64, f64);
 
-/// The rows x, y and z of an affine map.
+/// Rows x, y and z of an affine map.
 fn affine_rows(m: &DAffine3) -> [[f64; 4]; 3] {
     let rows = DMat4::from(*m).transpose();
     [rows.x_axis, rows.y_axis, rows.z_axis].map(|row| row.to_array())
@@ -145,7 +144,7 @@ fn narrow<const N: usize>(rows: [[f64; N]; 3]) -> [[f32; N]; 3] {
 impl Shot {
     fn new(distance: f64) -> Shot {
         let mut random = Random(5);
-        // The direction is arbitrary, so that f32 is not exact by chance.
+        // The direction is arbitrary, so that coordinates are not exact in f32 by chance.
         let origin = DVec3::new(0.48, 0.6, 0.64) * distance + DVec3::new(0.123, 0.0, 0.456);
         let world_from_model = DAffine3::from_rotation_translation(DQuat::from_rotation_y(0.4), origin);
         let mut points = [Vec::new(), Vec::new(), Vec::new()];
@@ -170,7 +169,7 @@ impl Shot {
         match way {
             0 => on_image64(&self.points, &[(world, [0.0; 3])], &clip_rows(&self.clip_from_world)),
             1 => {
-                // The computation of the planner and the vertex shader.
+                // Same computation as in the planner and the vertex shader.
                 let offset = relative(self.world_from_model.translation, &self.view).as_dvec3();
                 let moved = DAffine3 { translation: offset, ..self.world_from_model };
                 let steps = [(narrow(affine_rows(&moved)), [0.0; 3])];

@@ -1,10 +1,10 @@
-//! How a farm scales: chunks, failures, stragglers, and the limits of one join and one storage, by simulation.
+//! Scaling of a render farm by simulation: chunk sizes, failures, stragglers, and the limits of a single join and a single storage.
 
 use crate::Section;
 use crate::farm_model::{Farm, Join};
 use choreo_bench::plots::{Cell, Lines, Table};
 
-/// The film of the plots: ten minutes in 4K with motion blur at 30 frames a second, 9 s a frame, as an MP4.
+/// The film in the plots: ten minutes in 4K with motion blur at 30 frames per second, 9 s per frame, as an MP4.
 const FILM: Farm = Farm {
     workers: 1,
     frames: 18_000,
@@ -28,7 +28,7 @@ const CHUNKS: [u64; 11] = [1, 2, 4, 8, 15, 30, 60, 120, 240, 600, 1800];
 
 include!("farm_measured.rs");
 
-/// The cluster of `cargo xtask farm`: three nodes of one machine, 24 chunks.
+/// Cluster of `cargo xtask farm`: three nodes on one machine, 24 chunks.
 const MEASURED: Farm = Farm {
     workers: 3,
     frames: 576,
@@ -36,12 +36,12 @@ const MEASURED: Farm = Farm {
     start: START,
     frame: FRAME,
     gap: GAP,
-    // The job that joins waits for Slurm as a task does.
+    // The join job waits for Slurm like a render task.
     join: Join::One { bytes_per_second: 1e9, fixed: JOIN + GAP },
     ..Farm::PLAIN
 };
 
-/// The film on machines whose storage grows with them, as object storage does: 20 MB/s each, 1 GB/s at least.
+/// The film on machines whose storage bandwidth grows with their number, as for object storage: 20 MB/s per machine, at least 1 GB/s.
 fn wide(workers: usize, chunk: u64) -> Farm {
     Farm { workers, chunk, storage: (20e6 * workers as f64).max(FILM.storage), ..FILM }
 }
@@ -93,7 +93,7 @@ From a thousand machines on one shared storage decides, since each start reads t
 reads every segment twice). A tree of joins does not help, because its last join moves all bytes again: what helps is that groups are joined side by side and the storage composes the film of
 their files (multipart copies of object storages), which MP4 and y4m allow, because their pieces are copied.";
 
-/// The best chunk for each number of machines.
+/// Best chunk size for each number of machines.
 fn best() -> Table {
     let columns = [
         (">machines", "machines"),
@@ -121,7 +121,7 @@ fn best() -> Table {
     table
 }
 
-/// The limits of ten thousand machines, and the means that remove them.
+/// Limits with ten thousand machines, and ways to remove them.
 fn limits() -> Table {
     let columns = [
         ("with 10,000 machines, chunks of 2 frames", "what"),
@@ -135,7 +135,7 @@ fn limits() -> Table {
     let calm = Farm { failures: 0.0, stragglers: 0.0, ..objects };
     let tree = Join::Tree { bytes_per_second: 200e6, fixed: 1.0, group: 64 };
     let composed = Join::Composed { bytes_per_second: 200e6, fixed: 1.0, group: 64 };
-    // Formats whose frames are encoded in the join have an image for each frame.
+    // Formats that are encoded during the join store an image for each frame.
     let images = |farm: Farm| Farm { frame_bytes: 8e6, ..farm };
     for (name, farm) in [
         ("one storage of 1 GB/s, one join", one),
@@ -165,7 +165,7 @@ fn limits() -> Table {
 mod tests {
     use super::*;
 
-    /// The measured run of the cluster, from the costs that were measured beside it.
+    /// The model must predict the measured time of the cluster from the costs measured at the same time.
     #[test]
     fn the_measured_cluster_is_predicted_within_15_percent() {
         let predicted = MEASURED.run().joined;

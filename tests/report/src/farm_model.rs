@@ -1,71 +1,72 @@
-//! A model of a render farm, event by event: machines that open the scene, draw chunks and write segments, fail and are slow, before a storage
-//! and a scheduler that serve one after the other. `cargo xtask farm` predicts its cluster with it, and the section "farm" of the report
-//! what is too large to be tried.
+//! Discrete-event model of a render farm: machines open the scene, draw chunks and write segments, may fail or be slow, and share a storage
+//! and a scheduler that serve requests one after another. `cargo xtask farm` predicts its cluster with it, and the section "farm" of the
+//! report uses it for sizes that are too large to be tried.
 
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, VecDeque};
 
-/// A film, the machines, and what they wait for. Times in seconds.
+/// Parameters of a film, its machines, and shared resources. Times are in seconds.
 #[derive(Clone, Copy, Debug)]
 pub struct Farm {
     pub workers: usize,
     pub frames: u64,
-    /// Frames of a chunk.
+    /// Number of frames in a chunk.
     pub chunk: u64,
-    /// Seconds from the start of a task to its first frame, and of a frame.
+    /// Seconds from the start of a task to its first frame, and seconds per frame.
     pub start: f64,
     pub frame: f64,
-    /// The scheduler between two tasks of one machine, and its time for each task, one after the other.
+    /// Seconds of the scheduler between two tasks of one machine, and its seconds per task, which tasks of all machines wait for in turn.
     pub gap: f64,
     pub dispatch: f64,
-    /// Bytes of the packed scene and of a frame in a segment, and of all traffic of the storage a second.
+    /// Bytes of the packed scene, bytes of a frame in a segment, and total bandwidth of the storage in bytes per second.
     pub scene_bytes: f64,
     pub frame_bytes: f64,
     pub storage: f64,
-    /// Failures of a machine in an hour, and the time until its task runs elsewhere and it is back.
+    /// Failures of a machine per hour, and seconds until its task runs elsewhere and it is available again.
     pub failures: f64,
     pub recovery: f64,
-    /// The share of machines that are slow, and how many times slower they are.
+    /// Fraction of the machines that are slow, and the factor by which they are slower.
     pub stragglers: f64,
     pub slowness: f64,
     pub join: Join,
 }
 
-/// How segments become the film.
+/// Method by which segments are joined into the film.
 #[derive(Clone, Copy, Debug)]
 pub enum Join {
-    /// One machine reads all of it twice and writes it, this many bytes a second, and takes this long for anything else.
+    /// One machine reads everything twice and writes it once. It handles this many bytes per second, and needs `fixed` seconds for anything
+    /// else.
     One { bytes_per_second: f64, fixed: f64 },
-    /// Groups of this many are joined side by side, level by level.
+    /// Groups of `group` segments are joined in parallel, level by level.
     Tree { bytes_per_second: f64, fixed: f64, group: usize },
-    /// Groups are joined side by side, and the storage composes the film of their files.
+    /// Groups are joined in parallel, and the storage concatenates their files to the film.
     Composed { bytes_per_second: f64, fixed: f64, group: usize },
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
-    /// Seconds until the last segment is there, and until the film is.
+    /// Seconds until the last segment is written, and until the film is.
     pub rendered: f64,
     pub joined: f64,
-    /// The time that the frames alone would take on all machines, over the time until the last segment is there.
+    /// Time that all machines would need for drawing the frames alone, divided by the time until the last segment is written.
     pub efficiency: f64,
     pub failures: u64,
 }
 
-/// The next event of a machine.
+/// Next event of a machine.
 #[derive(Clone, Copy, Debug)]
 enum Event {
-    /// The machine takes a chunk.
+    /// The machine is free to take a chunk.
     Idle,
-    /// The machine has the scene, and draws this many frames.
+    /// The machine has read the scene, and draws this many frames.
     Loaded(u64),
-    /// The machine has drawn so many frames, and writes them; so many of the chunk are left.
+    /// The machine has drawn the first number of frames and writes them; the second number is left in the chunk.
     Drawn(u64, u64),
 }
 
 struct Timed {
     at: f64,
-    /// Events of one time come in the order in which they were made.
+    /// Events at the same time keep the order in which they were created.
     order: u64,
     worker: usize,
     event: Event,
@@ -86,7 +87,7 @@ impl PartialOrd for Timed {
 }
 
 impl Ord for Timed {
-    /// The earliest is the greatest: the heap gives it first.
+    /// Reversed, so that the heap returns the earliest event first.
     fn cmp(&self, other: &Timed) -> Ordering {
         other.at.total_cmp(&self.at).then(other.order.cmp(&self.order))
     }
@@ -97,9 +98,9 @@ struct Run<'a> {
     random: u64,
     events: BinaryHeap<Timed>,
     made: u64,
-    /// Chunks that nobody has, in frames.
+    /// Chunks not yet taken, as numbers of frames.
     chunks: VecDeque<u64>,
-    /// When the storage and the scheduler are free.
+    /// Times at which the storage and the scheduler become free.
     storage_free: f64,
     scheduler_free: f64,
     /// Machines without work.
@@ -109,7 +110,7 @@ struct Run<'a> {
 }
 
 impl Farm {
-    /// One machine that draws a frame in a second and waits for nothing.
+    /// A farm with one machine that draws one frame per second and waits for nothing.
     pub const PLAIN: Farm = Farm {
         workers: 1,
         frames: 100,
@@ -164,7 +165,7 @@ impl Farm {
                 let (mut seconds, mut parts) = (0.0, segments);
                 while parts > 1.0 {
                     parts = (parts / group as f64).ceil();
-                    // Joins of a level work side by side, as fast as the storage lets them.
+                    // Joins of one level run in parallel, limited by the storage.
                     let rate = (bytes_per_second * parts).min(self.storage);
                     seconds += fixed + 3.0 * bytes / rate;
                 }
@@ -192,7 +193,7 @@ impl Run<'_> {
                 }
             },
             Event::Loaded(frames) => {
-                // Slow machines are spread evenly.
+                // Slow machines are distributed evenly.
                 let (a, b) = (worker as f64 * farm.stragglers, (worker + 1) as f64 * farm.stragglers);
                 let slowness = if b.floor() > a.floor() { farm.slowness } else { 1.0 };
                 let (start, frame) = (farm.start * slowness, farm.frame * slowness);
@@ -205,7 +206,7 @@ impl Run<'_> {
                 if fails >= end {
                     return self.add(at + end, worker, Event::Drawn(frames, 0));
                 }
-                // Finished frames stay in the folder; a free machine takes the rest.
+                // Finished frames stay in the folder; a free machine takes the remaining ones.
                 self.failures += 1;
                 let done = (((fails - start) / frame).max(0.0) as u64).min(frames - 1);
                 self.add(at + fails, worker, Event::Drawn(done, frames - done));
@@ -227,7 +228,7 @@ impl Run<'_> {
         }
     }
 
-    /// splitmix64, 0..1.
+    /// Next random number in 0..1 (splitmix64).
     fn unit(&mut self) -> f64 {
         self.random = self.random.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.random;
@@ -237,7 +238,7 @@ impl Run<'_> {
     }
 }
 
-/// The end of a service that takes one after the other.
+/// Completion time of a request to a resource that serves one request after another.
 fn served(free: &mut f64, at: f64, seconds: f64) -> f64 {
     *free = free.max(at) + seconds;
     *free
@@ -253,7 +254,7 @@ mod tests {
         assert!((a - b).abs() <= 1e-9 * b.abs(), "{a} and {b}");
     }
 
-    /// Closed forms: chunks in rounds, a storage and a scheduler that are the bottleneck.
+    /// Closed forms: chunks in rounds, and a storage or scheduler as the bottleneck.
     #[test]
     fn simple_farms_take_what_can_be_calculated() {
         near(PLAIN.run().rendered, 10.0 * 12.0);
@@ -280,8 +281,8 @@ mod tests {
         near(composed.joined - composed.rendered, 0.1 + 1.0 + 0.1);
     }
 
-    /// Failures cost what they throw away, and no frame is lost: with resumed chunks each costs a start and the recovery, half a frame
-    /// in the mean.
+    /// Failures cost only the work that is thrown away, and no frame is lost. With resumed chunks, each failure costs a start, the
+    /// recovery, and half a frame on average.
     #[test]
     fn failures_cost_their_starts() {
         let farm = Farm { frames: 200_000, chunk: 100, failures: 6.0, recovery: 30.0, ..PLAIN };

@@ -1,4 +1,4 @@
-//! How close keys are to the Euler angles of an FBX file.
+//! FBX import: error of baked keyframes against the Euler curves of the file.
 
 use crate::Section;
 use crate::scenes::import;
@@ -8,12 +8,12 @@ use choreo_motion::Time;
 use choreo_plugin::OptionValue;
 use glam::DQuat;
 
-/// Degrees.
+/// Tolerances in degrees.
 const TOLERANCES: [f64; 5] = [0.5, 0.1, 0.05, 0.01, 0.001];
 const DEFAULT: f64 = 0.05;
-/// Ticks of FBX.
+/// Ticks per second in FBX.
 const SECOND: i64 = 46_186_158_000;
-/// Degrees about x, y and z at whole seconds, with straight lines between them.
+/// Degrees about x, y and z at whole seconds, linearly interpolated.
 const ANGLES: [[f64; 4]; 3] =
     [[0.0, 170.0, 40.0, -60.0], [0.0, 70.0, -50.0, 20.0], [0.0, -120.0, 90.0, 150.0]];
 const TIMES: u32 = 997;
@@ -29,7 +29,7 @@ fn curve(axis: usize) -> String {
     )
 }
 
-/// A limb whose rotation has three curves, as text.
+/// FBX text file of a limb whose rotation has three curves.
 fn file() -> String {
     let curves: String = (0..3).map(curve).collect();
     let links: String =
@@ -46,7 +46,7 @@ fn file() -> String {
     )
 }
 
-/// About x first, then y, then z, in the parent's axes.
+/// Reference rotation: about x first, then y, then z, in the parent's axes.
 fn exact(secs: f64) -> DQuat {
     let [x, y, z] = ANGLES.map(|angles| {
         let key = (secs as usize).min(2);

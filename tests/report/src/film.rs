@@ -1,4 +1,4 @@
-//! Thin films: the eye's answer to their spectrum, by terms, by wavelengths, and what an image of them costs.
+//! Thin-film interference: number of terms of Airy's series, spectral reference, and cost of films in an image.
 
 use crate::images::{renderers, stage, times};
 use crate::{BUDGET_SECS, Section};
@@ -34,10 +34,10 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// A film: its index of refraction, nanometres, the cosine of the look, what its base reflects in air, looked at straight.
+/// A film: index of refraction, thickness in nanometres, cosine of the viewing angle, and normal reflectance of its base in air.
 type Film = (f64, f64, f64, f64);
 
-/// Linear sRGB of what a film reflects.
+/// Computes the reflectance of a film in linear sRGB.
 type Way = fn(Film) -> [f64; 3];
 
 fn films() -> Vec<Film> {
@@ -52,7 +52,8 @@ fn films() -> Vec<Film> {
     films
 }
 
-/// XYZ of a wavelength in nanometres (Wyman, Sloan & Shirley, "Simple Analytic Approximations to the CIE XYZ Color Matching Functions", 2013).
+/// CIE XYZ of a wavelength in nanometres (Wyman, Sloan & Shirley, "Simple Analytic Approximations to the CIE XYZ Color Matching Functions",
+/// 2013).
 fn receptors(nm: f64) -> [f64; 3] {
     let lobe = |height: f64, at: f64, below: f64, above: f64| {
         let t = (nm - at) * if nm < at { below } else { above };
@@ -67,7 +68,7 @@ fn receptors(nm: f64) -> [f64; 3] {
     ]
 }
 
-/// Linear sRGB (IEC 61966-2-1).
+/// Converts XYZ to linear sRGB (IEC 61966-2-1).
 fn rgb([x, y, z]: [f64; 3]) -> [f64; 3] {
     [
         3.2404542 * x - 1.5371385 * y - 0.4985314 * z,
@@ -76,7 +77,7 @@ fn rgb([x, y, z]: [f64; 3]) -> [f64; 3] {
     ]
 }
 
-/// Fresnel's amplitudes at both sides of the film, for both polarizations, and how far a wave of one metre goes in it.
+/// Fresnel amplitudes at both surfaces of the film, for both polarizations; and the round-trip phase times the wavelength in nanometres.
 fn sides((ior, nanometres, cosine, f0): Film) -> ([[f64; 2]; 2], f64) {
     let base = (1.0 + f0.sqrt()) / (1.0 - f0.sqrt());
     let sine2 = 1.0 - cosine * cosine;
@@ -91,19 +92,19 @@ fn sides((ior, nanometres, cosine, f0): Film) -> ([[f64; 2]; 2], f64) {
     (amplitudes, 4.0 * PI * ior * nanometres * inside)
 }
 
-/// Airy's reflectance, all terms.
+/// Airy's reflectance of a film, with all internal reflections.
 fn airy([a, b]: [f64; 2], cosine_of_phase: f64) -> f64 {
     let cross = 2.0 * a * b * cosine_of_phase;
     (a * a + b * b + cross) / (1.0 + a * a * b * b + cross)
 }
 
-/// Over all phases.
+/// Reflectance of a film, averaged over all phases.
 fn mean([a, b]: [f64; 2]) -> f64 {
     let (a2, b2) = (a * a, b * b);
     (a2 + b2 - 2.0 * a2 * b2) / (1.0 - a2 * b2)
 }
 
-/// The mean, and what differs from it as the eye sees it: every `step` nanometres, from the first that is given.
+/// Mean reflectance plus the spectral deviation from it, weighted by `receptors`: every `step` nanometres from the wavelength `from` on.
 fn by_spectrum(film: Film, from: u32, step: usize, receptors: impl Fn(f64) -> [f64; 3]) -> [f64; 3] {
     let (amplitudes, path) = sides(film);
     let middle = amplitudes.iter().map(|a| mean(*a)).sum::<f64>() * 0.5;
@@ -118,7 +119,7 @@ fn by_spectrum(film: Film, from: u32, step: usize, receptors: impl Fn(f64) -> [f
     rgb(xyz.map(|v| v / whole)).map(|v| (middle + v).max(0.0))
 }
 
-/// The waves of three colors alone.
+/// Reflectance at three wavelengths only, one for each color.
 fn three(film: Film) -> [f64; 3] {
     let (amplitudes, path) = sides(film);
     [611.0, 549.0, 465.0].map(|nm| {
@@ -187,7 +188,7 @@ fn orders() -> Choice {
     choice
 }
 
-/// Spheres that fill much of an image, with a film and without.
+/// Cost of spheres that fill much of an image, with and without a film.
 fn costs() -> Result<Table, String> {
     let registry: Registry = choreo::registry();
     let planned = |look: &str| {

@@ -1,4 +1,4 @@
-//! How feet stay where they stand.
+//! Foot locking: sliding of planted feet.
 
 use crate::images::stage;
 use crate::{BUDGET_SECS, Section};
@@ -11,13 +11,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 const RATE: f64 = 240.0;
-/// Metres above the ground below which a foot is on it, and the speed in metres per second at which it has come down.
+/// Height in metres above the ground below which a foot touches it, and speed in metres per second below which it has come down.
 const LOW: f64 = 0.01;
 const SLOW: f64 = 0.3;
-/// Seconds in which a walk goes on, and after a stop.
+/// Seconds of continuous walking (from, to), and seconds evaluated after a stop.
 const WALK: (f64, f64) = (0.5, 4.0);
 const STAND: f64 = 2.5;
-/// Times of stops, in different phases of the step.
+/// Times of stops in seconds, at different phases of the step.
 const STOPS: [f64; 4] = [2.0, 2.17, 2.41, 2.63];
 const WAYS: [(&str, &str); 3] = [
     ("as the clips have it", "anna.plant_feet(#{ weight: 0 });"),
@@ -113,7 +113,8 @@ fn cases(stages: &[Arc<Stage>], (from, to): (f64, f64)) -> Vec<Case<'static>> {
     stages.iter().map(case).collect()
 }
 
-/// Farthest that a foot goes from when it is low and slow until it is above its lowest place since then, in metres, and when.
+/// Largest sliding distance of a foot in metres, and its time in seconds. A contact begins when the foot is low and slow, and ends when it
+/// rises above its lowest height since then.
 fn slide(stage: &Arc<Stage>, (from, to): (f64, f64)) -> Result<(f64, f64), String> {
     let legs = find_legs(&stage.actors[0].asset.skeleton);
     let mut evaluator = Evaluator::new(stage.clone());
@@ -130,7 +131,7 @@ fn slide(stage: &Arc<Stage>, (from, to): (f64, f64)) -> Result<(f64, f64), Strin
     let (mut worst, mut at) = (0.0, 0.0);
     for places in &feet {
         let ground = places.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
-        // Where it stands, and the lowest since.
+        // Position at which the foot was planted, and its lowest height since then.
         let mut stands: Option<(DVec3, f64)> = None;
         for (i, pair) in places.windows(2).enumerate() {
             let now = pair[1];

@@ -1,4 +1,4 @@
-//! Colors and dots of a GIF.
+//! GIF: number of colors, and strength of dithering.
 
 use crate::{Section, scenes};
 use choreo_bench::moment::Moment;
@@ -12,7 +12,7 @@ use choreo_render::{CpuRenderer, Renderer};
 /// Options `colors` and `dither`; the last pair is the default.
 const WAYS: [(u32, f64); 8] =
     [(16, 1.0), (32, 1.0), (64, 1.0), (128, 1.0), (255, 0.0), (255, 0.5), (255, 2.0), (255, 1.0)];
-/// Side of the squares whose means are compared: what an eye sees of dots.
+/// Side in pixels of the blocks whose averages are compared: the eye averages the dots of dithering.
 const BLOCK: usize = 4;
 
 pub fn section() -> Result<Section, String> {
@@ -63,7 +63,7 @@ fn name(colors: u32, dither: f64) -> String {
     format!("{colors} colors, dither {dither}")
 }
 
-/// Worst and mean difference of a channel's mean over squares.
+/// Worst and mean error of a channel's average over blocks.
 fn off(frame: &Frame, back: &Frame) -> (f64, f64) {
     off_by(frame, back, BLOCK)
 }

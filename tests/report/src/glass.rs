@@ -1,4 +1,4 @@
-//! How the background behind a pane of thick glass is found.
+//! Thick glass: refraction of the background behind a pane.
 
 use crate::images::{drawn, srgb, stage};
 use crate::{BUDGET_SECS, Section};
@@ -15,16 +15,16 @@ use std::sync::Arc;
 
 const SIZE: [u32; 2] = [320, 180];
 const TEXELS: usize = 1024;
-/// Metres of a side of the wall, and waves over it.
+/// Side of the wall in metres, and number of waves over it.
 const WALL: f64 = 6.0;
 const WAVES: f64 = 24.0;
-/// The camera's distance from the pane's middle, its field of view, and how far the pane is turned about y; degrees.
+/// Distance of the camera from the middle of the pane in metres, its field of view in degrees, and rotation of the pane about y in degrees.
 const EYE: f64 = 3.0;
 const FOV: f64 = 22.0;
 const TURN: f64 = 35.0;
 const THICK: f64 = 0.25;
 const IOR: f64 = 1.5;
-/// Metres from the pane's middle to the wall.
+/// Distances in metres from the middle of the pane to the wall.
 const WALLS: [f64; 4] = [1.0, 1.5, 2.5, 4.0];
 const RAYS: usize = 4;
 const WAYS: [&str; 3] = ["not bent", "bent once, scene color copy", "no pane: the texture alone"];
@@ -34,7 +34,7 @@ fn light(at: DVec2) -> f64 {
     0.5 + 0.45 * wave(at.x) * wave(at.y)
 }
 
-/// Where a ray from the camera through a place of the image, in pixels, ends on the wall.
+/// Point on the wall that a camera ray through a pixel position reaches.
 fn wall_at(x: f64, y: f64, wall: f64, pane: bool) -> DVec2 {
     let [width, height] = SIZE.map(f64::from);
     let scale = 2.0 * libm::tan(FOV.to_radians() * 0.5) / height;
@@ -44,7 +44,7 @@ fn wall_at(x: f64, y: f64, wall: f64, pane: bool) -> DVec2 {
         let (sin, cos) = libm::sincos(TURN.to_radians());
         let normal = DVec3::new(sin, 0.0, cos);
         let cosine = -normal.dot(way);
-        // Snell's law; the second face is parallel, so that the ray goes on in its first direction.
+        // Snell's law. The second face is parallel, so the ray leaves in its original direction.
         let inside = (1.0 - (1.0 - cosine * cosine) / (IOR * IOR)).sqrt();
         let bent = way / IOR + normal * (cosine / IOR - inside);
         from = from + way * (from.dot(normal) / cosine) + bent * (THICK / inside);
@@ -52,7 +52,7 @@ fn wall_at(x: f64, y: f64, wall: f64, pane: bool) -> DVec2 {
     (from + way * ((-wall - from.z) / way.z)).truncate()
 }
 
-/// Linear light of a pixel.
+/// Reference linear light of a pixel, averaged over rays.
 fn exact(pixel: [u32; 2], wall: f64, pane: bool) -> f64 {
     let place = |pixel: u32, ray: usize| f64::from(pixel) + (ray as f64 + 0.5) / RAYS as f64;
     let sum = (0..RAYS * RAYS)
@@ -65,10 +65,10 @@ struct Scene {
     plan: Plan,
 }
 
-/// The scene of a way: the pane is so large that it fills the image.
+/// Scene for a method; the pane is large enough to fill the image.
 fn scene(way: usize, wall: f64) -> Result<Scene, String> {
     let thickness = if way == 1 { THICK } else { 0.0 };
-    // All light goes through: what is reflected is none of this question.
+    // The pane transmits all light, since reflection is not measured here.
     let pane = format!(
         "cast(\"pane\", shape(\"quad\", #{{ size: 8.0, color: \"white\", transmission: 1.0, roughness: 0.0, thickness: {thickness:?}, ior: {IOR:?} }})).at(0.0, -4.0, 0.0).turn({TURN:?});"
     );

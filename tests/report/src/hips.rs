@@ -1,4 +1,4 @@
-//! How the hips of a retargeted clip are raised and lowered, so that feet stay on the floor.
+//! Hip height of retargeted clips: raising and lowering the hips so that feet stay on the floor.
 
 use crate::{BUDGET_SECS, scenes};
 use choreo_bench::plots::{Choice, Row, quantity};
@@ -10,19 +10,19 @@ use glam::{Affine3A, DAffine3};
 use std::hint::black_box;
 
 const CLIPS: [&str; 4] = ["Walk", "Run", "Jump", "Dance_Groove"];
-/// Times a second at which errors are measured, and at which the feet ask for a height.
+/// Times per second at which errors are measured, and at which the required height is sampled.
 const RATE: f64 = 240.0;
 const ASKED_RATE: f64 = 120.0;
-/// Steps in a frame of a 60th of a second.
+/// Number of error samples in 1/60 s.
 const FRAME: usize = 4;
-/// Share of the leg up to which an ankle is as high as where its sole stands.
+/// Height of an ankle above its rest height, as a fraction of the leg, up to which its sole is planted.
 const FLAT: f64 = 0.01;
-/// Lengths of the other body's shins and feet, of the source's.
+/// Lengths of the other character's shins and feet, as factors of the source's.
 const SHIN: f32 = 0.9;
 const FOOT: f32 = 0.6;
 const SMOOTH: &str = "smoothing spline over the clip, 120 Hz (what runs)";
 
-/// The mannequin with other shins and feet, its hips as much lower.
+/// The mannequin with other shins and feet; its hips are lowered accordingly.
 fn other_body(source: &Skeleton) -> Result<Skeleton, String> {
     let human = HumanoidJoints::of(source);
     let joint = |name: &str| human.joint(name).ok_or(format!("the mannequin has no {name}"));
@@ -41,12 +41,12 @@ fn other_body(source: &Skeleton) -> Result<Skeleton, String> {
     made(locals)
 }
 
-/// One body, and where its feet stand at rest.
+/// A skeleton, and the rest heights of its feet.
 struct Feet<'a> {
     skeleton: &'a Skeleton,
     hips: usize,
     leg: f64,
-    /// Joints of the ankles and toes, with their heights at rest.
+    /// Ankle joints, and then ankle and toe joints, each with its height in the rest pose.
     ankles: Vec<(usize, f64)>,
     all: Vec<(usize, f64)>,
 }
@@ -69,13 +69,13 @@ impl Feet<'_> {
         Ok(Feet { skeleton, hips: joint("hips")?, leg, ankles, all })
     }
 
-    /// Height of the lowest of these joints over that at rest.
+    /// Lowest height of these joints above their rest heights.
     fn above(joints: &[(usize, f64)], height: impl Fn(usize) -> f64) -> f64 {
         joints.iter().map(|(joint, standing)| height(*joint) - standing).fold(f64::MAX, f64::min)
     }
 }
 
-/// Poses of a clip one after the other, in f32, as frames have them.
+/// Evaluates poses of a clip in f32, as frames do.
 struct Fast<'a> {
     feet: &'a Feet<'a>,
     rest: Pose,
@@ -90,7 +90,7 @@ impl Fast<'_> {
         Fast { feet, pose: rest.clone(), rest, matrices }
     }
 
-    /// Height of the lowest foot over that at rest.
+    /// Lowest height of a foot joint above its rest height.
     fn lowest(&mut self, clip: &Clip, time: Time) -> f64 {
         let skeleton = self.feet.skeleton;
         self.pose.copy_from(&self.rest);
@@ -100,7 +100,7 @@ impl Fast<'_> {
     }
 }
 
-/// The height that the feet ask for, at 120 Hz; then the mean over so many of these times on both sides.
+/// Height in metres by which the hips must be raised for the feet, sampled at 120 Hz, and averaged over `mean` samples on both sides.
 fn asked([own, theirs]: [&Feet; 2], scale: f64, [clip, on]: [&Clip; 2], mean: usize) -> Vec<f64> {
     let (mut source, mut target) = (Fast::of(own), Fast::of(theirs));
     let count = (clip.duration.as_secs() * ASKED_RATE).ceil() as usize;
@@ -116,7 +116,7 @@ fn asked([own, theirs]: [&Feet; 2], scale: f64, [clip, on]: [&Clip; 2], mean: us
     (0..all.len()).map(mean_at).collect()
 }
 
-/// Along straight lines.
+/// Linear interpolation of the raised heights at a time.
 fn height_at(raised: &[f64], secs: f64) -> f64 {
     let place = secs * ASKED_RATE;
     let i = (place as usize).min(raised.len() - 1);
@@ -124,7 +124,7 @@ fn height_at(raised: &[f64], secs: f64) -> f64 {
     raised[i] + (raised[next] - raised[i]) * (place - i as f64)
 }
 
-/// Adds the errors of one clip in millimetres: of the hips' steps, of standing soles.
+/// Adds the errors of a clip in millimetres: of the change of the hips' step, and of the height of planted soles.
 fn add_errors(
     [steps, soles]: &mut [Spread; 2],
     ([own, theirs], scale): ([&Feet; 2], f64),
@@ -172,7 +172,7 @@ pub fn choice() -> Result<Choice, String> {
         CLIPS.join(", ")
     );
     choice.per = format!("clip, mean of {}", clips.len());
-    // The way, whether the clip has the height already, and how many of the asked heights are averaged on both sides.
+    // Method, whether the clip already includes the height, and number of required heights averaged on each side.
     let ways = [
         ("as the source's, by the scale of the legs", false, None),
         ("as the lowest foot asks at each time, 120 Hz", false, Some(0)),

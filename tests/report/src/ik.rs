@@ -1,4 +1,4 @@
-//! How chains of three bones or more find their target.
+//! Inverse kinematics of chains with three or more bones: convergence of solvers.
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
@@ -15,7 +15,7 @@ const SOLVERS: [(Solver, &str); 3] =
     [(Solver::Ccd, "CCD"), (Solver::Fabrik, "FABRIK"), (Solver::LeastSquares, "damped least squares")];
 const CONE: Limit = Limit::SwingTwist { axis: DVec3::Y, swing: 0.6, twist: (-0.3, 0.3) };
 
-/// A knee: it turns about one axis.
+/// Limit of a knee, which rotates about one axis.
 const HINGE: Limit = Limit::Hinge { axis: DVec3::X, angle: (-0.6, 0.6) };
 
 pub fn section() -> Result<Section, String> {
@@ -93,7 +93,7 @@ fn by_iterations(name: &'static str, question: &'static str, limit: Limit) -> Ch
     choice
 }
 
-/// Iterations against the distance from the goal and the angle beyond the joints' limits.
+/// Distance from the target, and angle beyond the joint limits, by number of iterations.
 fn limits() -> Table {
     let columns: [(&str, &'static str); 7] = [
         ("limited joints, after iterations", "way"),
@@ -124,7 +124,7 @@ fn limits() -> Table {
     table
 }
 
-/// Millimetres to the target, and degrees beyond a limit.
+/// Distance to the target in millimetres, and degrees beyond a limit.
 fn distance(chain: &Chain, target: DVec3, solver: Solver, iterations: usize) -> (f64, f64) {
     let mut chain = chain.clone();
     chain.solve(target, solver, iterations, ours().chain_tolerance);
@@ -133,7 +133,7 @@ fn distance(chain: &Chain, target: DVec3, solver: Solver, iterations: usize) -> 
     ((chain.end() - target).length() * 1e3, beyond)
 }
 
-/// A chain, and where its end is in another pose of its own, within its limits.
+/// A chain, and the position of its end in another random pose within its limits.
 fn reachable(seed: u64, bones: usize, limit: Limit) -> (Chain, DVec3) {
     let mut random = Random(seed * 31 + 7);
     let mut chain = Chain { origin: DVec3::ZERO, parent: DQuat::IDENTITY, bones: Vec::new() };

@@ -1,4 +1,4 @@
-//! Shared parts of the sections over images: stages of a script's text, images of plans, their errors and their times.
+//! Shared parts of the sections about images: stages from script texts, drawn images, their errors and timings.
 
 use choreo_bench::plots::{Row, quantity};
 use choreo_bench::timing::{Case, Clock, Nanos, interleaved};
@@ -12,10 +12,10 @@ use std::cell::RefCell;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Differences beyond this many steps are seen side by side.
+/// Differences beyond this many steps of 255 are visible side by side.
 const TOLERANCE: u8 = 8;
 
-/// The stage of a script that uses no files.
+/// Stage of a script that uses no files.
 pub fn stage(text: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
     let script = run_text("report.rhai", text, Path::new("."), registry, &ScriptOptions::default())
         .map_err(|errors| errors.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"))?;
@@ -27,7 +27,7 @@ pub fn drawn(renderer: &mut dyn Renderer, plan: &Plan) -> Result<Frame, String> 
     renderer.collect(None).map_err(|e| e.to_string())
 }
 
-/// The CPU renderer, and a driver where there is one.
+/// The CPU renderer, and Vulkan if a driver is available.
 pub fn renderers(registry: &Registry) -> Vec<(&'static str, Box<dyn Renderer>)> {
     let effects = registry.effects();
     let mut all: Vec<(&str, Box<dyn Renderer>)> = vec![("CPU renderer", Box::new(CpuRenderer::new(effects)))];
@@ -38,7 +38,7 @@ pub fn renderers(registry: &Registry) -> Vec<(&'static str, Box<dyn Renderer>)> 
     all
 }
 
-/// Error of an image against the truth, seen (ꟻLIP) too.
+/// Error of an image against the reference: channel differences and ꟻLIP.
 pub fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
     let c = compare(frame, truth, TOLERANCE).map_err(|e| e.to_string())?;
     let seen = flip(frame, truth).map_err(|e| e.to_string())?;
@@ -54,7 +54,7 @@ pub fn row(name: String, frame: &Frame, truth: &Frame) -> Result<Row, String> {
         .note(note))
 }
 
-/// A row for each of these images of one scene, with what it costs when all are drawn in turns. The scene is loaded.
+/// Rows with the error and the cost of each image of one scene; for timing, all images are drawn in turns. The scene must be loaded.
 pub fn rows(
     renderer: &mut dyn Renderer,
     ways: &[(String, Plan)],
@@ -72,7 +72,7 @@ pub fn rows(
     Ok(rows)
 }
 
-/// Nanoseconds of the whole process for each of these, drawn in turns for so many seconds. All can be drawn.
+/// Process time in nanoseconds for each plan, drawn in turns for `secs` seconds. All plans must be drawable.
 pub fn times(renderer: &mut dyn Renderer, plans: &[&Plan], secs: f64) -> Vec<Nanos> {
     let cell = RefCell::new(renderer);
     let case = |plan: &&Plan| {
@@ -82,7 +82,7 @@ pub fn times(renderer: &mut dyn Renderer, plans: &[&Plan], secs: f64) -> Vec<Nan
     interleaved(Clock::Process, secs, &mut plans.iter().map(case).collect::<Vec<_>>())
 }
 
-/// IEC 61966-2-1, of linear light from 0 to 1.
+/// Encodes linear light from 0 to 1 as sRGB (IEC 61966-2-1).
 pub fn srgb(linear: f64) -> f64 {
     choreo_asset::srgb_from_linear(linear)
 }

@@ -1,4 +1,4 @@
-//! Spans between keys whose tangents have weights: Bézier curves of time and value, as short Hermite spans.
+//! Keyframes with weighted tangents: Bézier curves of time and value, converted to short Hermite spans.
 
 use crate::BUDGET_SECS;
 use crate::images::stage;
@@ -8,22 +8,22 @@ use choreo_bench::truth::Spread;
 use choreo_motion::{Ease, Interpolation, Time};
 use choreo_stage::{Channel, Property};
 
-/// Parts of a span; the script API has those of `OURS`.
+/// Numbers of parts of a span; the script API uses `OURS`.
 const PARTS: [u32; 5] = [4, 8, 16, 32, 64];
 const OURS: u32 = 32;
 const EXACT: &str = "the Bézier curve itself, bisection";
-/// Lengths of both handles, as shares of the span.
+/// Lengths of both handles, as fractions of the span.
 const WEIGHTS: [[f64; 2]; 5] = [[0.3, 0.4], [0.8, 0.8], [0.0, 0.6], [1.0, 0.0], [1.0, 1.0]];
-/// Changes a second at both ends of a span of a second, over which the value changes by 1.
+/// Slopes per second at both ends of a span of one second, over which the value changes by 1.
 const TANGENTS: [f64; 2] = [2.0, -1.0];
 const STEPS: u32 = 4000;
 
-/// Control points of time and value.
+/// Bézier control points of time and value.
 fn points([start, end]: [f64; 2]) -> [[f64; 4]; 2] {
     [[0.0, start, 1.0 - end, 1.0], [0.0, start * TANGENTS[0], 1.0 - end * TANGENTS[1], 1.0]]
 }
 
-/// The point of a Bézier curve at a parameter, by de Casteljau's construction.
+/// Point of a Bézier curve at a parameter, by de Casteljau's algorithm.
 fn casteljau(points: [f64; 4], u: f64) -> f64 {
     let mut points = points.to_vec();
     while points.len() > 1 {
@@ -32,7 +32,7 @@ fn casteljau(points: [f64; 4], u: f64) -> f64 {
     points[0]
 }
 
-/// Times, values and slopes at equal steps of the parameter, as a channel of one number.
+/// Converts a Bézier span into a channel with Hermite parts at equal steps of the parameter.
 fn in_parts(weights: [f64; 2], parts: u32) -> Channel {
     let [time, value] = points(weights);
     let change = |p: [f64; 4], u: f64| {
@@ -50,7 +50,7 @@ fn in_parts(weights: [f64; 2], parts: u32) -> Channel {
         values.push(casteljau(value, u));
         slopes.push(change(value, u) / change(time, u));
     }
-    // An upright curve has no slope: that of the points beside it is the bound, as in the script API.
+    // A vertical curve has no finite slope: the slopes of the adjacent chords bound it, as in the script API.
     let chords: Vec<f64> =
         (1..times.len()).map(|i| (values[i] - values[i - 1]) / (times[i] - times[i - 1]).as_secs()).collect();
     for (i, slope) in slopes.iter_mut().enumerate() {
@@ -63,7 +63,7 @@ fn in_parts(weights: [f64; 2], parts: u32) -> Channel {
     Channel { property: Property::Opacity, interpolation: Interpolation::CubicSpline, times, values }
 }
 
-/// What the script API makes of such keys.
+/// Channel that the script API creates from such keyframes.
 fn from_script([start, end]: [f64; 2]) -> Result<Channel, String> {
     let [out, into] = TANGENTS;
     let text = format!(
@@ -81,7 +81,7 @@ fn from_script([start, end]: [f64; 2]) -> Result<Channel, String> {
         .ok_or("no channel of places".into())
 }
 
-/// Largest and mean error over the span, and where it is largest.
+/// Largest and mean error over the span, and the place of the largest.
 fn errors(channel: &Channel, weights: [f64; 2]) -> Result<(Spread, f64), String> {
     let [time, value] = points(weights);
     let (mut error, mut place) = (Spread::default(), 0.0);

@@ -1,4 +1,4 @@
-//! Curves through the keys of the stage.
+//! Interpolation of keyframes on the stage: tangents of cubic curves.
 
 use crate::{BUDGET_SECS, Random, Section, key_weights};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
@@ -16,14 +16,14 @@ const WAYS: [(&str, Way); 4] = [
     ("Fritsch–Carlson, each component", |times, values| one(fritsch_carlson(times, values))),
     ("centripetal Catmull–Rom", centripetal),
 ];
-/// Steps in which a curve between two keys is looked at.
+/// Number of steps in which a curve between two keyframes is sampled.
 const STEPS: u32 = 64;
 
 type Values = Vec<Vec<f64>>;
-/// Tangents per second into each key and out of it.
+/// Computes tangents per second, incoming and outgoing, for each keyframe.
 type Way = fn(&[Time], &[Vec<f64>]) -> [Values; 2];
 
-/// A smooth motion in metres, and the times of its keys in seconds.
+/// Reference motion in metres, and the times of its keyframes in seconds.
 struct Reference {
     name: &'static str,
     at: fn(f64) -> Vec<f64>,
@@ -113,7 +113,7 @@ fn references() -> Vec<Reference> {
     ]
 }
 
-/// Times and values of a curve through the keys of a motion, without the two spans at each end, where curves come to rest.
+/// Times and values of a curve through the keyframes of a motion. Two spans at each end are left out, because curves come to rest there.
 fn curve(way: Way, reference: &Reference) -> Vec<(f64, Vec<f64>)> {
     let times: Vec<Time> = reference.times.iter().map(|t| Time::from_secs(*t)).collect();
     let values: Values = reference.times.iter().map(|t| (reference.at)(*t)).collect();
@@ -127,7 +127,7 @@ fn curve(way: Way, reference: &Reference) -> Vec<(f64, Vec<f64>)> {
     steps.map(at).collect()
 }
 
-/// The value at a share of the way to a key, by cubic Hermite.
+/// Cubic Hermite interpolation at the fraction `s` of the span that ends at `key`.
 fn between(times: &[Time], values: &[Vec<f64>], [into, out]: &[Values; 2], key: usize, s: f64) -> Vec<f64> {
     let span = (times[key] - times[key - 1]).as_secs();
     let (s2, s3) = (s * s, s * s * s);
@@ -140,7 +140,7 @@ fn between(times: &[Time], values: &[Vec<f64>], [into, out]: &[Values; 2], key: 
     (0..values[key].len()).map(component).collect()
 }
 
-/// Effects of a short gap: how far values leave the range of the keys beside them, and how the speed changes at a key.
+/// Effects of a short gap between keyframes: overshoot beyond their range, and change of speed at a keyframe.
 fn faults() -> Table {
     const GAPS: [(f64, &str); 3] = [(0.1, ">gap of 0.1 s"), (1e-3, ">gap of 1 ms"), (1e-6, ">gap of 1 µs")];
     let mut columns: Vec<(&str, &'static str)> = vec![("overshoot of 0, 1, 2, 3 m", "way")];
@@ -166,7 +166,8 @@ fn line(key: usize) -> Vec<f64> {
     vec![key as f64]
 }
 
-/// How far a component leaves the range between its two keys, a second apart but for the gap in the middle.
+/// Largest overshoot of a component beyond the range of its two keyframes; keyframes are one second apart, except for the gap in the
+/// middle.
 fn overshoot(way: Way, gap: f64, value: fn(usize) -> Vec<f64>) -> f64 {
     let times = [0.0, 1.0, 1.0 + gap, 2.0 + gap].map(Time::from_secs);
     let values: Values = (0..4).map(value).collect();
@@ -188,7 +189,7 @@ fn one(tangents: Values) -> [Values; 2] {
     [tangents.clone(), tangents]
 }
 
-/// Fritsch and Carlson 1980, "Monotone piecewise cubic interpolation", §3 and §4, from the tangents of the parabola.
+/// Fritsch and Carlson 1980, "Monotone piecewise cubic interpolation", §3 and §4, starting from the tangents of the parabola.
 fn fritsch_carlson(times: &[Time], values: &[Vec<f64>]) -> Values {
     let mut tangents = Tangents::CatmullRom.of(times, values, false);
     let width = values.first().map_or(0, Vec::len);
@@ -211,7 +212,8 @@ fn fritsch_carlson(times: &[Time], values: &[Vec<f64>]) -> Values {
     tangents
 }
 
-/// Knots as far apart as the square root of the distance of the keys (Yuksel, Schaefer and Keyser 2011), gone through in the given times.
+/// Centripetal parametrization: knot distances are the square roots of the distances of keyframes (Yuksel, Schaefer and Keyser 2011),
+/// mapped to the given times.
 fn centripetal(times: &[Time], values: &[Vec<f64>]) -> [Values; 2] {
     let knots = |key: usize| {
         let squares = values[key].iter().zip(&values[key + 1]).map(|(a, b)| (b - a) * (b - a));
@@ -232,7 +234,7 @@ fn centripetal(times: &[Time], values: &[Vec<f64>]) -> [Values; 2] {
     both
 }
 
-/// Nanoseconds a key for the tangents of 64 keys of a position. The curve between them costs the same in all ways.
+/// Nanoseconds per keyframe for the tangents of 64 keyframes of a position. The curve between them costs the same for all methods.
 fn times() -> Vec<Nanos> {
     const KEYS: usize = 64;
     let mut random = Random(9);

@@ -1,7 +1,7 @@
-//! `cargo xtask report [NAME…]`: error against run time of the project's own numerical choices. Writes `tests/report/README.md`
-//! and an image for each choice into `tests/report/plots/`; with names, those sections alone. The truth is a closed form, f64 or more samples.
+//! `cargo xtask report [NAME…]`: error against run time of the project's numerical choices. Writes `tests/report/README.md`, and a plot of
+//! each choice into `tests/report/plots/`; with names, only those sections. References are closed forms, f64, or more samples.
 //!
-//! A new choice: a file here with `pub fn section() -> Section`, and its line in `SECTIONS`.
+//! To add a choice, add a file here with `pub fn section() -> Result<Section, String>`, and its line in `SECTIONS`.
 
 mod baking;
 mod bloom;
@@ -61,15 +61,15 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// One chapter of the report.
+/// A section of the report.
 pub struct Section {
     pub title: &'static str,
-    /// The question, and the result of the tables.
+    /// Question that the section answers, and a summary of its tables.
     pub text: String,
     pub choices: Vec<Choice>,
-    /// The same by another measure: by distance, by length.
+    /// Further tables by another measure, such as distance or length.
     pub tables: Vec<Table>,
-    /// Why a chosen way is not on the front, by the key of its choice.
+    /// Reasons why a chosen method is not on the Pareto front, by key of the choice.
     pub off_front: Vec<(&'static str, &'static str)>,
 }
 
@@ -125,7 +125,7 @@ const SECTIONS: [(&str, Measure); 46] = [
     ("farm", farm::section),
 ];
 
-/// Seconds for the timings of one choice.
+/// Seconds spent on the timings of one choice.
 pub const BUDGET_SECS: f64 = 1.0;
 
 fn main() -> ExitCode {
@@ -139,7 +139,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// This crate's folder.
+/// Folder of this crate.
 fn folder() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
@@ -178,7 +178,7 @@ fn report(wanted: &[String]) -> Result<(), String> {
     }
 }
 
-/// The page with some sections made anew; what it lacks comes at its end.
+/// The page with regenerated sections; sections that it lacked are added at the end.
 fn with_sections(page: &str, made: &str) -> String {
     let mut page = page.to_string();
     for section in made.split("\n## ").skip(1) {
@@ -207,10 +207,10 @@ the front (the dashed line) where no other is both cheaper and more exact; where
 the command fails.
 ";
 
-/// Printed where a section was made anew without `cargo xtask report`.
+/// Added where a section was regenerated without `cargo xtask report`.
 const DEVELOPMENT: &str = "\nTimes of this section are of a development build, in which arithmetic is checked: they compare with each other only.\n";
 
-/// Defaults belong on the front.
+/// Messages about defaults that are not on the Pareto front and have no explanation.
 fn off_front(section: &Section) -> Vec<String> {
     let unexplained = |c: &&Choice| {
         c.chosen.is_some()
@@ -234,7 +234,7 @@ fn write_section(text: &mut String, section: &Section, plots: &Path) -> Result<(
             let _ = writeln!(text, "![{}](plots/{}.svg)\n", choice.question, choice.key);
         }
         let _ = writeln!(text, "{}", choice.table().markdown().trim_end());
-        // Ways that cost nearly the same change places from run to run.
+        // Methods of nearly the same cost change places between runs.
         let off = |(key, _): &&(&str, &str)| *key == choice.key && !choice.chosen_is_on_front();
         for (_, why) in section.off_front.iter().filter(off) {
             let _ = writeln!(text, "\nNot on the front: {why}");
@@ -250,7 +250,7 @@ fn write_section(text: &mut String, section: &Section, plots: &Path) -> Result<(
     Ok(())
 }
 
-/// splitmix64: the same numbers everywhere.
+/// Random numbers by splitmix64, the same on every machine.
 pub struct Random(pub u64);
 
 impl Random {
@@ -262,17 +262,17 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// 0..1
+    /// Uniform number in 0..1.
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// −1..1
+    /// Uniform number in −1..1.
     pub fn signed(&mut self) -> f64 {
         self.unit() * 2.0 - 1.0
     }
 
-    /// Any direction, evenly.
+    /// Uniformly distributed unit vector.
     pub fn direction(&mut self) -> glam::DVec3 {
         loop {
             let v = glam::DVec3::new(self.signed(), self.signed(), self.signed());
@@ -318,7 +318,7 @@ mod tests {
         assert_eq!(with_sections(page, "# A\n\n## new\n\n3\n"), format!("{page}\n## new\n\n3\n"));
     }
 
-    /// The committed page belongs to the sections there are.
+    /// The committed page must contain exactly the existing sections.
     #[test]
     fn every_section_is_in_the_page() {
         let page = std::fs::read_to_string(folder().join("README.md")).unwrap();
@@ -328,7 +328,7 @@ mod tests {
         }
     }
 
-    /// Choices that the page once left out. A row that is lost when the page is made anew is missed here.
+    /// Choices that were once missing on the page. A row that is lost when the page is regenerated is noticed here.
     #[test]
     fn no_choice_is_lost_from_the_page() {
         let page = std::fs::read_to_string(folder().join("README.md")).unwrap();

@@ -1,4 +1,4 @@
-//! Mipmaps: in what light, and with what filter.
+//! Mipmaps: averaging in linear light or in sRGB, and the filter.
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_asset::Image;
@@ -30,7 +30,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// Smooth waves, hard edges and noise in three bands.
+/// Test image with smooth waves, hard edges and noise, in three bands.
 fn image() -> Image {
     let mut random = Random(9);
     let mut rgba = Vec::with_capacity(SIDE * SIDE * 4);
@@ -53,14 +53,14 @@ fn image() -> Image {
     }
 }
 
-/// One cosine along x and y: cycles over the side, and phase.
+/// A cosine along x and y: cycles over a side, phase and height.
 struct Wave {
     cycles: [f64; 2],
     phase: f64,
     height: f64,
 }
 
-/// Weights of a filter at distances from the middle of the new texel, in new texels; 0 beyond the radius.
+/// A filter: weights by distance from the center of the new texel, in new texels; 0 beyond the radius.
 struct Filter {
     name: &'static str,
     radius: f64,
@@ -79,7 +79,7 @@ fn sinc(x: f64) -> f64 {
     if x.abs() < 1e-9 { 1.0 } else { libm::sin(p) / p }
 }
 
-/// The Kaiser window with β = 4.
+/// Kaiser window with β = 4.
 fn kaiser(x: f64) -> f64 {
     let bessel = |v: f64| {
         let (mut term, mut sum) = (1.0, 1.0);
@@ -100,7 +100,7 @@ fn filters() -> Choice {
         .into();
     choice.per = "pixel of the image".into();
     let mut random = Random(4);
-    // There are as many short waves as long ones, and shorter ones are lower, as in images.
+    // Wavelengths are distributed evenly in octaves, and amplitudes fall with the frequency, as in natural images.
     let waves: Vec<Wave> = (0..40)
         .map(|_| {
             let octave = random.unit() * 6.0;
@@ -143,10 +143,10 @@ fn filters() -> Choice {
     choice
 }
 
-/// Across, then down; the image repeats.
+/// Halves an image horizontally, then vertically; the image is periodic.
 fn halved(source: &[f64], filter: &Filter) -> Vec<f64> {
     let half = SIDE / 2;
-    // Distances of source pixels from the middle of a new texel, in new texels: ±¼, ±¾, …
+    // Distances of source pixels from the center of a new texel, in new texels: ±¼, ±¾, …
     let reach = (filter.radius * 2.0).ceil() as i64;
     let taps: Vec<(i64, f64)> = (-reach..reach)
         .map(|i| (i, (i as f64 + 0.5) / 2.0))

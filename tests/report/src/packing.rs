@@ -1,4 +1,4 @@
-//! Vertices in few bits.
+//! Vertex attributes packed into few bits.
 
 use crate::{Random, Section};
 use choreo_bench::plots::{Choice, Row};
@@ -52,7 +52,7 @@ fn normals() -> Choice {
     choice
 }
 
-/// Normal and tangent are packed alike; what is seen of both is the normal that a map bends.
+/// Normal and tangent are packed in the same way; the measured error is that of a normal from a normal map.
 fn tangents() -> Choice {
     let mut choice = Choice::new("tangents", "How are tangents packed? (with their normals)");
     choice.error_unit = "°";
@@ -82,7 +82,7 @@ fn tangents() -> Choice {
         choice.rows.push(Row::new(name).error(error.worst, error.mean()).bytes(bytes as f64));
     };
     for (name, bytes, pack) in NORMALS {
-        // The side of the bitangent is a fourth number; of octahedra and quaternions a bit.
+        // The sign of the bitangent is stored as a fourth number, or as one bit with octahedra and quaternions.
         let both = if bytes == 12 { 28 } else { 2 * bytes };
         measured(name.to_string(), both, &|frame| frame.map(pack));
     }
@@ -101,7 +101,7 @@ fn tangents() -> Choice {
     choice
 }
 
-/// A metre from two joints of which one is turned by 120°: as far apart as weights have to hold together.
+/// Skin weights of vertices up to 1 m from joints that are turned by up to 120°: the largest differences that weights must blend.
 fn weights() -> Choice {
     let mut choice = Choice::new("weights", "How are skin weights packed?");
     choice.error_unit = "mm";

@@ -1,4 +1,4 @@
-//! Heights that are seen as depth: where a look meets them, in steps.
+//! Parallax mapping: the intersection of a view ray with a height map, by number of steps.
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Choice, Row};
@@ -31,7 +31,7 @@ const DEPTH: f64 = 0.05;
 const SIDE: usize = 256;
 const LANES: usize = 8;
 
-/// Heights from 0 to 1 and the z of their normals, bilinear, repeated, as bytes would have them.
+/// Height map with values from 0 to 1, and the z of its normals: 8-bit, bilinear, periodic.
 struct Map {
     texels: Vec<[f32; 2]>,
 }
@@ -70,12 +70,12 @@ impl Map {
         [mix(0), mix(1)]
     }
 
-    /// Depth of the surface below its highest, at most 0.
+    /// Depth of the surface relative to its highest level, at most 0.
     fn below(&self, uv: Vec2) -> f32 {
         (self.sample(uv)[0] - 1.0) * DEPTH as f32
     }
 
-    /// The same in f64.
+    /// Depth of the surface as in [`Map::below`], in f64.
     fn below_exactly(&self, uv: DVec2) -> f64 {
         let p = (uv - uv.floor()) * SIDE as f64;
         let low = p.floor();
@@ -90,7 +90,7 @@ impl Map {
     }
 }
 
-/// First meeting of a look with the heights, as the depth there.
+/// Depth of the first intersection of a view ray with the heights.
 fn truth(map: &Map, at: DVec2, way: DVec2) -> f64 {
     let above = |d: f64| d - map.below_exactly(at + way * d);
     let count = 4096;
@@ -104,7 +104,7 @@ fn truth(map: &Map, at: DVec2, way: DVec2) -> f64 {
     0.5 * (high + low)
 }
 
-/// Looks of neighboring pixels, which both renderers and every GPU find step by step together.
+/// View rays of neighboring pixels, which renderers and GPUs trace in lockstep.
 struct Group {
     map: usize,
     at: [Vec2; LANES],
@@ -113,7 +113,7 @@ struct Group {
 
 type Depths = [f32; LANES];
 
-/// The search of `read_parallax` of scene.wgsl.
+/// Search along slopes, as in `read_parallax` of scene.wgsl.
 fn by_slopes(map: &Map, group: &Group, steps: usize) -> Depths {
     let mut depth = [0.0; LANES];
     for _ in 0..steps {
@@ -126,7 +126,7 @@ fn by_slopes(map: &Map, group: &Group, steps: usize) -> Depths {
     depth
 }
 
-/// Even layers from the top until all have met the heights, then the chord between the last two of each.
+/// Linear search in equal layers from the top until all rays have hit, then the secant between the last two layers.
 fn by_layers(map: &Map, group: &Group, layers: usize) -> Depths {
     let step = -(DEPTH as f32) / layers as f32;
     let mut found = [-(DEPTH as f32); LANES];
@@ -174,7 +174,7 @@ fn steps() -> Choice {
                 }
             };
             let (at, map) = (random.direction(), i % 2);
-            // Two rows of four pixels, a texel apart.
+            // Two rows of four pixels, one texel apart.
             let pixel = |lane: usize| DVec2::new((lane % 4) as f64, (lane / 4) as f64) / SIDE as f64;
             let at = |lane: usize| DVec2::new(at.x, at.y) * 7.0 + pixel(lane);
             let way = DVec2::new(v.x, v.y) / v.z;

@@ -1,4 +1,4 @@
-//! Characters pre-skinned once a frame, or skinned by every pass that draws them.
+//! Skinning: characters pre-skinned once per frame, or skinned in every pass that draws them.
 
 use crate::images::{renderers, stage, times};
 use crate::{BUDGET_SECS, Section};
@@ -10,7 +10,7 @@ use choreo_render::Plan;
 use choreo_stage::SkinOnce;
 
 const SIZE: [u32; 2] = [1280, 720];
-/// The image, and a map for each lamp.
+/// Largest number of passes: the image, and a shadow map for each lamp.
 const MOST_PASSES: usize = 8;
 const CROWDS: [usize; 2] = [1, 25];
 

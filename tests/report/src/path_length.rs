@@ -1,4 +1,4 @@
-//! How the length of a path is found, along which an actor walks at an even speed.
+//! Arc length of a path, along which an actor walks at constant speed.
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Choice, Row};
@@ -16,7 +16,7 @@ const WAYS: [&str; 5] = [
     "chords, 100 pieces",
 ];
 
-/// Nodes and weights on −1..1 (Abramowitz and Stegun, table 25.4).
+/// Gauss–Legendre nodes and weights on −1..1 (Abramowitz and Stegun, table 25.4).
 const GAUSS_3: &[(f64, f64)] =
     &[(-0.774_596_669_241_483_4, 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)];
 const GAUSS_5: &[(f64, f64)] = &[
@@ -27,8 +27,8 @@ const GAUSS_5: &[(f64, f64)] = &[
     (0.906_179_845_938_664, 0.236_926_885_056_189_1),
 ];
 
-/// One stretch of a centripetal Catmull–Rom spline through four points, between the inner two, by Barry and Goldman's pyramid
-/// ("A recursive evaluation algorithm for a class of Catmull-Rom splines", SIGGRAPH 1988): another form than the program's.
+/// A span of a centripetal Catmull–Rom spline between the inner two of four points, evaluated by Barry and Goldman's pyramid ("A recursive
+/// evaluation algorithm for a class of Catmull-Rom splines", SIGGRAPH 1988), which differs from the form in the program.
 #[derive(Clone, Copy)]
 struct Stretch([DVec3; 4]);
 
@@ -48,7 +48,7 @@ impl Stretch {
         mix(second[0], second[1], t[1], t[2])
     }
 
-    /// The cubic of the stretch as a polynomial, from four of its places.
+    /// Coefficients of the span's cubic polynomial, from four of its points.
     fn polynomial(&self) -> [DVec3; 4] {
         let [p0, p1, p2, p3] = [0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0].map(|u| self.place(u));
         let c1 = (p0 * -11.0 + p1 * 18.0 - p2 * 9.0 + p3 * 2.0) / 2.0;
@@ -92,21 +92,21 @@ pub fn section() -> Result<Section, String> {
     let mut random = Random(0xA11);
     let mut stretches: Vec<Stretch> =
         (0..100).map(|_| Stretch(std::array::from_fn(|_| random.direction() * 3.0))).collect();
-    // A turn about: the speed falls to nearly nothing in it.
+    // A sharp turn, in which the speed falls to nearly zero.
     let sharp = [[-4.0, 0.0], [0.0, 0.0], [0.02, 0.01], [-4.0, 0.1]].map(|[x, z]| DVec3::new(x, 0.0, z));
     stretches.push(Stretch(sharp));
     let mut errors = [(); WAYS.len()].map(|()| (Spread::default(), String::new()));
     let mut of_program = Spread::default();
     for (number, stretch) in stretches.iter().enumerate() {
         let c = stretch.polynomial();
-        // 512 pieces of 5 points: rounding is what is left.
+        // Reference with 512 pieces of 5 points, whose error is only rounding.
         let exact = gauss(&c, GAUSS_5, 512);
         for (way, (error, place)) in errors.iter_mut().enumerate() {
             if error.add((length(way, stretch, &c) / exact - 1.0).abs()) {
                 *place = if number == 100 { "a sharp turn".into() } else { format!("stretch {number}") };
             }
         }
-        // The program's own path through the four points, whose middle stretch this is.
+        // The program's path through the four points; this span is its middle part.
         let path = |points: &[DVec3]| Path::new(points.to_vec(), false).map(|path| path.length());
         let whole = path(&stretch.0).map_err(|e| e.to_string())?;
         let mirrored = |a: DVec3, b: DVec3| a * 2.0 - b;

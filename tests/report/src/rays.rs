@@ -1,4 +1,4 @@
-//! Rays against the triangles of a stage that stands still, in f64: the truth for what maps approximate.
+//! Ray casting against the triangles of a static stage in f64: the reference for approximations by maps.
 
 use choreo_asset::Topology;
 use choreo_stage::{Snapshot, Stage};
@@ -6,11 +6,11 @@ use glam::DVec3;
 
 pub struct Hit {
     pub point: DVec3,
-    /// Normal of the triangle, to the side that the ray came from.
+    /// Normal of the triangle, on the side from which the ray came.
     pub normal: DVec3,
 }
 
-/// One actor's triangles and the box around them.
+/// Triangles of one actor, and their bounding box.
 struct Shape {
     min: DVec3,
     max: DVec3,
@@ -20,7 +20,7 @@ struct Shape {
 pub struct Shapes(Vec<Shape>);
 
 impl Shapes {
-    /// All meshes without skins.
+    /// Collects all meshes that have no skin.
     pub fn of(stage: &Stage, snapshot: &Snapshot) -> Shapes {
         let mut shapes = Vec::new();
         for (actor, state) in stage.actors.iter().zip(&snapshot.actors) {
@@ -44,7 +44,7 @@ impl Shapes {
         Shapes(shapes)
     }
 
-    /// The first hit of a ray; `way` of unit length.
+    /// First hit of a ray. `way`: unit vector.
     pub fn first(&self, from: DVec3, way: DVec3) -> Option<Hit> {
         let mut nearest = f64::INFINITY;
         let mut found = None;
@@ -63,7 +63,7 @@ impl Shapes {
         Some(Hit { point: from + way * nearest, normal })
     }
 
-    /// Whether anything lies on the way.
+    /// Whether anything is hit along the ray.
     pub fn blocked(&self, from: DVec3, way: DVec3) -> bool {
         let near = self.0.iter().filter(|s| s.near(from, way));
         near.flat_map(|s| &s.triangles).any(|t| meets(t, from, way).is_some())
@@ -71,7 +71,7 @@ impl Shapes {
 }
 
 impl Shape {
-    /// Whether the ray meets the box (Kay & Kajiya, slabs).
+    /// Whether the ray intersects the box (Kay & Kajiya, slabs).
     fn near(&self, from: DVec3, way: DVec3) -> bool {
         let inverse = way.recip();
         let (a, b) = ((self.min - 1e-9 - from) * inverse, (self.max + 1e-9 - from) * inverse);
@@ -80,7 +80,7 @@ impl Shape {
     }
 }
 
-/// How far along (Möller & Trumbore, 1997); `None` behind, beside, along the plane.
+/// Distance along the ray (Möller & Trumbore, 1997); `None` if the triangle is behind, missed, or parallel to the ray.
 fn meets([a, b, c]: &[DVec3; 3], from: DVec3, way: DVec3) -> Option<f64> {
     let (e1, e2) = (*b - *a, *c - *a);
     let p = way.cross(e2);

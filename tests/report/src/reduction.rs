@@ -1,4 +1,4 @@
-//! Fewer keys: what a tolerance costs and saves.
+//! Keyframe reduction: error and savings by tolerance.
 
 use crate::{BUDGET_SECS, Section, scenes};
 use choreo_bench::plots::{Choice, Row};
@@ -7,7 +7,7 @@ use choreo_bench::truth::{self, Spread};
 use choreo_motion::edit::reduce::KeptTimes;
 use choreo_motion::{Clip, FrameRate, Pose, Sample, Skeleton, Time};
 
-/// Millimetres in the model.
+/// Tolerances in millimetres, in model space.
 const TOLERANCES: [f64; 6] = [0.01, 0.1, 0.5, 1.0, 2.0, 5.0];
 
 pub fn section() -> Result<Section, String> {

@@ -1,4 +1,4 @@
-//! How close a retargeted clip is to the motion that it follows.
+//! Retargeting: error of a retargeted clip against the motion of the source.
 
 use crate::{BUDGET_SECS, Random, Section, hips, scenes};
 use choreo_bench::plots::{Choice, Row, quantity};
@@ -9,18 +9,18 @@ use choreo_motion::retarget::{Retarget, RetargetOptions};
 use choreo_motion::{Clip, Curve, Interpolation, Path, Skeleton, Time, Transform};
 use glam::{DAffine3, DQuat};
 
-/// Largest error of sampled rotations, radians.
+/// Largest error of sampled rotations in radians.
 const TOLERANCES: [f64; 5] = [1.0, 1e-2, 1e-3, 1e-4, 1e-5];
 const DEFAULT: f64 = 1e-3;
-/// The joint that the other body lacks, so that the one below it takes over its turns.
+/// Joint that the other character lacks; the joint below it takes over its rotation.
 const LACKS: &str = "mixamorig:Spine1";
 const CLIPS: [&str; 2] = ["Walk", "Dance_Groove"];
 const TIMES: u32 = 211;
 
-/// The other body: the same places at rest, other axes, one joint fewer.
+/// Another skeleton with the same joint positions at rest, other joint axes, and one joint fewer.
 struct Body {
     skeleton: Skeleton,
-    /// Joint of the source, and the rotation of the own axes in its space.
+    /// Joint of the source that each joint follows, and the rotation of its axes in the space of that joint.
     follows: Vec<(usize, DQuat)>,
 }
 
@@ -57,7 +57,7 @@ fn other_body(source: &Skeleton) -> Result<Body, String> {
     Ok(Body { skeleton, follows })
 }
 
-/// Degrees that joints are turned otherwise than those that they follow, and where most.
+/// Angles in degrees between joints and the joints that they follow, and the place of the worst.
 fn errors(source: &Skeleton, clip: &Clip, body: &Body, found: &Clip) -> (Spread, String) {
     let (mut error, mut place) = (Spread::default(), String::new());
     for i in 0..TIMES {
@@ -75,7 +75,7 @@ fn errors(source: &Skeleton, clip: &Clip, body: &Body, found: &Clip) -> (Spread,
     (error, place)
 }
 
-/// Keys as set by hand: each joint turns by up to 35° from rest, every 0.3 to 0.6 s, at times of its own.
+/// Clip with keyframes like those set by hand: each joint rotates by up to 35° from rest, every 0.3 to 0.6 s, at its own times.
 fn by_hand(skeleton: &Skeleton) -> Result<Clip, String> {
     let mut random = Random(5);
     let curve = |joint: usize| {

@@ -1,4 +1,4 @@
-//! How the root motion of many loops of a clip is accumulated.
+//! Root motion accumulated over many loops of a clip.
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
@@ -8,10 +8,11 @@ use glam::{DVec2, DVec3, Vec2};
 
 const OURS: &str = "power in closed form, f64 (Planar::power)";
 const WAYS: [&str; 4] = [OURS, "a step each loop, f64", "a step each frame, f64", "a step each loop, f32"];
-/// Loops of a second, and their time.
+/// Numbers of loops of one second, and their total time.
 const LOOPS: [(i64, &str); 4] = [(60, "1 min"), (3600, "1 h"), (36_000, "10 h"), (360_000, "100 h")];
 const FRAMES: i64 = 30;
-/// Turns of a loop as a fraction, and metres that it leads ahead: a walk along a circle, nearly straight ahead, and on the spot.
+/// Rotation per loop as a fraction of a turn, and metres forward per loop: a walk along a circle, nearly straight ahead, and almost on the
+/// spot.
 const WALKS: [((i64, i64), f64); 3] = [((1, 997), 1.4), ((1, 100_003), 1.4), ((17, 64), 0.9)];
 
 fn angle((turns, parts): (i64, i64)) -> f64 {
@@ -23,8 +24,8 @@ fn turned(v: DVec2, angle: f64) -> DVec2 {
     DVec2::new(cos * v.x + sin * v.y, cos * v.y - sin * v.x)
 }
 
-/// Whole circles sum to nothing, so that the steps of the last, incomplete circle are the place: each from an angle reduced in
-/// whole numbers. Summed from the smallest error on (Kahan).
+/// Reference position. Complete cycles of directions sum to zero, so only the steps of the last, incomplete cycle are added, with angles
+/// reduced in integers and Kahan's compensated summation.
 fn exact((turns, parts): (i64, i64), metres: f64, loops: i64) -> DVec2 {
     let (mut sum, mut lost) = (DVec2::ZERO, DVec2::ZERO);
     for step in 0..loops % parts {
@@ -53,7 +54,7 @@ fn accumulated(way: usize, turn: f64, metres: f64, loops: i64) -> DVec2 {
             place
         }
         2 => {
-            // The loop in equal parts: each is the root of the motion, whose powers lie on the same circle.
+            // The loop is split into equal parts whose positions lie on the same circle.
             let part = turn / FRAMES as f64;
             let chord = metres * (part / 2.0).sin() / (turn / 2.0).sin();
             let step = turned(DVec2::new(0.0, chord), -(turn - part) / 2.0);

@@ -1,4 +1,4 @@
-//! Rotations between two keys.
+//! Interpolation of rotations between two keyframes.
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity, time};
@@ -87,7 +87,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// A turn at even speed within one second.
+/// A rotation with constant angular velocity within one second.
 struct Turn {
     start: DQuat,
     axis: DVec3,
@@ -99,13 +99,13 @@ impl Turn {
         DQuat::from_axis_angle(self.axis, self.degrees.to_radians() * t) * self.start
     }
 
-    /// The first and the last rotation, in one hemisphere.
+    /// First and last rotation, in the same hemisphere.
     fn ends(&self) -> [Quat; 2] {
         let (a, b) = (self.at(0.0).as_quat(), self.at(1.0).as_quat());
         [a, if a.dot(b) < 0.0 { -b } else { b }]
     }
 
-    /// The derivative of the quaternion, ½ ω q, at both ends: what glTF's CUBICSPLINE has as tangents.
+    /// Derivatives of the quaternion, ½ ω q, at both ends: the tangents of glTF's CUBICSPLINE.
     fn tangents(&self) -> [Quat; 2] {
         let omega = self.axis * (self.degrees.to_radians() * 0.5);
         let omega = DQuat::from_xyzw(omega.x, omega.y, omega.z, 0.0);
@@ -123,7 +123,7 @@ impl Turn {
         lane(&spline(&[a, m0, b, m1].map(|q| rows(&[q; 8])), t as f32), 0)
     }
 
-    /// Eight joints that all turn so, from 0 s to 1 s.
+    /// A clip with eight joints that all rotate in this way, from 0 s to 1 s.
     fn clip(&self) -> Result<Clip, String> {
         let times: Arc<[Time]> = [Time::ZERO, Time::from_secs(1.0)].into();
         let values: Vec<f32> =
@@ -145,7 +145,7 @@ fn sampled(clip: &Clip, t: f64) -> Quat {
     pose.get(0).rotation
 }
 
-/// glTF's CUBICSPLINE, eight at once: value and tangent of the first key and of the second.
+/// glTF's CUBICSPLINE for eight rotations at once: value and tangent of the first and of the second keyframe.
 fn spline([a, m0, b, m1]: &[Rotations; 4], t: f32) -> Rotations {
     let (t2, t3) = (t * t, t * t * t);
     let [of_a, of_m0] = [2.0 * t3 - 3.0 * t2 + 1.0, t3 - 2.0 * t2 + t];
@@ -158,7 +158,8 @@ fn spline([a, m0, b, m1]: &[Rotations; 4], t: f32) -> Rotations {
     unit(&std::array::from_fn(row))
 }
 
-/// Keys 30° apart, as a clip of twelve poses a second has them in quick parts: the time of each way, and of [`OURS`] on the widest registers.
+/// Time of each method for keyframes 30° apart, as in fast parts of a clip with twelve poses per second; and time of [`OURS`] with the
+/// widest registers.
 fn times(names: &[&str]) -> Result<(Vec<Nanos>, Nanos), String> {
     const PAIRS: usize = 256;
     const AT: f32 = 0.37;
@@ -214,7 +215,7 @@ fn times(names: &[&str]) -> Result<(Vec<Nanos>, Nanos), String> {
     Ok((nanos, best))
 }
 
-/// A joint for each turn.
+/// A clip with one joint for each rotation.
 fn many(turns: &[Turn]) -> Result<Clip, String> {
     let times: Arc<[Time]> = [Time::ZERO, Time::from_secs(1.0)].into();
     let curve = |(joint, turn): (usize, &Turn)| Curve {

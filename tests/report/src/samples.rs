@@ -1,4 +1,4 @@
-//! Smooth edges: how many samples a pixel.
+//! Multisampling: smoothness of edges by samples per pixel.
 
 use crate::{BUDGET_SECS, Section, scenes};
 use choreo_bench::moment::Moment;
@@ -53,7 +53,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// A half-plane's edge through a pixel: covered part against the part of the samples inside, in closed form.
+/// Error of coverage for a straight edge through a pixel: fraction of samples inside, against the exact area.
 fn edges() -> Table {
     let mut table = Table::new(
         "A straight edge: error of a pixel's covered part, exact by clipping the pixel in f64",
@@ -106,8 +106,8 @@ fn grid(side: usize) -> Vec<[f64; 2]> {
     (0..side * side).map(|i| [at(i % side), at(i / side)]).collect()
 }
 
-/// Area of the part of the unit square where (p − middle) · normal < offset: the square clipped by the line (Sutherland and Hodgman), then
-/// the shoelace formula.
+/// Area of the part of the unit square where (p − middle) · normal < offset: the square is clipped by the line (Sutherland and Hodgman),
+/// and measured by the shoelace formula.
 fn covered_area(normal: [f64; 2], offset: f64) -> f64 {
     let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
     let distance = |p: &[f64; 2]| (p[0] - 0.5) * normal[0] + (p[1] - 0.5) * normal[1] - offset;
@@ -138,7 +138,7 @@ mod tests {
     fn covered_parts_are_known_for_simple_edges() {
         let near = |a: f64, b: f64| (a - b).abs() < 1e-12;
         assert!(near(covered_area([1.0, 0.0], 0.25), 0.75) && near(covered_area([0.0, -1.0], 0.0), 0.5));
-        // A corner cut off at 45°: a triangle with legs of ½.
+        // A vertex of the square cut off at 45°: a triangle with legs of ½.
         let s = std::f64::consts::FRAC_1_SQRT_2;
         assert!(near(covered_area([s, s], -0.5 * s), 0.125));
         assert!(near(covered_area([1.0, 0.0], 0.6), 1.0) && near(covered_area([1.0, 0.0], -0.6), 0.0));

@@ -1,4 +1,4 @@
-//! How close keys of an exported glTF or USD file are to the scene, and what that costs.
+//! Scene export to glTF and USD: error of exported keyframes, file size and time by tolerance.
 
 use crate::images::stage;
 use crate::scenes::import;
@@ -11,13 +11,13 @@ use choreo_plugin::{ExportedScene, MemoryFiles, OptionValue, Registry};
 use choreo_stage::{Evaluator, Stage};
 use std::sync::Arc;
 
-/// Metres.
+/// Tolerances in metres.
 const TOLERANCES: [f64; 6] = [1e-5, 1e-4, 5e-4, 1e-3, 5e-3, 2e-2];
 const DEFAULT: f64 = 1e-4;
-/// Times between frames at which joints are compared.
+/// Number of times, also between frames, at which joints are compared.
 const TIMES: u32 = 211;
 
-/// A walk with root motion that fades into a dance, feet that are held, a hand that a callback moves about and a head that follows.
+/// A walk with root motion that fades into a dance, with foot locking, a hand moved by a callback, and a head that looks at it.
 const SCENE: &str = r#"
     stage(#{ fps: 30, length: 6 });
     let m = load("choreo:mannequin");
@@ -46,7 +46,7 @@ fn exported(registry: &Registry, scene: &Arc<Stage>, file: &str, metres: f64) ->
     Ok(files.main)
 }
 
-/// Metres that joints are off, with the place of the worst.
+/// Errors of joint positions in metres, and the place of the worst.
 fn errors(
     scene: &Arc<Stage>,
     registry: &Registry,
@@ -75,7 +75,7 @@ fn errors(
     Ok((error, place))
 }
 
-/// Tolerances of one format.
+/// Rows for the tolerances of one format.
 fn choice(
     registry: &Registry,
     scene: &Arc<Stage>,

@@ -23,7 +23,7 @@ pub fn mannequin() -> Result<Asset, String> {
         .map_err(|e| e.to_string())
 }
 
-/// A script of the repository's `scripts` folder.
+/// Stage of a script in the repository's folder `scripts`.
 pub fn script(name: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scripts").join(name);
     let script = run_file(&path, registry, &ScriptOptions::default())
@@ -31,7 +31,7 @@ pub fn script(name: &str, registry: &Registry) -> Result<Arc<Stage>, String> {
     Ok(Arc::new(script.stage))
 }
 
-/// A file without others beside it, read by the importer that claims it.
+/// Imports a single file with the importer that claims it.
 pub fn import(
     registry: &Registry,
     name: &str,

@@ -1,4 +1,4 @@
-//! Shadow maps: how fine, and what filter, against rays.
+//! Shadow maps: resolution and filter kernel, against ray-cast shadows.
 
 use crate::images::{renderers, stage};
 use crate::rays::{Hit, Shapes};
@@ -19,9 +19,9 @@ use std::f64::consts::PI;
 use std::hint::black_box;
 
 const SIZE: [u32; 2] = [640, 360];
-/// Metres from dark to light.
+/// Width in metres over which a shadow's edge is softened.
 const SOFTNESS: f64 = 0.01;
-/// Rays a side of what is softened.
+/// Number of rays along a side of the softened area.
 const RAYS: usize = 6;
 
 pub fn section() -> Result<Section, String> {
@@ -40,12 +40,12 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// The moment with these options of the sun's shadow, and with its brightness.
+/// The scene with these shadow options and this intensity of the sun.
 fn moment(shadow: &str, intensity: f64, registry: &Registry) -> Result<Moment, String> {
     moment_on(12.0, "", shadow, intensity, registry)
 }
 
-/// The moment on a ground of this width, with `more` on stage.
+/// The scene on a ground of this width in metres. `more`: further lines of the script.
 fn moment_on(
     ground: f64,
     more: &str,
@@ -76,12 +76,12 @@ fn drawn(moment: &Moment, renderer: &mut dyn Renderer) -> Result<Frame, String> 
     moment.draw(renderer, SIZE, 1).map_err(|e| e.to_string())
 }
 
-/// Unit, to the sun of the scene.
+/// Unit vector towards the sun.
 fn to_sun() -> DVec3 {
     -DVec3::new(-0.5, -1.0, 0.62).normalize()
 }
 
-/// Lit part of a square of the surface that is as wide as the softness, seen from the sun: rays from `side` × `side` places.
+/// Lit fraction of a square of the surface that is `width` wide as seen from the sun, by rays from `side` × `side` points.
 fn lit(shapes: &Shapes, hit: &Hit, width: f64, side: usize) -> f64 {
     let l = to_sun();
     let nl = hit.normal.dot(l);
@@ -93,7 +93,7 @@ fn lit(shapes: &Shapes, hit: &Hit, width: f64, side: usize) -> f64 {
     for i in 0..side * side {
         let part = |i: usize| ((i as f64 + 0.5) / side as f64 - 0.5) * width;
         let off = across * part(i % side) + up * part(i / side);
-        // Along the light back into the surface's plane.
+        // Project along the light direction onto the plane of the surface.
         let at = hit.point + off - l * (off.dot(hit.normal) / nl);
         sum += f64::from(u8::from(!shapes.blocked(at + hit.normal * 1e-5, l)));
     }
@@ -105,7 +105,7 @@ fn axes(l: DVec3) -> (DVec3, DVec3) {
     (across, across.cross(l))
 }
 
-/// The first hit of the camera's ray through the middle of each pixel.
+/// First hit of the camera ray through the center of each pixel.
 fn seen(moment: &Moment, shapes: &Shapes) -> Vec<Option<Hit>> {
     let camera = &moment.snapshot.camera;
     let Projection::Perspective { yfov, .. } = camera.projection else { return Vec::new() };
@@ -120,14 +120,14 @@ fn seen(moment: &Moment, shapes: &Shapes) -> Vec<Option<Hit>> {
     (0..(SIZE[0] * SIZE[1]) as usize).map(at).collect()
 }
 
-/// The image that rays give.
+/// Reference image, computed with rays.
 struct Truth {
     hits: Vec<Option<Hit>>,
     rgba: Vec<u8>,
 }
 
 impl Truth {
-    /// `share`: how much of the sun arrives where a ray of the camera does.
+    /// `share`: computes the fraction of the sun's light that reaches a hit.
     fn of(
         registry: &Registry,
         cpu: &mut CpuRenderer,
@@ -140,7 +140,7 @@ impl Truth {
         let linear = srgb_to_linear_table();
         let hits = seen(&dark, &shapes);
         let shares: Vec<f64> = hits.iter().map(|h| h.as_ref().map_or(0.0, |h| share(&shapes, h))).collect();
-        // Between the image without the sun and that without shadows, in linear light.
+        // Interpolates in linear light between the image without the sun and the image without shadows.
         let rgba = (0..unlit.rgba.len())
             .map(|i| {
                 let [a, b] = [&unlit, &bright].map(|f| f64::from(linear[usize::from(f.rgba[i])]));
@@ -151,7 +151,7 @@ impl Truth {
     }
 }
 
-/// Sizes of the shadow maps of a frame.
+/// Sizes of a frame's shadow maps.
 fn maps(moment: &Moment) -> String {
     let plan = moment.plan(SIZE, 1);
     let views = plan.shadow_maps.iter().flat_map(|s| &s.views);
@@ -159,7 +159,7 @@ fn maps(moment: &Moment) -> String {
     sizes.collect::<Vec<_>>().join(", ")
 }
 
-/// Part of the sun's disc that a place sees, by rays to the cells of a grid that lie in the disc.
+/// Fraction of the sun's disc that is visible from a point, by rays to those cells of a grid that lie in the disc.
 fn lit_by_disc(shapes: &Shapes, hit: &Hit) -> f64 {
     let l = to_sun();
     if hit.normal.dot(l) <= 0.0 {
@@ -177,12 +177,12 @@ fn lit_by_disc(shapes: &Shapes, hit: &Hit) -> f64 {
     lit / all
 }
 
-/// The default shadow, whatever is at the horizon.
+/// The default shadow by extent of the scene.
 fn extents() -> Result<Table, String> {
     let registry = choreo::registry();
     let mut cpu = CpuRenderer::new(registry.effects());
     let truth = Truth::of(&registry, &mut cpu, lit_by_disc)?;
-    // Only the area that the smallest ground has, too, is compared.
+    // Only the area that the smallest ground covers is compared.
     let near = |pixel: usize| truth.hits[pixel].as_ref().is_some_and(|hit| hit.point.length() < 4.0);
     let mut table = Table::new(
         "By the extent of the scene: the default shadow within 4 m, against rays to the sun's disc, steps of 255",
@@ -276,13 +276,13 @@ fn sizes() -> Result<Choice, String> {
     Ok(choice)
 }
 
-/// Depths along the sun's way of what it meets first, on a grid; nearer to the sun is greater.
+/// Depth map along the direction of the sun: depth of the first hit in each texel; greater is nearer to the sun.
 struct Map {
     origin: DVec2,
     texel: f64,
     side: usize,
     depth: Vec<f32>,
-    /// Means over 3 × 3 of the depth and its square, of which variance shadow maps are made.
+    /// Averages over 3 × 3 texels of depth and squared depth, as used by variance shadow maps.
     moments: Vec<[f32; 2]>,
 }
 
@@ -313,7 +313,7 @@ impl Map {
         Map { origin, texel, side, depth, moments }
     }
 
-    /// The position in texels, and the depth; offset from the surface as the renderer does.
+    /// Texel position and depth of a hit, offset from the surface as in the renderer.
     fn place(&self, hit: &Hit) -> [f32; 3] {
         let l = to_sun();
         let (across, up) = axes(l);
@@ -328,7 +328,7 @@ impl Map {
         f32::from(u8::from(depth >= self.depth[y * self.side + x]))
     }
 
-    /// A box of N × N texels over the comparisons of N + 1 × N + 1.
+    /// Percentage-closer filtering: a box of N × N texels over N + 1 × N + 1 comparisons.
     fn filtered<const N: usize>(&self, [x, y, depth]: [f32; 3]) -> f32 {
         let reach = N as f32 * 0.5;
         let (left, top) = ((x - reach).floor(), (y - reach).floor());
@@ -358,7 +358,7 @@ impl Map {
         sum / (N * N) as f32
     }
 
-    /// Chebyshev's bound (Donnelly & Lauritzen, "Variance Shadow Maps", 2006), between four texels.
+    /// Chebyshev's bound (Donnelly & Lauritzen, "Variance Shadow Maps", 2006), bilinear over four texels.
     fn variance(&self, [x, y, depth]: [f32; 3]) -> f32 {
         let (left, top) = ((x - 0.5).floor(), (y - 0.5).floor());
         let (fx, fy) = (x - 0.5 - left, y - 0.5 - top);
@@ -381,13 +381,13 @@ fn kernels() -> Result<Choice, String> {
     let registry = choreo::registry();
     let scene = moment("false", 2.0 * PI, &registry)?;
     let shapes = Shapes::of(&scene.stage, &scene.snapshot);
-    // Behind the fence and under the plank, away from the map's rim.
+    // The area is behind the fence and under the plank, away from the border of the map.
     let (middle, reach) = (DVec3::new(-0.4, 0.0, 0.1), 0.5);
     let mut random = Random(31);
     let mut places = Vec::new();
     while places.len() < 6000 {
         let from = middle + DVec3::new(random.signed() * reach, 3.0, random.signed() * reach);
-        // Near an edge: far from it, all kernels say the same.
+        // Only points near a shadow's edge are used: elsewhere all kernels agree.
         if let Some(hit) = shapes.first(from, DVec3::NEG_Y) {
             let part = lit(&shapes, &hit, 3.0 * SOFTNESS, 4);
             if part > 0.0 && part < 1.0 {

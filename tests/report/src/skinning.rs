@@ -1,4 +1,4 @@
-//! Skins: how vertices follow joints, how many joints count, and in what numbers positions are kept.
+//! Skinning: blending method, number of influences, and number format of positions.
 
 use crate::{BUDGET_SECS, Random, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
@@ -10,7 +10,7 @@ use choreo_motion::{
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Mat3A, Vec3, Vec3A};
 
 const VERTICES: usize = 4_000;
-/// Radius of the limb, metres.
+/// Radius of the limb in metres.
 const RADIUS: f64 = 0.04;
 const ANGLES: [f64; 6] = [10.0, 45.0, 90.0, 120.0, 150.0, 175.0];
 
@@ -43,7 +43,7 @@ fn narrow(map: &DAffine3) -> Affine3A {
     }
 }
 
-/// Vertices with the joints that move them.
+/// Vertices with their influencing joints.
 struct Mesh {
     influences: usize,
     joints: Vec<u16>,
@@ -114,7 +114,7 @@ impl Mesh {
     }
 }
 
-/// A limb along x from 0 to 25 cm, weights evenly from one joint to the other.
+/// A limb along x from 0 to 25 cm, whose weights change linearly from one joint to the other.
 fn limb() -> Mesh {
     let mut random = Random(3);
     let mut mesh = Mesh { influences: 4, joints: Vec::new(), weights: Vec::new(), positions: Vec::new() };
@@ -179,7 +179,8 @@ fn turned(degrees: f64) -> Vec<DAffine3> {
     vec![DAffine3::IDENTITY, DAffine3::from_rotation_x(degrees.to_radians())]
 }
 
-/// A bent back of 16 joints, 10 cm apart, each vertex on the eight nearest; the heaviest few are kept.
+/// Error by number of influences: a bent back of 16 joints 10 cm apart, with each vertex on the nearest eight; only the largest weights are
+/// kept.
 fn influences() -> Choice {
     const MOST: usize = 8;
     let mut choice = Choice::new("influences", "How many joints move a vertex?");
@@ -245,7 +246,7 @@ fn influences() -> Choice {
     choice
 }
 
-/// A figure's positions in fewer bytes.
+/// Error of a character's positions in smaller number formats.
 fn positions() -> Choice {
     let mut choice = Choice::new("positions", "In what numbers are positions kept?");
     choice.error_unit = "mm";
@@ -280,7 +281,7 @@ fn positions() -> Choice {
     choice
 }
 
-/// Rounded to the 11 bits of IEEE 754 binary16.
+/// Rounds to the 11 significant bits of IEEE 754 binary16.
 fn half_float(v: f64) -> f64 {
     let (_, exponent) = libm::frexp(v);
     let step = libm::ldexp(1.0, exponent.max(-13) - 11);

@@ -1,4 +1,4 @@
-//! Image-based light: how large its maps, how many samples, and what its diffuse part is kept as.
+//! Image-based lighting: size of its maps, number of samples, and representation of the diffuse part.
 
 use crate::{BUDGET_SECS, Section};
 use choreo_asset::Panorama;

@@ -1,4 +1,4 @@
-//! How the equation of a spring bone is stepped.
+//! Spring bones: methods of integration.
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
@@ -13,7 +13,7 @@ use glam::{Affine3A, DAffine3, DQuat, DVec3, Vec3};
 use std::f64::consts::PI;
 
 const OURS: &str = "closed form (SpringBone)";
-/// Name, steps a frame, method.
+/// Name, steps per frame, method.
 const WAYS: [(&str, u32, Method); 9] = [
     ("explicit Euler", 1, Method::Explicit),
     ("semi-implicit Euler", 1, Method::SemiImplicit),
@@ -28,9 +28,9 @@ const WAYS: [(&str, u32, Method); 9] = [
 const FREQUENCIES: [f64; 5] = [0.1, 1.0, 10.0, 100.0, 1000.0];
 const RATIOS: [f64; 6] = [0.0, 0.1, 0.5, 1.0, 3.0, 10.0];
 const RATES: [u32; 6] = [12, 24, 30, 60, 120, 240];
-/// Seconds of a swing.
+/// Duration of a swing in seconds.
 const LENGTH: f64 = 2.0;
-/// Radians at the start.
+/// Initial angle in radians.
 const START: f64 = 1.0;
 
 #[derive(Clone, Copy, PartialEq)]
@@ -142,7 +142,7 @@ fn at(angle: f64, drive: &Drive) -> BoneState {
     }
 }
 
-/// One frame: every method on the same equation in the tangent plane, along the same sphere.
+/// One frame: every method integrates the same equation in the tangent plane, and moves along the same sphere.
 fn frame(method: Method, steps: u32, bone: &SpringBone, state: &mut BoneState, drive: &Drive, seconds: f64) {
     if method == Method::Closed {
         bone.step(state, drive, seconds);
@@ -152,7 +152,7 @@ fn frame(method: Method, steps: u32, bone: &SpringBone, state: &mut BoneState, d
     let (k, c) = (bone.stiffness, bone.damping);
     let from = state.target;
     for step in 1..=steps {
-        // The target moves evenly; a step sees where it ends.
+        // The target moves linearly; each step uses the target at its end.
         let target = from.lerp(drive.target, f64::from(step) / f64::from(steps)).normalize();
         let bent = log(state.direction, target);
         let v = state.velocity;
@@ -175,14 +175,14 @@ fn frame(method: Method, steps: u32, bone: &SpringBone, state: &mut BoneState, d
                 ((u1 + (u2 + u3) * 2.0 + u4) * (h / 6.0), v + (w1 + (w2 + w3) * 2.0 + w4) * (h / 6.0))
             }
         };
-        // A diverged spring stays finite here, and counts as π.
+        // A diverged spring is clamped to stay finite; its error counts as π.
         let way = way.clamp_length_max(1e6);
         (state.direction, state.velocity) = exp(state.direction, way, after.clamp_length_max(1e12));
     }
     (state.head, state.target) = (drive.head, drive.target);
 }
 
-/// Worst error of a swing, and when.
+/// Worst error of a free swing in radians, and its time in seconds.
 fn free_swing(method: Method, steps: u32, frequency: f64, ratio: f64, rate: u32) -> (f64, f64) {
     let (bone, drive) = (SpringBone::new(frequency, ratio), still());
     let mut state = at(START, &drive);
@@ -200,7 +200,7 @@ fn free_swing(method: Method, steps: u32, frequency: f64, ratio: f64, rate: u32)
     worst
 }
 
-/// The textbook's answer, released from rest.
+/// Closed-form angle of a damped oscillator released from rest.
 fn swing(frequency: f64, ratio: f64, t: f64) -> f64 {
     let w = 2.0 * PI * frequency;
     let fall = libm::exp(-ratio * w * t);
@@ -216,7 +216,7 @@ fn swing(frequency: f64, ratio: f64, t: f64) -> f64 {
     }
 }
 
-/// A target that swings and leans, seen at the frames only; the truth has a thousand times as many.
+/// A moving target that is sampled at frames only; the reference uses a thousand times as many samples.
 fn moving() -> Table {
     let target = |t: f64| {
         DQuat::from_rotation_z(0.6 * libm::sin(8.0 * t))
@@ -255,7 +255,7 @@ fn moving() -> Table {
     table
 }
 
-/// A tail whose root shakes: at 60 steps a second and more, against 60,000.
+/// A tail with a shaking root: 60 and more steps per second, against 60,000.
 fn chains() -> Result<Table, String> {
     const LENGTHS: [usize; 4] = [1, 4, 20, 100];
     const STEPS: [u32; 4] = [60, 120, 240, 480];

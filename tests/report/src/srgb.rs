@@ -1,4 +1,4 @@
-//! How colors are decoded from sRGB and encoded again.
+//! sRGB: decoding and encoding of colors.
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Choice, Row};
@@ -15,7 +15,7 @@ const ENCODE: [&str; 5] = [
     "three square roots, rounded",
 ];
 
-/// IEC 61966-2-1, in f64.
+/// Reference decoding of an 8-bit code by IEC 61966-2-1, in f64.
 fn decoded(code: f64) -> f64 {
     let v = code / 255.0;
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
@@ -32,7 +32,7 @@ fn decode(way: usize, code: u8) -> f32 {
         1 if v <= 0.04045 => v / 12.92,
         1 => ((v + 0.055) / 1.055).powf(2.4),
         2 => v.powf(2.2),
-        // Fitted by C. Hable, "sRGB approximations for HLSL", 2010.
+        // Polynomial fitted by C. Hable, "sRGB approximations for HLSL", 2010.
         _ => v * (v * (v * 0.305_306_01 + 0.682_171_1) + 0.012_522_878),
     }
 }
@@ -45,7 +45,7 @@ fn encode(way: usize, light: f32, table: &[u8]) -> u8 {
         2 => light.powf(1.0 / 2.2),
         3 => return table[(light * 4095.0 + 0.5) as usize],
         _ => {
-            // As above.
+            // Fit of the same author.
             let s1 = light.sqrt();
             let s2 = s1.sqrt();
             let s3 = s2.sqrt();
@@ -82,7 +82,7 @@ fn decoding() -> Choice {
     for (way, name) in DECODE.into_iter().enumerate() {
         let (mut error, mut place) = (Spread::default(), String::new());
         for code in 0..=255u8 {
-            // As codes: what it would be encoded to, before rounding.
+            // Error in codes: the value is encoded exactly, without rounding.
             let off = (encoded(f64::from(decode(way, code)).max(0.0)) - f64::from(code)).abs();
             if error.add(off) {
                 place = format!("code {code}, {:.2e}", decoded(f64::from(code)));

@@ -1,4 +1,4 @@
-//! How many sub-frames of motion blur a frame takes, by the pixels that the fastest pixel moves.
+//! Motion blur: number of sub-frames, by the motion of the fastest pixel.
 
 use crate::images::{drawn, stage};
 use crate::{BUDGET_SECS, Section};
@@ -14,12 +14,12 @@ use std::cell::RefCell;
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [160, 90];
-/// Pixels that the bar moves while the shutter is open.
+/// Motion of the bar in pixels while the shutter is open.
 const SPEEDS: [f64; 4] = [0.4, 3.0, 12.0, 40.0];
-/// The left edge of the bar when the shutter opens, and its width, pixels.
+/// Left edge of the bar when the shutter opens, and its width, in pixels.
 const BAR: [f64; 2] = [50.3, 20.0];
 const MOST: f64 = 16.0;
-/// Pixels a sub-frame; 0: always as many as allowed.
+/// Pixels of motion per sub-frame; 0 always uses the largest number of sub-frames.
 const STEPS: [f64; 5] = [0.0, 0.5, 1.0, 2.0, 4.0];
 
 fn name(step: f64) -> String {
@@ -30,7 +30,7 @@ fn name(step: f64) -> String {
     }
 }
 
-/// A column of the image: the mean over time of what the bar covers of a pixel.
+/// Reference value of a column: coverage of the pixel by the bar, averaged over time.
 fn exact(pixels: f64, column: u32) -> f64 {
     const TIMES: u32 = 4096;
     let covered = |i: u32| {
@@ -41,16 +41,16 @@ fn exact(pixels: f64, column: u32) -> f64 {
     (0..TIMES).map(covered).sum::<f64>() / f64::from(TIMES)
 }
 
-/// The scene at one speed.
+/// Scene with one speed of the bar.
 struct Scene {
     resources: Arc<SceneResources>,
-    /// The plan of each of `STEPS`.
+    /// Plans, one for each of `STEPS`.
     plans: Vec<Plan>,
 }
 
 fn scene(pixels: f64) -> Result<Scene, String> {
     let registry = choreo::registry();
-    // A metre is ten pixels.
+    // The orthographic camera shows ten pixels per metre.
     let from = (BAR[0] + BAR[1] * 0.5 - 80.0) * 0.1;
     let text = format!(
         "stage(#{{ fps: 1, length: 2, background: \"black\", view: \"none\" }});
@@ -77,7 +77,7 @@ fn scene(pixels: f64) -> Result<Scene, String> {
         let count = if step == 0.0 { MOST } else { (moved / step).ceil().clamp(1.0, MOST) };
         let parameters = &mut Arc::make_mut(&mut stage).effects[0].parameters;
         parameters.iter_mut().filter(|(name, _)| name == "samples").for_each(|(_, n)| *n = count);
-        // One sub-frame is an image in the middle of the open time.
+        // A single sub-frame is the image in the middle of the exposure.
         let (secs, effects) = if count == 1.0 { (0.5, &[][..]) } else { (0.0, registry.effects()) };
         plans.push(plan(&stage, secs, &PlanOptions { effects, ..options.clone() })?);
     }
@@ -112,7 +112,7 @@ pub fn section() -> Result<Section, String> {
                 let truth = exact(pixels, column);
                 let error = (f64::from(linear[usize::from(*code)]) - truth).abs() * 100.0;
                 worst = worst.max(error);
-                // Columns that the bar's edges pass.
+                // Only columns that the bar's edges cross are compared.
                 if truth > 0.0 && truth < 1.0 {
                     all.add(error);
                 }

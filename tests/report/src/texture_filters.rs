@@ -1,4 +1,4 @@
-//! How a texture is read where pixels are smaller or larger than its texels.
+//! Texture filtering: minification and magnification.
 
 use crate::images::{drawn, rows, srgb, stage};
 use crate::{BUDGET_SECS, Section};
@@ -13,25 +13,25 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 const SIZE: [u32; 2] = [320, 180];
-/// Texels of a side, and waves over it.
+/// Texels along a side, and number of waves over it.
 const TEXELS: usize = 1024;
 const WAVES: f64 = 64.0;
-/// Metres of a side of the ground, and height and field of view of the camera above its nearer edge.
+/// Side of the ground in metres; height in metres and field of view in degrees of the camera above its near edge.
 const GROUND: f64 = 60.0;
 const EYE: f64 = 1.5;
 const FOV: f64 = 40.0;
-/// Rays a side of a pixel.
+/// Number of rays along a side of a pixel.
 const RAYS: usize = 16;
-/// Rows of the image from the top, by how much longer than wide a pixel is on the ground.
+/// Rows of the image from the top, grouped by distance.
 const BANDS: [(&str, std::ops::Range<u32>); 3] =
     [("far, 19 m to 52 m", 94..102), ("middle, 6 m to 19 m", 102..130), ("near, below 6 m", 130..180)];
 
-/// Light of the ground at shares of its sides.
+/// Light of the ground at positions given as fractions of its sides.
 fn light(u: f64, v: f64) -> f64 {
     0.5 + 0.45 * libm::sin(TAU * WAVES * u) * libm::sin(TAU * WAVES * v)
 }
 
-/// The means of all pixels below the horizon that see nothing but the ground; alpha 0 elsewhere.
+/// Reference: averages of the pixels below the horizon that show only the ground; alpha is 0 elsewhere.
 fn exact() -> Frame {
     let [width, height] = SIZE.map(f64::from);
     let scale = 2.0 * libm::tan(FOV.to_radians() * 0.5) / height;
@@ -55,7 +55,7 @@ fn exact() -> Frame {
     Frame { width: SIZE[0], height: SIZE[1], rgba }
 }
 
-/// The ground, whose texture is read with or without mipmaps and mixing.
+/// The ground with these settings for linear filtering and mipmaps.
 fn ground(registry: &Registry, linear: bool, mip_linear: Option<bool>) -> Result<Arc<Stage>, String> {
     let text = format!(
         "stage(#{{ background: \"black\", view: \"none\" }});
@@ -85,7 +85,7 @@ fn plan(stage: &Arc<Stage>, resources: &SceneResources) -> Result<Plan, String> 
     Ok(Plan::new(resources, stage, &snapshot, &PlanOptions::new(SIZE, 1)))
 }
 
-/// Mean steps of 255 over the pixels of some rows of the truth.
+/// Mean error in steps of 255 over the reference pixels in some rows.
 fn band(frame: &Frame, truth: &Frame, rows: &std::ops::Range<u32>) -> f64 {
     let (mut sum, mut count) = (0.0, 0);
     let bytes = |row: u32| (row * SIZE[0] * 4) as usize;
@@ -98,7 +98,7 @@ fn band(frame: &Frame, truth: &Frame, rows: &std::ops::Range<u32>) -> f64 {
     sum / f64::from(count.max(1))
 }
 
-/// The image where the truth has a value, nothing elsewhere.
+/// The image where the reference has a value, and the reference elsewhere.
 fn masked(frame: &Frame, truth: &Frame) -> Frame {
     let pixels = frame.rgba.chunks_exact(4).zip(truth.rgba.chunks_exact(4));
     let rgba = pixels.flat_map(|(got, exact)| if exact[3] == 255 { got } else { exact }).copied().collect();

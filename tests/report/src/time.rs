@@ -1,4 +1,4 @@
-//! How a time on the timeline is held.
+//! Representation of times on the timeline.
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Cell, Choice, Row, Table, quantity};
@@ -26,7 +26,7 @@ pub fn section() -> Result<Section, String> {
     let mut frame: i64 = 0;
     for (at, (hours, _)) in HOURS.iter().enumerate() {
         let last = (hours * 3600.0 * NTSC.as_fps()).round() as i64;
-        // Some frames before the end; the sums go through all.
+        // Compares the last frames only; sums go through all frames.
         let first = (last - 200).max(1);
         while frame < last {
             frame += 1;
@@ -44,7 +44,7 @@ pub fn section() -> Result<Section, String> {
             ];
             for (way, held) in held.into_iter().enumerate() {
                 by_length[way][at].add(match way {
-                    // Ticks are compared as they are: frame · 1001 / 30 000 s is a whole number of them.
+                    // Ticks are compared as integers: frame · 1001 / 30 000 s is a whole number of ticks.
                     0 => {
                         let exact = i128::from(frame) * 1001 * i128::from(Time::TICKS_PER_SECOND);
                         let off = exact - i128::from(NTSC.time_of(frame).0) * 30_000;
@@ -91,14 +91,13 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// f64 holds the whole part of a time and of 1001 · frame exactly, so that the difference is found in whole numbers:
-/// held = m · 2^e.
+/// Error in microseconds of a time in f64. f64 holds its whole part and 1001 · frame exactly, so the difference is computed in integers.
 fn off_microseconds(held: f64, frame: i64) -> f64 {
     let whole = held.floor();
-    // frame · 1001 / 30 000 in whole seconds and what is left of them, exactly.
+    // Remainder of frame · 1001 / 30 000 beyond the whole seconds, exact.
     let exact = i128::from(frame) * 1001;
     let left = exact - whole as i128 * 30_000;
-    // Below some seconds: f64 has 1e-16 of it to spare.
+    // Both parts are at most a few seconds, for which f64 is precise to 1e-16 of the value.
     ((left as f64 / 30_000.0) - (held - whole)).abs() * 1e6
 }
 

@@ -1,10 +1,10 @@
-//! Tone mapping of colors from ten stops below middle gray to six above.
+//! Tone mapping of colors from ten stops below middle gray to six stops above.
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::scene::tones::{Light, aces, agx, effect};
 use glam::{Vec2, Vec3, Vec4};
 
-/// The colors of [`lights`].
+/// Description of the colors of [`lights`].
 const OF: &str = "845 colors from −10 to +6 stops about middle gray";
 
 pub fn section() -> Result<Section, String> {
@@ -21,7 +21,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// Linear sRGB: grays, colors half and fully saturated, each from 10 stops below middle gray to 6 above.
+/// Linear sRGB: grays, and half and fully saturated colors, each from 10 stops below middle gray to 6 stops above.
 fn lights() -> Vec<Light> {
     const HUES: [(&str, [f32; 3]); 13] = [
         ("grey", [1.0, 1.0, 1.0]),
@@ -48,7 +48,7 @@ fn lights() -> Vec<Light> {
     out
 }
 
-/// Whether the formulas are those of the effect.
+/// Checks that the formulas are those of the effect.
 fn check() -> Result<(), String> {
     let tonemap = effects::named(&["tonemap"]).remove(0);
     let lights = lights();

@@ -1,4 +1,4 @@
-//! How one clip goes over into another.
+//! Transitions between clips.
 
 use crate::images::stage;
 use crate::{BUDGET_SECS, Section};
@@ -9,10 +9,10 @@ use choreo_stage::{Evaluator, Snapshot, Stage};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
-/// Seconds at which the second clip begins, and the last time that is looked at.
+/// Time in seconds at which the second clip begins, and end of the evaluated span.
 const START: f64 = 1.3;
 const END: f64 = 2.1;
-/// Positions in a second from which accelerations are taken.
+/// Samples per second from which accelerations are computed.
 const RATE: f64 = 240.0;
 const OPTIONS: [(&str, &str); 6] = [
     ("at once", ""),
@@ -33,7 +33,7 @@ pub fn section() -> Result<Section, String> {
         );
         stage(&text, &registry)
     };
-    // What the two clips have by themselves.
+    // Acceleration of the two clips without a transition.
     let own = worst_acceleration(&script("Walk", "")?)?.0.max(worst_acceleration(&script("Run", "")?)?.0);
     let mut choice = Choice::new(
         "transitions",
@@ -79,7 +79,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// Largest acceleration of a joint in model space around the transition, and where.
+/// Largest acceleration of a joint in model space around the transition, and its place.
 fn worst_acceleration(stage: &Arc<Stage>) -> Result<(f64, String), String> {
     let mut evaluator = Evaluator::new(stage.clone());
     let mut looks: Vec<Vec<DVec3>> = Vec::new();

@@ -1,4 +1,4 @@
-//! Edges that a texture cuts, and what is seen through: by discard and by coverage, sorted and told apart pixel by pixel.
+//! Cutouts by alpha test and by alpha to coverage; transparent surfaces sorted per object and peeled per pixel.
 
 use crate::images::{renderers, rows, srgb, stage};
 use crate::{BUDGET_SECS, Section};
@@ -27,7 +27,7 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// Rows of images of one scene, each against the truth, and their times, in turns.
+/// Adds rows for images of one scene, each compared with the reference and timed in turns.
 fn measured(
     choice: &mut Choice,
     resources: &Arc<SceneResources>,
@@ -46,7 +46,7 @@ fn measured(
     Ok(())
 }
 
-/// The same stage, otherwise seen through or cut out.
+/// The stage with other settings for cutouts and transparency.
 fn with(stage: &Arc<Stage>, cutouts: Cutouts, transparency: Transparency) -> Arc<Stage> {
     let mut stage = Stage::clone(stage);
     stage.settings.cutouts = cutouts;
@@ -59,7 +59,7 @@ fn plan(stage: &Arc<Stage>, resources: &SceneResources, samples: u32) -> Result<
     Ok(Plan::new(resources, stage, &snapshot, &PlanOptions::new(SIZE, samples)))
 }
 
-/// Leaves on cards, their edges half a texel deep in a texture of 64 texels.
+/// Leaves on cards; the alpha edge is half a texel wide in a texture of 64 texels.
 const LEAVES: &str = r##"
     stage(#{ background: "#c9d4e0" });
     let pixels = [];
@@ -103,7 +103,7 @@ fn cutouts() -> Result<Choice, String> {
     Ok(choice)
 }
 
-/// Five panes through one line, as a revolving door: turn in degrees about y, color, alpha.
+/// Five panes that intersect in one line, like a revolving door: rotation about y in degrees, color, alpha.
 const PANES: [(f64, [f64; 3], f64); 5] = [
     (17.0, [0.8, 0.1, 0.1], 0.6),
     (53.0, [0.1, 0.3, 0.8], 0.5),
@@ -111,7 +111,7 @@ const PANES: [(f64, [f64; 3], f64); 5] = [
     (125.0, [0.1, 0.6, 0.3], 0.5),
     (161.0, [0.7, 0.2, 0.7], 0.6),
 ];
-/// Half a pane's width, its height; the camera's distance, height and angle.
+/// Half width and height of a pane; distance, height and field of view (degrees) of the camera.
 const DOOR: [f64; 5] = [1.2, 1.8, 5.0, 0.9, 30.0];
 
 fn panes() -> Result<Choice, String> {
@@ -170,13 +170,13 @@ fn exact() -> Frame {
     Frame { width: SIZE[0], height: SIZE[1], rgba }
 }
 
-/// Linear light along the ray through a place of the image, in pixels.
+/// Reference linear light along the ray through a pixel position.
 fn ray(x: f64, y: f64) -> [f64; 3] {
     let [half, tall, distance, eye, fov] = DOOR;
     let [width, height] = SIZE.map(f64::from);
     let scale = libm::tan(fov.to_radians() * 0.5) * 2.0 / height;
     let (right, up) = ((x - width * 0.5) * scale, (height * 0.5 - y) * scale);
-    // At these distances in front of the eye the ray is at (right, up) times as many metres.
+    // Distance t along the view axis; the ray is offset by (right, up) · t.
     let mut met: Vec<(f64, usize)> = Vec::new();
     for (i, (turn, ..)) in PANES.iter().enumerate() {
         let (sin, cos) = libm::sincos(turn.to_radians());

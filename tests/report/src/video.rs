@@ -1,4 +1,4 @@
-//! Quality of videos.
+//! Quality of encoded videos.
 
 use crate::{Section, scenes};
 use choreo_bench::moment::Moment;

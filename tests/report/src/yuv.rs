@@ -1,4 +1,4 @@
-//! Conversion from RGB to the video's luma and half-size chroma.
+//! Conversion from RGB to video luma and half-resolution chroma.
 
 use crate::{BUDGET_SECS, Section};
 use choreo_bench::plots::{Choice, Row};
@@ -60,10 +60,10 @@ pub fn section() -> Result<Section, String> {
     })
 }
 
-/// Y, Cb, Cr.
+/// Planes Y, Cb and Cr.
 type Planes = [Vec<u8>; 3];
 
-/// The color at a place in pixels, 0..255.
+/// Color at a position in pixels, 0..255.
 fn color(x: f64, y: f64) -> [f64; 3] {
     [0.031, 0.023, 0.017]
         .map(|k: f64| 127.5 + 120.0 * libm::sin(k * x + 0.7 * k * y) * libm::cos(0.4 * k * y))
@@ -80,7 +80,7 @@ fn ycc([r, g, b]: [f64; 3]) -> [f64; 3] {
     [16.0 + 219.0 * y / 255.0, 128.0 + 224.0 * cb / 255.0, 128.0 + 224.0 * cr / 255.0]
 }
 
-/// Not rounded: luma of the bytes that are there, chroma of the color between the two rows of each pair.
+/// Reference without rounding: luma of the 8-bit pixels, and chroma of the exact color between the two rows of each pair.
 fn exact(rgba: &[u8]) -> [Vec<f64>; 3] {
     let luma = rgba.chunks_exact(4).map(|p| ycc([p[0], p[1], p[2]].map(f64::from))[0]).collect();
     let chroma = |plane: usize| {
@@ -96,8 +96,8 @@ fn ours(rgba: &[u8]) -> Planes {
     [yuv.y, yuv.u, yuv.v]
 }
 
-/// Converts row pair by row pair, channels apart, as [`Yuv420`] does, in numbers of a type. `luma` writes a row, `halve` filters sums of two
-/// rows to half as many columns and 8 times the mean, `chroma` writes a row of both planes.
+/// Converts pairs of rows like [`Yuv420`], with separate channels, in a number type. `luma` writes a row. `halve` filters the sums of two
+/// rows to half as many columns, with a gain of 8. `chroma` writes a row of both planes.
 fn converted<T: Copy + Default + Add<Output = T>>(
     rgba: &[u8],
     of: impl Fn(i32) -> T,
@@ -132,7 +132,7 @@ fn converted<T: Copy + Default + Add<Output = T>>(
     planes
 }
 
-/// [1 2 1] across; the edge repeats its column.
+/// Horizontal [1 2 1] filter; the edge column is repeated.
 fn tent<T: Copy + Add<Output = T>>(sums: &[T], out: &mut [T]) {
     let pairs = sums.as_chunks::<2>().0;
     let [first, second] = pairs[0];
@@ -142,14 +142,14 @@ fn tent<T: Copy + Add<Output = T>>(sums: &[T], out: &mut [T]) {
     }
 }
 
-/// The mean of 2 × 2.
+/// Box filter over 2 × 2 pixels, with a gain of 8.
 fn box_filter<T: Copy + Add<Output = T>>(sums: &[T], out: &mut [T]) {
     for (out, [a, b]) in out.iter_mut().zip(sums.as_chunks::<2>().0) {
         *out = (*a + *b) + (*a + *b);
     }
 }
 
-/// Rounded by the carry of a large number, which vector instructions have, as they have no conversion to bytes that saturates.
+/// Rounds by adding a large number and taking the low bits, which vector instructions can do; they have no saturating conversion to bytes.
 macro_rules! in_floats {
     ($name:ident, $number:ty, $carry:expr) => {
         fn $name(rgba: &[u8]) -> Planes {
@@ -179,7 +179,7 @@ macro_rules! in_floats {
 in_floats!(in_f32, f32, 12_582_912.0);
 in_floats!(in_f64, f64, 6_755_399_441_055_744.0);
 
-/// The weights of [`Yuv420`] in 1/2^15, over a plain mean of four pixels.
+/// The weights of [`Yuv420`] in 1/2^15, applied to the plain mean of four pixels.
 fn mean_of_four(rgba: &[u8]) -> Planes {
     let row = |[r, g, b]: &[Vec<i16>; 3], w: [i16; 3], shift: u32, offset: i32, out: &mut [u8]| {
         let half = (offset << shift) + (1 << (shift - 1));
@@ -201,11 +201,11 @@ fn mean_of_four(rgba: &[u8]) -> Planes {
     )
 }
 
-/// The usual integers: 47 157 16, −26 −87 112 + 1 (so that gray stays gray), 112 −102 −10, in 1/256. All sums fit into 16 bits.
+/// Common integer weights: 47 157 16, −26 −87 112 + 1 (so that gray stays gray), 112 −102 −10, in 1/256. All sums fit into 16 bits.
 fn in_8_bits(rgba: &[u8]) -> Planes {
     let chroma = |[r, g, b]: &[Vec<u16>; 3], w: [i16; 3], out: &mut [u8]| {
         for (((r, g), b), out) in r.iter().zip(g).zip(b).zip(out) {
-            // The mean first, since eight times it would not fit.
+            // The mean is taken first, since eight times its value would not fit.
             let mean = |sum: &u16| ((*sum + 4) >> 3) as i16;
             let sum = mean(r) * w[0] + mean(g) * w[1] + mean(b) * w[2];
             *out = (((sum + 128) >> 8) + 128) as u8;

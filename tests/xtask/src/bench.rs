@@ -1,25 +1,25 @@
-//! `cargo xtask bench`: the whole job as a user runs it — CPU seconds, peak memory, first image — as a Markdown table.
+//! `cargo xtask bench`: measures complete runs of the program — CPU seconds, peak memory, first image — as a Markdown table.
 //!
-//! Every row starts the release binary several times; the figures are medians. CPU seconds are those of
-//! the whole process (user + system) from the operating system's own accounting.
+//! Every row runs the release binary several times; the figures are medians. CPU seconds are user and system time of the whole process, as
+//! the operating system counts them.
 
 use crate::{assets, release_binary, root};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
-/// One run of a program.
+/// Measurements of one run of a program.
 #[derive(Clone, Copy, Debug)]
 pub struct Run {
     pub cpu_secs: f64,
     pub wall_secs: f64,
     peak_mb: f64,
-    /// Time of all frames together, by the device's own clock; where `--timings` was given and it has one.
+    /// Time of all frames together by the device's clock; `None` without `--timings` or without such a clock.
     pub device_secs: Option<f64>,
 }
 
-/// `xtask measured PROGRAM ARGS…`: runs one program and prints its usage. A process of its own, because the
-/// system gives the peak memory of the largest child only.
+/// `xtask measured PROGRAM ARGS…`: runs a program and prints its resource usage. A separate process is needed, because the system reports
+/// peak memory only for the largest child.
 pub fn measured(args: &[&str]) -> Result<(), String> {
     let (program, rest) = args.split_first().ok_or("usage: xtask measured PROGRAM [ARG…]")?;
     let start = Instant::now();
@@ -39,7 +39,7 @@ pub fn measured(args: &[&str]) -> Result<(), String> {
     Ok(())
 }
 
-/// CPU seconds of the processes that have ended, and the peak memory of the largest in MB.
+/// CPU seconds of the child processes that have ended, and the peak memory of the largest one in MB.
 #[cfg(unix)]
 fn usage_of_children() -> Result<(f64, f64), String> {
     use nix::sys::resource::{UsageWho, getrusage};
@@ -53,7 +53,7 @@ fn usage_of_children() -> Result<(f64, f64), String> {
     Err("measurements need a system with getrusage".into())
 }
 
-/// Value of a flat field of a summary in JSON, without quotes.
+/// Value of a top-level field of a summary in JSON, without quotes.
 pub fn json_field(text: &str, name: &str) -> Option<String> {
     let (_, rest) = text.split_once(&format!("\"{name}\""))?;
     let value = rest.trim_start().strip_prefix(':')?.trim_start();
@@ -108,7 +108,7 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// A bench with a folder for its files.
+    /// Creates a bench with a folder for its files.
     pub fn new(choreo: PathBuf, name: &str, repeats: usize) -> Result<Bench, String> {
         let work = std::env::temp_dir().join(format!("choreo-{name}-{}", std::process::id()));
         std::fs::create_dir_all(work.join("frames")).map_err(|e| e.to_string())?;
@@ -127,7 +127,7 @@ impl Bench {
         measure(&self.choreo, &args, &[])
     }
 
-    /// The device that frames are drawn on.
+    /// Name of the device that draws the frames.
     pub fn device(&self, script: &Path, search: &str, gpu: Option<&str>) -> Result<String, String> {
         let mut command = Command::new(&self.choreo);
         command.arg("render").arg(script).arg("-o").arg(self.work.join("device.png"));
@@ -138,14 +138,14 @@ impl Bench {
         json_field(&text, "device").filter(|_| output.status.success()).ok_or(text)
     }
 
-    /// Medians of several with warm caches.
+    /// Medians of several runs with warm caches.
     pub fn render(&self, script: &Path, out: &str, more: &[&str]) -> Result<Run, String> {
         self.once(script, out, more)?;
         let runs = (0..self.repeats).map(|_| self.once(script, out, more)).collect::<Result<Vec<_>, _>>()?;
         Ok(medians(&runs))
     }
 
-    /// One image with empty caches: every run gets a cache folder of its own.
+    /// Time of one image with empty caches: every run gets its own cache folder.
     fn cold(&self, script: &Path, more: &[&str]) -> Result<Run, String> {
         let mut runs = Vec::new();
         for i in 0..self.repeats {

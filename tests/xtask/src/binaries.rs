@@ -1,4 +1,4 @@
-//! Test binaries: built by one call of cargo, and run several at a time, because many of them wait for windows and other programs.
+//! Runs test binaries. One call of cargo builds them, and several run at a time, because many of them wait for windows and other programs.
 
 use crate::{cargo, root};
 use std::io::{BufRead, BufReader};
@@ -8,14 +8,14 @@ use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::Duration;
 
-/// A test binary, and how cargo names it.
+/// A test binary, and the names by which cargo refers to it.
 pub struct Binary {
     path: PathBuf,
-    /// The folder of its package, in which it runs.
+    /// Folder of the package, which is the working directory of the test.
     package: PathBuf,
-    /// `tests/leaks.rs`, `unittests src/lib.rs`.
+    /// Source as in cargo's header line: `tests/leaks.rs`, `unittests src/lib.rs`.
     source: String,
-    /// The arguments with which cargo runs it alone: `-p choreo --test leaks`.
+    /// Arguments with which cargo runs the binary alone: `-p choreo --test leaks`.
     rerun: String,
 }
 
@@ -31,7 +31,7 @@ pub fn built() -> Result<Vec<Binary>, String> {
 }
 
 impl Binary {
-    /// Reads a message of cargo about what it has built (the Cargo Book, "External tools").
+    /// Parses a message of cargo about a built target (the Cargo Book, "External tools").
     fn of_message(line: &str) -> Option<Binary> {
         let message: serde_json::Value = serde_json::from_str(line).ok()?;
         let path = PathBuf::from(message["executable"].as_str()?);
@@ -44,7 +44,7 @@ impl Binary {
         let source = source.strip_prefix(&package).unwrap_or(&source).display().to_string();
         let (kind, name) = (target["kind"][0].as_str()?, target["name"].as_str()?);
         let id = message["package_id"].as_str()?;
-        // `path+file:///folder#name@version`, or `#version` where the folder has the package's name.
+        // The id is `path+file:///folder#name@version`, or ends in `#version` if the folder has the package's name.
         let (folder, end) = id.rsplit_once('#')?;
         let package_name = match end.split_once('@') {
             Some((name, _)) => name,
@@ -58,7 +58,7 @@ impl Binary {
         Some(Binary { path, package, source, rerun: format!("-p {package_name} {which}") })
     }
 
-    /// Runs it to its end. Gives the lines that cargo would print: a header, its output, and why it failed.
+    /// Runs the binary to its end. Returns the lines that cargo would print: a header, the output, and the reason of a failure.
     fn run(&self, arguments: &[&str]) -> Result<Vec<String>, String> {
         let mut command = Command::new(&self.path);
         command.args(arguments).current_dir(&self.package).env("CHOREO_PLUGINS", "");
@@ -76,7 +76,7 @@ impl Binary {
     }
 }
 
-/// Runs the tests of all packages; `line` takes their output, binary by binary. False where a test has failed.
+/// Runs the tests of all packages; `line` gets their output, one binary after another. Returns false if a test has failed.
 pub fn run(binaries: &[Binary], arguments: &[&str], mut line: impl FnMut(&str)) -> Result<bool, String> {
     let queue = Mutex::new(binaries.iter());
     let at_once = std::thread::available_parallelism().map_or(1, |n| n.get()).max(2);
@@ -104,21 +104,21 @@ pub fn run(binaries: &[Binary], arguments: &[&str], mut line: impl FnMut(&str)) 
     })
 }
 
-/// Runs a command whose output and messages come as lines.
+/// Runs a command and passes on the lines of its standard output and standard error.
 pub fn lines_of(mut command: Command, mut line: impl FnMut(&str)) -> Result<ExitStatus, String> {
     let name = command.get_program().display().to_string();
     let failed = |e: std::io::Error| format!("{name}: {e}");
-    // One pipe for both, so that lines keep their order.
+    // Both streams share one pipe, so that the lines keep their order.
     let (output, input) = std::io::pipe().map_err(failed)?;
     command.stdin(Stdio::null()).stderr(input.try_clone().map_err(failed)?).stdout(input);
     let mut child = command.spawn().map_err(failed)?;
-    // The command holds ends of the pipe, which would never close.
+    // The command holds write ends of the pipe, which would never be closed.
     drop(command);
     let lines = read(output);
     loop {
         match lines.recv_timeout(Duration::from_secs(5)) {
             Ok(bytes) => line(&String::from_utf8_lossy(&bytes)),
-            // A program that an aborted test has left behind may hold the pipe open.
+            // A program left behind by an aborted test may keep the pipe open.
             Err(RecvTimeoutError::Timeout) if child.try_wait().is_ok_and(|ended| ended.is_none()) => {}
             Err(_) => break,
         }
@@ -156,7 +156,7 @@ mod tests {
         let line =
             message("path+file:///w/tests/guide#0.1.0", "lib", "guide", "/w/core/cli/src/lib.rs", true);
         assert_eq!(of(&line), Some(("unittests src/lib.rs".into(), "-p guide --lib".into())));
-        // Programs that tests start.
+        // Programs that tests start are no test binaries.
         assert_eq!(of(&message(named, "bin", "choreo", "/w/core/cli/src/main.rs", false)), None);
         assert_eq!(of("{\"reason\":\"build-finished\",\"success\":true}"), None);
     }

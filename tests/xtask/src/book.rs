@@ -1,20 +1,20 @@
-//! `cargo xtask book`: the guide as a website. The crate `guide` writes pages and images, mdBook makes HTML of them.
+//! `cargo xtask book`: builds the guide as a website. The crate `guide` writes pages and images, and mdBook converts them to HTML.
 
 use crate::{cargo, run, target};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The mdBook that is installed where there is none: its anchors and its search are those that the tests of the guide expect.
+/// Version of mdBook that is installed if none is found: the tests of the guide expect its anchors and its search.
 const VERSION: &str = "0.5.4";
 
 pub fn book() -> Result<(), String> {
-    // The profile of the tests, which have built the crate: drawing is optimized in it, too.
+    // Uses the profile of the tests, which have already built the crate: the renderer is optimized in it too.
     let out = website(cargo(&["run", "--quiet", "-p", "guide", "--"]))?;
     println!("wrote {}", out.join("index.html").display());
     Ok(())
 }
 
-/// The folder of the website that mdBook makes of what the program of the crate `guide` writes.
+/// Builds the website from the output of the program `guide`, and returns its folder.
 pub fn website(mut guide: Command) -> Result<PathBuf, String> {
     let out = target().join("guide");
     guide.arg(&out);
@@ -25,7 +25,7 @@ pub fn website(mut guide: Command) -> Result<PathBuf, String> {
     Ok(out.join("book"))
 }
 
-/// The program `mdbook`: that on the path if it is of the series 0.5, else one that cargo installs into a folder.
+/// Path of the program `mdbook`: the one on the path if its version is 0.5, else one that cargo installs into a folder.
 fn mdbook(folder: &Path) -> Result<PathBuf, String> {
     let installed = folder.join("bin").join(format!("mdbook{}", std::env::consts::EXE_SUFFIX));
     for program in [PathBuf::from("mdbook"), installed.clone()] {

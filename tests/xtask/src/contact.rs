@@ -1,6 +1,6 @@
-//! `cargo xtask contact [FILTER]`: every sample file of every format is described by `choreo info`, shown turning with its first clip
-//! playing, and checked to be seen at all. The images come together as sheets to look at: `target/contact/*.png`, four of
-//! each file from left to right, in the order printed.
+//! `cargo xtask contact [FILTER]`: describes every sample file of every format with `choreo info`, renders it turning while its first clip
+//! plays, and checks that something is visible. The images are combined into sheets, `target/contact/*.png`, with four images of each file
+//! from left to right, in the order printed.
 
 use crate::{assets, cargo, root, run};
 use std::collections::BTreeMap;
@@ -9,13 +9,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 const EXTENSIONS: [&str; 9] = ["bvh", "dae", "fbx", "glb", "gltf", "obj", "stl", "vrm", "vrma"];
-/// Images of one file, and files in a row of a sheet.
+/// Number of images of a file, and number of files in a row of a sheet.
 const SHOTS: usize = 4;
 const FILES_IN_A_ROW: usize = 3;
 const SIZE: (usize, usize) = (160, 120);
 
-/// Files that are not shown, each with the words of its message or "nothing is seen", and why that is right. One that is shown
-/// after all is an error, too.
+/// Files that are not visible: name, part of the message or "nothing is seen", and the reason why that is right. It is an error if such a
+/// file is visible after all.
 const EXCEPTIONS: [(&str, &str, &str); 2] = [
     ("dae/lights.dae", "nothing is seen", "four lights and no mesh"),
     ("fbx/ufbx/maya_anim_light_7500_binary.fbx", "nothing is seen", "one light and no mesh"),
@@ -66,7 +66,7 @@ pub fn contact(args: &[&str]) -> Result<(), String> {
     }
 }
 
-/// Relative to the folder, with slashes, in order.
+/// Paths of sample files relative to the folder, with slashes, sorted.
 fn files(folder: &Path) -> Vec<String> {
     let mut out = Vec::new();
     let mut folders = vec![folder.to_path_buf()];
@@ -87,7 +87,7 @@ fn files(folder: &Path) -> Vec<String> {
     out
 }
 
-/// The script a user would write first.
+/// The script that a user would write first.
 fn script(file: &str) -> String {
     format!(
         r#"let model = load("{file}");
@@ -155,7 +155,7 @@ fn write(path: &Path, files: &[Vec<Shot>]) -> Result<(), String> {
         for (k, shot) in shots.iter().enumerate() {
             let left = (index % FILES_IN_A_ROW * SHOTS + k) * SIZE.0;
             let top = index / FILES_IN_A_ROW * SIZE.1;
-            // The last column stays free: one file ends there.
+            // The last columns stay free, to separate the files.
             let kept = shot.width.min(SIZE.0) - usize::from(k + 1 == SHOTS) * 2;
             for y in 0..shot.height.min(SIZE.1) {
                 let to = ((top + y) * width + left) * 3;

@@ -1,7 +1,8 @@
-//! `cargo xtask farm`: a Slurm cluster of one controller and three nodes on the loopback interface runs a job of `choreo farm`, once
-//! undisturbed, once with a node that dies and one that is drained; the films have the bytes of one machine. Slurm comes from Debian's packages,
-//! unpacked into a folder of build outputs, and no daemon stays. What tasks cost is measured apart, and the model of the report predicts the
-//! undisturbed job from it; both are written into the report's section "farm".
+//! `cargo xtask farm`: runs a job of `choreo farm` on a Slurm cluster with one controller and three nodes on the loopback interface: once
+//! undisturbed, and once with a node that dies and one that is drained. The films must equal the film of one machine byte for byte. Slurm
+//! comes from Debian packages, unpacked into a folder of build outputs, and no daemon keeps running. The costs of tasks are measured
+//! separately, and the model of the report predicts the time of the undisturbed job from them; both are written into the report's section
+//! "farm".
 
 #[path = "../../report/src/farm_model.rs"]
 #[allow(dead_code, reason = "the report uses all of it")]
@@ -14,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Slurm, and the libraries that it needs beside those of every system.
+/// Packages of Slurm, and of the libraries that it needs beyond those of every system.
 const PACKAGES: [&str; 10] = [
     "slurmctld",
     "slurmd",
@@ -28,7 +29,7 @@ const PACKAGES: [&str; 10] = [
     "libyaml-0-2",
 ];
 
-/// 24 chunks of 24 frames, a piece of an MP4 each.
+/// Scene with 24 chunks of 24 frames; each chunk is one piece of an MP4.
 const SCRIPT: &str = r#"stage(#{ size: [640, 360], fps: 30, length: 19.2 });
 let m = load("choreo:mannequin");
 cast("a", m).play(m.clip("Dance_Groove")).loop();
@@ -37,10 +38,10 @@ camera("c").at(0.0, 1.2, 4.0).look_at([0.0, 1.0, 0.0]);
 const OPTIONS: [&str; 4] = ["--export", "keyframes=0.8", "--device", "cpu"];
 const CHUNKS: usize = 24;
 
-/// Seconds after which a job is given up.
+/// Seconds after which a job is abandoned.
 const PATIENCE: u64 = 600;
 
-/// `program`: a choreo that is there, in place of one that is built now.
+/// Runs the test. `program`: path of an existing choreo; without it, choreo is built.
 pub fn farm(program: Option<&str>) -> Result<(), String> {
     let Some(root) = packages()? else {
         println!("SKIP 1: no packages of Slurm (Debian, with its registry)");
@@ -67,7 +68,7 @@ pub fn farm(program: Option<&str>) -> Result<(), String> {
     let start = Instant::now();
     run(here(&choreo, &folder, &["join", "whole/segments", "-o", "joined.mp4", "--quiet"]), "choreo join")?;
     let join = start.elapsed().as_secs_f64();
-    // The machine may have other work: costs on both sides of the job.
+    // The load of the machine may vary, so costs are measured before and after the job.
     let costs = before.mean(&Costs::measured(&choreo, &folder, &cluster)?, join);
     let predicted = costs.farm().run().joined;
     println!("predicted for the three nodes: {predicted:.1} s, {:+.0} %", (predicted / whole - 1.0) * 100.0);
@@ -81,9 +82,9 @@ pub fn farm(program: Option<&str>) -> Result<(), String> {
     Ok(())
 }
 
-/// The costs of a task here, measured without a job: three side by side, since the nodes share this machine.
+/// Costs of a task on this machine, measured without a job: three tasks run at the same time, since the nodes share the machine.
 struct Costs {
-    /// Seconds to the first frame, of a frame, of Slurm between two tasks of a node, and of the join.
+    /// Seconds until the first frame, seconds per frame, seconds of Slurm between two tasks of a node, and seconds of the join.
     start: f64,
     frame: f64,
     gap: f64,
@@ -93,7 +94,7 @@ struct Costs {
 impl Costs {
     fn measured(choreo: &Path, folder: &Path, cluster: &Cluster) -> Result<Costs, String> {
         run(here(choreo, folder, &["pack", "s.rhai", "-o", "s.choreo", "--quiet"]), "choreo pack")?;
-        // The seconds of three tasks of this many frames each, at three places of the film.
+        // Seconds of three tasks at the same time, of this many frames each, at three places of the film.
         let three = |frames: usize| {
             let start = Instant::now();
             let task = |place: usize| {
@@ -120,7 +121,7 @@ impl Costs {
         let failed = |e: std::io::Error| e.to_string();
         let (one, chunk) = (three(1).map_err(failed)?, three(24).map_err(failed)?);
         let frame = (chunk - one) / 23.0;
-        // Tasks that sleep as long as a chunk takes: what is left is Slurm's own time.
+        // Tasks that sleep for the duration of a chunk: the remaining time is that of Slurm.
         cluster.wait("three idle nodes", Cluster::three_are_idle)?;
         let start = Instant::now();
         cluster.ask("sbatch", &["--array=0-23", "--output=/dev/null", &format!("--wrap=sleep {chunk:.2}")]);
@@ -177,7 +178,7 @@ fn here(program: &Path, folder: &Path, args: &[&str]) -> Command {
     command
 }
 
-/// The root of the unpacked packages; `None` where there are none.
+/// Root of the unpacked packages; `None` if they are not available.
 fn packages() -> Result<Option<PathBuf>, String> {
     let tools = target().join("tools/slurm");
     let (root, archives) = (tools.join("root"), tools.join("deb"));
@@ -197,12 +198,12 @@ fn packages() -> Result<Option<PathBuf>, String> {
     Ok(Some(root))
 }
 
-/// The daemons, which end with this value.
+/// The running daemons, which are ended on drop.
 struct Cluster {
     root: PathBuf,
     folder: PathBuf,
     controller: Child,
-    /// n1 to n3.
+    /// Nodes n1 to n3.
     nodes: Vec<Child>,
 }
 
@@ -215,7 +216,7 @@ impl Cluster {
         let host = name(Command::new("hostname").arg("-s"))?;
         let user = name(Command::new("id").arg("-un"))?;
         let at = folder.display();
-        // Ports of one machine's users do not meet.
+        // The port is derived from the process id, so that users of one machine do not collide.
         let port = 20_000 + std::process::id() % 20_000;
         let plugins = plugins(root).display().to_string();
         let text = format!(
@@ -247,7 +248,7 @@ impl Cluster {
         Ok(Cluster { root: root.to_path_buf(), folder: folder.to_path_buf(), controller, nodes })
     }
 
-    /// What a program of the cluster prints.
+    /// Runs a program of the cluster and returns its output.
     fn ask(&self, program: &str, args: &[&str]) -> String {
         let output = slurm(&self.root, &self.folder, &format!("usr/bin/{program}")).args(args).output();
         output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned()).unwrap_or_default()
@@ -257,7 +258,7 @@ impl Cluster {
         self.ask("sinfo", &["-h", "-N", "-t", "idle"]).lines().count() == 3
     }
 
-    /// Runs a job; gives its seconds.
+    /// Runs a job and returns its duration in seconds.
     fn film(&mut self, choreo: &Path, job: &str, faults: bool) -> Result<f64, String> {
         let words =
             ["farm", "s.rhai", "-o", "film.mp4", "--for", "slurm", "--to", job, "--chunk", "24", "--quiet"];
@@ -286,7 +287,7 @@ impl Cluster {
         Ok(seconds)
     }
 
-    /// Kills the daemon of n3 and all that runs on it, as a power failure does.
+    /// Kills the daemon of n3 and everything that runs on it, like a power failure.
     fn kill_node(&mut self) -> Result<(), String> {
         self.wait("a task of n3", |cluster| !cluster.processes_of_n3().is_empty())?;
         let processes = self.processes_of_n3();
@@ -297,7 +298,7 @@ impl Cluster {
         Ok(())
     }
 
-    /// The task on n3, with the process of Slurm before it that would report its end.
+    /// Processes of the task on n3, including the parent process of Slurm that would report its end.
     fn processes_of_n3(&self) -> Vec<String> {
         let mut processes = Vec::new();
         for entry in fs::read_dir("/proc").into_iter().flatten().flatten() {
@@ -347,13 +348,13 @@ fn whole_segments(folder: &Path) -> usize {
     names.filter(|name| name.extension().is_some_and(|ending| ending == "segment")).count()
 }
 
-/// The folder of Slurm's own libraries and plugins.
+/// Folder of Slurm's own libraries and plugins.
 fn plugins(root: &Path) -> PathBuf {
     let libraries = root.join("usr/lib").join(format!("{}-linux-gnu", std::env::consts::ARCH));
     libraries.join("slurm-wlm")
 }
 
-/// A program of the cluster, with its libraries and its configuration.
+/// Command for a program of the cluster, with its libraries and configuration.
 fn slurm(root: &Path, folder: &Path, program: &str) -> Command {
     let (plugins, own) = (plugins(root), root.join("lib"));
     let libraries = plugins.parent().unwrap_or(&own);

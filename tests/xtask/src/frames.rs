@@ -1,15 +1,15 @@
-//! `cargo xtask frames [--quick] [--gpu NAME] [FILTER]`: frames a second of scenes as users have them, and what each effect costs, as
-//! Markdown tables. On the best device that Vulkan has, or the one named; beside the clock's time and the CPU's that of the device,
-//! by its own timestamps.
+//! `cargo xtask frames [--quick] [--gpu NAME] [FILTER]`: frames per second of typical scenes, and the cost of each effect, as Markdown
+//! tables. Measures on the fastest Vulkan device, or on the one named: wall time, CPU time, and device time by the device's timestamps.
 //!
-//! A frame's cost is the difference of two runs of the release binary, one of few and one of more frames, divided by how many
-//! more: without start, loading and first frame. Images are written as y4m: their conversion is included, no video codec is,
-//! and one row says what a codec adds. Medians of rounds in which all rows take turns, so that other work on the machine falls on all.
+//! The cost of a frame is the difference between two runs of the release binary with few and with more frames, divided by the difference in
+//! frames, so that start, loading and the first frame do not count. Images are written as y4m: their conversion is included, a video codec
+//! is not; one row gives the cost of a codec. Figures are medians of rounds in which all rows take turns, so that other load on the machine
+//! affects all of them.
 
 use crate::bench::{Bench, Run, median};
 use crate::{assets, release_binary, root};
 
-/// Name, script, what is set, samples, frames of the longer run, output, frames a second that the project asks of itself.
+/// Name, script, parameters, samples, frames of the longer run, output, and the frame rate that the project aims at.
 struct Job {
     name: String,
     script: &'static str,
@@ -18,14 +18,14 @@ struct Job {
     frames: usize,
     out: &'static str,
     asked: Option<f64>,
-    /// Pixels in place of the script's.
+    /// Image size in place of the script's.
     size: Option<&'static str>,
 }
 
-/// Frames of the shorter run: the first ones make pipelines and textures.
+/// Number of frames of the shorter run: the first frames create pipelines and textures.
 const FEW: usize = 4;
 
-/// Effects over the image, on surfaces and in the scene, with what they are by default.
+/// Effects on the image, on surfaces and in the scene, with their defaults.
 const LOOKS: [&str; 12] = [
     "tonemap",
     "vignette",
@@ -100,16 +100,16 @@ fn looks() -> Vec<Job> {
     all
 }
 
-/// Seconds a frame.
+/// Seconds per frame.
 #[derive(Clone, Copy)]
 struct Cost {
     wall: f64,
     cpu: f64,
-    /// Time by the device's own clock; NaN where it has none.
+    /// Time by the device's clock; NaN if it has none.
     device: f64,
 }
 
-/// The program and the device of a run.
+/// Program and device of a run.
 struct Setting<'a> {
     bench: &'a Bench,
     search: &'a str,
@@ -142,7 +142,7 @@ impl Job {
     }
 }
 
-/// Medians of each job, in rounds of all.
+/// Medians of each job, measured in rounds over all jobs.
 fn measure(jobs: &[Job], setting: &Setting, rounds: usize) -> Result<Vec<Cost>, String> {
     let mut all: Vec<Vec<Cost>> = jobs.iter().map(|_| Vec::new()).collect();
     for round in 0..rounds {
@@ -176,7 +176,7 @@ pub fn frames(args: &[&str]) -> Result<(), String> {
     let setting = Setting { bench: &bench, search: &search, gpu };
     let device = bench.device(&root().join("tests/bench/frames_knight.rhai"), &search, gpu)?;
     println!("On {device}.\n");
-    // Half a minute a frame where the CPU draws: only where it is requested.
+    // A frame takes half a minute if the CPU draws it: measured there only on request.
     let gpu_alone = |job: &Job| job.size.is_some() && filter.is_empty();
     let by_cpu = device.contains("llvmpipe") || device.contains("choreo CPU renderer");
     let wanted = |job: &Job| job.name.contains(filter) && !(by_cpu && gpu_alone(job));
@@ -195,7 +195,7 @@ pub fn frames(args: &[&str]) -> Result<(), String> {
         }
         println!();
     }
-    // Beside what they are added to.
+    // The row "none" is always measured, as the baseline for the others.
     let looks: Vec<Job> = looks().into_iter().filter(|job| job.name == "none" || wanted(job)).collect();
     if looks.len() > 1 {
         let costs = measure(&looks, &setting, rounds)?;

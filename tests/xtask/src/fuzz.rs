@@ -1,5 +1,5 @@
-//! `cargo xtask fuzz TARGET [--seconds N]`: libFuzzer on one of the targets in tests/fuzz, which begin from the project's
-//! own scripts, shaders and models. Needs the nightly toolchain and cargo-fuzz, which are not installed for you.
+//! `cargo xtask fuzz TARGET [--seconds N]`: runs libFuzzer on one of the targets in tests/fuzz, with the project's own scripts, shaders and
+//! models as seeds. Needs the nightly toolchain and cargo-fuzz, which are not installed automatically.
 
 use crate::setup::works;
 use crate::{assets, root, run};
@@ -8,10 +8,10 @@ use std::process::Command;
 
 struct Target {
     name: &'static str,
-    /// Where seeds lie, folders below the root, and the endings that count, there and among the sample assets.
+    /// Folders with seeds, relative to the root, and the extensions of seeds, there and among the sample assets.
     places: &'static [&'static str],
     endings: &'static [&'static str],
-    /// Sample assets are seeds too.
+    /// Whether sample assets are seeds too.
     assets: bool,
 }
 
@@ -48,7 +48,7 @@ const TARGETS: &[Target] = &[
     target("timeline", &[], &[]),
 ];
 
-/// Larger seeds slow the search down more than they help it.
+/// Largest seed in bytes: larger seeds slow the search down more than they help.
 const LARGEST_SEED: u64 = 64 << 10;
 
 pub fn fuzz(args: &[&str]) -> Result<(), String> {
@@ -90,16 +90,16 @@ pub fn fuzz(args: &[&str]) -> Result<(), String> {
         "--",
     ]);
     if works("clang", &["--version"]) {
-        // The C code of ufbx tells the fuzzer its way too.
+        // The C code of ufbx is instrumented too.
         command.env("CC", "clang").env("CFLAGS", "-fsanitize=fuzzer-no-link");
     }
     command.arg(format!("-max_total_time={seconds}"));
-    // A limit that does not hold is a finding too.
+    // Exceeding a limit of time or memory is a finding too.
     command.args(["-timeout=20", "-rss_limit_mb=3000", "-print_final_stats=1"]);
     run(command, "cargo fuzz (cargo install cargo-fuzz --locked; rustup toolchain install nightly)")
 }
 
-/// Inputs of targets that read fields from bytes: these have no format, so any bytes will do; each begins with another one.
+/// Seeds for targets that read fields from bytes. They have no format, so any bytes will do; each seed begins with a different byte.
 fn numbers(corpus: &Path) -> Result<usize, String> {
     const LENGTH: usize = 512;
     for first in 0..16u8 {
@@ -113,7 +113,7 @@ fn numbers(corpus: &Path) -> Result<usize, String> {
     Ok(16)
 }
 
-/// Small videos of the first lesson in every format, by the program itself.
+/// Short videos of the first lesson in every format, rendered by choreo itself.
 fn videos(corpus: &Path) -> Result<usize, String> {
     let formats = ["gif", "mp4", "y4m"];
     for format in formats {
@@ -142,7 +142,7 @@ fn videos(corpus: &Path) -> Result<usize, String> {
     Ok(formats.len())
 }
 
-/// Copies files of these endings, folders below included, under names made of their paths.
+/// Copies files with these extensions, also from folders below; their new names are derived from their paths.
 fn plant(place: &Path, endings: &[&str], corpus: &Path) -> Result<usize, String> {
     let mut count = 0;
     let mut open: Vec<PathBuf> = vec![place.to_path_buf()];

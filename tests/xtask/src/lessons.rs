@@ -1,4 +1,4 @@
-//! `cargo xtask lessons`: one image of every numbered script, `tests/pictures/lessons/NN.png`, for `scripts/README.md`.
+//! `cargo xtask lessons`: renders one image of every numbered script, `tests/pictures/lessons/NN.png`, for `scripts/README.md`.
 
 use crate::contact::{Shot, finish, read};
 use crate::{cargo, root, run, target};
@@ -8,9 +8,9 @@ use std::process::Command;
 
 pub(crate) const SIZE: (usize, usize) = (240, 135);
 const COLUMNS: usize = 5;
-/// Seconds, where nothing else is said.
+/// Time of the image in seconds, unless `TIMES` has another.
 const TIME: &str = "2.0";
-/// Lessons that show best at another time.
+/// Lessons that look best at another time.
 const TIMES: [(&str, &str); 5] = [("01", "3.2"), ("05", "2.6"), ("08", "1.0"), ("19", "1.0"), ("26", "2.6")];
 
 pub fn lessons() -> Result<(), String> {
@@ -24,7 +24,7 @@ pub fn lessons() -> Result<(), String> {
         if !name.starts_with(|c: char| c.is_ascii_digit()) {
             continue;
         }
-        // A lesson may be a folder with more than its script.
+        // A lesson may be a folder with more files than its script.
         let inner = entry.path().join("lesson.rhai");
         scripts.push(if entry.path().is_dir() { inner } else { entry.path() });
     }
@@ -38,7 +38,7 @@ pub fn lessons() -> Result<(), String> {
         let out = work.join("lesson.png");
         let mut render = Command::new(&choreo);
         render.arg("render").arg(script).args(["--quiet", "--device", "cpu", "--samples", "4", "--at", time]);
-        // Twice as large and halved: lines that are some pixels wide stay thin.
+        // Rendered at twice the size and then halved, so that lines of a few pixels stay thin.
         render.args(["--size", &format!("{}x{}", 2 * SIZE.0, 2 * SIZE.1), "-o"]).arg(&out);
         finish(render, &shown)?;
         write(&folder.join(format!("{number}.png")), &[halved(&read(&out)?)])?;
@@ -47,7 +47,7 @@ pub fn lessons() -> Result<(), String> {
     Ok(())
 }
 
-/// Each pixel the mean of four.
+/// Halves the size; each pixel is the mean of four.
 fn halved(shot: &Shot) -> Shot {
     let (width, height) = (shot.width / 2, shot.height / 2);
     let mut rgb = Vec::with_capacity(width * height * 3);
@@ -61,7 +61,7 @@ fn halved(shot: &Shot) -> Shot {
     Shot { width, height, rgb }
 }
 
-/// Writes the images from left to right, row by row, in the order of their numbers.
+/// Composes the images from left to right, row by row, in the order of their numbers.
 pub(crate) fn write(path: &std::path::Path, shots: &[Shot]) -> Result<(), String> {
     let (width, height) = (SIZE.0 * COLUMNS.min(shots.len()), SIZE.1 * shots.len().div_ceil(COLUMNS));
     let mut rgb = vec![255; width * height * 3];

@@ -1,13 +1,13 @@
-//! Licences: SPDX expressions, and deny.toml held against the lock file without cargo-deny.
+//! Licenses: SPDX expressions, and a check of the lock file against deny.toml without cargo-deny.
 
 use crate::notices::Package;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Licences that require no more than their text and the names of the authors.
+/// Licenses that require only their text and the names of the authors.
 pub const PLAIN: &[&str] =
     &["MIT", "Apache-2.0", "Zlib", "BSD-2-Clause", "BSD-3-Clause", "ISC", "CC0-1.0", "Unlicense", "0BSD"];
 
-/// Whether a choice of these licences fulfils an SPDX expression: `OR`, `AND`, parentheses, and the old `/` for `OR`.
+/// Whether these licenses satisfy an SPDX expression with `OR`, `AND`, parentheses, and the old `/` for `OR`.
 pub fn satisfied(expression: &str, allowed: &[&str]) -> bool {
     let spaced = expression.replace('/', " OR ").replace('(', " ( ").replace(')', " ) ");
     let words: Vec<&str> = spaced.split_whitespace().collect();
@@ -42,28 +42,28 @@ fn one(words: &mut &[&str], allowed: &[&str]) -> bool {
             *words = words.get(1..).unwrap_or_default();
             fits && closed
         }
-        // An exception adds to what is permitted.
+        // An exception (`WITH …`) only adds permissions.
         [licence, "WITH", _, rest @ ..] | [licence, rest @ ..] => {
             *words = rest;
-            // `+`: this version or a later one.
+            // The suffix `+` means this version or a later one.
             allowed.contains(&licence.trim_end_matches('+'))
         }
         [] => false,
     }
 }
 
-/// The lists of deny.toml that are checked here; cargo-deny checks the rest, advisories above all.
+/// Lists of deny.toml that are checked here; cargo-deny checks the rest, above all advisories.
 pub struct Deny {
     allow: Vec<String>,
-    /// (crate, licences)
+    /// Crates with their additional licenses.
     exceptions: Vec<(String, Vec<String>)>,
     banned: Vec<String>,
-    /// `name:^range`
+    /// Entries of the form `name:^range`.
     skipped: BTreeSet<String>,
 }
 
 impl Deny {
-    /// Each entry of a list stands on a line of its own.
+    /// Parses the lists; each entry must be on its own line.
     pub fn read(text: &str) -> Deny {
         let list = |start: &str| -> Vec<Vec<String>> {
             let lines = text.lines().skip_while(|l| *l != start).skip(1).take_while(|l| *l != "]");
@@ -105,7 +105,7 @@ impl Deny {
     }
 }
 
-/// `name:^range` of every version beside which there is a newer one.
+/// Entries `name:^range` for every version of a crate that also exists in a newer version.
 fn twice(packages: &BTreeMap<String, Package>) -> BTreeSet<String> {
     let number = |range: &str| range.split('.').map(|n| n.parse().unwrap_or(0)).collect::<Vec<u64>>();
     let mut versions: BTreeMap<&str, BTreeMap<Vec<u64>, String>> = BTreeMap::new();
@@ -150,7 +150,7 @@ mod tests {
         assert!(faults.is_empty(), "deny.toml:\n{}", faults.join("\n"));
     }
 
-    /// If one of its entries is removed, something is refused: none is superfluous, and the check sees each.
+    /// Removing any entry must cause an error: no entry is superfluous, and the check finds each.
     #[test]
     fn every_licence_and_exception_of_deny_toml_is_needed() {
         let (packages, mut deny) = (packages().unwrap(), deny());

@@ -92,7 +92,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// The workspace root: this crate lies in tests/xtask.
+/// Root of the workspace; this crate is in tests/xtask.
 fn root() -> PathBuf {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     here.ancestors().nth(2).unwrap_or(here).to_path_buf()
@@ -100,7 +100,7 @@ fn root() -> PathBuf {
 
 fn cargo(args: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    // What the user has installed is no part of tests and reports.
+    // Plugins that the user has installed must not affect tests and reports.
     command.args(args).current_dir(root()).env("CHOREO_PLUGINS", "");
     command
 }
@@ -110,25 +110,25 @@ fn run(mut command: Command, what: &str) -> Result<(), String> {
     if status.success() { Ok(()) } else { Err(format!("{what} failed ({status})")) }
 }
 
-/// Runs the report in release, because it contains times.
+/// Runs the report in release mode, because it contains timings.
 fn report(names: &[&str]) -> Result<(), String> {
     let mut command = cargo(&["run", "--release", "--quiet", "-p", "report", "--"]);
     command.args(names);
     run(command, "the report")
 }
 
-/// Builds the release binary and gives its path.
+/// Builds the release binary and returns its path.
 fn release_binary() -> Result<PathBuf, String> {
     run(cargo(&["build", "--release", "--quiet", "-p", "choreo"]), "cargo build --release")?;
     Ok(target().join("release").join(format!("choreo{}", std::env::consts::EXE_SUFFIX)))
 }
 
-/// The folder of what cargo builds.
+/// Folder of cargo's build outputs.
 fn target() -> PathBuf {
     std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
 }
 
-/// Models by other people, for tests and benchmarks; not part of the repository.
+/// Models by other people for tests and benchmarks, which are not part of the repository.
 fn assets() -> Option<PathBuf> {
     let path =
         std::env::var_os("CHOREO_ASSETS").map_or_else(|| root().join("../shared/assets"), PathBuf::from);

@@ -1,5 +1,5 @@
-//! Imports between the modules of a crate point one way: a test reads every crate's sources and refuses cycles that contain a folder,
-//! in the crate's root and in each of its folders. Files that lie side by side may know each other.
+//! A test against cyclic imports between the modules of a crate: it reads the sources of every crate and refuses cycles that include a
+//! folder, in the root of the crate and in each folder. Files in the same folder may import each other.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -8,13 +8,13 @@ use std::path::Path;
 #[derive(Default)]
 struct Module {
     is_folder: bool,
-    /// The module's files without comments and tests, one after the other.
+    /// Concatenated text of the module's files, without comments and tests.
     code: String,
 }
 
 type Modules = BTreeMap<String, Module>;
 
-/// The modules in a folder, `api::` for that of the module `api` and empty for the root. Texts of files with tests alone are left out.
+/// Modules in a folder. `at`: path of the folder's module, such as `api::`; empty for the root. Files with nothing but tests are left out.
 fn modules(folder: &Path, at: &str) -> Modules {
     let mut modules = Modules::new();
     for entry in std::fs::read_dir(folder).unwrap().flatten() {
@@ -22,7 +22,7 @@ fn modules(folder: &Path, at: &str) -> Modules {
         let name = stem(&path);
         let inside = below(at, &name);
         let module = modules.entry(name).or_default();
-        // A folder with nothing but tests belongs to the file beside it.
+        // A folder that contains only tests belongs to the file beside it.
         module.is_folder |= std::fs::read_dir(&path)
             .is_ok_and(|mut files| files.any(|file| file.is_ok_and(|file| stem(&file.path()) != "tests")));
         read(&path, &inside, &mut module.code);
@@ -34,7 +34,7 @@ fn stem(path: &Path) -> String {
     path.file_stem().unwrap().to_string_lossy().into_owned()
 }
 
-/// The path of a file's module, which is that of the folder for `mod.rs`.
+/// Module path of a file; for `mod.rs` it is that of the folder.
 fn below(at: &str, name: &str) -> String {
     if ["lib", "main", "mod"].contains(&name) { at.to_string() } else { format!("{at}{name}::") }
 }
@@ -52,7 +52,7 @@ fn read(path: &Path, at: &str, code: &mut String) {
     }
 }
 
-/// A line of the module at a path with `crate::a::` in place of `super::`.
+/// A line with `crate::a::` in place of `super::`, for a module at this path.
 fn from_root(line: &str, at: &str) -> String {
     let names: Vec<&str> = at.split_terminator("::").collect();
     let mut line = line.to_string();
@@ -67,7 +67,7 @@ fn first_name(text: &str) -> &str {
     text.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or_default()
 }
 
-/// The names that follow each `prefix` in a text: `crate::a`, or `crate::{a, b::c}`.
+/// Names after each `prefix` in a text: `crate::a`, or `crate::{a, b::c}`.
 fn names_after<'t>(text: &'t str, prefix: &str) -> Vec<&'t str> {
     let mut names = Vec::new();
     for rest in text.split(prefix).skip(1) {
@@ -87,7 +87,7 @@ fn names_after<'t>(text: &'t str, prefix: &str) -> Vec<&'t str> {
     names
 }
 
-/// The module that each name re-exported by `lib.rs` or `mod.rs` comes from.
+/// The module from which each name is re-exported by `lib.rs` or `mod.rs`.
 fn re_exports(head: &str) -> BTreeMap<&str, &str> {
     let mut from = BTreeMap::new();
     for item in head.split("pub use ").chain(head.split("pub(crate) use ").skip(1)).skip(1) {
@@ -100,7 +100,7 @@ fn re_exports(head: &str) -> BTreeMap<&str, &str> {
     from
 }
 
-/// The modules that each module of the folder at a path imports.
+/// Modules that each module of a folder imports.
 fn imports<'m>(modules: &'m Modules, at: &str) -> BTreeMap<&'m str, BTreeSet<&'m str>> {
     let head = modules.get("lib").or(modules.get("mod"));
     let exported = head.map(|head| re_exports(&head.code)).unwrap_or_default();
@@ -118,7 +118,7 @@ fn imports<'m>(modules: &'m Modules, at: &str) -> BTreeMap<&'m str, BTreeSet<&'m
         .collect()
 }
 
-/// All that can be reached from a module, step by step along imports.
+/// All modules that can be reached from a module along imports.
 fn reached<'m>(from: &str, imports: &BTreeMap<&'m str, BTreeSet<&'m str>>) -> BTreeSet<&'m str> {
     let mut seen = BTreeSet::new();
     let mut next: Vec<&str> = imports[from].iter().copied().collect();
@@ -130,7 +130,7 @@ fn reached<'m>(from: &str, imports: &BTreeMap<&'m str, BTreeSet<&'m str>>) -> BT
     seen
 }
 
-/// Pairs of modules that import each other, directly or through others, and of which one is a folder.
+/// Pairs of modules that import each other, directly or indirectly, if one of them is a folder.
 fn cycles(modules: &Modules, at: &str) -> Vec<String> {
     let imports = imports(modules, at);
     let reached: BTreeMap<&str, _> = imports.keys().map(|name| (*name, reached(name, &imports))).collect();
@@ -146,7 +146,7 @@ fn cycles(modules: &Modules, at: &str) -> Vec<String> {
     found
 }
 
-/// The cycles in a folder and in all folders below it.
+/// Cycles in a folder and in all folders below it.
 fn cycles_below(folder: &Path, at: &str) -> Vec<String> {
     let mut found = cycles(&modules(folder, at), at);
     for entry in std::fs::read_dir(folder).unwrap().flatten().filter(|entry| entry.path().is_dir()) {

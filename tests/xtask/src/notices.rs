@@ -1,4 +1,4 @@
-//! `cargo xtask notices`: the crates that the two programs are linked from, as a table of THIRD-PARTY.md.
+//! `cargo xtask notices`: writes the table of THIRD-PARTY.md with the crates that are linked into the two programs.
 
 use crate::licences::{Deny, PLAIN, satisfied};
 use crate::{cargo, root};
@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Crates differ a little between systems; the table is of this one everywhere.
+/// Target of the table on every system, since crates differ slightly between systems.
 const PLATFORM: &str = "x86_64-unknown-linux-gnu";
 pub const PROGRAMS: [(&str, &str); 2] = [("choreo", "`choreo`"), ("choreo-viewer", "`choreo-view`")];
 const BEGIN: &str = "<!-- Written by `cargo xtask notices` from here to the end of the file. -->\n";
@@ -16,17 +16,17 @@ const BEGIN: &str = "<!-- Written by `cargo xtask notices` from here to the end 
 pub struct Package {
     pub name: String,
     pub version: String,
-    /// An SPDX expression.
+    /// SPDX expression.
     pub licence: String,
     pub is_ours: bool,
-    /// Another place than crates.io.
+    /// Whether the source is not crates.io, but another registry or a repository.
     pub is_foreign: bool,
     is_macro: bool,
-    /// Its build script compiles C or C++, or may do so.
+    /// Whether its build script compiles C or C++, or may do so.
     pub has_c: bool,
-    /// The folder of its sources.
+    /// Folder of the sources.
     pub folder: PathBuf,
-    /// Crates that are linked with it, by cargo's identifiers.
+    /// Crates that are linked with it, by cargo's identifier.
     linked: Vec<String>,
 }
 
@@ -40,13 +40,13 @@ pub fn output_of_metadata(options: &[&str]) -> Result<Value, String> {
     serde_json::from_slice(&output.stdout).map_err(|e| format!("cargo metadata: {e}"))
 }
 
-/// Every package of the workspace's graph, by cargo's identifier.
+/// Packages of the workspace's dependency graph, by cargo's identifier.
 pub fn packages() -> Result<BTreeMap<String, Package>, String> {
     let all = output_of_metadata(&["--filter-platform", PLATFORM])?;
     let mut packages: BTreeMap<String, Package> =
         list(&all["packages"]).map(|package| (text(&package["id"]), Package::new(package))).collect();
     for node in list(&all["resolve"]["nodes"]) {
-        // Neither of tests nor of build scripts.
+        // Dependencies that are neither for tests nor for build scripts.
         let is_normal = |kind: &Value| kind["kind"].is_null();
         let linked = list(&node["deps"]).filter(|dep| list(&dep["dep_kinds"]).any(is_normal));
         if let Some(package) = packages.get_mut(&text(&node["id"])) {
@@ -84,7 +84,7 @@ impl Package {
         }
     }
 
-    /// Versions that cargo takes for compatible, so that an update of a patch changes no notice: `1`, `0.25`, `0.0.7`.
+    /// Version range that cargo considers compatible, so that a patch update does not change the notices: `1`, `0.25`, `0.0.7`.
     pub fn range(&self) -> String {
         let numbers: Vec<&str> = self.version.split(['.', '-', '+']).take(3).collect();
         let zeros = numbers.iter().take_while(|n| **n == "0").count();
@@ -92,7 +92,7 @@ impl Package {
     }
 }
 
-/// Crates of other people that are linked into a program, by cargo's identifier. Macros run when it is built and are not in it.
+/// Crates of other people that are linked into a program, by cargo's identifier. Procedural macros run at build time and are not included.
 pub fn linked(packages: &BTreeMap<String, Package>, program: &str) -> BTreeSet<String> {
     let is_program = |(_, package): &(&String, &Package)| package.is_ours && package.name == program;
     let mut open: Vec<&String> = packages.iter().filter(is_program).map(|(id, _)| id).collect();
@@ -107,7 +107,7 @@ pub fn linked(packages: &BTreeMap<String, Package>, program: &str) -> BTreeSet<S
     found
 }
 
-/// The generated part of the file.
+/// Generated part of the file.
 fn table(packages: &BTreeMap<String, Package>) -> String {
     let programs = PROGRAMS.map(|(package, title)| (title, linked(packages, package)));
     let all: BTreeSet<&String> = programs.iter().flat_map(|(_, ids)| ids).collect();
@@ -127,7 +127,7 @@ fn halves(file: &str) -> Result<(&str, &str), String> {
     Ok(file.split_at(at))
 }
 
-/// Writes the table anew and leaves what people wrote above it; fails where they have something to say.
+/// Rewrites the table and keeps the text above it. Fails if that text lacks something.
 pub fn notices() -> Result<(), String> {
     let read = |path: &Path| std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()));
     let (path, packages) = (root().join("THIRD-PARTY.md"), packages()?);
@@ -138,7 +138,7 @@ pub fn notices() -> Result<(), String> {
     if all.is_empty() { Ok(()) } else { Err(all.join("\n")) }
 }
 
-/// Faults of a notices file, one line each.
+/// Errors in a notices file, one line each.
 fn faults(file: &str, packages: &BTreeMap<String, Package>) -> Result<Vec<String>, String> {
     let (by_hand, written) = halves(file)?;
     let expected = table(packages);
@@ -149,7 +149,7 @@ fn faults(file: &str, packages: &BTreeMap<String, Package>) -> Result<Vec<String
     faults.extend(gone.map(|line| format!("no longer so: {line}")));
     let ids = PROGRAMS.iter().flat_map(|(package, _)| linked(packages, package));
     for package in ids.collect::<BTreeSet<_>>().iter().map(|id| &packages[id]) {
-        // These require more than a licence's text in the list: a person says what.
+        // Licenses that require more than their text must be described by hand.
         let special = !satisfied(&package.licence, PLAIN);
         if (special || package.has_c) && !by_hand.contains(&format!("`{}`", package.name)) {
             faults.push(format!("above the table nobody says anything of `{}`", package.name));

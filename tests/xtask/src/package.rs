@@ -1,12 +1,13 @@
-//! `cargo xtask package`: every crate that can be published, as `cargo publish` would upload it. A test holds what cargo does not look at:
-//! that texts which a crate includes are in its package, and that manifests describe their crates.
+//! `cargo xtask package`: packs every publishable crate as `cargo publish` would upload it. A test checks conditions that cargo does not:
+//! that included files are in the package, and that manifests describe their crates.
 
 use crate::notices::output_of_metadata;
 use crate::{cargo, run};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Makes the packages below `target/package`, and does not build them: with their versions of each other that takes as long as a first build.
+/// Writes the packages below `target/package` without building them, because building them against each other takes as long as a first
+/// build.
 pub fn package() -> Result<(), String> {
     let (public, private) = crates()?;
     let faults = faults(&public)?;
@@ -20,7 +21,7 @@ pub fn package() -> Result<(), String> {
     run(command, "cargo package")
 }
 
-/// A crate that can be published.
+/// A publishable crate.
 struct Crate {
     name: String,
     folder: PathBuf,
@@ -29,14 +30,14 @@ struct Crate {
     readme: String,
 }
 
-/// Crates of the workspace that can be published, and the names of the others.
+/// Publishable crates of the workspace, and the names of the others.
 fn crates() -> Result<(Vec<Crate>, Vec<String>), String> {
     let metadata = output_of_metadata(&["--no-deps"])?;
     let text = |value: &Value| value.as_str().unwrap_or_default().to_string();
     let (mut public, mut private) = (Vec::new(), Vec::new());
     for package in metadata["packages"].as_array().into_iter().flatten() {
         let name = text(&package["name"]);
-        // `publish = false` is an empty list of registries.
+        // `publish = false` appears as an empty list of registries.
         if package["publish"].as_array().is_some_and(Vec::is_empty) {
             private.push(name);
             continue;
@@ -53,7 +54,7 @@ fn crates() -> Result<(Vec<Crate>, Vec<String>), String> {
     Ok((public, private))
 }
 
-/// Faults of crates, one line each.
+/// Errors in crates, one line each.
 fn faults(public: &[Crate]) -> Result<Vec<String>, String> {
     let mut faults = Vec::new();
     for one in public {
@@ -76,7 +77,7 @@ fn faults(public: &[Crate]) -> Result<Vec<String>, String> {
     Ok(faults)
 }
 
-/// Paths in the package of a crate.
+/// Paths of the files in the package of a crate.
 fn files(of: &Crate) -> Result<Vec<PathBuf>, String> {
     let mut list = cargo(&["package", "--list", "--allow-dirty", "--offline", "--quiet", "-p", &of.name]);
     let output = list.output().map_err(|e| format!("cargo package did not start: {e}"))?;
@@ -86,7 +87,7 @@ fn files(of: &Crate) -> Result<Vec<PathBuf>, String> {
     }
 }
 
-/// Texts and modules that a source includes: the paths as they are written; the beginning of one that a macro completes.
+/// Paths that a source includes with `include_str!` and similar, as they are written. If a macro completes a path, only its beginning.
 fn included(source: &str) -> Vec<&str> {
     const BEGINNINGS: [&str; 4] = ["include_str!(", "include_bytes!(", "include!(", "#[path = "];
     let mut found = Vec::new();
@@ -100,7 +101,7 @@ fn included(source: &str) -> Vec<&str> {
     found
 }
 
-/// A path beside a file, without `..`; `None` where it leads out of the package.
+/// Resolves a path relative to a file; `None` if it leads out of the package.
 fn beside(file: &Path, path: &str) -> Option<PathBuf> {
     let mut found = file.parent().unwrap_or(Path::new("")).to_path_buf();
     for part in path.split('/') {
@@ -113,7 +114,7 @@ fn beside(file: &Path, path: &str) -> Option<PathBuf> {
     Some(found)
 }
 
-/// Includes of a source that its package does not hold.
+/// Includes in a source that are missing in its package.
 fn missing(file: &Path, source: &str, files: &[PathBuf]) -> Vec<String> {
     let is_whole = |path: &str| Path::new(path).extension().is_some();
     let is_held = |path: &&str| match beside(file, path) {

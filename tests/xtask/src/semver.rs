@@ -1,13 +1,14 @@
-//! `cargo xtask semver [COMMIT]`: the API of plugins against the last tag, or a commit, by cargo-semver-checks, which is built at the first
-//! run. It knows changes that the list of texts in `core/plugin/API.txt` cannot (decision 57): lost traits of a type, generic bounds, macros.
+//! `cargo xtask semver [COMMIT]`: compares the API of plugins with that of the last tag, or of a commit, by cargo-semver-checks, which is
+//! built on first use. It finds changes that the list in `core/plugin/API.txt` cannot show (decision 57): lost trait implementations,
+//! generic bounds, macros.
 
 use crate::{cargo, root, run, target};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// The crate of plugins and those that it passes on.
+/// The crate of the plugin API, and the crates that it re-exports.
 const CRATES: [&str; 3] = ["choreo-plugin", "choreo-asset", "choreo-motion"];
-/// The first version that reads the documentation which this Rust writes.
+/// First version that can read the documentation format of the Rust toolchain in use.
 const TOOL: &str = "cargo-semver-checks@0.51.0";
 
 pub fn semver(commit: Option<&str>) -> Result<(), String> {
@@ -22,7 +23,7 @@ pub fn semver(commit: Option<&str>) -> Result<(), String> {
     if !works(&program) {
         let mut install = cargo(&["install", "--locked", "--quiet", TOOL, "--root"]);
         install.arg(&tools).env("CARGO_TARGET_DIR", target().join("semver-checks-build"));
-        // Its own profile links for minutes, on one core.
+        // The tool's own release profile would link for minutes on one core.
         install.env("CARGO_PROFILE_RELEASE_LTO", "off").env("CARGO_PROFILE_RELEASE_CODEGEN_UNITS", "16");
         run(install, "cargo install cargo-semver-checks")?;
     }
@@ -33,7 +34,7 @@ pub fn semver(commit: Option<&str>) -> Result<(), String> {
     run(checks, "cargo-semver-checks")
 }
 
-/// The nearest tag before the commit that is checked out.
+/// Nearest tag before the current commit.
 fn last_tag() -> Option<String> {
     let mut git = Command::new("git");
     git.args(["describe", "--tags", "--abbrev=0"]).current_dir(root()).stderr(Stdio::null());

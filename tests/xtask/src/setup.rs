@@ -1,10 +1,10 @@
-//! The programs that the tests use beyond cargo: a Vulkan driver, the validation layers, ffmpeg as a second decoder, assimp as a second
+//! Programs that the tests need besides cargo: a Vulkan driver, the validation layers, ffmpeg as a second decoder, assimp as a second
 //! importer.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// (Debian and Ubuntu package, what is missing without it, a file that shows it is there)
+/// Debian or Ubuntu package, the program that it provides, and a file that shows that it is installed.
 const NEEDED: [(&str, &str, &[&str]); 17] = [
     ("libvulkan1", "Vulkan loader", &["libvulkan.so.1"]),
     (
@@ -70,8 +70,8 @@ pub fn works(program: &str, args: &[&str]) -> bool {
         .is_ok_and(|s| s.success())
 }
 
-/// Installs what is missing where apt and root (or sudo without a password) allow; else prints the commands.
-/// Never fails: a test that misses something says so and is counted as skipped.
+/// Installs missing packages if apt and root (or sudo without a password) are available; otherwise prints the commands. Never fails: a test
+/// that lacks something reports it and is counted as skipped.
 pub fn install() {
     let missing: Vec<_> = NEEDED.iter().filter(|(_, _, files)| !there(files)).collect();
     if missing.is_empty() {

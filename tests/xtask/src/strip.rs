@@ -1,11 +1,12 @@
-//! The image strips of README.md and scripts/README.md: frames of a script, side by side; and those of any script, to look at a motion frame by frame.
+//! Image strips of README.md and scripts/README.md: frames of a script side by side. Also strips of any script, to inspect a motion frame
+//! by frame.
 
 use crate::contact::{finish, read};
 use crate::{lessons, release_binary, root, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Script, name of the images, their times in seconds.
+/// Script, base name of the images, and times in seconds.
 const STRIPS: [(&str, &str, [&str; 5]); 2] = [
     ("scripts/01_first_dance.rhai", "first_dance", ["1.6", "3.2", "4.9", "7.6", "9.4"]),
     ("scripts/11_root_motion.rhai", "in_step", ["2.0", "2.15", "2.3", "2.45", "2.6"]),
@@ -28,15 +29,15 @@ pub fn strip() -> Result<(), String> {
     Ok(())
 }
 
-/// Images of a script's strip, as far apart as its length makes them.
+/// Number of frames in the strip of any script, spread evenly over its length.
 const SHOWN: usize = 20;
 
-/// `cargo xtask strip SCRIPT`: twenty frames from the first to the last, row by row, in `target/strips/NAME.png`.
+/// Runs `cargo xtask strip SCRIPT`: twenty frames from the first to the last, row by row, in `target/strips/NAME.png`.
 pub fn of(script: &str) -> Result<(), String> {
     let choreo = release_binary()?;
     let path = Path::new(script);
     let stem = |p: &Path| p.file_stem().map(|name| name.to_string_lossy().into_owned());
-    // A lesson in a folder of its own goes by the folder's name.
+    // A lesson in its own folder has the name of the folder.
     let name = match (stem(path), path.parent().and_then(stem)) {
         (Some(name), Some(folder)) if name == "lesson" => folder,
         (Some(name), _) => name,

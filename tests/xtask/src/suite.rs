@@ -1,4 +1,4 @@
-//! `cargo xtask test`: everything, sorted by cost, with one closing count.
+//! `cargo xtask test`: formatting and lints, the tests of all crates, and the sections of scripts, with one total at the end.
 
 use crate::tally::Tally;
 use crate::{assets, binaries, cargo, root, run, setup};
@@ -12,7 +12,7 @@ pub fn lint() -> Result<(), String> {
         cargo(&["clippy", "--quiet", "--workspace", "--all-targets", "--", "-D", "warnings"]),
         "cargo clippy",
     )?;
-    // Links within the documentation; a minute of CPU after clippy.
+    // Checks links within the documentation; takes a minute of CPU time after clippy.
     let mut doc = cargo(&["doc", "--quiet", "--workspace", "--no-deps"]);
     doc.env("RUSTDOCFLAGS", "-D warnings");
     run(doc, "cargo doc")
@@ -59,13 +59,13 @@ pub fn test(args: &[&str]) -> Result<(), String> {
     }
     let skipped: u64 = tally.skips.iter().map(|(n, _)| n).sum();
     println!("all took {:.0} s", started.elapsed().as_secs_f64());
-    // A failure outside the tests themselves (formatting, a build) must not close with "0 failed".
+    // The total must not say "0 failed" after a failure outside the tests, such as formatting or a build.
     let failed = if problems.is_empty() { 0 } else { tally.failed.max(1) };
     println!("{} passed, {failed} failed, {skipped} skipped", tally.passed);
     if problems.is_empty() { Ok(()) } else { Err(problems.join("; ")) }
 }
 
-/// Runs a part of the command and prints how long it took.
+/// Runs a part of the command and prints its duration.
 fn timed<T>(name: &str, part: impl FnOnce() -> T) -> T {
     let started = Instant::now();
     let result = part();
@@ -73,9 +73,9 @@ fn timed<T>(name: &str, part: impl FnOnce() -> T) -> T {
     result
 }
 
-/// The tests of all crates, with one build for all, then the examples in their documentation.
+/// Runs the tests of all crates after a single build, and then the examples in their documentation.
 fn tests(tally: &mut Tally, filters: &[&str]) -> Result<(), String> {
-    // Each test's own line names it; `--show-output` so that the skips of passing tests are seen.
+    // `--show-output` makes skipped cases of passing tests visible; the line of each test names it.
     let arguments = [&["--show-output"], filters].concat();
     let mut show = |text: &str| {
         if tally.read(text, tests_of) {
@@ -101,14 +101,14 @@ fn tests_of(binary: &str) -> Vec<String> {
     text.lines().filter_map(|line| line.strip_suffix(": test")).map(str::to_string).collect()
 }
 
-/// The scenes' own tests, `tests/suite` and `scripts`, by the program that the tests before have built.
+/// Runs the scene tests in `tests/suite` and `scripts` with the program that the previous tests have built.
 fn sections(tally: &mut Tally) -> Result<(), String> {
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
     let choreo = target.join("debug").join(format!("choreo{}", std::env::consts::EXE_SUFFIX));
     let mut command = Command::new(&choreo);
     command.args(["test", "--html"]).arg(target.join("choreo-test.html")).current_dir(root());
     command.env("CHOREO_PLUGINS", "");
-    // A limit of the clock, which a script on a busy machine reaches earlier.
+    // Time limits are raised, since a script on a busy machine reaches them earlier.
     command.args(["--limit", "seconds=900", "--limit", "frame_seconds=900"]);
     if let Some(assets) = assets() {
         command.arg("--search").arg(assets);

@@ -1,36 +1,36 @@
-//! Reads the output of `cargo test` and `choreo test` line by line: counts, skips, and the name of each failure.
+//! Parses the output of `cargo test` and `choreo test` line by line: totals, skipped cases, and the name of each failure.
 
 use std::collections::BTreeSet;
 
-/// The counts and names of one run. A test prints `SKIP n: reason` for cases that it could not run; they are counted and shown.
+/// Totals and names of one run. A test prints `SKIP n: reason` for cases that it could not run; they are counted and shown.
 #[derive(Default)]
 pub struct Tally {
     pub passed: u64,
     pub failed: u64,
     pub skips: Vec<(u64, String)>,
-    /// Everything that failed: the test binary or the command, and the test's or the section's name.
+    /// Failures: the test binary or command, and the name of the test or section.
     pub failures: Vec<String>,
     binary: Binary,
 }
 
-/// The test binary that runs now.
+/// The test binary that is running.
 #[derive(Default)]
 struct Binary {
-    /// The name in cargo's header line: `tests/leaks.rs`, `unittests src/lib.rs`.
+    /// Name in cargo's header line: `tests/leaks.rs`, `unittests src/lib.rs`.
     header: String,
     path: String,
-    /// Passed, failed and ignored.
+    /// Names of tests that have passed, failed or been ignored.
     finished: BTreeSet<String>,
     passed: u64,
     failed: Vec<String>,
-    /// The thread, named like its test, whose stack overflowed: such an end prints no result.
+    /// Name of the test whose thread overflowed its stack, which ends the process without a result.
     overflowed: Option<String>,
-    /// The arguments of `cargo test …` for a binary that failed: cargo prints them after the binary has ended.
+    /// Arguments of `cargo test …` for a failed binary, which cargo prints after the binary has ended.
     rerun: Option<String>,
 }
 
 impl Tally {
-    /// Reads a line of `cargo test`; true where a person wants to see it. `tests_of` lists the tests of a test binary.
+    /// Parses a line of `cargo test`; true if it should be shown. `tests_of` lists the tests of a test binary.
     pub fn read(&mut self, line: &str, tests_of: impl Fn(&str) -> Vec<String>) -> bool {
         let line = line.trim_end();
         if let Some(header) = header(line) {
@@ -61,7 +61,7 @@ impl Tally {
         !is_list && !is_frame
     }
 
-    /// Ends the last binary. Failing tests are known by now, or the binary's own name has to do.
+    /// Ends the current binary. If no failed test is known by name, the name of the binary is recorded.
     pub fn end_binary(&mut self) {
         let binary = std::mem::take(&mut self.binary);
         if let (Some(rerun), true) = (&binary.rerun, binary.failed.is_empty()) {
@@ -91,9 +91,9 @@ impl Tally {
         number("passed") + number("failed") > 0
     }
 
-    /// A test that has ended; only failures are shown.
+    /// Records the result of a test; only failures are shown.
     fn read_test(&mut self, name: &str, outcome: &str) -> bool {
-        // `- should panic` is said behind the name.
+        // The suffix `- should panic` is not part of the name.
         let name = name.trim_end_matches(" - should panic");
         self.binary.finished.insert(name.to_string());
         let failed = outcome.starts_with("FAILED");
@@ -104,14 +104,14 @@ impl Tally {
         failed
     }
 
-    /// A binary that a signal ended has printed no result: its passed and failed tests are counted here, and the test that ended
-    /// it is among those that had begun and not ended.
+    /// Handles a binary that was ended by a signal and has printed no result: its passed and failed tests are counted here, and the test
+    /// that ended it is one of those that had begun and not ended.
     fn end_by_signal(&mut self, signal: &str, tests_of: impl Fn(&str) -> Vec<String>) {
         let binary = std::mem::take(&mut self.binary);
         self.failed += binary.failed.len() as u64 + 1;
         self.passed += binary.passed;
         let running = binary.overflowed.clone().unwrap_or_else(|| {
-            // libtest begins its tests in the order of their list, one for each thread.
+            // libtest starts tests in the order of their list, one per thread.
             let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
             let left = tests_of(&binary.path).into_iter().filter(|test| !binary.finished.contains(test));
             left.take(threads).collect::<Vec<_>>().join(" or ")
@@ -121,7 +121,7 @@ impl Tally {
         self.failures.extend(binary.failures());
     }
 
-    /// Reads a line of choreo test's output: its reasons to skip, its counts, and the sections that failed.
+    /// Parses a line of `choreo test`: reasons for skipped sections, totals, and failed sections.
     pub fn read_sections(&mut self, line: &str) {
         if let Some((count, reason)) = line.strip_prefix("skipped ").and_then(|rest| rest.split_once(": ")) {
             self.skips.extend(count.parse().ok().map(|n| (n, reason.to_string())));
@@ -146,7 +146,7 @@ impl Binary {
         self.rerun.as_deref().unwrap_or(&self.header)
     }
 
-    /// The command that runs each failed test alone.
+    /// Commands that run each failed test alone.
     fn failures(&self) -> impl Iterator<Item = String> {
         self.failed.iter().map(|test| match test.contains(' ') {
             true => format!("cargo test {} -- --exact '{test}'", self.name()),
@@ -155,7 +155,7 @@ impl Binary {
     }
 }
 
-/// `     Running tests/leaks.rs (target/debug/deps/leaks-0123)`, `   Doc-tests choreo_session`.
+/// Parses cargo's header line: `     Running tests/leaks.rs (target/debug/deps/leaks-0123)`, `   Doc-tests choreo_session`.
 fn header(line: &str) -> Option<Binary> {
     let text = line.trim_start();
     if let Some(name) = text.strip_prefix("Doc-tests ") {
@@ -166,7 +166,7 @@ fn header(line: &str) -> Option<Binary> {
     (line != text).then(|| Binary { header, path, ..Binary::default() })
 }
 
-/// The signal in cargo's message about a process that one ended.
+/// The signal in cargo's message about a process that a signal ended.
 fn signal(line: &str) -> Option<&str> {
     let rest = line.trim_start().strip_prefix("process didn't exit successfully: ")?;
     let (_, signal) = rest.rsplit_once(" (signal: ")?;

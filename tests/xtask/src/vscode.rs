@@ -1,5 +1,5 @@
-//! `cargo xtask vscode`: tests the extension for Visual Studio Code and packs it into a .vsix, in a folder of its own. npm and packages of
-//! its registry are needed; nothing of them is part of the repository.
+//! `cargo xtask vscode`: tests the extension for Visual Studio Code and packs it into a .vsix, in a separate folder. Needs npm and packages
+//! of its registry, which are not part of the repository.
 
 use crate::{cargo, root, run};
 use std::fs;
@@ -7,9 +7,9 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 const SOURCES: &str = "core/language_server/editors/vscode";
-/// Packages that test and pack the extension. Those that it contains are named in its package.json.
+/// Packages for testing and packing the extension. Packages that the extension contains are listed in its package.json.
 const TOOLS: [&str; 3] = ["@vscode/vsce@3.9.2", "vscode-textmate@9.3.2", "vscode-oniguruma@2.0.1"];
-/// npm's words for a registry that it cannot reach.
+/// Error codes of npm for a registry that it cannot reach.
 const UNREACHABLE: [&str; 5] = ["ENOTFOUND", "ECONNREFUSED", "ETIMEDOUT", "EAI_AGAIN", "ENETUNREACH"];
 
 pub fn vscode() -> Result<(), String> {
@@ -31,7 +31,7 @@ pub fn vscode() -> Result<(), String> {
         println!("SKIP 1: the npm registry cannot be reached");
         return Ok(());
     }
-    // With the features of the whole workspace, as the tests build it.
+    // Built with the features of the whole workspace, like the tests.
     run(cargo(&["build", "--quiet", "--workspace", "--bin", "choreo"]), "cargo build")?;
     let mut tests = Command::new("node");
     tests.args(["--test", "test/"]).current_dir(&extension).env("TOOLS", &tools).env("CHOREO_PLUGINS", "");

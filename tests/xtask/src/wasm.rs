@@ -1,12 +1,13 @@
-//! `cargo xtask wasm`: the tests of plugins in WebAssembly. Their engine takes minutes to build, so that `cargo xtask test` leaves them out.
+//! `cargo xtask wasm`: runs the tests of plugins in WebAssembly. Their engine takes minutes to build, so `cargo xtask test` leaves them
+//! out.
 
 use crate::{cargo, run};
 use std::process::Command;
 
-/// Rust's target for plugins.
+/// Rust target of plugins.
 const TARGET: &str = "wasm32-unknown-unknown";
 
-/// The engine in all programs, and WebAssembly as text for damaged plugins.
+/// Features: the engine in all programs, and the text format of WebAssembly for damaged plugins.
 const FEATURES: &str = "choreo/wasm,choreo-viewer/wasm,choreo-wasm-plugin/wat";
 
 pub fn wasm() -> Result<(), String> {

@@ -1,18 +1,18 @@
-//! Numbers of the command line: frame ranges, sizes, rates, times.
+//! Parsers for values of the command line: frame ranges, sizes, rates, times.
 
 use crate::failure::Failure;
 use choreo_motion::{FrameRate, Time};
 use choreo_script::Limits;
 use std::ops::Range;
 
-/// Limit of the frames of one run; more are a slip of the hand: 92 hours at 30 frames a second.
+/// Largest number of frames in one run, 92 hours at 30 frames per second; a larger number is a typing error.
 pub const MOST_FRAMES: i64 = 10_000_000;
 
 fn usage<T>(text: String) -> Result<T, Failure> {
     Err(Failure::Usage(text))
 }
 
-/// The error of a value that the command would refuse; none for options whose values have no form of their own.
+/// Fails if the command would refuse the value of this option. Options that take any text always pass.
 pub fn check(option: &str, text: &str) -> Result<(), Failure> {
     match option {
         "size" => size(text).map(drop),
@@ -24,8 +24,8 @@ pub fn check(option: &str, text: &str) -> Result<(), Failure> {
     }
 }
 
-/// Frames within the `total` of the scene, rising, each once: `0..120`, `0..=119`, `30..`, `..60`, `7`, every 24th of a range as
-/// `0..240:24`, and lists of these, `0,5,9..20`.
+/// Parses frame numbers within the `total` of the scene; the result is sorted, each number once. Forms: `0..120`, `0..=119`, `30..`,
+/// `..60`, `7`, every 24th frame of a range as `0..240:24`, and lists of these, `0,5,9..20`.
 pub fn frames(text: &str, total: i64) -> Result<Vec<i64>, Failure> {
     let mut frames = Vec::new();
     for part in text.split(',') {
@@ -37,7 +37,7 @@ pub fn frames(text: &str, total: i64) -> Result<Vec<i64>, Failure> {
     Ok(frames)
 }
 
-/// One part of the list, and the step between its frames.
+/// Parses one item of the list: a range, and the step between its frames.
 fn some_frames(text: &str, part: &str, total: i64) -> Result<(Range<i64>, usize), Failure> {
     let number = |part: &str| -> Result<i64, Failure> {
         match part.trim().parse::<i64>() {
@@ -58,7 +58,7 @@ fn some_frames(text: &str, part: &str, total: i64) -> Result<(Range<i64>, usize)
         },
     };
     let range = match part.split_once("..") {
-        // Open Job Description writes ranges so.
+        // Open Job Description writes ranges in the form 0-119.
         None => match part.split_once('-').filter(|(from, _)| !from.is_empty()) {
             Some((from, last)) => number(from)?..number(last)? + 1,
             None => number(part)?..number(part)? + 1,
@@ -152,7 +152,7 @@ pub fn jobs(text: &str) -> Result<usize, Failure> {
     }
 }
 
-/// The limits of scripts, with those that `--limit NAME=NUMBER` sets.
+/// Limits of scripts, changed by each `--limit NAME=NUMBER`.
 pub fn limits(given: &[String]) -> Result<Limits, Failure> {
     let mut limits = Limits::default();
     for limit in given {
@@ -161,7 +161,7 @@ pub fn limits(given: &[String]) -> Result<Limits, Failure> {
     Ok(limits)
 }
 
-/// NAME=VALUE of an option that is called `flag`.
+/// Splits NAME=VALUE. `flag`: name of the option, for messages.
 pub(crate) fn name_value<'a>(flag: &str, text: &'a str) -> Result<(&'a str, &'a str), Failure> {
     match text.split_once('=') {
         Some((name, value)) if !name.trim().is_empty() => Ok((name.trim(), value)),

@@ -1,4 +1,4 @@
-//! Size and error of compressed clips: for `info --compress` and `explain`.
+//! Size and error of compressed clips, for `info --compress` and `explain`.
 
 use crate::failure::Failure;
 use choreo_asset::Asset;
@@ -75,7 +75,7 @@ fn add(sum: &mut CompressionReport, report: &CompressionReport) {
     sum.worst_m = sum.worst_m.max(report.worst_m);
 }
 
-/// The compressed clips that a stage plays, all together.
+/// Totals of all compressed clips that a stage plays.
 pub fn on_stage(stage: &Stage) -> Value {
     let layers = stage.actors.iter().flat_map(|a| &a.layers);
     let clips = layers.flat_map(|l| &l.cues).map(|c| &c.clip);

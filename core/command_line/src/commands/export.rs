@@ -1,4 +1,4 @@
-//! `choreo export`: the scene itself for other programs, by the exporter of scenes for the file's extension.
+//! `choreo export`: writes the scene itself for other programs, with the scene exporter for the file's extension.
 
 use crate::args::ExportArgs;
 use crate::args::values;
@@ -89,12 +89,12 @@ fn error_text(worst: &ExportDeviation) -> String {
     format!("largest error: {metres:.1e} m, actor \"{actor}\"{of}, at {:.3} s", time.as_secs())
 }
 
-/// The file's name without folders and extension.
+/// File name without folders and extension.
 fn stem(path: &Path) -> String {
     path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// The exporter of scenes for the file's extension.
+/// Scene exporter for the file's extension.
 fn exporter<'r>(output: &str, registry: &'r Registry) -> Result<&'r Arc<dyn SceneExporter>, Failure> {
     registry.scene_exporter_for(output).ok_or_else(|| {
         if registry.exporter_for(output).is_some() {
@@ -116,7 +116,7 @@ fn exporter<'r>(output: &str, registry: &'r Registry) -> Result<&'r Arc<dyn Scen
     })
 }
 
-/// The options of `--export`, checked.
+/// Parses and checks the options of `--export`.
 pub fn options(given: &[String], manifest: &Manifest) -> Result<ExportOptions, Failure> {
     let mut options = ExportOptions::default();
     for text in given {
@@ -128,7 +128,7 @@ pub fn options(given: &[String], manifest: &Manifest) -> Result<ExportOptions, F
     Ok(options)
 }
 
-/// The files of an export, each written beside its place until all are complete.
+/// Files of an export. They are temporary files beside their places until all of them are complete.
 struct Files<'a> {
     path: &'a Path,
     inputs: &'a Inputs,
@@ -159,14 +159,14 @@ impl<'a> Files<'a> {
         Ok(Files { path, inputs, budget, main, beside: BTreeMap::new(), worst: None })
     }
 
-    /// Moves the files to their places, the main one last; their names.
+    /// Moves the files to their places, the main file last. Returns their names.
     fn commit(mut self) -> Result<Vec<String>, Failure> {
         let mut all: Vec<(String, OpenFile)> = Vec::new();
         for (name, file) in std::mem::take(&mut self.beside) {
             all.push((self.path.with_file_name(name).display().to_string(), file));
         }
         all.push((self.path.display().to_string(), self.main));
-        // All are complete before the first one appears.
+        // All files are complete before the first one is moved.
         for (shown, file) in &mut all {
             file.out.flush().map_err(|e| output_error(shown, &e))?;
         }
@@ -185,7 +185,7 @@ impl SceneFiles for Files<'_> {
         &mut self.main.out
     }
 
-    /// Names begin as that of the main file does, so that a plugin of a stranger replaces no other file of the folder.
+    /// The name begins with that of the main file, so that an untrusted plugin cannot replace other files of the folder.
     fn beside(&mut self, ending: &str) -> Result<&mut dyn Write, ExportError> {
         let name = stem(self.path) + ending;
         let plain = matches!(Path::new(&name).components().collect::<Vec<_>>()[..], [Component::Normal(_)]);

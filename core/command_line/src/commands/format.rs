@@ -1,4 +1,4 @@
-//! `choreo format`: scripts laid out in one way.
+//! `choreo format`: formats scripts in one style.
 
 use crate::args::FormatArgs;
 use crate::failure::{Failure, Problem, print, reason, write_failure};
@@ -9,9 +9,9 @@ use choreo_test_runner::collect::{quoted, shown};
 use std::io::{Read, Write, stdin, stdout};
 use std::path::{Path, PathBuf};
 
-/// Bytes of a script at most.
+/// Largest script in bytes.
 const LARGEST: u64 = 4 << 20;
-/// Scripts beyond this are a slip of the hand (`choreo format` in a home folder).
+/// Largest number of scripts; more are a mistake, such as `choreo format` in a home folder.
 const MOST_FILES: usize = 20_000;
 
 pub fn run(args: &FormatArgs) -> Result<(), Failure> {
@@ -43,7 +43,7 @@ pub fn run(args: &FormatArgs) -> Result<(), Failure> {
     if problems.is_empty() { Ok(()) } else { Err(Failure::Input(problems)) }
 }
 
-/// Standard input, formatted, on standard output, for editors.
+/// Formats standard input to standard output, for editors.
 fn from_pipe(check: bool) -> Result<(), Failure> {
     let mut bytes = Vec::new();
     let read = stdin().lock().take(LARGEST + 1).read_to_end(&mut bytes);
@@ -55,12 +55,12 @@ fn from_pipe(check: bool) -> Result<(), Failure> {
     if check {
         return if new == text { Ok(()) } else { Err(Failure::input("standard input: is not formatted")) };
     }
-    // The text goes on to an editor as it is; if the reader has gone, the exit code is all that remains.
+    // The text goes to an editor unchanged. If the reader has gone, the exit code is the only report left.
     let mut out = stdout().lock();
     out.write_all(new.as_bytes()).and_then(|()| out.flush()).map_err(|_| Failure::ClosedPipe)
 }
 
-/// The formatted text of a script; `None` where it is formatted.
+/// Formatted text of a script; `None` if it is formatted already.
 fn one(path: &Path) -> Result<Option<String>, Problem> {
     let name = shown(path);
     let bytes =
@@ -87,7 +87,7 @@ fn diagnostic(name: &str, text: &str, error: &FormatError) -> Diagnostic {
     Diagnostic { line, column, source_line, hint, ..Diagnostic::error(message).in_file(name) }
 }
 
-/// The scripts that were named, and those of the folders that were named, modules and plugins in Rhai among them.
+/// Scripts that were named, and all scripts in folders that were named, including modules and plugins in Rhai.
 fn scripts(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let here = [PathBuf::from(".")];
     let paths = if paths.is_empty() { &here } else { paths };
@@ -109,7 +109,7 @@ fn walk(folder: &Path, found: &mut Vec<PathBuf>) -> Result<(), Failure> {
     for (name, kind) in choreo_files::entries(folder).map_err(failed)? {
         let (path, name) = (folder.join(&name), name.to_string_lossy());
         let is_passed_over = name.starts_with('.') || matches!(&*name, "target" | "node_modules");
-        // Links are not followed: what they lead to is found where it lies.
+        // Links are not followed: the scripts that they lead to are found at their own paths.
         if kind.is_dir() && !is_passed_over {
             walk(&path, found)?;
         } else if kind.is_file() && !is_passed_over && name.to_lowercase().ends_with(".rhai") {

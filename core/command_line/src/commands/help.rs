@@ -1,5 +1,5 @@
-//! `choreo help TERM`: the calls that answer a word of the field. And `--help` of the commands that read models or write results:
-//! the options of the plugins, from their manifests alone.
+//! `choreo help TERM`: script calls that answer a term of the field; and `--help` of the commands that read models or write results,
+//! extended by the options of the plugins, from their manifests alone.
 
 use crate::App;
 use crate::args::{Cli, HelpArgs};
@@ -16,10 +16,10 @@ use serde_json::{Value, json};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// Calls printed for a term that is none of the known ones.
+/// Largest number of calls printed for a term that is not a known one.
 const MOST_MENTIONS: usize = 8;
 
-/// `help` and `help COMMAND` as `--help` and `COMMAND --help`.
+/// Rewrites `help` and `help COMMAND` as `--help` and `COMMAND --help`.
 pub(crate) fn as_flag(args: Vec<OsString>) -> Vec<OsString> {
     let is_command = |name: &OsString| Cli::command().find_subcommand(name).is_some();
     match args.as_slice() {
@@ -31,7 +31,7 @@ pub(crate) fn as_flag(args: Vec<OsString>) -> Vec<OsString> {
     }
 }
 
-/// Prints the calls that answer a term, or a page.
+/// Prints the calls that answer a term, or a page of the documentation.
 pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
     let term = args.term.join(" ");
     if args.page {
@@ -39,7 +39,7 @@ pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
     }
     let mut answer = answer(&term);
     let mut of_pages = pages::find(app, &term);
-    // A function of a table answers alone; a heading is one answer among others.
+    // A function in a table of a page is a complete answer; a heading is one answer among several.
     let is_function = of_pages.iter().any(|call| call.usage.contains('('));
     if answer.calls.is_empty() && !is_function {
         answer = search(&term);
@@ -66,7 +66,7 @@ pub fn run(args: &HelpArgs, app: &App) -> Result<(), Failure> {
 }
 
 fn print_page(app: &App, name: &str) -> Result<(), Failure> {
-    // References name a heading, too: core/script/API.md, "Cues".
+    // References may include a heading: core/script/API.md, "Cues".
     let path = name.split(',').next().unwrap_or_default().trim();
     let text = pages::text(app, path).ok_or_else(|| {
         let hint = match path.split_once("reference/") {
@@ -82,7 +82,7 @@ fn print_page(app: &App, name: &str) -> Result<(), Failure> {
     print(&pages::with_scripts(app, text))
 }
 
-/// Gives a call of an effect, `effect("fog")`, the effect's own description, and its parameters where the term is its name.
+/// Adds the effect's own description to a call such as `effect("fog")`, and its parameters if the term is the effect's name.
 fn describe_effect(call: &mut Call, term: &str, app: &App) {
     let name = call.usage.strip_prefix("effect(\"").and_then(|rest| rest.strip_suffix("\")"));
     let Some(name) = name.map(str::to_string) else { return };
@@ -119,7 +119,7 @@ fn answer_json(term: &str, answer: &Answer) -> Value {
     })
 }
 
-/// A term that is a command with what comes behind it: "new project", "render --frames", "choreo check".
+/// Call for a term that is a command with further words: "new project", "render --frames", "choreo check".
 fn of_command(term: &str) -> Option<Call> {
     let words: Vec<&str> = term.split_whitespace().skip_while(|word| *word == "choreo").collect();
     let cli = Cli::command();
@@ -139,7 +139,7 @@ fn of_command(term: &str) -> Option<Call> {
     Some(Call { usage, about: Some(about?), details: Vec::new(), page })
 }
 
-/// The help text of `choreo COMMAND` or `choreo COMMAND --OPTION`.
+/// Help text of `choreo COMMAND` or `choreo COMMAND --OPTION`.
 fn about_command(usage: &str) -> Option<String> {
     let mut words = usage.split(' ').skip(1);
     let cli = Cli::command();
@@ -156,14 +156,14 @@ fn about_command(usage: &str) -> Option<String> {
 
 const READ_MODELS: [&str; 7] = ["render", "export", "check", "info", "explain", "measure", "pose"];
 
-/// The command line of the program, with the options of the plugins for `--help`.
+/// Command line of the program, with the options of the plugins in `--help`.
 pub fn command(args: &[OsString], app: &App) -> clap::Command {
     let plugins = &app.registry;
     let command = Cli::command().name(app.name).version(app.version);
     if !args.iter().any(|a| a == "--help") {
         return command;
     }
-    // Plugins lie beside the named files and here; a broken plugin is reported elsewhere.
+    // Plugins are looked for beside the named files and in the current folder. A broken plugin is reported elsewhere.
     let inputs: Vec<&Path> = args.iter().skip(2).map(Path::new).filter(|p| p.exists()).collect();
     let here = [&[Path::new(".")], inputs.as_slice()].concat();
     let after = |flag: &OsString| args.iter().skip_while(move |a| *a != flag).nth(1).map(PathBuf::from);

@@ -1,4 +1,4 @@
-//! `choreo join`: the segments that several machines made of a film become the file that one machine would have written.
+//! `choreo join`: joins the segments that several machines made of a film into the file that one machine would have written.
 
 use crate::args::JoinArgs;
 use crate::args::values;
@@ -22,10 +22,10 @@ use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Time between two looks at the folder.
+/// Time between two scans of the folder.
 const PAUSE: Duration = Duration::from_millis(500);
 
-/// Names read of one folder.
+/// Largest number of names read from one folder.
 const MOST_NAMES: usize = 1_000_000;
 
 pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Failure> {
@@ -76,19 +76,19 @@ pub fn run(args: &JoinArgs, plugins: &Registry, software: &str) -> Result<(), Fa
     Ok(())
 }
 
-/// All that a film is made of.
+/// Everything that is needed to write the film.
 struct Gathered {
     segments: Vec<Segment>,
-    /// The damage of each, complete with its name.
+    /// Descriptions of the damage found in segments; each includes the segment's name.
     damaged: Vec<String>,
     sources: Vec<Source>,
     info: VideoInfo,
     files: Vec<PathBuf>,
 }
 
-/// Why a film cannot be made.
+/// Reason why a film cannot be made.
 enum Lack {
-    /// Some of it is not there, or not whole: on a shared file system it may come yet.
+    /// Frames are missing or damaged: on a shared file system they may still arrive.
     Missing(Failure),
     Failure(Failure),
 }
@@ -99,7 +99,7 @@ impl From<Failure> for Lack {
     }
 }
 
-/// The film from the segments, waiting as long as `--wait` says for what is missing. No clock but that of this process counts.
+/// Gathers the film from its segments, and waits up to `--wait` seconds for missing frames, measured by this process alone.
 fn waited(
     args: &JoinArgs,
     target: &Target,
@@ -113,7 +113,7 @@ fn waited(
         let lack = match gathered(args, target, exporter, software, &mut damaged) {
             Err(Lack::Missing(lack)) if start.elapsed() < patience => lack,
             result => {
-                // Also with --quiet: a machine or a disk may be failing.
+                // Printed even with --quiet: a machine or a disk may be failing.
                 damaged.iter().for_each(|what| print_message(format_args!("warning: {what}")));
                 return result.map(|gathered| Gathered { damaged, ..gathered }).map_err(|lack| match lack {
                     Lack::Missing(failure) | Lack::Failure(failure) => failure,
@@ -128,7 +128,7 @@ fn waited(
     }
 }
 
-/// The files with their lengths.
+/// Segment files with their lengths.
 fn lengths(given: &[PathBuf]) -> Vec<(PathBuf, u64)> {
     let files = files(given).unwrap_or_default();
     files
@@ -162,7 +162,7 @@ fn gathered(
     Ok(Gathered { segments, damaged: Vec::new(), sources, info, files })
 }
 
-/// The files that the arguments name: segments, and those in folders.
+/// Segment files: those that the arguments name, and those in folders that the arguments name.
 fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut files = Vec::new();
     for path in given {
@@ -184,7 +184,7 @@ fn files(given: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-/// The segments, and the damage of each, complete with its name.
+/// Opens the segments. Descriptions of damage, each with the segment's name, are added to `damaged`.
 fn opened(files: &[PathBuf], quiet: bool, damaged: &mut Vec<String>) -> Result<Vec<Segment>, Failure> {
     let progress = Progress::new(files.len() as u64, quiet);
     let mut segments = Vec::new();
@@ -206,7 +206,7 @@ fn opened(files: &[PathBuf], quiet: bool, damaged: &mut Vec<String>) -> Result<V
     }
 }
 
-/// The first segment, where all are of one film that this program can finish.
+/// First segment, after checking that all belong to the same film and that this program can finish it.
 fn same_film<'s>(
     segments: &'s [Segment],
     damaged: &[String],
@@ -292,17 +292,17 @@ impl Joining<'_> {
         }
     }
 
-    /// Writes the one file.
+    /// Writes the film to one file.
     fn film(&self) -> Result<JoinedFrames, Failure> {
         let path = self.target.file(0);
         self.inputs.refuse(&path)?;
         let shown = path.display().to_string();
         let failed = |e: std::io::Error| output_error(&shown, &e);
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        // The job of a farm starts where nothing is but its segments.
+        // The folder may not exist yet: the job of a farm starts with nothing but its segments.
         std::fs::create_dir_all(folder).map_err(failed)?;
         let part = PartFile::create_shared(&path, &machine::id()).map_err(|e| write_failure(&shown, e))?;
-        // Where the head is known last, the body waits in a file without a name, on the same disk.
+        // If the head is known only at the end, the body is first written to an unnamed file on the same disk.
         let mut body = match self.exporter.head_comes_last() {
             true => Some(tempfile::tempfile_in(folder).map_err(failed)?),
             false => None,
@@ -335,7 +335,7 @@ impl Joining<'_> {
         Ok(counts)
     }
 
-    /// Writes an image per file.
+    /// Writes the film as one image per file.
     fn images(&self) -> Result<JoinedFrames, Failure> {
         let last = i64::try_from(self.info.frames).unwrap_or(i64::MAX) - 1;
         let names = (0..=last).map(|number| self.target.file(number));

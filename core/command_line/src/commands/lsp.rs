@@ -34,7 +34,7 @@ impl Host for Program {
         (self.app.name.to_string(), self.app.version.to_string())
     }
 
-    /// The settings that `choreo check SCRIPT` would have.
+    /// Settings that `choreo check SCRIPT` would use.
     fn project(&self, script: &Path) -> Result<Project, HostError> {
         let words = [OsString::from(self.app.name), "check".into(), script.into()];
         let words = project_file::extended(&words, &self.app).map_err(|e| HostError(in_words(&e)))?;
@@ -54,7 +54,7 @@ impl Host for Program {
         problems.into_iter().map(Diagnostic::from).chain(places.findings(&on_stage)).collect()
     }
 
-    /// This program again, with the words that a user would type.
+    /// Command that runs this program again, with the arguments that a user would type.
     fn command(&self, task: &Task) -> Result<process::Command, HostError> {
         let program = std::env::current_exe()
             .map_err(|e| HostError(format!("cannot tell where {} lies: {e}", self.app.name)))?;

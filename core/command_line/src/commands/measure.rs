@@ -1,4 +1,4 @@
-//! `choreo measure`: error against run time for the choices that a scene could make.
+//! `choreo measure`: error against run time for the numerical choices that a scene could make.
 
 use crate::args::values;
 use crate::args::{Device, MeasureArgs};
@@ -14,7 +14,7 @@ use choreo_render::{CpuRenderer, Renderer};
 use choreo_script::did_you_mean;
 use serde_json::{Value, json};
 
-/// Seconds for the timings of one choice.
+/// Seconds spent on the timings of one choice.
 const DEFAULT_BUDGET: f64 = 1.0;
 
 pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
@@ -29,7 +29,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     let mut renderers: Vec<Box<dyn Renderer>> = vec![Box::new(CpuRenderer::new(registry.effects()))];
     let mut note = None;
     if args.device != Device::Cpu && keys.contains(&"renderer") {
-        // Both renderers are compared, also where `auto` would not choose Vulkan.
+        // Vulkan is compared even if `auto` would not choose it.
         match device::start(Device::Vulkan, registry.effects()).wait() {
             Ok(started) => renderers.push(started.renderer),
             Err(failure) if args.device == Device::Vulkan => return Err(failure),
@@ -87,7 +87,7 @@ pub fn run(args: MeasureArgs, plugins: &Registry) -> Result<(), Failure> {
     Ok(())
 }
 
-/// All, or those requested.
+/// Keys of all choices, or of those requested.
 fn keys(only: &[String]) -> Result<Vec<&'static str>, Failure> {
     if only.is_empty() {
         return Ok(KEYS.to_vec());

@@ -1,4 +1,5 @@
-//! `choreo pack`: a scene with all that it reads in one archive, found by running it, and proved by running what was packed.
+//! `choreo pack`: packs a scene with all files that it reads into one archive. The files are found by running the scene, and the archive is
+//! verified by running it again.
 
 use crate::args::PackArgs;
 use crate::failure::{Failure, output_error, print_json, print_message, write_failure};
@@ -10,7 +11,7 @@ use serde_json::json;
 use std::io::{Seek, SeekFrom};
 use std::path::Path;
 
-/// `options`: the text of the project's choreo.toml.
+/// Writes and reports the archive. `options`: text of the project's `choreo.toml`.
 pub fn run(args: &PackArgs, plugins: &Registry, options: String) -> Result<(), Failure> {
     let Packed { manifest, bytes, warnings } = write(args, plugins, options)?;
     report(args, &manifest, bytes, &warnings)
@@ -23,12 +24,12 @@ pub(crate) struct Packed {
     pub warnings: Vec<String>,
 }
 
-/// Writes the archive, and proves it.
+/// Writes the archive, and verifies it.
 pub(crate) fn write(args: &PackArgs, plugins: &Registry, options: String) -> Result<Packed, Failure> {
     let shown = args.output.display().to_string();
     if !is_folder(&args.output) && !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case(EXTENSION))
     {
-        // A slip of the hand must not replace a script or a model.
+        // A typing error must not replace a script or a model.
         return Err(Failure::Usage(format!(
             "-o {shown}: write a name that ends in .{EXTENSION}, or in / for a folder"
         )));
@@ -41,7 +42,7 @@ pub(crate) fn write(args: &PackArgs, plugins: &Registry, options: String) -> Res
     write_open(args, scene, options, |unpacked| prove(args, plugins, unpacked))
 }
 
-/// Writes the archive of an open scene. `prove` opens what was written, before it appears.
+/// Writes the archive of an open scene. `prove` verifies the unpacked archive before it is moved to its place.
 pub(crate) fn write_open(
     args: &PackArgs,
     scene: OpenedScene,
@@ -52,7 +53,7 @@ pub(crate) fn write_open(
     scene.inputs.refuse(&args.output)?;
     let failed = |e: std::io::Error| output_error(&shown, &e);
     if is_folder(&args.output) {
-        // The folder appears whole: it is made beside its place.
+        // The folder appears complete: it is made under a temporary name beside its place.
         let place = args.output.components().as_path();
         let beside = place.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if place.symlink_metadata().is_ok() {
@@ -82,12 +83,12 @@ pub(crate) fn write_open(
     Ok(Packed { manifest, bytes, warnings: scene.warnings })
 }
 
-/// Whether the output is a folder: its name ends in a slash, or one is there.
+/// Whether the output is a folder: it exists as one, or its name ends in a slash.
 fn is_folder(output: &Path) -> bool {
     output.is_dir() || output.to_string_lossy().ends_with(std::path::is_separator)
 }
 
-/// Gives a folder the permissions of a new one, in place of those of a temporary one.
+/// Gives a folder the permissions of a normal new folder, since temporary folders are private.
 #[cfg(unix)]
 fn open_to_others(folder: &Path) -> std::io::Result<()> {
     std::fs::set_permissions(folder, folder.join("files").metadata()?.permissions())
@@ -98,7 +99,7 @@ fn open_to_others(_: &Path) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Opens the scene that was packed: an error where it is another one.
+/// Opens the packed scene, and fails if it differs from the original.
 fn prove(args: &PackArgs, plugins: &Registry, unpacked: Unpacked) -> Result<(), Failure> {
     let mut packed = args.scene.clone();
     (packed.search, packed.import.plugins) = (Vec::new(), Vec::new());

@@ -18,7 +18,7 @@ pub fn run(args: PoseArgs, plugins: &Registry) -> Result<(), Failure> {
     if let Some(path) = &args.mesh
         && !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"))
     {
-        // A slip of the hand must not replace a script or a model.
+        // A typing error must not replace a script or a model.
         return Err(Failure::Usage(format!("--mesh {}: write a name that ends in .obj", path.display())));
     }
     let registry = scene::plugins(&args.scene, plugins)?;
@@ -89,7 +89,7 @@ fn pose_json(name: &str, stage: &Stage, snapshot: &Snapshot) -> Value {
     })
 }
 
-/// Positions only: what a person looks for.
+/// Text for people: positions only.
 fn pose_text(stage: &Stage, snapshot: &Snapshot) -> Page {
     let mut t = Page::default();
     for (actor, state) in stage.actors.iter().zip(&snapshot.actors) {
@@ -107,11 +107,12 @@ fn pose_text(stage: &Stage, snapshot: &Snapshot) -> Page {
     t
 }
 
-/// Wavefront OBJ: one object a primitive, vertices in the file's own order, so that number k is vertex k − (those before).
+/// Writes Wavefront OBJ: one object per primitive, vertices in the order of the file, so that vertex k of a primitive has number k plus the
+/// vertices before it.
 fn write_obj(stage: &Stage, snapshot: &Snapshot, out: &mut dyn Write) -> std::io::Result<()> {
     let mut first = 1;
     let mut first_normal = 1;
-    // A hidden actor has joints, but its meshes are not visible.
+    // Meshes of hidden actors are not written, although their joints are printed.
     for (actor, state) in stage.actors.iter().zip(&snapshot.actors).filter(|(_, s)| s.visible) {
         for posed in posed_meshes(&actor.asset, state) {
             let asset: &Asset = &actor.asset;

@@ -1,5 +1,5 @@
-//! `choreo view`: starts the viewer. It is a program of its own, `choreo-view` or that of another [`App`], beside this one: its toolkit costs more build time
-//! than everything else together, and no other command needs it.
+//! `choreo view`: starts the viewer, which is a separate program beside this one: `choreo-view`, or the viewer of another [`App`]. Its
+//! toolkit takes longer to build than everything else together, and no other command needs it.
 
 use crate::App;
 use crate::args::ViewArgs;
@@ -17,7 +17,7 @@ pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failu
         .map_err(|e| Failure::Output(format!("cannot tell where {} lies: {e}", app.name)))?;
     let viewer = here.with_file_name(format!("{}-view{}", app.name, env::consts::EXE_SUFFIX));
     let ours = app.name == "choreo";
-    // `cargo run` says so; what it has built is then as old as this program.
+    // `cargo run` sets these variables: the viewer is then built too, so that it is not older than this program.
     if ours && let (Some(cargo), Some(_)) = (env::var_os("CARGO"), env::var_os("CARGO_MANIFEST_DIR")) {
         build(Path::new(&cargo), &here, &viewer)?;
     }
@@ -45,13 +45,13 @@ pub fn run(args: ViewArgs, no_project_file: bool, app: &App) -> Result<(), Failu
     let Some(status) = status else { return Err(Failure::Interrupted) };
     match status.code() {
         Some(0) => Ok(()),
-        // It has said why.
+        // The viewer has printed the reason.
         Some(code) => Err(Failure::Told(u8::try_from(code).unwrap_or(1))),
         None => Err(Failure::Device("the viewer was ended from outside".into())),
     }
 }
 
-/// The words that show a packed scene: it is unpacked until the viewer ends.
+/// Arguments that show a packed scene. The archive stays unpacked until the viewer ends.
 fn unpacked(input: &Path, rest: &[OsString]) -> Result<Vec<OsString>, Failure> {
     let limits = choreo_script::Limits::default();
     let unpacked = Unpacked::open(input, limits.file)?;
@@ -60,7 +60,7 @@ fn unpacked(input: &Path, rest: &[OsString]) -> Result<Vec<OsString>, Failure> {
         let what = format!("{}: the viewer takes no options of importers", input.display());
         return Err(Failure::Usage(what));
     }
-    // Options of the command line win over packed ones.
+    // Options of the command line override packed ones.
     let given: Vec<&str> = rest
         .iter()
         .filter_map(|word| word.to_str()?.trim_start_matches("--set=").split_once('='))
@@ -80,7 +80,7 @@ fn unpacked(input: &Path, rest: &[OsString]) -> Result<Vec<OsString>, Failure> {
     Ok(words)
 }
 
-/// The exit status; `None` where a signal ended this program. The viewer is ended with it, since nobody else would.
+/// Waits for the exit status; `None` if a signal ended this program. The viewer is ended too, since nothing else would end it.
 fn wait(command: &mut Command) -> io::Result<Option<ExitStatus>> {
     interrupt::watch(true);
     let mut viewer = command.spawn()?;
@@ -99,7 +99,7 @@ fn wait(command: &mut Command) -> io::Result<Option<ExitStatus>> {
     Ok(ended)
 }
 
-/// Builds the viewer with the profile of this program, which is the name of its folder.
+/// Builds the viewer with the profile of this program, which is the name of the folder that contains it.
 fn build(cargo: &Path, here: &Path, viewer: &Path) -> Result<(), Failure> {
     let folder = here.parent().and_then(Path::file_name).map(|n| n.to_string_lossy().into_owned());
     let profile = match folder.as_deref() {

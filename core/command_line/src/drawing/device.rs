@@ -1,6 +1,6 @@
-//! The choice of the renderer: Vulkan where a driver of a GPU works, else our own on the CPU.
+//! Choice of the renderer: Vulkan where a GPU driver works, else the CPU renderer.
 //!
-//! A Vulkan driver that draws on the CPU is not chosen by itself: see `core/decisions/30-auto-device.md`.
+//! A Vulkan driver that runs on the CPU is used only on request: see `core/decisions/30-auto-device.md`.
 
 use crate::args::Device;
 use crate::drawing::pipeline::render_failure;
@@ -18,9 +18,9 @@ use std::thread::JoinHandle;
 #[derive(Clone, Debug)]
 pub struct Wanted {
     pub device: Device,
-    /// Part of the name of Vulkan's device.
+    /// Part of the name of the Vulkan device.
     pub gpu: Option<String>,
-    /// How long it is busy.
+    /// Whether the time that the device is busy is measured.
     pub timings: bool,
     /// See `GpuOptions::anisotropy`.
     pub anisotropy: Option<u8>,
@@ -38,16 +38,16 @@ pub struct Started {
     pub time: Option<Arc<DeviceTime>>,
     /// Time of the CPU renderer's stages, if it was requested.
     pub stages: Option<Arc<StageTimes>>,
-    /// Why it is not a faster one.
+    /// Note that explains why no faster device was chosen.
     pub note: Option<String>,
-    /// Why it was chosen, for the summary; `None` if it was named.
+    /// Reason for the choice, for the summary; `None` if the device was named.
     pub reason: Option<String>,
 }
 
-/// A renderer on its way.
+/// A renderer that is being started.
 pub(crate) enum Starting {
     OnThread(JoinHandle<Result<Started, Failure>>),
-    /// No thread could be had: it is started by the one that waits for it.
+    /// No thread could be started: the caller of [`Starting::wait`] starts the renderer.
     WhenWaitedFor(Wanted, Vec<Effect>),
 }
 
@@ -110,20 +110,20 @@ fn open(wanted: Wanted, effects: Vec<Effect>) -> Result<Started, Failure> {
             let reason = found.map(|_| "the fastest Vulkan device".to_string());
             Ok(Started { renderer: Box::new(renderer), time, stages: None, note: None, reason })
         }
-        // A device that is named is the only one wanted.
+        // A device that is named must be used: there is no fallback to the CPU.
         Err(error) if device == Device::Vulkan || wanted.gpu.is_some() => Err(render_failure(error)),
         Err(RenderError::NoVulkan { why }) => cpu(Some(on_the_cpu(&why)), None),
         Err(error) => cpu(Some(on_the_cpu(&error.to_string())), None),
     }
 }
 
-/// Why a Vulkan driver that draws on the CPU is not taken where no device is named. `name`: its device.
+/// Reason why a Vulkan driver that runs on the CPU is not used unless it is named. `name`: name of its device.
 pub fn slower_than_the_cpu(name: &str) -> String {
     let name = name.split(" (").next().unwrap_or_default();
     format!("the only Vulkan device, {name}, draws on the CPU and is slower")
 }
 
-/// The note about drawing on the CPU: why, and the packages that make it faster.
+/// Note that rendering happens on the CPU: the reason, and the packages to install for a faster device.
 fn on_the_cpu(why: &str) -> String {
     let why = why.lines().next().unwrap_or_default();
     let packages = match why.contains("mesa-vulkan-drivers") {
@@ -133,7 +133,7 @@ fn on_the_cpu(why: &str) -> String {
     format!("rendering on the CPU: {why}{packages}")
 }
 
-/// The folder in which compiled pipelines are kept, so that the next first image comes at once.
+/// Folder of the pipeline cache, so that the first image of the next run appears at once.
 pub fn cache_dir() -> Option<PathBuf> {
     let folder = |name: &str| std::env::var_os(name).filter(|v| !v.is_empty()).map(PathBuf::from);
     folder("XDG_CACHE_HOME")

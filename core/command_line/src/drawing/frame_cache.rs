@@ -1,5 +1,7 @@
-//! `render --watch`: a renderer that keeps the images that it has drawn; `--set-from` shares it between films and keeps none. A frame is identified by its content: its plan, the scene
-//! resources, the effects and the device. The same frame at another time, or of another version of the script, is not drawn again.
+//! A renderer that keeps its frames for `render --watch`. `--set-from` uses it to share one renderer between films, and keeps no frames.
+//!
+//! A frame is identified by its content: its plan, the scene resources, the effects and the device. The same content at another time, or in
+//! another version of the script, is not drawn again.
 
 use choreo_plugin::{Effect, FloatFrame, Frame, FrameWish};
 use choreo_render::plan::frame_key::{Key, frame_key};
@@ -8,7 +10,7 @@ use choreo_render::{DeviceInfo, Plan, RenderError, Renderer, SceneResources};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Bytes that remembered frames take at most, compressed.
+/// Largest total size of kept frames in bytes, compressed.
 const MOST_BYTES: usize = 512 << 20;
 
 /// Clones share one renderer and one memory.
@@ -26,16 +28,16 @@ struct Shared {
     keeps: bool,
     frames: BTreeMap<Key, Known>,
     bytes: usize,
-    /// Submitted and not collected, and whether the renderer has them.
+    /// Frames submitted and not yet collected, and whether the renderer draws them.
     queue: VecDeque<(Key, bool)>,
-    /// Counts renders.
+    /// Number of the current render.
     round: u64,
     reused: u64,
 }
 
 struct Known {
     png: Vec<u8>,
-    /// The time at which it was last requested.
+    /// Number of the render that last requested the frame.
     round: u64,
 }
 
@@ -56,14 +58,14 @@ impl Remembering {
         Remembering { shared: Arc::new(Mutex::new(shared)), device }
     }
 
-    /// One that is shared by renders of different films, whose frames are not kept.
+    /// Creates a renderer that is shared by renders of different films; their frames are not kept.
     pub(crate) fn shared_only(renderer: Box<dyn Renderer>) -> Remembering {
         let shared = Remembering::new(renderer);
         shared.shared().keeps = false;
         shared
     }
 
-    /// A new render begins: nothing is in flight, nothing was reused yet.
+    /// Begins a new render: no frame is in flight, and none has been reused.
     pub fn begin(&self) -> Result<(), RenderError> {
         let mut shared = self.shared();
         shared.round += 1;
@@ -77,7 +79,7 @@ impl Remembering {
         Ok(())
     }
 
-    /// Frames of this render that were drawn before.
+    /// Number of frames of this render that were drawn before.
     pub fn reused(&self) -> u64 {
         self.shared().reused
     }
@@ -104,20 +106,20 @@ impl Renderer for Remembering {
 
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError> {
         let mut shared = self.shared();
-        // Frames of floats are too large to be kept.
+        // Float frames are too large to be kept.
         if !shared.keeps || plan.wish != FrameWish::Bytes {
             shared.renderer.submit(plan)?;
             shared.queue.push_back((Key::default(), true));
             return Ok(());
         }
         let key = frame_key(&plan, &shared.resources, &shared.effects);
-        // Also one that is being drawn: it is known by the time this one is collected.
+        // A frame that is still being drawn counts as known: it will be stored before this one is collected.
         let coming = shared.queue.iter().any(|(k, _)| *k == key);
         let drawn = !coming && !shared.frames.contains_key(&key);
         if drawn {
             shared.renderer.submit(plan)?;
         }
-        // Wanted now, so that it is still there when it is collected.
+        // Marks the frame as used in this render, so that it is not dropped before it is collected.
         let round = shared.round;
         if let Some(known) = shared.frames.get_mut(&key) {
             known.round = round;
@@ -180,8 +182,8 @@ impl Shared {
             self.frames.retain(|_, known| known.round == round);
             self.bytes = self.frames.values().map(|known| known.png.len()).sum();
         }
-        // Frames of this render are drawn again in the same order: the first are kept, and the rest drawn each time. Frames that are
-        // waited for belong to this round, and are never dropped.
+        // The frames of this render will be drawn again in the same order: the first ones are kept, and the rest is drawn each time. Frames
+        // that are waited for belong to this render, and are never dropped.
         let waited_for = self.queue.iter().any(|(k, _)| *k == key);
         if self.bytes + png.len() <= MOST_BYTES || waited_for {
             self.bytes += png.len();
@@ -190,7 +192,7 @@ impl Shared {
     }
 }
 
-/// Encodes a frame without loss and fast: it is read again within this process.
+/// Encodes a frame losslessly and fast: it is read again within this process.
 fn write(frame: &Frame) -> Option<Vec<u8>> {
     let mut png = Vec::new();
     let mut encoder = png::Encoder::new(&mut png, frame.width, frame.height);

@@ -1,8 +1,8 @@
-//! Frames on their way: evaluated and planned on one thread, drawn several in flight on this one, encoded on others.
-//! Queues are short and images are reused, so memory does not grow with the length of the video.
+//! The frame pipeline: frames are evaluated and planned on one thread, drawn on this thread with several in flight, and encoded on further
+//! threads. Queues are short and image buffers are reused, so memory does not grow with the length of the video.
 //!
-//! A frame whose plan equals that of the one before is not drawn again, and one that differs only in its 2D layers is composed anew
-//! over the scene as drawn.
+//! A frame whose plan equals the previous plan is not drawn again. A frame that differs only in its 2D layers is composed again over the
+//! scene that was drawn before.
 
 use crate::failure::Failure;
 use crate::process::interrupt;
@@ -25,22 +25,22 @@ const PLANS_AHEAD: usize = 2;
 /// Gives the plan for a time.
 pub(crate) type PlanAt<'a> = Box<dyn FnMut(Time) -> Result<Plan, Failure> + Send + 'a>;
 
-/// Gives the key of a plan without the 2D layers over it.
+/// Gives the key of a plan without the 2D layers in front of the scene.
 pub(crate) type SceneKey<'a> = Box<dyn Fn(&Plan) -> Key + Send + 'a>;
 
 /// Takes a finished frame with its number and time, and whether the frame before had the same pixels.
 pub(crate) type Encode<'a> = Box<dyn FnMut((i64, Time), &Picture, bool) -> Result<(), Failure> + Send + 'a>;
 
-/// The pixels of a frame, as the exporter wishes for them.
+/// Pixels of a frame, in the format that the exporter asked for.
 #[derive(Clone)]
 pub(crate) enum Pixels {
     Bytes(Frame),
-    /// The 2D layers are in it, as far as it shows them.
+    /// Floats, with the 2D layers composed where the exporter wants them.
     Floats(FloatFrame),
 }
 
 impl Pixels {
-    /// Hands them to an exporter. `repeated`: it has taken the same pixels before.
+    /// Hands the pixels to an exporter. `repeated`: the exporter was given the same pixels before.
     pub fn write(&self, sink: &mut dyn FrameSink, repeated: bool) -> Result<(), ExportError> {
         match self {
             Pixels::Bytes(frame) if repeated => sink.repeat(frame),
@@ -50,20 +50,20 @@ impl Pixels {
     }
 }
 
-/// The pixels of one frame or of several that follow each other.
+/// Pixels that one frame, or several consecutive frames, show.
 pub(crate) struct Picture {
     pub pixels: Pixels,
-    /// The file that an encoder has made of it, of formats of one image per file.
+    /// The encoded file, for formats with one image per file.
     pub file: Mutex<Option<Vec<u8>>>,
 }
 
-/// How many frames were drawn, and how many were not because the one before was nearly the same.
+/// Numbers of frames that were drawn, and of frames reused from the previous one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counts {
     pub drawn: u64,
-    /// Equal to the frame before.
+    /// Frames equal to the previous frame.
     pub repeated: u64,
-    /// The scene of the frame before with other 2D layers.
+    /// Frames with the scene of the previous frame and other 2D layers.
     pub recomposed: u64,
 }
 
@@ -77,12 +77,12 @@ enum Work {
 type Layers = Option<Arc<LayerImage>>;
 
 pub struct Pipeline<'a> {
-    /// Frame number and time, in the order wanted.
+    /// Frame numbers and times, in the order in which they are needed.
     pub frames: Vec<(i64, Time)>,
     pub plan: PlanAt<'a>,
     pub scene_key: SceneKey<'a>,
     pub renderer: &'a mut dyn Renderer,
-    /// One: images arrive in order. Several: in any order, in parallel.
+    /// One encoder gets the images in order; several encoders get them in any order, in parallel.
     pub encoders: Vec<Encode<'a>>,
     pub progress: &'a Progress,
 }
@@ -90,9 +90,9 @@ pub struct Pipeline<'a> {
 /// State that the threads share.
 struct Shared {
     stop: AtomicBool,
-    /// The failure of the smallest frame number, so that the same script always fails with the same words.
+    /// Failure of the smallest frame number, so that the same script always fails with the same message.
     failure: Mutex<Option<(i64, Failure)>>,
-    /// Images whose buffers can be drawn into again.
+    /// Images whose buffers can be reused.
     spare: Mutex<Vec<Frame>>,
     drawn: AtomicU64,
     repeated: AtomicU64,
@@ -108,7 +108,7 @@ impl Shared {
         }
     }
 
-    /// An image whose buffer can be drawn into.
+    /// Takes an image whose buffer can be reused.
     fn spare(&self) -> Option<Frame> {
         self.spare.lock().unwrap_or_else(PoisonError::into_inner).pop()
     }
@@ -119,12 +119,13 @@ impl Shared {
         }
     }
 
-    /// Gives the buffer back once nobody needs the image.
+    /// Takes back the buffer of an image that nothing else uses.
     fn release(&self, picture: Arc<Picture>) {
         Arc::into_inner(picture).into_iter().for_each(|picture| self.recycle(picture.pixels));
     }
 
-    /// Whether a frame is still encoded: also one before the frame that failed, since its failure is the one to report.
+    /// Whether a frame must still be encoded. After a failure this holds for earlier frames only, since the earliest failure is the one to
+    /// report.
     fn wants(&self, frame: i64) -> bool {
         let failure = self.failure.lock().unwrap_or_else(PoisonError::into_inner);
         failure.as_ref().is_none_or(|(failed, _)| frame < *failed) && !interrupt::interrupted()
@@ -149,13 +150,13 @@ impl Pipeline<'_> {
         let (plan_to, plans) = sync_channel(PLANS_AHEAD);
         // The channel has no buffer: while the encoders work, one image waits here and others are in flight.
         let (frame_to, pictures) = sync_channel(0);
-        // Only the encoders hold it: once all of them have ended, the renderer no longer waits.
+        // Only the encoders hold the receiver: once all of them have ended, the renderer stops waiting.
         let pictures = Arc::new(Mutex::new(pictures));
         std::thread::scope(|scope| {
             let thread = |name: &str| std::thread::Builder::new().name(name.into());
             let planner =
                 thread("plan").spawn_scoped(scope, || make_plans(&shared, frames, plan, scene_key, plan_to));
-            // One that encodes is enough.
+            // Encoders that cannot be started are left out; one is enough.
             let started = encoders.into_iter().map(|encode| {
                 let (shared, pictures) = (&shared, pictures.clone());
                 thread("encode")
@@ -188,18 +189,18 @@ fn make_plans(
     scene_key: SceneKey<'_>,
     to: SyncSender<((i64, Time), Work)>,
 ) {
-    // Keys of the scene and of the layers of the frame before.
+    // Keys of the scene and of the layers of the previous frame.
     let mut before: Option<(Key, Option<Key>)> = None;
     for (frame, time) in frames {
         if shared.stopped() {
             return;
         }
-        // An effect may fail where it says what it draws.
+        // An effect may fail while it describes what it draws.
         let mut plan = match plugin_failures(|| plan(time)) {
             Ok(plan) => plan,
             Err(failure) => return shared.fail(frame, failure),
         };
-        // Those of a frame of floats are drawn with it.
+        // 2D layers of a float frame are drawn together with the frame.
         let bytes = plan.wish == FrameWish::Bytes;
         let layers = bytes.then(|| plan.layers_in_front.take()).flatten();
         let keys = (scene_key(&plan), layers.as_ref().map(|layers| layers.hash));
@@ -215,16 +216,16 @@ fn make_plans(
     }
 }
 
-/// The finished frames, composed of the drawn scenes and 2D layers.
+/// Composes finished frames from drawn scenes and 2D layers.
 #[derive(Default)]
 struct Finished {
-    /// The last scene drawn, where layers lie over it in `last`.
+    /// The scene drawn last, if layers lie over it in `last`.
     scene: Option<Pixels>,
     last: Option<Arc<Picture>>,
 }
 
 impl Finished {
-    /// The next frame, of the renderer's image where it has drawn one.
+    /// Gives the next frame. `drawn`: the image of the renderer, if it drew one.
     fn next(
         &mut self,
         shared: &Shared,
@@ -242,7 +243,7 @@ impl Finished {
             self.scene.take().into_iter().for_each(|scene| shared.recycle(scene));
             self.scene = Some(frame);
         } else if self.scene.is_none() {
-            // No layers lay over it.
+            // The previous frame had no layers: it is the scene itself.
             self.scene = last.as_ref().map(|last| last.pixels.clone());
         }
         last.into_iter().for_each(|last| shared.release(last));
@@ -263,7 +264,8 @@ impl Finished {
     }
 }
 
-/// A frame on its way: number and time, the pixels that the renderer draws of it, and its layers; without them it repeats the one before.
+/// A frame in flight: number and time, the pixel format that the renderer draws, and its layers. Without layers it repeats the previous
+/// frame.
 type Flying = ((i64, Time), Option<FrameWish>, Option<Layers>);
 
 fn draw(
@@ -278,7 +280,7 @@ fn draw(
     let mut more = true;
     while !shared.stopped() && (more || !flying.is_empty()) {
         while more && flying.len() < depth {
-            // If nothing is in flight, it waits for a plan.
+            // If nothing is in flight, the thread waits for a plan.
             let next = match flying.is_empty() {
                 true => plans.recv().map_err(|_| TryRecvError::Disconnected),
                 false => plans.try_recv(),
@@ -314,7 +316,7 @@ fn draw(
     }
 }
 
-/// Number and time of a frame, its image, and whether it repeats the one before.
+/// Number and time of a frame, its image, and whether it repeats the previous image.
 type DrawnFrame = ((i64, Time), Arc<Picture>, bool);
 
 fn encode_pictures(
@@ -326,7 +328,7 @@ fn encode_pictures(
     loop {
         let next = pictures.lock().unwrap_or_else(PoisonError::into_inner).recv();
         let Ok((frame, picture, repeated)) = next else { return };
-        // After a failure the queue is emptied, so that the renderer does not wait for a place in it.
+        // The queue is still emptied after a failure, so that the renderer does not wait for a free place in it.
         if shared.wants(frame.0) {
             match encode(frame, &picture, repeated) {
                 Ok(()) => progress.step(),
@@ -337,7 +339,7 @@ fn encode_pictures(
     }
 }
 
-/// The failure with a hint at what to lower if the device could not do it.
+/// Turns an error of the renderer into a failure. Where the device ran out of memory, was lost or timed out, a hint names what to lower.
 pub(crate) fn render_failure(error: RenderError) -> Failure {
     let cause = match &error {
         RenderError::Twice { second, .. } => second,

@@ -1,4 +1,4 @@
-//! How much a render may write, over all its files.
+//! Limit on the bytes that a render may write, over all its files.
 
 use choreo_plugin::{ExportError, ExportOptions, Exporter, FrameSink, FrameWish, Manifest, VideoInfo};
 use std::io::{Read, Write};
@@ -6,7 +6,7 @@ use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Bytes that may be written, shared by all files of an output.
+/// Bytes that may still be written, shared by all files of an output.
 #[derive(Clone, Debug)]
 pub(crate) struct Budget {
     limit: u64,
@@ -18,13 +18,13 @@ impl Budget {
         Budget { limit, written: Arc::default() }
     }
 
-    /// A writer whose bytes count.
+    /// Wraps a writer, so that its bytes are counted.
     pub fn count(&self, inner: Box<dyn Write + Send>) -> Box<dyn Write + Send> {
         Box::new(Counted { budget: self.clone(), inner })
     }
 }
 
-/// An exporter whose bytes count; more than the limit is an error.
+/// Wraps an exporter, so that its bytes are counted; more bytes than the limit are an error.
 pub(crate) struct Budgeted {
     inner: Arc<dyn Exporter>,
     budget: Budget,

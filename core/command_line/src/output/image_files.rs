@@ -1,4 +1,4 @@
-//! Numbered images: which exist already, which another program is making, and each to its own file.
+//! Numbered images: finding the existing ones, claiming a range of frames, and writing each image to its own file.
 
 use crate::drawing::pipeline::{Picture, Pixels};
 use crate::failure::{Failure, output_error, write_failure};
@@ -11,7 +11,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Writes one image to its own file. `part`: the file if it is open already.
+/// Writes one image to its own file. `part`: the temporary file, if it was created before.
 pub(crate) fn write(
     target: &Target,
     part: Option<PartFile>,
@@ -41,10 +41,10 @@ pub(crate) fn write(
     Ok(())
 }
 
-/// Larger files are encoded again for a frame with the same pixels.
+/// Largest encoded file in bytes that is kept for later frames with the same pixels.
 const MOST_KEPT: usize = 32 << 20;
 
-/// A writer to a file that keeps the bytes for a frame with the same pixels; `None` once there are too many.
+/// Writes to a file and keeps a copy of the bytes for a frame with the same pixels; `None` once there are too many.
 struct Both {
     out: Box<dyn Write + Send>,
     made: Arc<Mutex<Option<Vec<u8>>>>,
@@ -95,8 +95,7 @@ fn write_through(
     part.commit().map_err(not_written)
 }
 
-/// The frames that no file holds yet. An image that is whole and was made otherwise, or by others, is an error: it would be
-/// replaced.
+/// Frames that no complete file holds yet. A complete image with another provenance is an error, because it would be replaced.
 pub fn missing(
     target: &Target,
     info: &VideoInfo,
@@ -113,19 +112,19 @@ pub fn missing(
                 let wanted = provenance::at(&info.provenance, time);
                 provenance::same(&target.shown(), &place, &found.provenance, &wanted)?;
             }
-            // None there, or one cut short.
+            // The file does not exist or is truncated.
             _ => missing.push((number, time)),
         }
     }
     Ok(missing)
 }
 
-/// The right to make a range of numbered images: a locked file beside them, so that two renders of the same frames do not
-/// mix while the halves of a video can be made side by side.
+/// The exclusive right to make a range of numbered images. A locked file beside them prevents two renders from making the same frames,
+/// while two halves of a video can be made at the same time.
 pub struct Claim(#[expect(dead_code, reason = "its drop gives the claim back")] PartFile);
 
 impl Claim {
-    /// `None` for everything but numbered images.
+    /// Claims a range of frames. Gives `None` for targets other than numbered images.
     pub fn take(target: &Target, first: i64, last: i64) -> Result<Option<Claim>, Failure> {
         let Target::Numbered { folder, .. } = target else { return Ok(None) };
         let shown = target.shown();
@@ -143,7 +142,7 @@ impl Claim {
             if (a, b) == (first, last) || a > last || b < first {
                 continue;
             }
-            // One that can be taken is of a render that was killed; it goes.
+            // If the claim of another range is free, its render was killed: its file is removed.
             drop(claim(PathBuf::from(name))?);
         }
         Ok(Some(Claim(own)))

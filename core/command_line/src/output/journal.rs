@@ -1,8 +1,8 @@
-//! The journal of a video's frames in its part folder, so that a render that was killed goes on where it was.
+//! The journal of a video's finished frames in its part folder, from which a killed render resumes.
 //!
-//! `journal` is a line of magic and then records: length, CRC-32 and bytes. The first says what is rendered, each further one
-//! stands for a finished frame, written after everything that it speaks of. What a kill, a full disk or a bad sector has
-//! cut or bent is found by the checksums, and only what lies before it is used.
+//! The file `journal` is a line of magic followed by records: length, CRC-32 and bytes. The first record holds the identity of the render;
+//! each further one stands for a finished frame, and is written after all data that it refers to. Checksums find records that are truncated
+//! or corrupt, and only the records before them are used.
 
 use std::io::{self, BufReader, Read, Write};
 
@@ -13,16 +13,16 @@ pub(crate) const MAGIC: &[u8] = b"choreo journal 1\n";
 pub struct Record {
     /// Length of the body with this frame.
     pub body: u64,
-    /// CRC-32 of what the body has gained since the record before.
+    /// CRC-32 of the bytes added to the body since the previous record.
     pub crc: u32,
     pub kept: Kept,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Kept {
-    /// `Mark::Settled`.
+    /// State of the exporter, from `Mark::Settled`.
     Settled(Vec<u8>),
-    /// `Mark::Open`: where its bytes lie in the file `frames`.
+    /// Frame that the encoder still holds (`Mark::Open`): place of its bytes in the file `frames`.
     Open(Span),
 }
 
@@ -79,7 +79,7 @@ impl Record {
     }
 }
 
-/// Identity of a render, as (keyword, text): two renders may share a journal if all of it is equal.
+/// Identity of a render, as (keyword, text). Two renders may share a journal if their identities are equal.
 pub type Identity = Vec<(String, String)>;
 
 /// The magic and the first record.
@@ -106,7 +106,7 @@ fn read_identity(mut bytes: &[u8]) -> Option<Identity> {
     Some(pairs.iter().cloned().map(|[keyword, value]| (keyword, value)).collect())
 }
 
-/// Adds a frame. One write, so that a kill leaves it whole or cut and never mixed.
+/// Appends a frame in one write, so that a kill leaves the record complete or truncated, never mixed with another.
 pub fn append(out: &mut impl Write, record: &Record) -> io::Result<()> {
     out.write_all(&framed(&record.bytes()))
 }
@@ -118,18 +118,18 @@ fn framed(bytes: &[u8]) -> Vec<u8> {
     all
 }
 
-/// The whole records of a journal.
+/// The intact records of a journal.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Journal {
     pub identity: Identity,
-    /// Each with the journal's length up to its end.
+    /// Records, each with the length of the journal up to its end.
     pub records: Vec<(Record, u64)>,
     /// Length of the head.
     pub head: u64,
 }
 
 impl Journal {
-    /// How many records, up to a settled one, the body bears out.
+    /// Number of records up to the last settled one whose lengths and checksums match the body.
     pub fn settled(&self, body: impl Read) -> usize {
         let mut body = BufReader::with_capacity(1 << 16, body);
         let (mut at, mut settled) = (0, 0);
@@ -162,7 +162,7 @@ impl Write for Crc {
     }
 }
 
-/// `None` where there is not even a whole head.
+/// Reads a journal; `None` if its head is not complete.
 pub fn read(mut from: impl Read) -> Option<Journal> {
     let mut magic = [0; MAGIC.len()];
     from.read_exact(&mut magic).ok()?;
@@ -175,7 +175,7 @@ pub fn read(mut from: impl Read) -> Option<Journal> {
         from.read_exact(&mut size).ok()?;
         from.read_exact(&mut crc).ok()?;
         let size = u64::from(u32::from_le_bytes(size));
-        // Grows with what is there, not with what a bent length promises.
+        // The buffer grows with the bytes that are there, not with the length that a corrupt record states.
         let mut bytes = Vec::new();
         from.by_ref().take(size).read_to_end(&mut bytes).ok()?;
         length += 8 + size;
@@ -192,8 +192,8 @@ pub fn read(mut from: impl Read) -> Option<Journal> {
     Some(Journal { identity, records, head })
 }
 
-/// Frames that an encoder still holds, each as what it changes of the one before: bits that say which blocks of 256 bytes
-/// differ, then those blocks. A standing camera's frames shrink to what moves.
+/// Delta encoding of the frames that an encoder still holds: bits that say which blocks of 256 bytes differ from the previous frame, then
+/// those blocks. With a static camera only the moving parts take space.
 #[derive(Default)]
 pub struct Changes {
     last: Vec<u8>,
@@ -202,12 +202,12 @@ pub struct Changes {
 const BLOCK: usize = 256;
 
 impl Changes {
-    /// The next frame does not build on the last.
+    /// Makes the next frame independent of the previous one.
     pub fn restart(&mut self) {
         self.last.clear();
     }
 
-    /// Replaces `out`.
+    /// Encodes the next frame into `out`, whose content is replaced.
     pub fn encode(&mut self, parts: &[&[u8]; 3], out: &mut Vec<u8>) {
         let length = parts.iter().map(|p| p.len()).sum();
         self.last.resize(length, 0);
@@ -226,8 +226,7 @@ impl Changes {
         }
     }
 
-    /// The frame from what `encode` made; `lengths` are those of its parts, together at most `most`. `None` where the
-    /// bytes do not fit.
+    /// Decodes the next frame. `lengths`: lengths of its parts, in total at most `most`. `None` if the bytes do not fit.
     pub fn decode(&mut self, bytes: &[u8], lengths: &[u32; 3], most: u64) -> Option<&[u8]> {
         if lengths.iter().map(|l| u64::from(*l)).sum::<u64>() > most {
             return None;
@@ -279,7 +278,7 @@ mod tests {
         assert_eq!(journal.records[2].1, bytes.len() as u64);
     }
 
-    /// Cut or bent at any byte, it gives what lies whole before.
+    /// A journal that is truncated or corrupt at any byte gives the intact records before it.
     #[test]
     fn damage_leaves_what_lies_before_it() {
         let (bytes, records) = sample();

@@ -1,9 +1,9 @@
 //! Metadata of an image or video, for `choreo info` and for `--resume`.
 
-/// Keyword of the number that stands for all of a provenance where a format has no room.
+/// Keyword of a number that identifies the whole provenance, for formats without room for it.
 pub(crate) const ID: &str = "choreo:id";
 
-/// An image or video, as far as its header describes it.
+/// Metadata that the header of an image or video contains.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct Media {
     pub format: &'static str,
@@ -12,7 +12,8 @@ pub struct Media {
     pub provenance: Vec<(String, String)>,
 }
 
-/// `None` where the bytes are no PNG, OpenEXR, WebP, MP4, GIF or y4m. Nothing is trusted: what does not fit is left out.
+/// Reads the metadata. `None` if the bytes are no PNG, OpenEXR, WebP, MP4, GIF or y4m. Headers are not trusted: values that do not fit are
+/// left out.
 pub fn read(bytes: &[u8]) -> Option<Media> {
     if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
         return Some(read_png(bytes.get(8..)?));
@@ -69,7 +70,7 @@ fn read_png(mut rest: &[u8]) -> Media {
     media
 }
 
-/// The provenance of an image of which every byte is there, and every checksum right where the format has any; `None` of others.
+/// Provenance of a complete image: all bytes are there, and all checksums are right where the format has any. Else `None`.
 pub(crate) fn whole_image(bytes: &[u8]) -> Option<Media> {
     match bytes.starts_with(EXR) {
         true => whole_exr(bytes),
@@ -92,14 +93,14 @@ fn whole_png(bytes: &[u8]) -> Option<Media> {
     }
 }
 
-/// `key: text` lines, as the comments of MP4 and GIF hold them.
+/// Splits the lines `key: text` that the comments of MP4 and GIF contain.
 fn comment(text: &[u8]) -> Vec<(String, String)> {
     let text = String::from_utf8_lossy(text);
     let lines = text.lines().filter_map(|line| line.split_once(": "));
     lines.map(|(key, text)| (key.to_string(), text.to_string())).collect()
 }
 
-/// GIF89a specification, §18 to §24: the comment stands before the first image.
+/// GIF89a specification, §18 to §24: the comment comes before the first image.
 fn read_gif(bytes: &[u8]) -> Media {
     let mut media = Media { format: "GIF video", ..Media::default() };
     let le16 = |at: usize| bytes.get(at..at + 2).map_or(0, |b| u32::from(b[0]) | u32::from(b[1]) << 8);
@@ -130,7 +131,7 @@ fn read_gif(bytes: &[u8]) -> Media {
 fn read_y4m(bytes: &[u8]) -> Media {
     let mut media = Media { format: "y4m video", ..Media::default() };
     let line = bytes.split(|b| *b == b'\n').next().unwrap_or_default();
-    // Longer is no header.
+    // A longer line is no header.
     let line = String::from_utf8_lossy(&line[..line.len().min(4096)]).into_owned();
     for word in line.split(' ').skip(1) {
         if let Some(id) = word.strip_prefix("XCHOREO=") {
@@ -151,7 +152,7 @@ fn read_mp4(bytes: &[u8]) -> Media {
     if let Some(tkhd) = tkhd
         && tkhd.len() >= 8
     {
-        // The last two fields, as 16.16.
+        // Width and height are the last two fields, in 16.16 fixed point.
         media.width = be32(tkhd, tkhd.len() - 8).unwrap_or(0) >> 16;
         media.height = be32(tkhd, tkhd.len() - 4).unwrap_or(0) >> 16;
     }
@@ -162,7 +163,7 @@ fn read_mp4(bytes: &[u8]) -> Media {
     media
 }
 
-/// RFC 9649: the size stands in the chunk VP8X, the provenance in the description of the chunk XMP.
+/// RFC 9649: the size is in the chunk VP8X, the provenance in the description of the chunk XMP.
 fn read_webp(bytes: &[u8]) -> Media {
     let mut media = Media { format: "WebP video", ..Media::default() };
     let mut rest = bytes.get(12..).unwrap_or(&[]);
@@ -192,13 +193,13 @@ fn le32(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(bytes.get(at..at.checked_add(4)?)?.try_into().ok()?))
 }
 
-/// The end of the header of an OpenEXR file, and how many rows its chunks hold.
+/// End of the header of an OpenEXR file, and number of rows in each chunk.
 struct ExrBody {
     at: usize,
     rows: u32,
 }
 
-/// The attributes up to the end of the header; nothing of the body where the header does not end.
+/// Reads the attributes of the header. The body is `None` if the header has no end.
 fn read_exr(bytes: &[u8]) -> (Media, Option<ExrBody>) {
     let mut media = Media { format: "OpenEXR image", ..Media::default() };
     let (mut at, mut rows) = (8, 1);
@@ -236,7 +237,7 @@ fn read_exr(bytes: &[u8]) -> (Media, Option<ExrBody>) {
     }
 }
 
-/// OpenEXR has no checksums: the chunks must follow each other without a gap up to the end.
+/// Checks an OpenEXR image. The format has no checksums, so the chunks must follow each other without a gap up to the end.
 fn whole_exr(bytes: &[u8]) -> Option<Media> {
     let (media, body) = read_exr(bytes);
     let ExrBody { at, rows } = body?;
@@ -248,7 +249,7 @@ fn whole_exr(bytes: &[u8]) -> Option<Media> {
         if offset != next as u64 {
             return None;
         }
-        // The first row, the length, the rows.
+        // A chunk: number of its first row, length, pixels.
         next = next.checked_add(8)?.checked_add(le32(bytes, next + 4)? as usize)?;
     }
     (chunks > 0 && next == bytes.len()).then_some(media)

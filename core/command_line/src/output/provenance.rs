@@ -1,5 +1,5 @@
-//! How an image or video was made, as (keyword, text): exporters write it into their files, `choreo info` shows it, and
-//! `--resume` goes on only where it is the same.
+//! Provenance: how an image or video was made, as (keyword, text). Exporters write it into their files, `choreo info` shows it, and
+//! `--resume` requires it to be equal.
 
 use crate::failure::Failure;
 use crate::output::media::ID;
@@ -11,10 +11,11 @@ use choreo_stage::Settings;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Seconds on the scene's clock; of single images only.
+/// Keyword of the time of a single image: seconds on the scene's clock.
 pub const TIME: &str = "choreo:time";
 
-/// Provenance of an image or video. It does not depend on which frames are made, when or where: the halves of a video equal the whole.
+/// Provenance of an image or video. It does not depend on the range of frames, the time or the machine: the halves of a video have the
+/// provenance of the whole.
 pub fn of(
     scene: &OpenedScene,
     settings: &Settings,
@@ -27,7 +28,7 @@ pub fn of(
     of_scene(scene, arguments, options, Some(device))
 }
 
-/// Provenance of a scene exported by `exporter`, which it names with its version.
+/// Provenance of a scene that is exported; includes name and version of the exporter.
 pub(crate) fn of_export(
     scene: &OpenedScene,
     rate: FrameRate,
@@ -58,7 +59,7 @@ fn of_scene(
         };
         arguments.push_str(&format!(" --export {name}={value}"));
     }
-    // One line each, whatever a parameter holds.
+    // Each value must fit on one line, even if a parameter contains line breaks.
     let line = |v: String| match v.contains(char::is_control) {
         true => v
             .chars()
@@ -84,7 +85,7 @@ fn of_scene(
     all
 }
 
-/// Name and version of the importers and effects that made the scene, each once.
+/// Names and versions of the importers and effects that made the scene, each once.
 fn plugins(scene: &OpenedScene) -> String {
     let importers = scene.stage.actors.iter().map(|actor| actor.asset.origin.importer.clone());
     let effect = |name: &str| scene.registry.effect(name).map(|effect| effect.manifest().to_string());

@@ -1,4 +1,4 @@
-//! Images of reports: SVG files, whole or not at all.
+//! Plots of reports: SVG files, which are written completely or not at all.
 
 use crate::failure::{Failure, write_failure};
 use crate::output::target::in_folder;
@@ -6,11 +6,11 @@ use crate::scene::inputs::Inputs;
 use choreo_files::write_whole;
 use std::path::Path;
 
-/// Checks the name of an image before any work is done for it.
+/// Checks the file name of a plot before any work is done for it.
 pub fn check(path: Option<&Path>) -> Result<(), Failure> {
     match path {
         Some(path) if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("svg")) => {
-            // A slip of the hand must not replace a script or a model.
+            // A typing error must not replace a script or a model.
             Err(Failure::Usage(format!("--plot {}: write a name that ends in .svg", path.display())))
         }
         Some(path) => in_folder(path),
@@ -18,7 +18,7 @@ pub fn check(path: Option<&Path>) -> Result<(), Failure> {
     }
 }
 
-/// `inputs`: of the scene that it is an image of.
+/// Writes a plot. `inputs`: files of the scene, which must not be replaced.
 pub fn write(path: &Path, svg: &str, inputs: &Inputs) -> Result<(), Failure> {
     inputs.refuse(path)?;
     write_whole(path, svg.as_bytes()).map_err(|e| write_failure(&path.display().to_string(), e))

@@ -1,4 +1,4 @@
-//! Targets of results: one file, a numbered set, or standard output.
+//! Destination of a result: one file, a numbered set of files, or standard output.
 
 use crate::failure::{Failure, output_error, reason};
 use choreo_plugin::{ExportError, Exporter, Registry};
@@ -11,7 +11,7 @@ use std::sync::Arc;
 pub enum Target {
     Stdout,
     File(PathBuf),
-    /// `frames/%04d.png`: folder, then the name around a number of `digits`.
+    /// A pattern such as `frames/%04d.png`: the folder, and the name around a number of `digits` digits.
     Numbered {
         folder: PathBuf,
         before: String,
@@ -20,7 +20,7 @@ pub enum Target {
     },
 }
 
-/// Refuses an output whose folder does not exist: a slip of the hand must not leave folders behind.
+/// Refuses an output whose folder does not exist, so that a typing error does not create folders.
 pub(crate) fn in_folder(path: &Path) -> Result<(), Failure> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let Some(folder) = folder.filter(|folder| !folder.exists()) else { return Ok(()) };
@@ -64,7 +64,7 @@ impl Target {
         Ok(Target::File(path))
     }
 
-    /// The name in messages.
+    /// Name of the target in messages.
     pub fn shown(&self) -> String {
         match self {
             Target::Stdout => "standard output".into(),
@@ -110,8 +110,8 @@ impl Target {
         Ok(exporter)
     }
 
-    /// Everything that can be found before the first frame: missing folders (made for numbered sets).
-    /// Gives the folders made, innermost last.
+    /// Reports every error that can be found before the first frame. Creates missing folders of numbered sets, and returns them, innermost
+    /// last.
     pub fn prepare(&self) -> Result<Vec<PathBuf>, Failure> {
         match self {
             Target::Stdout if std::io::stdout().is_terminal() => Err(Failure::Usage(
@@ -141,7 +141,7 @@ impl Target {
         }
     }
 
-    /// The file of one frame.
+    /// Path of the file for one frame.
     pub fn file(&self, frame: i64) -> PathBuf {
         match self {
             Target::Stdout => PathBuf::from("-"),

@@ -1,4 +1,4 @@
-//! One video on its way to its place: the exporter's bytes and the journal beside them, in the folder `NAME.part`.
+//! A video that is being written: the exporter's bytes and the journal, both in the folder `NAME.part`.
 
 use crate::args::RenderArgs;
 use crate::drawing::pipeline::Pixels;
@@ -22,13 +22,13 @@ pub struct Video {
     end: End,
 }
 
-/// Destination of the body at the end.
+/// Work that remains for the body at the end.
 enum End {
-    /// It was the result as it came.
+    /// The body has already been written to its destination.
     Nothing,
-    /// A temporary file, copied behind the head into something that is no plain file.
+    /// The body is a temporary file. Head and body are copied to a destination that is not a regular file.
     Copy { body: File, to: File },
-    /// The folder of a part, renamed or copied into its place.
+    /// The body is in a part folder, and is renamed or copied into place.
     Folder(Box<Folder>),
 }
 
@@ -43,13 +43,13 @@ pub struct Begun {
 /// The only files that a part folder contains, the lock file last.
 const FILES: &[&str] = &["frames", "body", "result", "journal"];
 
-/// Bytes of a journal of another machine at most.
+/// Largest journal of another machine in bytes.
 const MOST_JOURNAL: u64 = 1 << 30;
 
 struct Folder {
-    /// File of the open frames, created for the first of them. It is closed before the folder goes.
+    /// File of the frames that the encoder still holds, created for the first of them. It is closed before the folder is removed.
     frames: Option<File>,
-    /// Its locked file is the journal.
+    /// The part folder; its lock file is the journal.
     part: PartFolder,
     place: PathBuf,
     shown: String,
@@ -58,7 +58,7 @@ struct Folder {
     scratch: Vec<u8>,
     /// Finished frames in the journal.
     done: usize,
-    /// The fate of the finished frames if the render ends without a result.
+    /// Rule for the finished frames if the render ends without a result.
     policy: Policy,
 }
 
@@ -66,7 +66,7 @@ struct Folder {
 struct Policy {
     resume: bool,
     discard: bool,
-    /// The command that goes on with them.
+    /// The command that resumes the render.
     again: String,
 }
 
@@ -79,8 +79,8 @@ impl Video {
         Ok(Video { shown, sink, body, end: End::Nothing })
     }
 
-    /// Begins a video in a file. With `--resume` it goes on from what an earlier render of the same `identity` left; else it
-    /// starts anew. Gives no video if the file is complete already and only its part folder was left, or if `is_made` says so.
+    /// Begins a video in a file. With `--resume` it continues from the frames of an earlier render of the same `identity`; otherwise it
+    /// starts again. Gives no video if the file is already complete and only its part folder was left, or if `is_made` is true.
     pub(crate) fn to_file(
         path: &Path,
         exporter: &dyn Exporter,
@@ -126,7 +126,7 @@ impl Video {
         Ok((Some(video), Begun { done, note: None }))
     }
 
-    /// The output is a pipe or device and is written directly.
+    /// Begins a video whose output is a pipe or device, which is written directly.
     fn direct(shown: String, to: File, exporter: &dyn Exporter, info: &VideoInfo) -> Result<Video, Failure> {
         let failed = |e: io::Error| output_error(&shown, &e);
         let (end, out) = match exporter.head_comes_last() {
@@ -142,14 +142,14 @@ impl Video {
         Ok(Video { shown, sink, body, end })
     }
 
-    /// `repeated`: the frame given before had the same pixels.
+    /// Adds a frame. `repeated`: the previous frame had the same pixels.
     pub(crate) fn frame(&mut self, pixels: &Pixels, repeated: bool) -> Result<(), Failure> {
         pixels.write(&mut *self.sink, repeated).map_err(|e| export_failure(&self.shown, e))?;
         let End::Folder(folder) = &mut self.end else { return Ok(()) };
         folder.mark(self.sink.mark(), &self.body).map_err(|e| output_error(&self.shown, &e))
     }
 
-    /// Puts the whole video into its place.
+    /// Ends the video, and moves it to its place.
     pub fn finish(self) -> Result<(), Failure> {
         let Video { shown, sink, body, end } = self;
         let head = sink.finish().map_err(|e| export_failure(&shown, e))?;
@@ -164,7 +164,7 @@ impl Video {
         ended.map_err(|e| write_failure(&shown, e))
     }
 
-    /// After a failure: leaves the part for `--resume` where there is something to go on with and it is wanted.
+    /// Ends the video after a failure. Keeps the part folder for `--resume` if it has finished frames and they are wanted.
     pub fn leave(self, keep: bool) {
         let End::Folder(mut folder) = self.end else { return };
         let wanted = folder.policy.resume || keep && !folder.policy.discard;
@@ -183,8 +183,8 @@ pub(crate) fn is_being_made(folder: &OpenFolder, part: &Path) -> bool {
     PartFolder::is_held(folder, part, FILES)
 }
 
-/// Opens the part folder. Several machines may make a segment: with `--resume` one waits for another that is seen to make it, since a farm may
-/// start a task again whose first process still runs. That one ends and leaves a whole segment, or dies and leaves its frames.
+/// Opens the part folder. Several machines may make the same segment, since a farm may start a task again while its first process still
+/// runs. With `--resume` this process waits until the other one has finished the segment, or has died and left its frames.
 fn open_part(parent: &Arc<OpenFolder>, name: &Path, args: &RenderArgs) -> Result<PartFolder, WriteError> {
     if args.segment.is_none() {
         return PartFolder::open(parent.clone(), name, FILES);
@@ -199,7 +199,7 @@ fn open_part(parent: &Arc<OpenFolder>, name: &Path, args: &RenderArgs) -> Result
     }
 }
 
-/// The journal of a file, with its records; `None` where it has none.
+/// Reads a journal; `None` if it has no records.
 fn finished_in(journal: impl Read) -> Option<Journal> {
     journal::read(BufReader::new(journal)).filter(|found| !found.records.is_empty())
 }
@@ -225,8 +225,8 @@ impl Folder {
         }
     }
 
-    /// Copies the part of another machine that has the most finished frames, where it has more than the own part. It is not moved: its process may
-    /// live where locks do not reach.
+    /// Copies the part folder of the machine with the most finished frames, if it has more than this one. The folder is not moved, since
+    /// its process may be alive where locks have no effect.
     fn copy_of_others(&mut self, identity: &Identity) -> Result<(), WriteError> {
         let mut most = finished_in(self.part.lock_file()).map_or(0, |found| found.records.len());
         self.part.lock_file().rewind()?;
@@ -240,7 +240,7 @@ impl Folder {
             }
         }
         let Some((other, journal)) = best else { return Ok(()) };
-        // The journal was read before the files that it speaks of: what is added to them meanwhile does not count.
+        // The journal was read before the files that it refers to: data added to them meanwhile is ignored.
         for name in ["body", "frames"] {
             if let Ok(mut from) = other.open_file(Path::new(name)) {
                 io::copy(&mut from, &mut self.part.create(name)?)?;
@@ -252,8 +252,9 @@ impl Folder {
         Ok(own.rewind()?)
     }
 
-    /// Refuses, without `--resume`, to delete frames that this very render can go on with, unless the user allows it. Frames
-    /// of other renders are deleted: after an edit of the script the user wants to see the new result.
+    /// Message about finished frames that are deleted because the render starts again. Without `--resume` and `--discard` it refuses to
+    /// delete frames that this very render could use. Frames of other renders are deleted: after an edit of the script the user wants to
+    /// see the new result.
     fn thrown_away(
         &self,
         was: &Identity,
@@ -299,7 +300,7 @@ impl Folder {
         Ok(MeasuredWriter::new(Box::new(self.part.create("body")?)))
     }
 
-    /// Whether the result was renamed and only the folder was left: the body is gone, and its bytes are in the place.
+    /// Whether the result was already renamed into place: the body is gone, and the file in place has its bytes.
     fn is_in_place(&self, found: &Journal) -> bool {
         let Some((last, _)) = found.records.last() else { return false };
         let settled = matches!(last.kept, Kept::Settled(_));
@@ -335,7 +336,7 @@ impl Folder {
         let length = settled.checked_sub(1).map_or(0, |i| found.records[i].0.body);
         file.set_len(length).map_err(failed)?;
         file.rewind().map_err(failed)?;
-        // One place in the file for both: moved to the end before anything is written.
+        // Both handles share one file position; it is moved to the end before anything is written.
         let out = MeasuredWriter::new(Box::new(file.try_clone().map_err(failed)?));
         let mut sink = if states.is_empty() {
             exporter.begin(info, Box::new(out.clone())).map_err(export_failed)?
@@ -377,9 +378,9 @@ impl Folder {
         self.changes.decode(&self.scratch, &span.parts, most)
     }
 
-    /// Writes down the frame that the sink has just taken.
+    /// Appends the frame that the sink has just taken to the journal.
     fn mark(&mut self, mark: Mark<'_>, body: &MeasuredWriter) -> io::Result<()> {
-        // Without this check a render would go on for hours into files that have lost their names.
+        // This check stops a render that would otherwise write to deleted files for hours.
         if !self.part.is_there() {
             return Err(io::ErrorKind::NotFound.into());
         }
@@ -419,7 +420,7 @@ impl Folder {
             parts: parts.map(|p| p.len() as u32),
         };
         if let Some(frames) = &mut self.frames {
-            // Over those of the segment before: the file does not grow, and its pages are written in place.
+            // Frames overwrite those before the last settled mark: the file does not grow, and its pages are reused.
             frames.seek(SeekFrom::Start(span.at))?;
             frames.write_all(&self.scratch)?;
         }
@@ -461,7 +462,7 @@ impl MeasuredWriter {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// All that was written is with the system: the length, and the checksum of what came since the last call.
+    /// Flushes the written bytes to the system. Returns the length, and the checksum of the bytes since the last call.
     fn measured(&self) -> io::Result<(u64, u32)> {
         let mut body = self.lock();
         body.out.flush()?;

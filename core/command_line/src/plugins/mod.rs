@@ -1,4 +1,4 @@
-//! Options of plugins as text, and plugins in files.
+//! Descriptions of plugin options as text, and loading of plugin files.
 
 pub mod plugin_files;
 

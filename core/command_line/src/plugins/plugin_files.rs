@@ -1,16 +1,16 @@
-//! Plugins that are files ([`choreo_session::plugin_files`]), with what is wrong with their folders as failures of a command.
+//! Plugin files ([`choreo_session::plugin_files`]), with errors of their folders as failures of a command.
 
 use crate::failure::{Failure, print_message};
 use choreo_plugin::Registry;
 use choreo_session::plugin_files::{FolderError, Listing, list};
 use std::path::{Path, PathBuf};
 
-/// The plugins given and those of the files found; files that nothing uses are not compiled.
+/// Registry with the given plugins and those of plugin files. Files that nothing uses are not compiled.
 pub fn registry(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<Registry, Failure> {
     listing(plugins, named, inputs).map(|listing| listing.registry)
 }
 
-/// Like [`registry`], with the errors of the files. Notes plugins that take the place of others of their name.
+/// Like [`registry`], with the errors of the files. Prints a note for each plugin that replaces another one of the same name.
 pub fn listing(plugins: &Registry, named: &[PathBuf], inputs: &[&Path]) -> Result<Listing, Failure> {
     let listing = list(plugins, named, inputs, None).map_err(|error| match error {
         FolderError::Missing { .. } => Failure::Usage(error.to_string()),

@@ -1,5 +1,5 @@
-//! Ctrl-C, SIGTERM and SIGHUP: the render stops between two frames, unfinished files are removed, the finished frames of a video
-//! are kept, the exit code is 130.
+//! Handling of Ctrl-C, SIGTERM and SIGHUP: the render stops between two frames, unfinished files are removed, the finished frames of a
+//! video are kept, and the exit code is 130.
 
 use crate::failure::{Failure, print_message};
 use crate::process::{kept_frames, scratch};
@@ -9,14 +9,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
-/// Whether a command polls `INTERRUPTED` and will end the program in order.
+/// Whether a command polls `INTERRUPTED` and will end the program itself.
 static WATCHED: AtomicBool = AtomicBool::new(false);
 
-/// How long a render has to finish its frame before it is ended anyway.
+/// Time that a render has to finish its frame before the program is ended anyway.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 pub fn install() {
-    // Fails only where a handler is installed already; without one, the system's own ends the program.
+    // Fails only if a handler is installed already. Without a handler, the default action of the system ends the program.
     let _ = ctrlc::set_handler(|| {
         INTERRUPTED.store(true, Ordering::SeqCst);
         let start = Instant::now();
@@ -31,7 +31,7 @@ pub fn install() {
     });
 }
 
-/// True while a render looks at [`interrupted`] between frames.
+/// States whether a render polls [`interrupted`] between frames.
 pub fn watch(on: bool) {
     WATCHED.store(on, Ordering::SeqCst);
 }
@@ -40,8 +40,8 @@ pub fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::SeqCst)
 }
 
-/// The command line `choreo render …` with `--resume`, as a shell reads it. Right behind "render", where no argument can take it
-/// for its value.
+/// The command line `choreo render …` with `--resume`, quoted for a shell. `--resume` follows "render" directly, where no option can take
+/// it for its value.
 pub(crate) fn command_to_resume(args: &[OsString]) -> String {
     let mut words: Vec<String> = args.iter().map(|a| a.to_string_lossy().into_owned()).collect();
     words.retain(|w| !matches!(w.as_str(), "--resume" | "--discard" | "--watch"));

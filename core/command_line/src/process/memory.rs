@@ -1,5 +1,5 @@
-//! The last resort where memory runs out: the interpreter reports the line of a script; importers and renderers are
-//! watched from outside, and ended before the machine suffers.
+//! The last resort against running out of memory. The interpreter reports the line of a script; importers and renderers are watched by a
+//! thread, which ends the program before the machine suffers.
 
 use crate::failure::{Failure, print_message};
 use crate::process::kept_frames;
@@ -9,11 +9,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::Thread;
 use std::time::{Duration, Instant};
 
-/// Time that the interpreter has to report it with a better message.
+/// Time that the interpreter has to report the limit with a better message.
 const PATIENCE: Duration = Duration::from_secs(2);
 const EVERY: Duration = Duration::from_millis(10);
 
-/// One thread for the whole program, which sleeps while nothing is at work: `render --watch` lives for days.
+/// One thread for the whole program, which sleeps while no command works: `render --watch` runs for days.
 static GUARD: OnceLock<Option<Thread>> = OnceLock::new();
 static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
 static AWAKE: AtomicBool = AtomicBool::new(false);
@@ -26,7 +26,7 @@ pub fn guard(limit: u64) {
     LIMIT.store(limit, Ordering::SeqCst);
     AWAKE.store(true, Ordering::SeqCst);
     let guard = GUARD.get_or_init(|| {
-        // Where no thread can be had, the interpreter's own check is left.
+        // If no thread can be started, the interpreter's own check remains.
         let started =
             std::thread::Builder::new().name("memory guard".into()).stack_size(256 << 10).spawn(watch);
         started.ok().map(|handle| handle.thread().clone())
@@ -34,7 +34,7 @@ pub fn guard(limit: u64) {
     guard.iter().for_each(Thread::unpark);
 }
 
-/// Until the next [`guard`] there is nothing to watch.
+/// Ends the watch until the next [`guard`].
 pub fn rest() {
     AWAKE.store(false, Ordering::SeqCst);
 }

@@ -1,5 +1,5 @@
-//! Messages where the program itself is at fault, or where the system gives it no more memory: a text and an exit
-//! code instead of Rust's own words.
+//! Handling of panics and aborts: a message and a documented exit code in place of Rust's own text, both for bugs of the program and for
+//! memory that the system refuses.
 
 use crate::failure::Failure;
 use choreo_plugin::PluginPanic;
@@ -12,7 +12,7 @@ static LATEST: Mutex<Option<String>> = Mutex::new(None);
 /// The panic text of a thread scope after one of its threads has panicked; it does not name the cause.
 const CONSEQUENCE: &str = "a scoped thread panicked";
 
-/// Makes panics be noted in place of being printed. With RUST_BACKTRACE both happen.
+/// Records panics instead of printing them. With RUST_BACKTRACE they are also printed.
 pub fn install() {
     exit_code_of_abort();
     let wanted = std::env::var_os("RUST_BACKTRACE").is_some_and(|value| value != "0");
@@ -25,9 +25,9 @@ pub fn install() {
     }));
 }
 
-/// Makes an abort end the process with a documented exit code. Rust raises SIGABRT if an allocation fails ("memory allocation
-/// of 4096 bytes failed") or a stack overflows. If the address space has a limit, the cause is taken to be memory; elsewhere
-/// the system ends programs that need too much by SIGKILL. [`crate::run`] does it too; before it, for plugins that are made first.
+/// Makes an abort end the process with a documented exit code. Rust raises SIGABRT if an allocation fails ("memory allocation of 4096 bytes
+/// failed") or a stack overflows. If the address space has a limit, memory is assumed to be the cause; without one, the system ends
+/// programs that need too much memory by SIGKILL. [`crate::run`] calls this too; call it earlier if plugins are created before.
 pub fn exit_code_of_abort() {
     #[cfg(unix)]
     static ONCE: std::sync::Once = std::sync::Once::new();
@@ -54,7 +54,7 @@ fn described(panic: &PanicHookInfo<'_>) -> String {
     }
 }
 
-/// The work, or the failure of the plugin that ended it. Other panics go on.
+/// Runs the work, and turns the panic of a plugin into a failure. Other panics are passed on.
 pub(crate) fn plugin_failures<T>(work: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| match payload.downcast::<PluginPanic>() {
         Ok(panic) => Err(Failure::input(panic.to_string())),
@@ -62,7 +62,7 @@ pub(crate) fn plugin_failures<T>(work: impl FnOnce() -> Result<T, Failure>) -> R
     })
 }
 
-/// The work, or the panic that ended it.
+/// Runs the work, and turns any panic into a failure.
 pub(crate) fn guarded(work: impl FnOnce() -> Result<(), Failure>) -> Result<(), Failure> {
     catch_unwind(AssertUnwindSafe(|| plugin_failures(work))).unwrap_or_else(|_| {
         let latest = LATEST.lock().unwrap_or_else(PoisonError::into_inner).take();

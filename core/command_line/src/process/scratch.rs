@@ -1,4 +1,4 @@
-//! Temporary folders of the run, which go when the program ends.
+//! Temporary folders of the process, which are removed when the program ends.
 
 use std::any::Any;
 use std::sync::{Mutex, PoisonError};
@@ -10,7 +10,7 @@ pub(crate) fn keep(owner: impl Any + Send) {
     *KEPT.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(owner));
 }
 
-/// Drops what was kept.
+/// Drops the owner that was kept, which removes its folder.
 pub(crate) fn remove() {
     *KEPT.lock().unwrap_or_else(PoisonError::into_inner) = None;
 }

@@ -1,4 +1,4 @@
-//! The threads of the program, started while they can be refused in plain words: rayon panics where its first use finds none.
+//! Start of the program's threads, with a clear message if the system refuses them: rayon panics if its first use finds no threads.
 
 use crate::failure::Failure;
 use rayon::{ThreadBuilder, ThreadPoolBuilder};
@@ -6,11 +6,11 @@ use std::sync::OnceLock;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
-/// Threads that a command starts later: the script's with a stack of this size, one that plans frames, one that
-/// encodes them, and two that watch the memory.
+/// Stack in bytes of the thread that runs the script, and number of threads that a command starts later: the script's, one that plans
+/// frames, one that encodes them, and two that watch the memory.
 const STACK: usize = 64 << 20;
 const LATER: usize = 5;
-/// Threads that a Vulkan driver starts beside one a core.
+/// Threads that a Vulkan driver starts in addition to one per core.
 const DRIVER: usize = 4;
 static THREADS_FOR_A_DRIVER: OnceLock<bool> = OnceLock::new();
 
@@ -18,19 +18,19 @@ pub fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Starts the threads that share all parallel work, `wanted` or as many as the system allows, so that those that come
-/// later still find room.
+/// Starts the threads of the pool for all parallel work: `wanted`, or as many as the system allows. Room is left for the threads that are
+/// started later.
 pub fn start(wanted: Option<usize>) -> Result<(), Failure> {
     let wanted = wanted.unwrap_or_else(cores).max(1);
     let held: Vec<Held> = (0..LATER).map_while(|i| hold(if i == 0 { STACK } else { 2 << 20 })).collect();
     let mut workers: Vec<Sender<ThreadBuilder>> = (0..wanted).map_while(|_| worker()).collect();
     let started = held.len() + workers.len();
-    // Tried while nothing else starts threads, which would find none meanwhile.
+    // Tested while no other threads start, because they would be refused during the test.
     let driver: Vec<Held> = (0..cores() + DRIVER).map_while(|_| hold(2 << 20)).collect();
     let _ = THREADS_FOR_A_DRIVER.set(driver.len() == cores() + DRIVER);
     for (end, thread) in held.into_iter().chain(driver) {
         drop(end);
-        // It does nothing that could panic; the system counts it until it has ended.
+        // The thread cannot panic. It is joined because the system counts it until it has ended.
         let _ = thread.join();
     }
     if started <= LATER {
@@ -40,13 +40,13 @@ pub fn start(wanted: Option<usize>) -> Result<(), Failure> {
         let sent = workers.pop().map(|to| to.send(thread));
         sent.and_then(Result::ok).ok_or_else(|| std::io::Error::other("a thread has ended"))
     });
-    // Fails where a program calls `run` a second time, and has its threads.
+    // Fails if a program calls `run` a second time; the pool then exists already.
     let _ = pool.build_global();
     Ok(())
 }
 
-/// Whether a Vulkan driver that draws on the processor finds its threads, and address space. It waits for ever for a thread that it
-/// cannot start, and ends the whole program where an allocation of its fails: lavapipe with its compiler needs over 1 GB.
+/// Whether the system allows the threads and the address space that a Vulkan driver needs. A driver that runs on the CPU waits forever for
+/// a thread that it cannot start, and aborts the program if an allocation fails: lavapipe with its compiler needs over 1 GB.
 pub(crate) fn room_for_a_driver() -> bool {
     #[cfg(unix)]
     if rustix::process::getrlimit(rustix::process::Resource::As).current.is_some_and(|bytes| bytes < 2 << 30)
@@ -56,7 +56,7 @@ pub(crate) fn room_for_a_driver() -> bool {
     *THREADS_FOR_A_DRIVER.get().unwrap_or(&true)
 }
 
-/// A thread that does nothing until the sender is dropped.
+/// Starts a thread that does nothing until the sender is dropped.
 fn hold(stack: usize) -> Option<Held> {
     let (end, ended): (_, Receiver<()>) = channel();
     let thread =
@@ -66,7 +66,7 @@ fn hold(stack: usize) -> Option<Held> {
 
 type Held = (Sender<()>, JoinHandle<()>);
 
-/// A thread that becomes one of rayon's.
+/// Starts a thread that becomes one of rayon's when it receives its builder.
 fn worker() -> Option<Sender<ThreadBuilder>> {
     let (to, work) = channel::<ThreadBuilder>();
     let run = move || work.recv().into_iter().for_each(ThreadBuilder::run);
@@ -74,7 +74,7 @@ fn worker() -> Option<Sender<ThreadBuilder>> {
     thread.ok().map(|_| to)
 }
 
-/// Too few threads, or too little memory for their stacks.
+/// Failure for too few threads, or too little memory for their stacks. `what`: the need that was not met.
 pub(crate) fn too_few(what: &str) -> Failure {
     Failure::Machine(format!(
         "too few threads: {what}\n    hint: end other programs, or raise the limits of processes and of address space (ulimit -u, ulimit -v)"

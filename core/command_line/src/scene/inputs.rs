@@ -1,4 +1,4 @@
-//! The files that a scene is made of: no output may replace one of them.
+//! The files that a scene was made from. No output may replace one of them.
 
 use crate::failure::Failure;
 use choreo_files::{Identity, part_of};
@@ -7,26 +7,27 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug, Default)]
 pub struct Inputs {
-    /// Keyed by device and inode, so that links, hard links and other spellings of a path make no difference.
+    /// Input files by device and inode, so that symbolic links, hard links and other spellings of a path make no difference.
     files: BTreeMap<Identity, PathBuf>,
     /// The folder of the script or model, canonical.
     folder: Option<PathBuf>,
 }
 
 impl Inputs {
-    /// `files`: the script or model and all that was read for it, files of plugins that were used included.
+    /// `files`: the script or model, and all files read for it, including those of used plugins.
     pub fn new(files: impl IntoIterator<Item = PathBuf>) -> Inputs {
         let files = files.into_iter().filter_map(|path| Some((Identity::of(&path)?, path))).collect();
         Inputs { files, folder: None }
     }
 
-    /// `input`: the script or model, whose folder strangers may have filled.
+    /// Adds the folder of `input`, the script or model: its content is not trusted, so symbolic links in it are checked.
     pub(crate) fn in_folder_of(self, input: &Path) -> Inputs {
         let folder = input.parent().map(|f| if f.as_os_str().is_empty() { Path::new(".") } else { f });
         Inputs { folder: folder.and_then(|f| f.canonicalize().ok()), ..self }
     }
 
-    /// Refuses an output that is one of the files, or whose part file is, or that a link in the folder would lead out of it.
+    /// Refuses an output that is an input, whose temporary file is an input, or whose path leaves the scene's folder through a symbolic
+    /// link.
     pub fn refuse(&self, output: &Path) -> Result<(), Failure> {
         if let Some(link) = self.folder.as_deref().and_then(|folder| link_out(output, folder)) {
             return Err(Failure::Output(format!(
@@ -50,7 +51,7 @@ impl Inputs {
     }
 }
 
-/// The first link on the way from the folder to an output in it that ends elsewhere.
+/// The first symbolic link on the way from the folder to the output that leads out of the folder.
 fn link_out(output: &Path, folder: &Path) -> Option<PathBuf> {
     let below = std::path::absolute(output).ok()?;
     let below = below.parent()?.strip_prefix(folder).ok()?.to_path_buf();
@@ -64,7 +65,7 @@ fn link_out(output: &Path, folder: &Path) -> Option<PathBuf> {
     None
 }
 
-/// The path relative to the current folder where that is above it, else as it is.
+/// The path relative to the current folder if it lies beneath it, else unchanged.
 fn shown(path: &Path) -> String {
     let here = std::env::current_dir().and_then(|d| d.canonicalize()).unwrap_or_default();
     path.strip_prefix(&here).unwrap_or(path).display().to_string()

@@ -1,4 +1,4 @@
-//! Opens the SCRIPT|MODEL of the command line as a stage.
+//! Opens the script or model of the command line as a stage.
 
 pub mod inputs;
 pub mod model;
@@ -24,38 +24,38 @@ use opening::Opening;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Warning about a model without clips, after its name.
+/// Text of the warning about a model without clips; the name of the model comes before it.
 pub(crate) const ONE_FRAME: &str = "no clips: one frame";
 
 pub struct OpenedScene {
-    /// The file's name without folders.
+    /// File name without folders.
     pub name: String,
     pub stage: Arc<Stage>,
-    /// The plugins, with those of the plugin files that the scene uses.
+    /// The given plugins, and those of the plugin files that the scene uses.
     pub registry: Registry,
     pub is_script: bool,
-    /// Warnings of guesses and of parts left out; each complete with its place.
+    /// Warnings about guesses and about parts that were left out; each text includes its place.
     pub warnings: Vec<String>,
-    /// The same, apart: of the assets, and of the script.
+    /// The same warnings by origin: those of assets, and those of the script.
     pub asset_warnings: Vec<String>,
     pub script_warnings: Vec<Diagnostic>,
-    /// Places in the script that created what is on stage; empty for a model.
+    /// Places in the script that created the elements on stage; empty for a model.
     pub places: Places,
     pub limits: Limits,
     /// Lines that the script printed.
     pub printed: Vec<String>,
     /// Name and version of the program, for provenance.
     pub software: String,
-    /// Parameters that change the image, for provenance: `set`, `clip`.
+    /// Parameters that change the image, for provenance, such as `--set` and `--clip`.
     pub arguments: Vec<String>,
     /// Hash of the content of the script or model and of every file that it read.
     pub input_hash: [u8; 32],
     pub inputs: Inputs,
-    /// The files that were read, and where files were looked for.
+    /// Files that were read, and places where files were looked for.
     pub touched: Touched,
 }
 
-/// The plugins given, and those of plugin files beside the input or in folders named on the command line.
+/// Registry with the given plugins, and those of plugin files beside the input or in folders named on the command line.
 pub fn plugins(args: &SceneArgs, plugins: &Registry) -> Result<Registry, Failure> {
     plugin_files::registry(plugins, &args.import.plugins, &[&args.input])
 }
@@ -72,7 +72,7 @@ pub fn open(args: &SceneArgs, registry: &Registry, opening: Opening) -> Result<O
         open_model(args, limits, registry, opening)
     };
     let mut scene = opened?;
-    // What is drawn is what was packed. Commands that draw nothing read less.
+    // The scene that is drawn must equal the one that was packed. Commands that draw nothing read fewer parts, and cannot compare.
     if let Some(packed) = args.packed_stage.as_ref().filter(|_| opening.needs == ImportScope::ALL) {
         scene.warnings.extend(pack::differs(packed, &scene)?);
     }
@@ -178,12 +178,12 @@ fn open_model(
     })
 }
 
-/// The file's name without folders.
+/// File name of the input, without folders.
 fn name(args: &SceneArgs) -> String {
     args.input.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// The failure that a script's diagnostics mean: an error of the script, or too few threads.
+/// Turns the diagnostics of a script into a failure: an error of the script, or too few threads.
 fn failure(diagnostics: Vec<Diagnostic>) -> Failure {
     match diagnostics.iter().find_map(|d| d.message.strip_prefix(NO_THREAD)) {
         Some(why) => too_few(&format!("none can be started for the script ({why})")),
@@ -197,7 +197,7 @@ fn errors(mut diagnostics: Vec<Diagnostic>) -> Vec<Problem> {
     diagnostics.into_iter().map(Problem::Script).collect()
 }
 
-/// Warnings of every asset on stage, once each.
+/// Warnings of all assets on stage, each once.
 fn asset_warnings(stage: &Stage) -> Vec<String> {
     let mut seen = Vec::new();
     let mut warnings = Vec::new();

@@ -1,4 +1,4 @@
-//! A model file in place of a script: found, imported, and put on a stage of its own.
+//! A model file as the input: it is found, imported, and placed on a stage of its own.
 
 use crate::args::ImportArgs;
 use crate::args::values;
@@ -15,7 +15,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Says now, in one way for scripts and models, that there is no such file or that it is a folder.
+/// Fails if the file does not exist or is a folder, with the same message for scripts and models.
 pub(crate) fn must_be_file(path: &Path) -> Result<(), Failure> {
     let shown = path.display();
     if is_built_in(path) {
@@ -64,7 +64,7 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Enough of the file for its importer to know it and for the index of a video.
+/// Reads the first bytes of the file: enough for its importer to recognize it, and for the index of a video.
 pub fn head(path: &Path) -> Result<Vec<u8>, Failure> {
     let mut head = Vec::new();
     if is_built_in(path) {
@@ -76,10 +76,10 @@ pub fn head(path: &Path) -> Result<Vec<u8>, Failure> {
     Ok(head)
 }
 
-/// A model, and what it was made of.
+/// An imported model, and the files that were read for it.
 pub(crate) struct Imported {
     pub asset: Arc<Asset>,
-    /// Hash of all files read, wherever they lie.
+    /// Hash of all files read, regardless of their paths.
     pub hash: [u8; 32],
     pub touched: Touched,
 }
@@ -94,7 +94,7 @@ pub(crate) fn choice(args: &ImportArgs) -> Result<ImportChoice, Failure> {
     Ok(choice)
 }
 
-/// Imports with the same confinement as a script's `load(…)`: the model's own folder and the search folders.
+/// Imports a model under the same restrictions as a script's `load(…)`: it may read its own folder and the search folders.
 pub fn import(
     path: &Path,
     search: &[PathBuf],
@@ -104,7 +104,7 @@ pub fn import(
     opening: Opening,
 ) -> Result<Imported, Failure> {
     must_be_file(path)?;
-    // The loader knows the file by its name; the user, by the path typed.
+    // The loader knows the file by its name; messages use the path that the user typed.
     let name = match path.to_str() {
         Some(built_in) if is_built_in(path) => built_in,
         _ => path.file_name().and_then(|n| n.to_str()).unwrap_or_default(),

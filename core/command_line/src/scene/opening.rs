@@ -1,4 +1,4 @@
-//! How a scene is opened, and which of its parts a second opening uses again.
+//! Options for opening a scene, and the state that a second opening reuses.
 
 use choreo_plugin::ImportScope;
 use choreo_sandbox::memory::in_use;
@@ -6,13 +6,13 @@ use choreo_script::{AssetCache, Touched};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-/// How a scene is opened: what will be used of its assets, and whether a bar may be shown.
+/// Options for opening a scene: the parts of its assets that are needed, and whether progress is shown.
 #[derive(Clone, Copy, Debug)]
 pub struct Opening<'a> {
     pub needs: ImportScope,
     pub quiet: bool,
     pub keep: Option<&'a Keep>,
-    /// A folder around the script in all of which it may read.
+    /// A folder around the script; the script may read everything in it.
     pub root: Option<&'a Path>,
 }
 
@@ -22,12 +22,12 @@ impl Opening<'_> {
     /// Images keep the files that they were decoded from.
     pub(crate) const TO_EXPORT: Opening<'static> =
         Opening { needs: ImportScope::WITH_IMAGE_FILES, quiet: false, keep: None, root: None };
-    /// No image is decoded.
+    /// Images are not decoded.
     pub(crate) const TO_TELL: Opening<'static> =
         Opening { needs: ImportScope::NO_PIXELS, quiet: false, keep: None, root: None };
 }
 
-/// State that is kept between openings of the same input: the assets, and the files that the last opening read, also if it failed.
+/// State kept between openings of the same input: the assets, and the files that the last opening read, even if it failed.
 #[derive(Debug, Default)]
 pub struct Keep {
     pub assets: AssetCache,
@@ -39,11 +39,11 @@ impl Keep {
         self.touched.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Releases the assets that no open scene uses, once the program holds a quarter of the memory
-    /// that it may: until then a later scene finds them made.
+    /// Releases the assets that no open scene uses, once the program holds a quarter of the memory that it may use. Until then a later
+    /// scene can reuse them.
     pub(crate) fn release(&self, limit: u64) {
         let held = in_use();
-        // 0: the system does not say.
+        // The value is 0 if the system does not report it.
         if held == 0 || held > limit / 4 {
             self.assets.drop_unused();
         }

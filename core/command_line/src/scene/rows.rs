@@ -1,4 +1,4 @@
-//! The rows of a table, each the parameters of one film: `--set-from rows.csv` or `rows.json`.
+//! Tables of parameters for `--set-from rows.csv` or `rows.json`: each row holds the parameters of one film.
 
 use crate::args::SceneArgs;
 use crate::failure::Failure;
@@ -7,30 +7,30 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Bytes of the largest table.
+/// Largest table in bytes.
 const LARGEST: u64 = 64 << 20;
 
-/// Names that begin so are no parameters: they are for names of outputs alone.
+/// First character of column names that are not parameters: they are used only in names of outputs.
 const NO_PARAMETER: char = '_';
 
 /// The parameters of one film.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Row {
-    /// Counted from 1; the line of names is not counted.
+    /// Row number from 1; the header line is not counted.
     pub number: usize,
-    /// Names with values; an empty cell is no value.
+    /// Values by name; empty cells are left out.
     values: BTreeMap<String, String>,
 }
 
 impl Row {
-    /// The arguments of a scene with these parameters, which win over those of `--set`.
+    /// Arguments of a scene with these parameters, which override those of `--set`.
     pub fn scene(&self, args: &SceneArgs) -> SceneArgs {
         let own = self.values.iter().filter(|(name, _)| !name.starts_with(NO_PARAMETER));
         let name = |text: &str| text.split('=').next().unwrap_or_default().trim().to_string();
         let mut set = args.set.clone();
         set.retain(|text| !self.values.contains_key(&name(text)));
         set.extend(own.map(|(name, value)| format!("{name}={value}")));
-        // A packed scene was packed with other parameters.
+        // A packed scene was packed with other parameters, so it is not compared.
         SceneArgs { set, packed_stage: None, ..args.clone() }
     }
 
@@ -39,12 +39,12 @@ impl Row {
     }
 }
 
-/// The rows as JSON, as [`read`] reads them.
+/// Formats rows as JSON in the form that [`read`] accepts.
 pub(crate) fn to_json(rows: &[Row]) -> Value {
     rows.iter().map(Row::json).collect()
 }
 
-/// Reads a table: its extension says the form.
+/// Reads a table; the extension of the file determines its format.
 pub(crate) fn read(path: &Path) -> Result<Vec<Row>, Failure> {
     let shown = path.display();
     let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
@@ -71,7 +71,7 @@ pub(crate) fn read(path: &Path) -> Result<Vec<Row>, Failure> {
 
 type Values = BTreeMap<String, String>;
 
-/// A text that is no table.
+/// Reason why a text is not a table.
 #[derive(Debug, thiserror::Error)]
 enum TableError {
     #[error("it is no table: {0}")]
@@ -123,7 +123,7 @@ fn of_json(text: &str) -> Result<Vec<Values>, TableError> {
     (1..).zip(rows).map(row).collect()
 }
 
-/// The error of a batch: how many rows failed, and why it may be so.
+/// Failure of a batch: numbers of the failed rows, and a hint at a likely cause.
 pub(crate) fn failed<'f>(
     rows: usize,
     failures: impl Iterator<Item = (usize, &'f Failure)>,
@@ -144,11 +144,11 @@ pub(crate) fn failed<'f>(
     }
 }
 
-/// The output of each row: the pattern with its values in the place of `{name}`. No output leads out of the folder that the pattern
-/// names, and no two are one file.
+/// Output of each row: the pattern, with `{name}` replaced by the row's value. Outputs stay in the folder that the pattern names, and no
+/// two are the same file.
 pub(crate) fn outputs(rows: &[Row], pattern: &str) -> Result<Vec<String>, Failure> {
     let mut outputs: Vec<String> = Vec::with_capacity(rows.len());
-    // Some file systems do not tell upper case from lower case.
+    // Some file systems do not distinguish upper and lower case.
     let mut seen = BTreeMap::new();
     for row in rows {
         let parts =
@@ -165,7 +165,7 @@ pub(crate) fn outputs(rows: &[Row], pattern: &str) -> Result<Vec<String>, Failur
     Ok(outputs)
 }
 
-/// One part of the pattern's path.
+/// Replaces the placeholders in one component of the pattern's path.
 fn filled(part: &str, row: &Row, pattern: &str) -> Result<String, Failure> {
     let (mut filled, mut rest) = (String::new(), part);
     while let Some((before, name, after)) = placeholder(rest) {
@@ -196,14 +196,14 @@ fn filled(part: &str, row: &Row, pattern: &str) -> Result<String, Failure> {
     }
 }
 
-/// The text before the first `{name}`, the name, and the text behind it.
+/// Splits a text at its first `{name}`: the text before it, the name, and the text after it.
 fn placeholder(text: &str) -> Option<(&str, &str, &str)> {
     let (before, rest) = text.split_once('{')?;
     let (name, after) = rest.split_once('}')?;
     Some((before, name, after))
 }
 
-/// Whether a value can be a part of a file's name.
+/// Whether a value may be part of a file name.
 fn is_name(value: &str) -> bool {
     let bad = |c: char| c.is_control() || ['/', '\\', '%'].contains(&c) || cfg!(windows) && c == ':';
     value.trim() == value && !value.is_empty() && value != "." && value != ".." && !value.contains(bad)

@@ -1,4 +1,4 @@
-//! A bar while files are read and imported, on a terminal, for what takes longer than a moment.
+//! Progress bar on a terminal while files are read and imported, if that takes longer than a moment.
 
 use choreo_script::{ImportProgress, Imports, printable_line};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -7,11 +7,11 @@ use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Nobody needs a bar for less.
+/// Shortest work that shows a bar.
 const MOMENT: Duration = Duration::from_millis(300);
 const EVERY: Duration = Duration::from_millis(100);
 
-/// While it lives, the bar may be shown; when it is dropped, its line is clean again.
+/// Shows the bar while this value lives, and clears its line on drop.
 pub struct Bar(Option<(Sender<()>, JoinHandle<()>)>);
 
 impl Bar {
@@ -37,7 +37,7 @@ impl Bar {
                 bar.finish_and_clear();
             }
         });
-        // If the thread cannot start, there is no bar.
+        // If the thread cannot be started, no bar is shown.
         Bar(watcher.ok().map(|watcher| (end, watcher)))
     }
 }
@@ -49,7 +49,7 @@ fn show(bar: &ProgressBar, now: &ImportProgress) {
     bar.set_position(now.bytes_done);
 }
 
-/// The bar, in one line at any width: names that do not fit are cut.
+/// A bar that fits on one line at any width: names that do not fit are truncated.
 fn bar(target: ProgressDrawTarget) -> ProgressBar {
     let bar = ProgressBar::with_draw_target(Some(1), target);
     if let Ok(style) = ProgressStyle::with_template("{bar:24} importing {bytes} of {total_bytes}, {wide_msg}")

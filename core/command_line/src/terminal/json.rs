@@ -1,4 +1,4 @@
-//! JSON for people and programs: indented, with each list of numbers, such as a matrix, on one line.
+//! Formatting of JSON for people and programs: indented, with each list of numbers, such as a matrix, on one line.
 
 use serde_json::Value;
 

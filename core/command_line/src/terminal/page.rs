@@ -1,9 +1,9 @@
-//! Text for a terminal, line by line.
+//! Text for a terminal, built line by line.
 
 use choreo_script::printable_line;
 use std::fmt::Arguments;
 
-/// Lines of which each stays one line, whatever names of files and from files are in it.
+/// Lines of text. Control characters in file names or file contents are replaced, so each line stays one line.
 #[derive(Default)]
 pub(crate) struct Page(String);
 
@@ -13,12 +13,12 @@ impl Page {
         self.0.push('\n');
     }
 
-    /// A line for each item.
+    /// Adds a line for each item.
     pub fn lines(&mut self, items: impl IntoIterator<Item = impl std::fmt::Display>) {
         items.into_iter().for_each(|item| self.line(format_args!("{item}")));
     }
 
-    /// Text that was made line by line elsewhere.
+    /// Adds text whose lines are safe already.
     pub fn text(&mut self, text: &str) {
         self.0.push_str(text);
     }

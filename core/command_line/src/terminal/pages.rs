@@ -1,13 +1,13 @@
-//! Pages of the documentation, compiled in, because they do not lie beside an installed program: `choreo help` searches their headings and
-//! tables, `choreo help --page NAME` prints one.
+//! Pages of the documentation, which are compiled into the program so that it can be installed alone. `choreo help` searches their headings
+//! and tables, and `choreo help --page NAME` prints one.
 
 use crate::App;
 use choreo_script::help::{Call, is_about};
 
-/// Path in the sources, and text.
+/// A page: path in the sources, and text.
 pub type PageText = (&'static str, &'static str);
 
-/// The pages of what every program on choreo has.
+/// Pages about the parts that every program on choreo has.
 const PAGES: [PageText; 5] = [
     (REFERENCE, choreo_script::API),
     ("core/language_server/README.md", choreo_language_server::README),
@@ -16,13 +16,13 @@ const PAGES: [PageText; 5] = [
     ("core/wgsl_effect/README.md", choreo_wgsl_effect::README),
 ];
 
-/// The heading above the table of rules.
+/// Heading of the table of rules.
 const RULES: &str = "Rules of choreo check, and // allow:";
 
-/// The reference of scripts, which is searched entry by entry elsewhere.
+/// The script reference, which `choreo help` searches entry by entry elsewhere.
 const REFERENCE: &str = "core/script/API.md";
 
-/// All pages, those of the program's own plugins behind the others.
+/// All pages; those of the program come last.
 fn all(app: &App) -> impl Iterator<Item = PageText> + Clone {
     PAGES.into_iter().chain(app.pages.iter().copied())
 }
@@ -32,7 +32,7 @@ pub fn names(app: &App) -> impl Iterator<Item = &'static str> {
     all(app).map(|(path, _)| path)
 }
 
-/// The page of a path, or of the end of a path that no other page has: `API.md`, `film_grain/README.md`.
+/// Text of the page with this path. The end of a path is enough if no other page's path ends so: `API.md`, `film_grain/README.md`.
 pub fn text(app: &App, name: &str) -> Option<&'static str> {
     let name = name.trim_start_matches("./");
     let exact = all(app).find(|(path, _)| *path == name);
@@ -41,13 +41,13 @@ pub fn text(app: &App, name: &str) -> Option<&'static str> {
     exact.or(only).map(|(_, text)| text)
 }
 
-/// The headings with all words of a term, and the rows of tables about functions and rules of that name.
+/// Headings that contain all words of a term, and table rows about functions and rules of that name.
 pub fn find(app: &App, term: &str) -> Vec<Call> {
     let searched = |(path, _): &PageText| *path != REFERENCE && path.ends_with(".md");
     all(app).filter(searched).flat_map(|page| in_page(page, term)).collect()
 }
 
-/// A page with the scripts that it includes (`{{#include ../../scenes/crowd.rhai}}`), as far as they are pages.
+/// A page with the text of the scripts that it includes (`{{#include ../../scenes/crowd.rhai}}`), if they are pages too.
 pub(crate) fn with_scripts(app: &App, text: &str) -> String {
     let line = |line: &str| {
         let path = line.strip_prefix("{{#include ").and_then(|rest| rest.strip_suffix("}}"));
@@ -93,12 +93,12 @@ fn in_page((path, text): PageText, term: &str) -> Vec<Call> {
     found
 }
 
-/// A row of the table of rules: "gap: nothing plays".
+/// A row of the table of rules as text: "gap: nothing plays".
 fn rule_in_words(row: &str) -> String {
     plain(row.trim_matches(['|', ' '])).replacen(" |", ":", 1)
 }
 
-/// A line of Markdown without its marks.
+/// A line of Markdown without its markup.
 fn plain(line: &str) -> String {
     line.trim().replace(['`', '*'], "")
 }

@@ -1,4 +1,5 @@
-//! A bar with the time left, on a terminal; lines for a program that shows a bar of its own; nothing elsewhere.
+//! Progress of a render: a bar with the remaining time on a terminal, lines of JSON for a program that shows its own bar, nothing
+//! elsewhere.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::io::Write;
@@ -12,7 +13,7 @@ struct Lines {
 }
 
 impl Progress {
-    /// Writes `{"done":1,"frames":90}` for each frame, a line each on standard error.
+    /// Writes a line such as `{"done":1,"frames":90}` to standard error for each frame.
     pub fn lines(frames: u64) -> Progress {
         Progress(None, Some(Lines { frames, done: AtomicU64::new(0) }))
     }
@@ -39,12 +40,12 @@ impl Progress {
         }
         if let Some(Lines { frames, done }) = &self.1 {
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
-            // A reader that has gone does not stop a render.
+            // If the reader has gone, the render continues.
             let _ = writeln!(std::io::stderr(), "{{\"done\":{done},\"frames\":{frames}}}");
         }
     }
 
-    /// Wipes the bar, so that what follows starts on a clean line.
+    /// Clears the bar, so that the next output starts on an empty line.
     pub fn clear(&self) {
         if let Some(bar) = &self.0 {
             bar.finish_and_clear();

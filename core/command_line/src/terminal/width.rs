@@ -1,6 +1,6 @@
 //! The width of the terminal.
 
-/// Columns of the terminal on standard output, or as many as `COLUMNS` says; no limit for files and pipes.
+/// Columns of the terminal on standard output, or the number in `COLUMNS`; no limit for files and pipes.
 pub(crate) fn columns() -> usize {
     let named = std::env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok());
     named.or_else(of_terminal).filter(|columns| *columns > 0).unwrap_or(usize::MAX)
@@ -14,6 +14,6 @@ fn of_terminal() -> Option<usize> {
 #[cfg(not(unix))]
 fn of_terminal() -> Option<usize> {
     use std::io::IsTerminal;
-    // The window of a new console.
+    // Width of a new console window.
     std::io::stdout().is_terminal().then_some(120)
 }

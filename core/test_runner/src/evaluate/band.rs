@@ -1,4 +1,4 @@
-//! Values over time against what is allowed of them.
+//! Judges values over time against an allowed range.
 
 use super::Judged;
 use super::words::{self, times_tolerance, with_unit};
@@ -6,36 +6,37 @@ use crate::outcome::Trace;
 use choreo_motion::Time;
 use choreo_script::testing::Expectation;
 
-/// Values at times, ascending.
+/// Values over time; times ascend.
 pub struct Series {
     pub times: Vec<Time>,
     pub values: Vec<f64>,
 }
 
-/// The allowed range at each time, and how far each value is off: at most 0 is allowed, NaN and infinity never.
+/// Allowed range at each time, and distance of each value from it: values at most 0 are inside, NaN and infinity are never allowed.
 pub(crate) struct Band {
     pub allowed: Vec<[f64; 2]>,
     pub off: Vec<f64>,
-    /// The expected curve, where a whole curve is expected.
+    /// The expected curve, if a whole curve is expected.
     pub goal: Vec<f64>,
     pub tolerance: f64,
-    /// `at most 1.5 m/s`
+    /// Description of the range, such as `at most 1.5 m/s`.
     pub words: String,
 }
 
-/// All values must be allowed; negated: none may be. Sometime: one must be, or, negated, must not.
+/// Judges a series. All values must be allowed, or, if negated, none. With `sometime`, one value must be allowed, or, if negated, one must
+/// not.
 pub(crate) fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &str, unit: &str) -> Judged {
     let (n, negated) = (series.values.len(), e.negated);
     if n == 0 {
         return Judged::impossible(band.words.clone(), "nothing to look at: the span is empty");
     }
-    // Unknown values are neither allowed nor forbidden: both claims fail.
+    // Unknown values fail the expectation, whether negated or not.
     let unknown = |i: usize| series.values[i].is_nan();
-    // How far from what is claimed: at most 0 holds.
+    // Distance from the claim: it holds if this is at most 0.
     let off = |i: usize| match band.off[i] {
         _ if unknown(i) => f64::INFINITY,
         off if off.is_nan() => f64::INFINITY,
-        // The edge itself is allowed, so that it is a failure of the negated expectation.
+        // The bounds are allowed values, so they fail a negated expectation.
         off if negated && off <= 0.0 => (-off).max(f64::MIN_POSITIVE),
         off if negated => -off,
         off => off,
@@ -72,7 +73,7 @@ pub(crate) fn judge_band(series: &Series, band: &Band, e: &Expectation, label: &
     if !passed && by.is_finite() {
         let distance = by + band.tolerance;
         judged.by = match band.tolerance > 0.0 {
-            // How much further away it would have to be; nothing at the edge itself.
+            // Distance to leave the allowed range; empty for a value exactly on its bound.
             _ if negated && by <= f64::MIN_POSITIVE => String::new(),
             _ if negated => with_unit(by, unit),
             true => format!("{}{}", with_unit(distance, unit), times_tolerance(distance, band.tolerance)),

@@ -1,4 +1,4 @@
-//! Feet on the floor: when a joint touches it, and how far it slides.
+//! Foot contacts: whether a joint touches the floor, and how far it slides.
 
 use super::band::Series;
 use super::looks::Looks;
@@ -14,22 +14,22 @@ pub(crate) fn foot_at(looks: &mut Looks, contact: &Contact, time: Time) -> Resul
     Ok(looks.attachment(&at, time)?.translation)
 }
 
-/// Metres by which a standing joint may rise and still be dragged.
+/// Height in metres by which a planted joint may rise and still count as sliding.
 const RISEN: f64 = 0.005;
 
-/// Whether a joint that moves from one place to another touches the floor; `stands`: the lowest height since it came down, if it stood
-/// before.
+/// Whether a joint that moves from `before` to `now` in `secs` seconds touches the floor. `stands`: its lowest height since it came down,
+/// if it touched the floor before.
 pub fn touches(contact: &Contact, stands: Option<f64>, [before, now]: [DVec3; 2], secs: f64) -> bool {
     let way = now - before;
     now.y - contact.ground <= contact.height
         && way.y.abs() <= contact.speed * secs
-        // A foot that swings low past the floor is no step, from a stand either; one that stays down can be dragged at any speed.
+        // A foot that swings low over the floor does not touch it, even if it was planted; a foot that stays down may slide at any speed.
         && (stands.is_some_and(|lowest| now.y <= lowest + RISEN) || way.with_y(0.0).length() <= contact.swing * secs)
 }
 
 pub fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Series, Unjudged> {
     let step = looks.step(e);
-    // How far it has slid at one time is known from its touching down on.
+    // The sliding distance at one time is known only if evaluation begins before the foot comes down.
     let times = match e.when {
         When::At(time) => {
             let from = When::During(Time::ZERO.min(time - step), time);
@@ -40,7 +40,7 @@ pub fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Se
     let mut values = Vec::with_capacity(times.len());
     let Some(first) = times.first() else { return Ok(Series { times, values }) };
     let mut before = (foot_at(looks, contact, *first - step)?, *first - step);
-    // How far, and the lowest height since it came down.
+    // Sliding distance, and lowest height since the joint came down.
     let mut slid: Option<(f64, f64)> = None;
     let (mut touched, mut lowest) = (false, f64::INFINITY);
     for time in &times {
@@ -55,7 +55,7 @@ pub fn slide(looks: &mut Looks, e: &Expectation, contact: &Contact) -> Result<Se
         values.push(if now.is_nan() { f64::NAN } else { slid.map_or(0.0, |s| s.0) });
         before = (now, *time);
     }
-    // A joint that is hidden all the time has no values.
+    // A joint that is never visible has no values.
     if let (Some(last), false, true) = (times.last(), touched, lowest.is_finite()) {
         let [from, to] = [first, last].map(|t| words::time(*t));
         return Err(Unjudged::NeverOnFloor { from, to, lowest: words::number(lowest) });

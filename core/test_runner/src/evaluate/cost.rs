@@ -1,4 +1,4 @@
-//! How long a stage takes to evaluate, against another: a ratio, since seconds say nothing on a busy machine.
+//! Evaluation time of a stage as a ratio to that of another stage, since absolute times mean little on a busy machine.
 
 use super::looks::Looks;
 use super::unjudged::Unjudged;
@@ -9,15 +9,15 @@ use choreo_stage::{Evaluator, Snapshot, Stage};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Frames of a stage that are evaluated in one run, spread over its length.
+/// Number of frames that are evaluated in one run, spread over the length of the stage.
 const FRAMES: i64 = 120;
-/// A run is repeated until it takes so long: the clock and the scheduler are too coarse for less.
+/// Shortest run in seconds; shorter runs are repeated, since clock and scheduler are too coarse for them.
 const SHORTEST_SECS: f64 = 2e-3;
 const ROUNDS: usize = 7;
 const BLOCKS: usize = 3;
 
-/// The two stages are run in turns, so that whatever slows the machine down slows both. A block is the median of the ratios of
-/// its rounds; the smallest of three blocks counts, which other work on the machine can hardly make too large three times.
+/// Runs the two stages in turns, so that other load on the machine slows both down. The result of a block is the median ratio of its
+/// rounds. The smallest of three blocks counts, since other load is unlikely to raise all three.
 pub fn judge(looks: &[Looks], e: &Expectation, other: usize, factor: f64) -> Judged {
     let not = if e.negated { "not " } else { "" };
     let expected = format!("{not}at most {} times the time of the other stage", words::number(factor));
@@ -40,7 +40,7 @@ pub fn judge(looks: &[Looks], e: &Expectation, other: usize, factor: f64) -> Jud
                 return Judged::impossible(expected, why);
             }
             let [a, b] = &mut runs;
-            // Whoever comes second finds warmer caches.
+            // The order alternates, because the second stage finds warmer caches.
             let (own, others) = match round % 2 {
                 0 => {
                     let own = a.secs(repeats);
@@ -81,7 +81,7 @@ impl Run {
         Run { evaluator: Evaluator::new(stage.clone()), snapshot: Snapshot::default(), times }
     }
 
-    /// Seconds of all frames once, after a first run that is not counted.
+    /// Seconds for all frames once, after a warm-up run that is not counted.
     fn warm(&mut self) -> Result<f64, Unjudged> {
         self.secs(1)?;
         Ok(self.secs(1)? * self.times.len() as f64)
@@ -95,7 +95,7 @@ impl Run {
                 std::hint::black_box(&self.snapshot);
             }
         }
-        // Per frame, so that stages of different length can be compared.
+        // Seconds per frame, so that stages of different length can be compared.
         Ok(start.elapsed().as_secs_f64() / (repeats * self.times.len()) as f64)
     }
 }

@@ -1,4 +1,4 @@
-//! Events of a stage, as a list of texts with times.
+//! Events of a stage, as texts with times.
 
 use super::Judged;
 use super::looks::Looks;
@@ -13,7 +13,7 @@ pub struct Event {
     pub text: String,
 }
 
-/// Events of the whole stage or of one actor, sorted by time; at one time, ends come before starts.
+/// Events of the whole stage or of one actor, sorted by time. At the same time, ends come before starts.
 pub fn list(stage: &Stage, of: Option<Subject>) -> Vec<Event> {
     let mut events: Vec<(Time, bool, String)> = Vec::new();
     for (index, actor) in stage.actors.iter().enumerate() {
@@ -41,7 +41,7 @@ pub fn list(stage: &Stage, of: Option<Subject>) -> Vec<Event> {
             events.extend(effect.end.map(|end| (end, false, format!("{} ends", effect.plugin))));
         }
     }
-    // Stable: equal ones stay in the order of the script.
+    // The sort is stable: events at the same time keep the order of the script.
     events.sort_by_key(|(at, starts, _)| (*at, *starts));
     events.into_iter().map(|(at, _, text)| Event { at, text }).collect()
 }
@@ -93,7 +93,7 @@ fn fits(e: &Event, p: &EventPattern, tolerance: Time) -> bool {
     like(&e.text, &p.text) && off <= tolerance && -off <= tolerance
 }
 
-/// `0.2 s late`, of an event that has the right name.
+/// Describes the time error of an event with the right name, such as `0.2 s late`.
 fn late(e: &Event, p: &EventPattern) -> String {
     let off = off(e, p);
     match like(&e.text, &p.text) && off != Time::ZERO {
@@ -123,7 +123,7 @@ fn in_order(events: &[Event], wanted: &[EventPattern], tolerance: Time) -> Judge
         match events[from..].iter().position(|e| fits(e, p, tolerance)) {
             Some(found) => from += found + 1,
             None => {
-                // The nearest of the same name is the most informative.
+                // The nearest event of the same name is the most informative one.
                 let same = events.iter().filter(|e| like(&e.text, &p.text));
                 let nearest = same.min_by_key(|e| off(e, p).0.abs());
                 let after = match from {

@@ -1,4 +1,4 @@
-//! Properties that are true or false at a time: visible, on, on the floor.
+//! Properties that are true or false at a time: visible, on, touching the floor.
 
 use super::band::{Band, Series, judge_band};
 use super::contact::{foot_at, touches};
@@ -58,7 +58,7 @@ pub fn judge(looks: &mut Looks, e: &Expectation, flag: &Flag) -> Judged {
     }
 }
 
-/// The subject, and what it is or not.
+/// Name of the subject, and the adjective of the property.
 fn flag_words(looks: &Looks, flag: &Flag) -> (String, &'static str) {
     match flag {
         Flag::Visible(actor) => (vector::name(looks, Subject::Actor(*actor)), "visible"),

@@ -1,4 +1,4 @@
-//! Positions and extents in the image, computed from the posed vertices.
+//! Positions and extents of actors in the image, computed from the posed vertices.
 
 use super::Judged;
 use super::band::{Band, Series, judge_band};
@@ -11,7 +11,7 @@ use choreo_script::testing::{Expectation, InFrame, Subject};
 use choreo_stage::posed_meshes;
 use glam::{DAffine3, DVec3};
 
-/// Lowest and highest corner of an actor as posed, in the world; NaN where there is nothing of it.
+/// Bounding box of a posed actor in world space (minimum, maximum); NaN if it has no visible vertices.
 pub fn bounds(looks: &mut Looks, actor: usize, time: Time) -> Result<(DVec3, DVec3), Unjudged> {
     let points = vertices(looks, actor, time)?;
     let fold = |f: fn(DVec3, DVec3) -> DVec3| points.iter().copied().reduce(f).unwrap_or(DVec3::NAN);
@@ -27,7 +27,7 @@ fn vertices(looks: &mut Looks, actor: usize, time: Time) -> Result<Vec<DVec3>, U
     Ok(meshes.into_iter().flat_map(|m| m.primitives).flat_map(|p| p.positions).collect())
 }
 
-/// A camera at a time: from the world to the image.
+/// A camera at a time: transforms from world space to the image.
 pub struct Lens {
     view_from_world: DAffine3,
     projection: Projection,
@@ -45,7 +45,7 @@ impl Lens {
         })
     }
 
-    /// Half the image's height in metres, at a depth before the camera.
+    /// Half the height of the view in metres, at a depth in front of the camera.
     fn half_height(&self, depth: f64) -> f64 {
         match self.projection {
             Projection::Perspective { yfov, .. } => libm::tan(f64::from(yfov) / 2.0) * depth,
@@ -53,8 +53,8 @@ impl Lens {
         }
     }
 
-    /// x from 0 left to 1 right, y from 0 top to 1 bottom, z metres before the camera; x and y are NaN behind a camera with
-    /// perspective.
+    /// Projects a point in world space: x from 0 (left) to 1 (right), y from 0 (top) to 1 (bottom), z in metres in front of the camera. x
+    /// and y are NaN behind a perspective camera.
     pub fn project(&self, world: DVec3) -> DVec3 {
         let p = self.view_from_world.transform_point3(world);
         let depth = -p.z;
@@ -67,11 +67,11 @@ impl Lens {
     }
 }
 
-/// The box of an actor in the image.
+/// Bounding box of an actor in the image.
 pub struct Outline {
     pub min: DVec3,
     pub max: DVec3,
-    /// Fraction of the vertices that are inside the image, 0..=1.
+    /// Fraction of the vertices that are in the image, 0..=1.
     pub share: f64,
     behind: bool,
 }
@@ -81,7 +81,7 @@ impl Outline {
         self.max.y - self.min.y
     }
 
-    /// How far it reaches over the margin, as a share of the image; at most 0: it does not.
+    /// Distance by which the box crosses the margin, as a fraction of the image; at most 0 if it stays inside.
     fn over(&self, margin: f64) -> f64 {
         if self.behind {
             return f64::INFINITY;
@@ -123,7 +123,8 @@ pub fn outline(
     Ok(outline)
 }
 
-/// Degrees in the image between up and the subject's +y, 0..=180; 90 where it points straight at the camera or away.
+/// Angle in degrees, in the image, between up and the subject's +y axis, 0..=180; 90 if the axis points straight towards or away from the
+/// camera.
 pub fn tilt(looks: &mut Looks, subject: Subject, camera: Option<usize>, time: Time) -> Result<f64, Unjudged> {
     let world_from = looks.world_from(subject, time)?;
     let lens = Lens::new(looks, camera, time)?;
@@ -131,7 +132,7 @@ pub fn tilt(looks: &mut Looks, subject: Subject, camera: Option<usize>, time: Ti
     let up = lens.view_from_world.transform_vector3(world_from.matrix3.y_axis).normalize_or_zero();
     let (x, y) = match lens.projection {
         Projection::Orthographic { .. } => (up.x, up.y),
-        // How x/depth and y/depth change along the way up, times depth².
+        // Derivatives of x/depth and y/depth along the subject's +y axis, times depth².
         Projection::Perspective { .. } => {
             let depth = -p.z;
             if depth <= 0.0 || depth.is_nan() {
@@ -202,7 +203,7 @@ fn try_judge(looks: &mut Looks, e: &Expectation, claim: &InFrame) -> Result<Judg
     let allowed = claim.height.map_or([f64::NEG_INFINITY, f64::INFINITY], |(low, high)| [low, high]);
     let band =
         Band { allowed: vec![allowed; off.len()], off, goal: Vec::new(), tolerance: 0.0, words: expected };
-    // Hidden and behind: off, not unknown.
+    // Values are off, not unknown, if the actor is hidden or behind the camera.
     let known = Series {
         times: series.times.clone(),
         values: series.values.iter().map(|v| if v.is_finite() { *v } else { 0.0 }).collect(),

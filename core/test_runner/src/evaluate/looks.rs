@@ -1,4 +1,4 @@
-//! The times at which a stage is evaluated for expectations, and the snapshots there, each made once.
+//! Evaluation of a stage at the times that its expectations need; each snapshot is made once.
 
 use super::unjudged::Unjudged;
 use choreo_motion::Time;
@@ -13,12 +13,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Limit of the looks of one expectation: hours of film, and no more memory than a machine has.
+/// Largest number of evaluations for one expectation: enough for hours of film, and bounds the memory.
 pub const MOST: i64 = 200_000;
-/// Snapshots kept for the next expectation.
+/// Largest number of snapshots that are kept for further expectations.
 const KEPT: usize = 4096;
 
-/// The time at which judging a section must be over: a script may request more snapshots than anybody waits for.
+/// Time at which judging a section must end: a script may request more snapshots than anybody waits for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Deadline {
     at: Option<Instant>,
@@ -41,14 +41,14 @@ impl Deadline {
     }
 }
 
-/// One stage as seen by its expectations.
+/// A stage with cached snapshots, for its expectations.
 pub struct Looks<'a> {
     pub stage: Arc<Stage>,
     pub registry: &'a Registry,
     deadline: Deadline,
     evaluator: Evaluator,
     seen: BTreeMap<Time, Arc<Snapshot>>,
-    /// The stage with one camera on all the time, by camera.
+    /// The stage with one camera active all the time, by camera.
     cameras: BTreeMap<usize, Evaluator>,
     /// The stage with one light alone, by light.
     lights: BTreeMap<usize, Evaluator>,
@@ -74,12 +74,12 @@ impl<'a> Looks<'a> {
         self.resources.get_or_insert_with(|| Arc::new(SceneResources::new(stage))).clone()
     }
 
-    /// An error once the section's time is used up.
+    /// Fails once the section's time is used up.
     pub(crate) fn go_on(&self) -> Result<(), Unjudged> {
         self.deadline.check()
     }
 
-    /// The error of a callback, with its place.
+    /// Snapshot at a time. Fails with the error of a callback and its place.
     pub fn at(&mut self, time: Time) -> Result<Arc<Snapshot>, Unjudged> {
         self.go_on()?;
         if let Some(snapshot) = self.seen.get(&time) {
@@ -93,7 +93,7 @@ impl<'a> Looks<'a> {
         Ok(snapshot)
     }
 
-    /// `None`: the camera that is on.
+    /// State of a camera; `None` stands for the active camera.
     pub fn camera(&mut self, camera: Option<usize>, time: Time) -> Result<CameraState, Unjudged> {
         let Some(camera) = camera else { return Ok(self.at(time)?.camera) };
         let stage = &self.stage;
@@ -105,14 +105,14 @@ impl<'a> Looks<'a> {
         Ok(evaluator.at(time)?.camera)
     }
 
-    /// `None`: it does not shine.
+    /// State of a light; `None` if it does not shine.
     pub fn light(&mut self, light: usize, time: Time) -> Result<Option<LightState>, Unjudged> {
         let stage = &self.stage;
         let evaluator = self.lights.entry(light).or_insert_with(|| {
             let mut alone = (**stage).clone();
             alone.actors.iter_mut().for_each(|actor| actor.file_lights = false);
             for (_, other) in alone.lights.iter_mut().enumerate().filter(|(i, _)| *i != light) {
-                // Not taken out: callbacks know lights by their numbers.
+                // Other lights are hidden, not removed: callbacks refer to lights by index.
                 other.channels.push(Channel {
                     property: Property::Visible,
                     interpolation: choreo_motion::Interpolation::Step,
@@ -125,7 +125,7 @@ impl<'a> Looks<'a> {
         Ok(evaluator.at(time)?.lights.first().copied())
     }
 
-    /// World from a subject, without scale being taken out; NaN where it is not posed or does not shine.
+    /// Transform from the subject's space to world space, including scale; NaN if the subject is not posed or does not shine.
     pub(crate) fn world_from(&mut self, subject: Subject, time: Time) -> Result<DAffine3, Unjudged> {
         let nowhere = DAffine3 { matrix3: DMat3::IDENTITY, translation: DVec3::NAN };
         Ok(match subject {
@@ -158,7 +158,7 @@ impl<'a> Looks<'a> {
         })
     }
 
-    /// The times that an expectation looks at.
+    /// Times at which an expectation is evaluated.
     pub fn times(&self, e: &Expectation) -> Result<Vec<Time>, Unjudged> {
         let settings = &self.stage.settings;
         let (from, until) = match e.when {
@@ -190,7 +190,7 @@ impl<'a> Looks<'a> {
         Ok(times)
     }
 
-    /// Like `times`, with the ends of a span that lie between two frames.
+    /// Times as in [`Looks::times`], and the ends of a span even if they lie between two frames.
     pub(crate) fn times_and_ends(&self, e: &Expectation) -> Result<Vec<Time>, Unjudged> {
         let mut times = self.times(e)?;
         if let When::During(from, until) = e.when {
@@ -204,7 +204,7 @@ impl<'a> Looks<'a> {
         Ok(times)
     }
 
-    /// Time between two looks.
+    /// Time between two evaluations.
     pub fn step(&self, e: &Expectation) -> Time {
         e.step.unwrap_or_else(|| self.stage.settings.fps.time_of(1))
     }
@@ -225,14 +225,14 @@ pub fn widen(a: &Affine3A) -> DAffine3 {
     DAffine3 { matrix3: Mat3::from(a.matrix3).as_dmat3(), translation: Vec3::from(a.translation).as_dvec3() }
 }
 
-/// The rotation in a matrix with scale: +z is kept, then +y as well as can be; of a mirrored one, x is turned around.
+/// Rotation of a matrix that includes scale: keeps the +z axis, then +y as well as possible. For a mirrored matrix, x is flipped.
 pub fn rotation_of(m: &DMat3) -> DQuat {
     let z = m.z_axis.try_normalize().unwrap_or(DVec3::Z);
     let x = m.y_axis.cross(z).try_normalize().unwrap_or_else(|| z.any_orthonormal_vector());
     DQuat::from_mat3(&DMat3::from_cols(x, z.cross(x), z)).normalize()
 }
 
-/// Degrees between two rotations, 0..=180; q and −q are the same.
+/// Angle in degrees between two rotations, 0..=180; q and −q are the same rotation.
 pub(crate) fn angle_deg(a: DQuat, b: DQuat) -> f64 {
     let between = a.conjugate() * b;
     let sine = DVec3::new(between.x, between.y, between.z).length();

@@ -1,9 +1,9 @@
-//! Judges what a section expects: from expectations, which are data, to checks, without drawing.
+//! Judges the expectations of a section, which are data, without drawing; the results are checks.
 //!
 //! ```text
 //! Expectation ─► times to look at ─► Looks (snapshots) ─► values ─► Check { expected, got, by how much, traces }
 //! ```
-//! A claim over a span is judged at every frame in it; the check gives the worst time.
+//! A claim about a span of time is judged at every frame in it; the check reports the worst time.
 
 mod band;
 mod contact;
@@ -31,11 +31,11 @@ use choreo_script::testing::{Claim, Expectation, SectionRun, TextsQuantity, When
 use looks::{Deadline, Looks};
 use unjudged::Unjudged;
 
-/// Every check of a section but its images, in the order of the script: its expectations, its `//~` comments, and the errors
-/// and warnings that none expects. A file that is a test as it stands is judged as such.
+/// All checks of a section except its images, in the order of the script: its expectations, its `//~` comments, and unexpected errors and
+/// warnings. A file without sections gets the default checks.
 pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
     let mut checks = diagnostics(run);
-    // An error that nobody expects explains everything; what is left of the stage would only confuse.
+    // An unexpected error explains everything; checks of the incomplete stage would only confuse.
     if !run.errors.is_empty() {
         return checks;
     }
@@ -66,7 +66,7 @@ pub fn evaluate(run: &SectionRun, registry: &Registry) -> Vec<Check> {
     checks
 }
 
-/// A claim against what was found.
+/// Result of comparing a claim with the actual values.
 pub(crate) struct Judged {
     pub passed: bool,
     pub expected: String,
@@ -88,7 +88,7 @@ impl Judged {
         }
     }
 
-    /// The claim could not be judged: it has failed, whether it was negated or not.
+    /// Result for a claim that cannot be judged: it fails, whether negated or not.
     fn impossible(expected: impl Into<String>, why: impl std::fmt::Display) -> Judged {
         Judged::new(false, expected, why.to_string())
     }
@@ -133,7 +133,7 @@ fn judge(run: &SectionRun, e: &Expectation, looks: &mut [Looks]) -> Option<Judge
         return Some(Judged::impossible("a time of the stage", Unjudged::OutsideStage { time, length }));
     }
     Some(match &e.claim {
-        // Drawn and compared by the runner.
+        // Images are drawn and compared by the runner.
         Claim::Picture(_) => return None,
         Claim::Number { quantity, test } => number::judge(own, e, quantity, test),
         Claim::Vector { quantity, test } => vector::judge(own, e, quantity, test),
@@ -150,7 +150,7 @@ fn judge(run: &SectionRun, e: &Expectation, looks: &mut [Looks]) -> Option<Judge
     })
 }
 
-/// Errors that came or did not, and warnings.
+/// Checks of expected errors, unexpected errors, and warnings.
 fn diagnostics(run: &SectionRun) -> Vec<Check> {
     let mut checks = Vec::new();
     for e in &run.expected {
@@ -171,7 +171,7 @@ fn diagnostics(run: &SectionRun) -> Vec<Check> {
         check
     };
     checks.extend(run.errors.iter().map(|d| unexpected(d, "error")));
-    // A section that tests the warnings decides about them.
+    // If a section tests its warnings, they are not checked again here.
     let looked_at = |e: &Expectation| matches!(e.claim, Claim::Texts { texts: TextsQuantity::Warnings, .. });
     if !run.expectations.iter().any(looked_at) {
         checks.extend(run.warnings.iter().map(|d| unexpected(d, "warning")));
@@ -179,7 +179,7 @@ fn diagnostics(run: &SectionRun) -> Vec<Check> {
     checks
 }
 
-/// A check that has failed.
+/// A failed check.
 fn failed(
     place: SourceLocation,
     title: impl Into<String>,

@@ -1,4 +1,4 @@
-//! Numbers over time, and what is allowed of them.
+//! Judges numbers over time.
 
 use super::band::{Band, Series, judge_band};
 use super::looks::{Looks, angle_deg};
@@ -11,7 +11,7 @@ use choreo_script::testing::{Expectation, NumberGoal, NumberTest, Quantity, Subj
 use choreo_stage::{ActiveClip, Actor, Attachment, Target};
 use glam::DVec3;
 
-/// Looks that a value is taken from, before and after its own, in steps.
+/// Numbers of steps before and after a time at which a quantity must be evaluated, for finite differences.
 fn stencil(quantity: &Quantity) -> (i64, i64) {
     match quantity {
         Quantity::Speed(_) | Quantity::TurnSpeed(_) => (-1, 0),
@@ -100,7 +100,7 @@ pub fn series(looks: &mut Looks, e: &Expectation, quantity: &Quantity) -> Result
     Ok(out)
 }
 
-/// The value from the times of the quantity's stencil, which are one step apart.
+/// Value of a quantity from the times of its stencil, which are one step apart.
 fn value(looks: &mut Looks, quantity: &Quantity, window: &[Time]) -> Result<f64, Unjudged> {
     let at = window[0];
     let points = |looks: &mut Looks, v: &VectorQuantity| {
@@ -162,7 +162,7 @@ fn value(looks: &mut Looks, quantity: &Quantity, window: &[Time]) -> Result<f64,
             looks.light(*light, at)?.map_or(0.0, |state| f64::from(state.light.intensity))
         }
         Quantity::PlanCount(options, what) => plan::count(looks, options, *what, at)? as f64,
-        // Not functions of one moment: `series` knows them.
+        // These quantities depend on more than one moment: `series` computes them.
         Quantity::Count(_) | Quantity::Slide(_) => f64::NAN,
     })
 }
@@ -181,7 +181,7 @@ pub(crate) fn target_at(looks: &mut Looks, target: &Target, time: Time) -> Resul
     }
 }
 
-/// The final weight of each active cue, after all later ones have been blended over it.
+/// Final weight of each active cue, after all later cues have been blended over it.
 fn shares(actor: &Actor, time: Time, part: impl Fn(&ActiveClip) -> f64) -> Vec<(ActiveClip, f64)> {
     let mut shares: Vec<(ActiveClip, f64)> = Vec::new();
     for active in actor.active_clips(time) {
@@ -253,7 +253,7 @@ pub fn judge(looks: &mut Looks, e: &Expectation, quantity: &Quantity, test: &Num
     }
 }
 
-/// The vector that a number belongs to.
+/// The vector quantity that a number is derived from.
 fn vector_of(quantity: &Quantity) -> Option<&VectorQuantity> {
     match quantity {
         Quantity::Component(v, _)
@@ -265,7 +265,7 @@ fn vector_of(quantity: &Quantity) -> Option<&VectorQuantity> {
     }
 }
 
-/// The values before and after a failure at one time.
+/// Adds the values within half a second around a failure at a single time to its trace.
 fn around(looks: &mut Looks, e: &Expectation, quantity: &Quantity, judged: &mut Judged) {
     let (When::At(time), [trace]) = (e.when, &mut judged.traces[..]) else { return };
     let half = Time::from_secs(0.5);

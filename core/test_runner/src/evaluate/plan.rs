@@ -1,4 +1,4 @@
-//! Counts of the stage, and of what a frame of it needs.
+//! Counts of elements of the stage, and of the parts of a planned frame.
 
 use super::looks::Looks;
 use super::unjudged::Unjudged;
@@ -19,7 +19,7 @@ pub fn make(looks: &mut Looks, options: &PlanOptions, time: Time) -> Result<Plan
     let options = RenderOptions { effects: &effects, ..RenderOptions::new(size, samples) };
     let at = |time| looks.at(time).map(|snapshot| (*snapshot).clone());
     let (_, mut plan) = plan_with(&resources, &stage, time, &options, at)?;
-    // What is counted is one image of one camera.
+    // Counts refer to one image of one camera: sub-frames, earlier frames and dissolves are left out.
     (plan.subframes, plan.history, plan.dissolve) = (Vec::new(), Vec::new(), None);
     let triangles = |primitive: u32| resources.primitives[primitive as usize].primitive().indices.len() / 3;
     let recording = record(&plan, RecordOptions::default(), triangles);

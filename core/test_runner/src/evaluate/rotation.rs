@@ -1,4 +1,4 @@
-//! Rotations over time: how far from what they should be, in degrees.
+//! Judges rotations over time by their error in degrees.
 
 use super::Judged;
 use super::band::{Band, Series, judge_band};
@@ -28,7 +28,7 @@ pub fn at(looks: &mut Looks, quantity: &RotationQuantity, time: Time) -> Result<
     })
 }
 
-/// Degrees about x, then y, then z, as for `.rotate`.
+/// Rotation from Euler angles in degrees, applied about x, then y, then z, as in `.rotate`.
 fn from_euler(degrees: [f64; 3]) -> DQuat {
     let [x, y, z] = degrees.map(|d| (d % 360.0).to_radians());
     DQuat::from_rotation_z(z) * DQuat::from_rotation_y(y) * DQuat::from_rotation_x(x)
@@ -39,7 +39,7 @@ fn shown(q: DQuat) -> String {
         return "nothing".into();
     }
     let (z, y, x) = q.to_euler(EulerRot::ZYX);
-    // Rounded, so that no −0 and no 1e-15 is printed.
+    // Rounded, so that −0 and values such as 1e-15 are not printed.
     let degrees = [x, y, z].map(|a| words::number((a.to_degrees() * 1e3).round() / 1e3 + 0.0));
     format!("[{}]°", degrees.join(", "))
 }

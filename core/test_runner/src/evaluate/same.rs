@@ -1,4 +1,4 @@
-//! The same bits: of stages, snapshots and poses.
+//! Bitwise comparison of stages, snapshots and poses.
 
 use super::looks::Looks;
 use super::unjudged::Unjudged;
@@ -20,7 +20,7 @@ pub fn judge(looks: &mut [Looks], e: &Expectation, what: SameWhat, other: SameOt
     }
 }
 
-/// The first difference, in words.
+/// Description of the first difference.
 fn find(
     looks: &mut [Looks],
     e: &Expectation,
@@ -102,7 +102,7 @@ fn poses(stage: &Stage, actor: usize, a: &ActorState, b: &ActorState) -> Option<
 }
 
 fn snapshots(stage: &Stage, a: &Snapshot, b: &Snapshot) -> Option<String> {
-    // The time itself may differ.
+    // The times of the snapshots may differ.
     let timeless = |s: &Snapshot| Snapshot { time: Time::ZERO, ..s.clone() }.content_hash();
     if timeless(a) == timeless(b) {
         return None;

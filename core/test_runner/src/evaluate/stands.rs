@@ -1,4 +1,4 @@
-//! A script that is a test as it stands: it runs without a word, every frame is finite, and it gives the same again.
+//! Default checks of a script without sections: no errors or warnings, every frame is finite, and running it again gives the same result.
 
 use super::looks::Looks;
 use super::{failed, texts, words};
@@ -7,9 +7,9 @@ use choreo_motion::Time;
 use choreo_script::testing::SectionRun;
 use choreo_stage::{ActorState, Evaluator, Snapshot};
 
-/// Frames that are tested: all up to this number, else this number spread over the length.
+/// Largest number of frames that are tested; of longer scripts, this number spread over the length.
 const MOST_FRAMES: i64 = 2000;
-/// Frames evaluated once more, in the other order.
+/// Number of frames evaluated once more, in reverse order.
 const AGAIN: usize = 16;
 
 pub fn judge(run: &SectionRun, looks: &mut [Looks]) -> Vec<Check> {

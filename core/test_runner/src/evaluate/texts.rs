@@ -1,4 +1,4 @@
-//! Lines of text: warnings, what was printed, what a plan leaves out, effects.
+//! Judges lines of text: warnings, printed lines, parts left out of a plan, effects.
 
 use super::looks::Looks;
 use super::unjudged::Unjudged;
@@ -11,7 +11,7 @@ use choreo_script::testing::{Expectation, SectionRun, TextsQuantity, TextsTest};
 use choreo_stage::Stage;
 use std::sync::Arc;
 
-/// Warnings of the script and of every asset on stage, once each.
+/// Warnings of the script and of every asset on stage, each once.
 pub fn warnings(stage: &Stage) -> Vec<String> {
     let mut lines = stage.warnings.clone();
     let mut seen: Vec<&Arc<choreo_asset::Asset>> = Vec::new();
@@ -85,7 +85,7 @@ fn try_judge(
             let when = if timed { format!(" at {}", words::time(*time)) } else { String::new() };
             let got = match lines.as_slice() {
                 [] => format!("none{when}"),
-                // The first line states what it is about; the rest of a diagnostic shows its place.
+                // The first line of a diagnostic states its subject; its other lines show the place.
                 [line] => format!("{}{when}", line.lines().next().unwrap_or_default()),
                 several => format!("{}: {}{when}", several.len(), short(several)),
             };

@@ -9,10 +9,10 @@ use choreo_stage::StageError;
 pub(crate) enum Unjudged {
     #[error("no such {0}")]
     Missing(&'static str),
-    /// A callback of the stage failed, for example.
+    /// Error of the stage, such as a failed callback.
     #[error(transparent)]
     Stage(#[from] StageError),
-    /// The test's own function of time failed.
+    /// The test's function of time failed.
     #[error("{0}")]
     Formula(Diagnostic),
     #[error(transparent)]
@@ -29,7 +29,7 @@ pub(crate) enum Unjudged {
     OutsideStage { time: f64, length: f64 },
     #[error("a hidden actor has no pose, at {0}")]
     HiddenActor(String),
-    /// Would not slide wherever it is.
+    /// The joint never touches the floor, so that any test of its sliding distance would pass.
     #[error(
         "it never touches the floor from {from} to {to}: its lowest place is {lowest} m above it; options: height, speed, swing, ground"
     )]

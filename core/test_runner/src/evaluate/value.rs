@@ -1,4 +1,4 @@
-//! Values that a script has worked out itself.
+//! Judges values that a script has computed itself.
 
 use super::Judged;
 use super::words::{self, like, times_tolerance};
@@ -64,7 +64,7 @@ fn number(v: &Value) -> Option<f64> {
     }
 }
 
-/// Ints and floats of one value are the same; NaN is nothing, not even itself.
+/// Whether values are equal. Integers and floats are compared by value; NaN is not equal to anything.
 fn same(a: &Value, b: &Value) -> bool {
     match (a, b) {
         (Value::Int(a), Value::Int(b)) => a == b,
@@ -79,7 +79,7 @@ fn same(a: &Value, b: &Value) -> bool {
     }
 }
 
-/// Largest difference of two numbers or lists of them.
+/// Largest absolute difference of two numbers, or of the elements of two lists.
 fn distance(a: &Value, b: &Value) -> Option<f64> {
     match (a, b) {
         (Value::List(a), Value::List(b)) if a.len() == b.len() => {

@@ -1,4 +1,4 @@
-//! Points, directions and colors over time.
+//! Judges points, directions and colors over time.
 
 use super::band::{Band, Series, judge_band};
 use super::looks::{Looks, rotation_of};
@@ -18,7 +18,7 @@ pub fn unit(quantity: &VectorQuantity) -> &'static str {
     }
 }
 
-/// `anna`, `anna Head`, `camera wide`, `light 0`.
+/// Name of a subject in messages: `anna`, `anna Head`, `camera wide`, `light 0`.
 pub fn name(looks: &Looks, subject: Subject) -> String {
     let stage = &looks.stage;
     match subject {
@@ -96,7 +96,7 @@ pub fn at(looks: &mut Looks, quantity: &VectorQuantity, time: Time) -> Result<DV
     })
 }
 
-/// Whether a subject is the camera that takes the image: rounding alone would decide where that is seen. `None`: the active one.
+/// Whether a subject is the camera that takes the image: rounding alone would determine its position there. `None`: the active camera.
 fn is_own_camera(
     looks: &mut Looks,
     subject: Subject,
@@ -111,7 +111,7 @@ fn is_own_camera(
     Ok(takes == Some(own))
 }
 
-/// Why a quantity has no value at a time.
+/// Reason why a quantity has no value at a time.
 pub(crate) fn why_unknown(
     looks: &mut Looks,
     quantity: &VectorQuantity,
@@ -149,7 +149,7 @@ fn try_judge(
     let unit = unit(quantity);
     let times = looks.times_and_ends(e)?;
     let got = points(looks, quantity, &times)?;
-    // Components that are drawn beside what is expected of them: for the traces.
+    // Components that the traces show together with their expected values.
     let (offs, goals, tolerance, expected): (Vec<f64>, Vec<[DVec3; 2]>, f64, String) = match test {
         VectorTest::Near { goal, tolerance } => {
             let goals = times
@@ -183,7 +183,7 @@ fn try_judge(
     let mut judged = judge_band(&distances, &band, e, label, unit);
     let worst = judged.traces.first().and_then(|trace| trace.mark).unwrap_or(0.0);
     let Some(i) = distances.times.iter().position(|t| t.as_secs() == worst) else { return Ok(judged) };
-    // The distance in the text gives way to the point itself.
+    // The text shows the point itself instead of the distance.
     let when = judged.got.split_once(" at ").map_or(String::new(), |(_, when)| format!(" at {when}"));
     let point = words::point(got[i]);
     let unit_word = if unit.is_empty() || got[i].is_nan() { String::new() } else { format!(" {unit}") };
@@ -224,7 +224,7 @@ fn goal_at(
     match goal {
         VectorGoal::Point(point) => Ok(*point),
         VectorGoal::Target(target) => target_at(looks, target, time),
-        // The same quantity of another thing, where it has one.
+        // The same quantity of the other subject, or its position if it does not have that quantity.
         VectorGoal::Subject(other) => {
             let same = match quantity {
                 VectorQuantity::Position(_, to) => VectorQuantity::Position(*other, *to),
@@ -251,7 +251,7 @@ fn goal_at(
     }
 }
 
-/// x, y and z, one plot each, with what is allowed of them at least.
+/// Plots of the components x, y and z, each with its allowed range where it has one.
 #[allow(clippy::too_many_arguments, reason = "one call, and each is its own thing")]
 fn traces(
     looks: &mut Looks,
@@ -264,7 +264,7 @@ fn traces(
     label: &str,
     mark: f64,
 ) -> Vec<Trace> {
-    // At a single time: shows the values before and after it, of which nothing is asserted.
+    // A failure at a single time shows the values before and after it too, without an allowed range.
     let half = Time::from_secs(0.5);
     let (mut all, mut points_of, mut allowed) = (times.to_vec(), got.to_vec(), goals.to_vec());
     if let When::At(time) = e.when {

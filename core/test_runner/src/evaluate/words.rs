@@ -1,9 +1,9 @@
-//! Numbers in messages: as many digits as are significant.
+//! Formats numbers for messages, with significant digits only.
 
 use choreo_motion::Time;
 use glam::DVec3;
 
-/// Six significant digits at most, without trailing zeros.
+/// Formats a number with at most six significant digits and no trailing zeros.
 pub fn number(v: f64) -> String {
     if !v.is_finite() {
         return if v.is_nan() { "nothing".into() } else { format!("{v}") };
@@ -44,7 +44,7 @@ pub fn time(t: Time) -> String {
     format!("{} s", number(t.as_secs()))
 }
 
-/// `14 times the tolerance`, where there is one.
+/// Formats the ratio to a tolerance, such as `, 14 times the tolerance`; empty if there is none.
 pub(crate) fn times_tolerance(off: f64, tolerance: f64) -> String {
     match tolerance > 0.0 && off.is_finite() {
         true => format!(", {} times the tolerance", number((off / tolerance * 10.0).round() / 10.0)),
@@ -52,11 +52,11 @@ pub(crate) fn times_tolerance(off: f64, tolerance: f64) -> String {
     }
 }
 
-/// Whether a text is like a pattern: `*` stands for anything, `?` for one character.
+/// Whether a text matches a pattern in which `*` stands for any text and `?` for one character.
 pub fn like(text: &str, pattern: &str) -> bool {
     let (text, pattern): (Vec<char>, Vec<char>) = (text.chars().collect(), pattern.chars().collect());
     let (mut t, mut p) = (0, 0);
-    // Where to go on from when the last `*` must take in one more character.
+    // Place at which matching resumes when the last `*` must include one more character.
     let mut again: Option<(usize, usize)> = None;
     while t < text.len() {
         match pattern.get(p) {

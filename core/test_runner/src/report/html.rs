@@ -1,4 +1,4 @@
-//! The report as one HTML file that needs nothing else: images are in it as data, plots as SVG, and it works from a disk.
+//! The report as one self-contained HTML file, with images as data URLs and plots as SVG, which can be opened from a disk.
 
 use super::html_trace::plots;
 use super::junit::escaped;
@@ -13,7 +13,7 @@ use std::fmt::Write;
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("report.js");
 
-/// `about`: version, device, what was run; one line.
+/// Writes the report. `about`: one line with version, device and command.
 pub fn report(report: &Report, about: &str) -> String {
     let counts = report.counts();
     let bad = counts.failed + counts.errors;
@@ -161,7 +161,7 @@ fn failed(html: &mut String, o: &Outcome, c: &Check) {
     html.push_str("</div>\n");
 }
 
-/// Side by side, in turn, and the difference; one after the other by radio buttons, so that it works without a script.
+/// Shows the images side by side, alternating, and the difference. Radio buttons switch the view, so that it works without JavaScript.
 fn pictures(html: &mut String, o: &Outcome, c: &Check, p: &Pictures) {
     if p.got.is_empty() {
         return;
@@ -180,7 +180,7 @@ fn pictures(html: &mut String, o: &Outcome, c: &Check, p: &Pictures) {
         let _ = writeln!(html, "<div class=\"side\">{}</div>", figure(&p.got, "got"));
         return;
     }
-    // Both are shown in one width; different sizes are stated.
+    // Both images are shown with the same width; different sizes are stated.
     let size = |bytes: &[u8], what: &str| match (sides(&p.expected), sides(&p.got)) {
         (Some(a), Some(b)) if a != b => {
             sides(bytes).map_or(what.to_string(), |[w, h]| format!("{what}, {w}x{h} pixels"))
@@ -188,7 +188,7 @@ fn pictures(html: &mut String, o: &Outcome, c: &Check, p: &Pictures) {
         _ => what.to_string(),
     };
     let (expected, got) = (size(&p.expected, "expected"), size(&p.got, "got"));
-    // Names of the radio group: unlike all others of the page.
+    // Name of the radio group, unique on the page.
     let id = format!("p{}", &blake3_hex(&[&o.file, &o.section, &c.place.to_string(), &p.name])[..16]);
     let _ = write!(html, "<div class=\"views\">");
     let mut views = vec![
@@ -233,13 +233,13 @@ fn blake3_hex(parts: &[&str]) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-/// Small images are shown enlarged by a whole number, so that single pixels can be distinguished.
+/// Displayed width in pixels. Small images are enlarged by a whole number, so that single pixels can be distinguished.
 fn shown_width(png: &[u8]) -> u32 {
     let width = sides(png).map_or(256, |[width, _]| width);
     width * (480 / width.max(1)).clamp(1, 4)
 }
 
-/// Size of the image in a PNG.
+/// Width and height of a PNG.
 fn sides(png: &[u8]) -> Option<[u32; 2]> {
     let side = |at: usize| Some(u32::from_be_bytes(png.get(at..at + 4)?.try_into().ok()?));
     Some([side(16)?, side(20)?])

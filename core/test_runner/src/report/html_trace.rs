@@ -1,4 +1,4 @@
-//! Curves over time as SVG: what came, what was expected, and the band of what is allowed.
+//! Plots of curves over time as SVG: actual values, expected values, and the allowed range.
 
 use super::junit::escaped;
 use crate::outcome::Trace;
@@ -6,11 +6,11 @@ use std::fmt::Write;
 
 const WIDTH: f64 = 680.0;
 const HEIGHT: f64 = 180.0;
-/// Around the plot, for the numbers: left, top, right, bottom.
+/// Margins of the plot, for the numbers: left, top, right, bottom.
 const MARGIN: [f64; 4] = [64.0, 10.0, 12.0, 24.0];
-/// Limit of the points of a curve: at the plot's width more cannot be distinguished.
+/// Largest number of points in a curve: at the plot's width more cannot be distinguished.
 const MOST_POINTS: usize = 1300;
-/// Plots of one check at most.
+/// Largest number of plots for one check.
 const MOST_PLOTS: usize = 12;
 
 pub fn plots(traces: &[Trace]) -> String {
@@ -26,7 +26,7 @@ pub fn plots(traces: &[Trace]) -> String {
     html
 }
 
-/// Legend of the lines that are drawn.
+/// Legend of the lines that the plots contain.
 fn legend(drawn: &str) -> String {
     let keys = [
         ("got", "got"),
@@ -83,12 +83,12 @@ fn plot(trace: &Trace) -> String {
     svg
 }
 
-/// The lowest and highest value, with a share of their distance added on both sides.
+/// Range from the lowest to the highest value, extended by a fraction of its size on both sides.
 fn range(values: &[f64], pad: f64) -> (f64, f64) {
     let low = values.iter().copied().fold(f64::INFINITY, f64::min);
     let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let size = high - low;
-    // A flat line lies in the middle.
+    // A constant curve is drawn in the middle.
     let extra = if size > 0.0 { size * pad } else { (high.abs() * 0.01).max(1e-6) };
     (low - extra, high + extra)
 }
@@ -141,7 +141,7 @@ impl Axes {
             let point =
                 |i: usize, side: usize, by: f64| (self.x(trace.times[i]) + by, self.y(trace.band[i][side]));
             let points: Vec<(f64, f64)> = match run.as_slice() {
-                // One time: a bar wide enough to be seen.
+                // A single time: the bar is made wide enough to be visible.
                 [i] => {
                     [(1, -4.0), (1, 4.0), (0, 4.0), (0, -4.0)].map(|(side, by)| point(*i, side, by)).to_vec()
                 }
@@ -170,7 +170,7 @@ impl Axes {
     }
 }
 
-/// The points that are drawn: all of a short curve; of a long one the lowest and highest in each short range.
+/// Indices of the points that are drawn: all points of a short curve, or the lowest and highest in each short range of a long one.
 fn kept(trace: &Trace, count: usize) -> Vec<usize> {
     if count <= MOST_POINTS {
         return (0..count).collect();
@@ -190,7 +190,7 @@ fn kept(trace: &Trace, count: usize) -> Vec<usize> {
     keep
 }
 
-/// Neighbours that are all `there`.
+/// Groups of neighboring indices for which `there` is true.
 fn runs(keep: &[usize], there: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
     let groups = keep.chunk_by(|a, b| there(*a) == there(*b));
     groups.filter(|g| there(g[0])).map(<[usize]>::to_vec).collect()
@@ -204,7 +204,7 @@ fn line(points: &[(f64, f64)]) -> String {
     path
 }
 
-/// Round numbers within a range, about `most` of them.
+/// Round numbers within a range, about `most` of them, for the ticks of an axis.
 fn ticks(low: f64, high: f64, most: usize) -> Vec<f64> {
     let raw = (high - low) / most as f64;
     if !(raw.is_finite() && raw > 0.0) {
@@ -216,7 +216,7 @@ fn ticks(low: f64, high: f64, most: usize) -> Vec<f64> {
     (0..=2 * most as i64).map(|i| (first + i) as f64 * step).take_while(|v| *v <= high).collect()
 }
 
-/// The number with enough digits to distinguish two ticks.
+/// Formats a number with enough digits to distinguish two ticks.
 fn number(value: f64, range: f64) -> String {
     let digits = (2.0 - libm::floor(libm::log10(range.max(1e-12)))).clamp(0.0, 9.0) as usize;
     let text = format!("{value:.digits$}");

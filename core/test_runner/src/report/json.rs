@@ -1,4 +1,4 @@
-//! The report for other programs.
+//! The report as JSON, for other programs.
 
 use super::{accept, rerun};
 use crate::collect::{Case, shown};
@@ -6,7 +6,7 @@ use crate::outcome::{Evidence, Outcome, SourceLocation, Status};
 use crate::run::Report;
 use serde_json::{Value, json};
 
-/// Raised when a field changes its meaning; new fields may come at any time.
+/// Version of the format. It is raised when a field changes its meaning; new fields may be added at any time.
 pub(crate) const FORMAT: u32 = 1;
 
 pub fn report(report: &Report, options: &Value) -> Value {
@@ -46,7 +46,7 @@ fn outcome(o: &Outcome) -> Value {
             });
             match &c.evidence {
                 Evidence::None => {}
-                // Numbers that are none (NaN, infinite: no bound) become null.
+                // Numbers without a finite value (NaN, or infinite for an unbounded side) become null.
                 Evidence::Traces(traces) => value["traces"] = json!(traces),
                 Evidence::Pictures(p) => {
                     let written: Vec<String> = p.written.iter().map(|path| shown(path)).collect();
@@ -71,7 +71,7 @@ fn place(place: &SourceLocation) -> Value {
     json!({ "file": place.file, "line": place.line, "column": place.column })
 }
 
-/// `--list --json`.
+/// Output of `--list --json`.
 pub fn list(cases: &[Case]) -> Value {
     let one = |c: &Case| match &c.section {
         Ok(s) => json!({

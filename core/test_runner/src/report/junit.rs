@@ -91,8 +91,8 @@ fn failure(outcome: &Outcome, c: &Check) -> String {
     format!("<failure type=\"check\" message=\"{}\">{}</failure>", escaped(&message), escaped(&details))
 }
 
-/// Text for elements and attributes. What XML cannot hold at all becomes a question mark; line breaks in attributes would
-/// become blanks and are written as references.
+/// Escapes a text for elements and attributes. Characters that XML cannot represent become question marks; line breaks are written as
+/// character references, because they would become spaces in attributes.
 pub fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {

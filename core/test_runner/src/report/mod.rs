@@ -1,4 +1,4 @@
-//! The same outcomes for a person at a terminal, a build server (JUnit XML, JSON), and a person with a browser (HTML).
+//! Reports of the outcomes: text for a terminal, JUnit XML and JSON for build servers, HTML for a browser.
 
 pub mod html;
 mod html_trace;

@@ -1,4 +1,4 @@
-//! Text for a person: a failure states what was expected, what came, by how much, where to look and what to type.
+//! Text for a terminal: a failure states the expected value, the actual value, the error, where to look and what to type.
 
 use super::{accept, rerun};
 use crate::collect::{Case, shown};
@@ -8,7 +8,7 @@ use crate::run::Report;
 use choreo_script::{printable, printable_line};
 use std::fmt::Write;
 
-/// Failed checks of one section that are printed in full; the rest is counted.
+/// Largest number of failed checks of a section that are printed in full; the rest is counted.
 const MOST_CHECKS: usize = 10;
 
 /// The text about a failed section; empty for others.
@@ -55,7 +55,7 @@ fn one(text: &mut String, check: &Check) {
     if let Evidence::Traces(traces) = &check.evidence
         && let Some(first) = traces.first()
     {
-        // In a loop or a function, the script's line does not say whose. Curves of x, y and z end with the axis.
+        // The line of the script does not identify the subject in a loop or a function. The label of a component ends with its axis.
         let name = first.label.rsplit_once(' ').filter(|_| traces.len() > 1);
         row("of", name.map_or(first.label.as_str(), |(name, _)| name));
     }
@@ -76,7 +76,7 @@ fn indent(text: &mut String, what: &str) {
     }
 }
 
-/// The closing lines: skips with their reasons, then the counts in one line.
+/// Final lines: skipped sections with their reasons, then the totals in one line.
 pub fn summary(report: &Report) -> String {
     let mut text = String::new();
     let mut skips: Vec<(&str, usize)> = Vec::new();
@@ -116,7 +116,7 @@ pub fn summary(report: &Report) -> String {
     printable(&text)
 }
 
-/// One line for a file all of whose sections are done: `ok     tests/suite/walk.rhai  12`.
+/// Line about a file whose sections have all run: `ok     tests/suite/walk.rhai  12`.
 pub fn file_line(outcomes: &[Outcome]) -> String {
     let Some(first) = outcomes.first() else { return String::new() };
     let bad = outcomes.iter().filter(|o| o.bad()).count();
@@ -137,7 +137,7 @@ pub fn file_line(outcomes: &[Outcome]) -> String {
     printable(&line)
 }
 
-/// `--list`: every section with its place.
+/// Output of `--list`: every section with its place.
 pub fn list(cases: &[Case]) -> String {
     let mut text = String::new();
     for case in cases {

@@ -1,5 +1,5 @@
-//! Whether what was packed works where nothing else is: the archive in an empty folder, the Debian package in a root with no more than the
-//! libraries of the packages that it depends on.
+//! Checks that packed programs work without anything else: the archive in an empty folder, the Debian package in a root folder with only
+//! the libraries of the packages that it depends on.
 
 use super::{folder, output, works};
 use std::collections::BTreeSet;
@@ -11,7 +11,7 @@ const SCRIPT: &str = "share/choreo/examples/01_first_dance.rhai";
 
 const SIZE: (u32, u32) = (160, 90);
 
-/// Files below the prefix that a user looks for.
+/// Files below the prefix that users expect.
 const EXPECTED: [&str; 13] = [
     "share/man/man1/choreo.1",
     "share/man/man1/choreo-render.1",
@@ -45,7 +45,7 @@ pub fn archive(file: &Path, name: &str) -> Result<(), String> {
     remove(&root)
 }
 
-/// Installs the package with dpkg and runs its programs in a changed root.
+/// Installs the package with dpkg, and runs its programs under chroot.
 pub fn debian(file: &Path) -> Result<(), String> {
     let root = folder().join("check");
     for empty in ["var/lib/dpkg/info", "var/lib/dpkg/updates", "tmp"] {
@@ -53,13 +53,14 @@ pub fn debian(file: &Path) -> Result<(), String> {
     }
     std::fs::write(root.join("var/lib/dpkg/status"), "").map_err(|e| e.to_string())?;
     libraries(file, &root)?;
-    // The libraries are there without their packages. Rules of the host about files that it does not want are none of ours.
+    // The libraries are there without their packages, so dependencies are not enforced. The host's rules that exclude files from packages
+    // are overridden.
     let mut install = Command::new("dpkg");
     install.arg(format!("--root={}", root.display())).args(["--force-depends", "--force-not-root"]);
     output(install.args(["--path-include=/usr/share/*", "--install"]).arg(file))?;
     expected(&root.join("usr"))?;
     let program = |program: &str| {
-        // A user namespace is the way to another root folder where the user is not root.
+        // A user who is not root needs a user namespace to change the root folder.
         let mut command = match works("sh", &["-c", "test \"$(id -u)\" = 0"]) {
             true => Command::new("chroot"),
             false => {
@@ -81,9 +82,9 @@ fn remove(folder: &Path) -> Result<(), String> {
     std::fs::remove_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))
 }
 
-/// Copies the libraries of the packages that the package depends on, as they are installed here.
+/// Copies the libraries of the packages that the package depends on, from this system.
 fn libraries(package: &Path, root: &Path) -> Result<(), String> {
-    // /lib and /lib64 are links, as on Debian.
+    // /lib and /lib64 are links, as in Debian.
     for (link, to) in [("lib", "usr/lib"), ("lib64", "usr/lib64")] {
         std::fs::create_dir_all(root.join(to)).map_err(|e| format!("{to}: {e}"))?;
         #[cfg(unix)]
@@ -103,7 +104,7 @@ fn libraries(package: &Path, root: &Path) -> Result<(), String> {
         let files = output(Command::new("dpkg").args(["--listfiles", &name]))?;
         let is_library = |file: &&str| file.contains(".so") && Path::new(file).is_file();
         for file in files.lines().filter(is_library) {
-            // The file that a link leads to, under the name of the link.
+            // The file that a link points to is copied under the name of the link.
             let to = root.join(file.trim_start_matches('/'));
             super::tree::copy(Path::new(file), &to)?;
         }
@@ -111,7 +112,7 @@ fn libraries(package: &Path, root: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// Names of packages in a list of dependencies; of alternatives the first.
+/// Names of packages in a list of dependencies; of alternatives, the first one.
 fn names(depends: &str) -> Vec<String> {
     let names = depends.split(',').filter_map(|one| one.split_whitespace().next());
     names.map(str::to_string).collect()
@@ -126,7 +127,7 @@ fn expected(prefix: &Path) -> Result<(), String> {
     if missing.is_empty() { Ok(()) } else { Err(format!("not in the package: {}", missing.join(", "))) }
 }
 
-/// Both programs say their version, and one draws a frame of the first lesson.
+/// Checks that both programs print their version, and that one renders a frame of the first lesson.
 fn runs(program: &dyn Fn(&str) -> Command, frame: &str, script: &str) -> Result<(), String> {
     for name in ["choreo", "choreo-view"] {
         let version = output(program(name).arg("--version"))?;
@@ -139,7 +140,7 @@ fn runs(program: &dyn Fn(&str) -> Command, frame: &str, script: &str) -> Result<
     output(program("choreo").args(render)).map(drop)
 }
 
-/// The image has its size and more than one color.
+/// Checks that an image has the right size and more than one color.
 fn picture(file: &Path) -> Result<(), String> {
     let fault = |what: &dyn std::fmt::Display| format!("{}: {what}", file.display());
     let open = std::fs::File::open(file).map_err(|e| fault(&e))?;

@@ -1,14 +1,14 @@
-//! The texts of the licences of all crates that the programs are linked from, which go with the programs.
+//! Texts of the licenses of all crates that are linked into the programs; they are distributed with the programs.
 
 use super::tree::copy;
 use crate::notices::{PROGRAMS, Package, linked, packages};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Beginnings of the names of such files, in lower case.
+/// First parts of the names of license files, in lower case.
 const NAMES: [&str; 5] = ["license", "licence", "copying", "copyright", "notice"];
 
-/// Writes `CRATE-VERSION/LICENSE…` of each crate, and which crates hold no text.
+/// Writes `CRATE-VERSION/LICENSE…` for each crate, and a list of the crates without a text.
 pub fn write(to: &Path) -> Result<(), String> {
     let packages = packages()?;
     let mut without = String::new();
@@ -28,22 +28,22 @@ pub fn write(to: &Path) -> Result<(), String> {
         .map_err(|e| format!("{}: {e}", to.display()))
 }
 
-/// The crates of both programs, by cargo's identifier.
+/// Crates of both programs, by cargo's identifier.
 fn all(packages: &BTreeMap<String, Package>) -> BTreeMap<String, &Package> {
     let ids = PROGRAMS.iter().flat_map(|(program, _)| linked(packages, program));
     ids.filter_map(|id| Some((id.clone(), packages.get(&id)?))).collect()
 }
 
-/// Folders of a crate that hold texts, too: of C sources and fonts.
+/// Folders of a crate that may contain license texts, including those of C sources and fonts.
 const FOLDERS: [&str; 4] = ["", "LICENSES", "upstream", "fonts"];
 
-/// Paths in the folder of a crate.
+/// Paths of license texts in the folder of a crate.
 fn texts(folder: &Path) -> Vec<PathBuf> {
     let mut texts = Vec::new();
     for inner in FOLDERS {
         for entry in std::fs::read_dir(folder.join(inner)).into_iter().flatten().flatten() {
             let name = entry.file_name().to_string_lossy().to_lowercase();
-            // Each text beside a font is a licence.
+            // Every text beside a font is a license.
             let is_text = inner == "fonts" && name.ends_with(".txt")
                 || NAMES.iter().any(|start| name.starts_with(start));
             if is_text && entry.path().is_file() {

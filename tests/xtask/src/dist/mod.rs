@@ -1,5 +1,5 @@
-//! `cargo xtask dist`: one archive for this platform with the programs and all that belongs to them, and a Debian package of the same
-//! files where cargo-deb runs. With `--check` both are unpacked or installed where nothing else is, and run.
+//! `cargo xtask dist`: packs the programs and their files into an archive for this platform, and into a Debian package if cargo-deb runs.
+//! With `--check` both are unpacked or installed in an empty environment, and run.
 
 mod check;
 mod licence_texts;
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use tree::Built;
 
-/// The folder that everything is put into.
+/// Output folder.
 fn folder() -> PathBuf {
     root().join("target/dist")
 }
@@ -30,12 +30,12 @@ pub fn dist(args: &[&str]) -> Result<(), String> {
     };
     let platform = platform()?;
     let out = folder();
-    // Results of an earlier call must not be taken for those of this one.
+    // Results of an earlier call must not be mistaken for new ones.
     match std::fs::remove_dir_all(&out) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(format!("{}: {e}", out.display())),
         _ => {}
     }
-    // The name is that of core/cli/Cargo.toml, from which cargo-deb takes the files.
+    // The folder's name is repeated in core/cli/Cargo.toml, which lists the files for cargo-deb.
     let staged = out.join("tree");
     tree::write(&built, &staged)?;
     let package = debian(&out)?;
@@ -53,14 +53,14 @@ pub fn dist(args: &[&str]) -> Result<(), String> {
     Ok(())
 }
 
-/// "x86_64-unknown-linux-gnu".
+/// Target triple of the host, such as "x86_64-unknown-linux-gnu".
 fn platform() -> Result<String, String> {
     let output = output(Command::new("rustc").arg("-vV"))?;
     let host = output.lines().find_map(|line| line.strip_prefix("host: ")).map(str::to_string);
     host.ok_or_else(|| "rustc -vV names no host".into())
 }
 
-/// The standard output of a program that succeeds.
+/// Runs a program and returns its standard output; fails if the program fails.
 fn output(command: &mut Command) -> Result<String, String> {
     let name = command.get_program().display().to_string();
     let output = command.output().map_err(|e| format!("{name} did not start: {e}"))?;
@@ -70,7 +70,7 @@ fn output(command: &mut Command) -> Result<String, String> {
     }
 }
 
-/// Packs a folder: .tar.gz, and .zip on Windows, whose `tar` chooses by the ending.
+/// Packs a folder: as .tar.gz, or as .zip on Windows, whose `tar` chooses the format by the extension.
 fn archive(out: &Path, name: &str) -> Result<PathBuf, String> {
     let ending = if cfg!(windows) { "zip" } else { "tar.gz" };
     let file = out.join(format!("{name}.{ending}"));
@@ -80,7 +80,7 @@ fn archive(out: &Path, name: &str) -> Result<PathBuf, String> {
     Ok(file)
 }
 
-/// The Debian package of the staged files, by cargo-deb, which is installed below `target` where it is missing; `None` on systems
+/// Builds the Debian package of the staged files with cargo-deb, which is installed below `target` if it is missing; `None` on systems
 /// without dpkg.
 fn debian(out: &Path) -> Result<Option<PathBuf>, String> {
     if !works("dpkg-deb", &["--version"]) {

@@ -1,11 +1,11 @@
-//! The files of an archive and of a package, in their places: `bin` and `share`.
+//! The file tree of an archive or package: `bin` and `share`.
 
 use super::licence_texts;
 use crate::{book, cargo, root, run};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Programs that are built.
+/// Paths of built programs.
 pub struct Built {
     choreo: PathBuf,
     view: PathBuf,
@@ -14,7 +14,7 @@ pub struct Built {
 }
 
 impl Built {
-    /// All programs are built by one call: a second one, with other features of clap, would build the programs again.
+    /// All programs are built by one call: a second call, with other features of clap, would build them again.
     pub fn release() -> Result<Built, String> {
         let args = ["build", "--release", "--quiet", "-p", "choreo", "-p", "choreo-viewer"];
         let mut build = cargo(&args);
@@ -39,13 +39,13 @@ impl Built {
     }
 }
 
-/// Texts that belong to the programs.
+/// Text files that are distributed with the programs.
 const TEXTS: [&str; 4] = ["README.md", "CHANGELOG.md", "LICENSE", "THIRD-PARTY.md"];
 
 /// Sizes of the icon in pixels.
 const ICONS: [u32; 3] = [48, 128, 256];
 
-/// Writes everything below a folder that is not there yet.
+/// Writes the file tree below a folder that does not exist yet.
 pub fn write(built: &Built, to: &Path) -> Result<(), String> {
     let (bin, share) = (to.join("bin"), to.join("share"));
     for program in [&built.choreo, &built.view] {
@@ -81,7 +81,7 @@ fn desktop(built: &Built, share: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// The guide as a website, or as Markdown where mdBook can neither be found nor installed.
+/// Copies the guide, as a website, or as Markdown if mdBook can neither be found nor installed.
 fn guide(built: &Built, to: &Path) -> Result<(), String> {
     match book::website(Command::new(&built.guide)) {
         Ok(website) => everything(&website, to),
@@ -92,7 +92,7 @@ fn guide(built: &Built, to: &Path) -> Result<(), String> {
     }
 }
 
-/// Copies a folder with the folders in it.
+/// Copies a folder recursively.
 fn everything(from: &Path, to: &Path) -> Result<(), String> {
     let entries = std::fs::read_dir(from).map_err(|e| format!("{}: {e}", from.display()))?;
     entries.flatten().try_for_each(|entry| {
@@ -101,7 +101,7 @@ fn everything(from: &Path, to: &Path) -> Result<(), String> {
     })
 }
 
-/// Copies the files that git knows below a folder: nothing that a run or an editor has left there.
+/// Copies the files below a folder that are tracked by git, which excludes files left by a run or an editor.
 fn tracked(folder: &str, is_wanted: impl Fn(&str) -> bool, to: &Path) -> Result<(), String> {
     let mut list = Command::new("git");
     list.args(["ls-files", "-z", "--", "."]).current_dir(root().join(folder));

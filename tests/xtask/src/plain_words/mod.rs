@@ -1,5 +1,5 @@
-//! Plain words: documentation, help, messages, lessons and comments use the terms of the field (`words.txt`), and doc comments are
-//! sentences or noun phrases. `cargo xtask words` prints what is left; a test fails for each.
+//! Plain words: documentation, help, messages, lessons and comments must use the terms of the field (`words.txt`), and doc comments must be
+//! sentences or noun phrases. `cargo xtask words` prints violations, and a test fails if there are any.
 
 mod source;
 
@@ -7,13 +7,13 @@ use source::{Kind, Text, texts_of_rust};
 use std::path::Path;
 use std::process::Command;
 
-/// Words that no doc comment begins with: what follows them is a fragment or a riddle.
+/// Words that must not begin a doc comment, because a fragment or a riddle would follow.
 const OPENINGS: &[&str] = &[
     "Of", "In", "Into", "By", "For", "From", "With", "Without", "At", "On", "Onto", "To", "Over", "Under",
     "Among", "Between", "Through", "Beside", "Where", "What", "Those", "Who",
 ];
 
-/// A line of `words.txt`.
+/// A rule from a line of `words.txt`.
 struct Rule {
     word: String,
     replacement: String,
@@ -33,7 +33,7 @@ impl Rule {
         .collect()
     }
 
-    /// Where the word stands in a text of lower-case letters, as a byte offset.
+    /// Byte offset of the first match in a lower-case text.
     fn find(&self, text: &str) -> Option<usize> {
         let (word, any_ending) = match self.word.strip_suffix('*') {
             Some(stem) => (stem, true),
@@ -57,7 +57,7 @@ impl Rule {
     }
 }
 
-/// The problems of one text, as `file:line: message`.
+/// Violations in one text, as `file:line: message`.
 fn problems(path: &str, text: &Text, rules: &[Rule]) -> Vec<String> {
     let lower = without_code(&text.words).to_lowercase();
     let banned = rules.iter().filter_map(|rule| {
@@ -66,7 +66,7 @@ fn problems(path: &str, text: &Text, rules: &[Rule]) -> Vec<String> {
     });
     let mut words = text.words.split_whitespace();
     let (first, second) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
-    // "At least one", "At most N" are subjects.
+    // "At least one" and "At most N" are subjects, and allowed.
     let is_quantity = first == "At" && ["least", "most"].contains(&second);
     let fragment = text.kind == Kind::Doc && OPENINGS.contains(&first) && !is_quantity;
     let fragment = fragment.then(|| {
@@ -78,7 +78,7 @@ fn problems(path: &str, text: &Text, rules: &[Rule]) -> Vec<String> {
     banned.chain(fragment).collect()
 }
 
-/// The text with spaces in place of what stands between backticks, of link targets and of names with `_` or `::`.
+/// Replaces code between backticks, link targets, and names with `_` or `::` by spaces.
 fn without_code(text: &str) -> String {
     let text: String = text.split_inclusive([' ', '\n']).map(blank_names).collect();
     let mut plain = String::with_capacity(text.len());
@@ -90,14 +90,14 @@ fn without_code(text: &str) -> String {
             ')' => target = false,
             _ => {}
         }
-        // A blank line ends a paragraph, and what was left open in it.
+        // A blank line ends a paragraph, and closes open code in it.
         code &= !text[..at].ends_with("\n\n");
         plain.push(if (code || target) && c != '\n' { ' ' } else { c });
     }
     plain
 }
 
-/// Spaces in place of a name of code or of a file, with its backticks.
+/// Replaces a name of code or of a file by spaces, including its backticks.
 fn blank_names(word: &str) -> String {
     let file = word
         .trim_end()
@@ -110,7 +110,7 @@ fn blank_names(word: &str) -> String {
     }
 }
 
-/// The texts of a file that people read.
+/// Texts of a file that people read.
 fn texts(path: &str, content: &str) -> Vec<Text> {
     let end = path.rsplit('.').next().unwrap_or_default();
     match end {
@@ -121,7 +121,7 @@ fn texts(path: &str, content: &str) -> Vec<Text> {
     }
 }
 
-/// Files of the repository whose texts are checked: no tests, and not this one's own list.
+/// Whether the texts of a file are checked: tests and this list itself are not.
 fn is_checked(path: &str) -> bool {
     let in_tests = path.starts_with("tests/") && !path.ends_with(".md")
         || path.contains("/tests/")
@@ -131,7 +131,7 @@ fn is_checked(path: &str) -> bool {
     code || scripts || path.ends_with(".md")
 }
 
-/// The paths of the files whose texts are checked.
+/// Paths of the files that are checked.
 fn listed(root: &Path) -> Result<Vec<String>, String> {
     let listed = Command::new("git").args(["ls-files"]).current_dir(root).output();
     let listed = listed.map_err(|e| format!("git ls-files: {e}"))?;
@@ -139,19 +139,19 @@ fn listed(root: &Path) -> Result<Vec<String>, String> {
     Ok(listed.lines().filter(|path| is_checked(path)).map(str::to_string).collect())
 }
 
-/// All problems of the repository's files.
+/// Violations in all files of the repository.
 pub fn all_problems(root: &Path) -> Result<Vec<String>, String> {
     let rules = Rule::all();
     let mut found = Vec::new();
     for path in listed(root)? {
-        // A file that is listed and deleted is on its way out.
+        // The file may be deleted, but still be listed by git.
         let Ok(content) = std::fs::read_to_string(root.join(&path)) else { continue };
         found.extend(texts(&path, &content).iter().flat_map(|text| problems(&path, text, &rules)));
     }
     Ok(found)
 }
 
-/// `cargo xtask words`.
+/// Runs `cargo xtask words`.
 pub fn words() -> Result<(), String> {
     let found = all_problems(&crate::root())?;
     found.iter().for_each(|problem| println!("{problem}"));
@@ -176,7 +176,7 @@ mod tests {
         assert!(problems.is_empty(), "{} problems:\n{}", problems.len(), problems.join("\n"));
     }
 
-    /// Paths in a text that begin with a folder of the project and do not exist; those with a capital NAME stand for many.
+    /// Paths in a text that begin with a folder of the project and do not exist. Paths with NAME in capitals are patterns, and ignored.
     fn missing_paths(text: &str) -> Vec<&str> {
         let is_path = |word: &&str| {
             let known =
@@ -198,7 +198,7 @@ mod tests {
         assert_eq!(missing_paths("`core/gone.rs` and `core/cli`"), ["core/gone.rs"]);
     }
 
-    /// Files of `core` and `shaders` that a text names and that do not exist; those with a capital NAME stand for many.
+    /// Files of `core` and `shaders` that a text names and that do not exist. Paths with NAME in capitals are patterns, and ignored.
     fn missing_files(text: &str) -> Vec<&str> {
         let is_part = |c: char| c.is_alphanumeric() || "_-./".contains(c);
         let is_file = |word: &&str| {

@@ -1,17 +1,17 @@
-//! The texts in a source file that people read.
+//! Extraction of the texts in a source file that people read.
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A doc comment, `///` or `//!`.
     Doc,
     Comment,
-    /// A string literal with a space in it: a message or help.
+    /// String literal that contains a space: a message or help text.
     Message,
     /// A paragraph of Markdown.
     Prose,
 }
 
-/// One text with the line that it begins on.
+/// A text, with the line on which it begins.
 #[derive(Debug)]
 pub struct Text {
     pub kind: Kind,
@@ -19,7 +19,7 @@ pub struct Text {
     pub words: String,
 }
 
-/// Doc comments, comments and messages of Rust, without those of test modules.
+/// Doc comments, comments and messages of Rust code, except in test modules.
 pub fn texts_of_rust(source: &str) -> Vec<Text> {
     let end = source.find("#[cfg(test)]\nmod ").unwrap_or(source.len());
     let source = &source[..end];
@@ -38,7 +38,7 @@ pub fn texts_of_rust(source: &str) -> Vec<Text> {
     texts
 }
 
-/// The kind and the length of the comment or literal that begins at a place; other characters are skipped.
+/// Kind and length of the comment or literal that begins at a byte; other characters are skipped.
 fn token(source: &str, from: usize) -> (Option<Kind>, usize) {
     let text = &source[from..];
     let line = || text.find('\n').unwrap_or(text.len());
@@ -60,7 +60,7 @@ fn token(source: &str, from: usize) -> (Option<Kind>, usize) {
     } else if text.starts_with('"') {
         (Some(Kind::Message), quoted(text))
     } else if let Some(inner) = text.strip_prefix('\'') {
-        // A character; a lifetime has no second quote near.
+        // A character literal; a lifetime has no closing quote nearby.
         if inner.starts_with('\\') {
             return (None, text[3..].find('\'').map_or(1, |end| end + 4));
         }
@@ -71,7 +71,7 @@ fn token(source: &str, from: usize) -> (Option<Kind>, usize) {
     }
 }
 
-/// The length of a string literal with its quotes.
+/// Length of a string literal, including its quotes.
 fn quoted(text: &str) -> usize {
     let mut escaped = false;
     let end = text[1..].find(|c| {
@@ -82,14 +82,14 @@ fn quoted(text: &str) -> usize {
     end.map_or(text.len(), |end| end + 2)
 }
 
-/// Adds a text; lines of one comment are one text.
+/// Adds a text; consecutive lines of a comment form one text.
 fn add(texts: &mut Vec<Text>, kind: Kind, line: usize, token: &str) {
     let words = match kind {
         Kind::Doc => &token[3..],
         Kind::Comment => &token[2..],
         _ => token,
     };
-    // A literal without a space is a name or a key.
+    // A literal without a space is a name or key.
     if kind == Kind::Message && !words.contains(' ') {
         return;
     }
@@ -106,7 +106,7 @@ fn add(texts: &mut Vec<Text>, kind: Kind, line: usize, token: &str) {
     }
 }
 
-/// Paragraphs of Markdown without blocks of code.
+/// Paragraphs of Markdown, without code blocks.
 pub fn texts_of_markdown(source: &str) -> Vec<Text> {
     let mut texts: Vec<Text> = Vec::new();
     let (mut code, mut begins) = (false, true);

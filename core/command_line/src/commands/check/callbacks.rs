@@ -1,4 +1,4 @@
-//! `on_frame` callbacks, tried at every frame.
+//! Test runs of `on_frame` callbacks at every frame.
 
 use crate::failure::Problem;
 use choreo_script::{Diagnostic, Limits, raise_hint};
@@ -6,16 +6,16 @@ use choreo_stage::{FrameEdits, Stage, StageError};
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Videos longer than this are checked at as many frames, spread evenly.
+/// Largest number of frames that are checked; in longer videos they are spread evenly.
 const MOST_FRAMES: i64 = 20_000;
-/// Different problems named before the rest is only counted.
+/// Largest number of different problems that are reported.
 const MOST_PROBLEMS: usize = 20;
 
-/// The failure in one frame, if any; `None` where the time limit was reached.
+/// Result of one frame: its failure with the time in seconds, if any. The outer `None` means that the frame was not tried.
 type Looked = Option<Option<(Problem, f64)>>;
 
-/// Each different failure once, with the first time and how often. Callbacks see nothing of the stage, so that they can be
-/// run without posing it. No further frame is tried once `goes_on` says no.
+/// Runs the callbacks, and gives each different failure once, with its first time and the number of frames. Callbacks cannot read the
+/// stage, so they run without posing it. No further frame is tried once `goes_on` returns false.
 pub fn failures(stage: &Stage, limits: &Limits, goes_on: &(dyn Fn() -> bool + Sync)) -> Vec<Problem> {
     if stage.hooks.is_empty() {
         return Vec::new();
@@ -24,13 +24,13 @@ pub fn failures(stage: &Stage, limits: &Limits, goes_on: &(dyn Fn() -> bool + Sy
     let frames = rate.frames_in(stage.settings.length).max(1);
     let step = (frames + MOST_FRAMES - 1) / MOST_FRAMES;
     let wanted: Vec<i64> = (0..frames).step_by(step.max(1) as usize).collect();
-    // The results are in the order of the frames, whatever thread ran them.
+    // The results are in the order of the frames, regardless of the threads.
     let started = Instant::now();
     let late = || started.elapsed().as_secs_f64() > limits.check_seconds || !goes_on();
     let results: Vec<Looked> =
         wanted.par_iter().map(|f| if late() { None } else { Some(failure(stage, *f)) }).collect();
     let done = results.iter().flatten().count();
-    // Equal but for the time: (problem, first time, how many).
+    // Problems that are equal except for the time: (problem, first time, number of frames).
     let mut failed: Vec<(Problem, f64, u64)> = Vec::new();
     for (problem, secs) in results.into_iter().flatten().flatten() {
         match failed.iter().position(|(p, ..)| *p == problem) {
@@ -71,7 +71,7 @@ fn failure(stage: &Stage, frame: i64) -> Option<(Problem, f64)> {
     })
 }
 
-/// The problem with file, line and column, where the script's own error is known.
+/// Turns an error into a problem, with file, line and column if it is an error of a script.
 fn callback(error: &(dyn std::error::Error + Send + Sync + 'static)) -> Problem {
     match (error as &(dyn std::error::Error + 'static)).downcast_ref::<Diagnostic>() {
         Some(diagnostic) => Problem::Script(diagnostic.clone()),

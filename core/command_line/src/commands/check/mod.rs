@@ -1,5 +1,5 @@
-//! `choreo check`: everything that can be found without drawing: the script, its assets, its callbacks at every frame, and
-//! what of the stage never shows.
+//! `choreo check`: everything that can be checked without drawing: the script, its assets, its callbacks at every frame, and elements of
+//! the stage that are never visible.
 
 mod callbacks;
 mod sheet;
@@ -82,7 +82,7 @@ pub fn run(args: CheckArgs, no_project_file: bool, plugins: &Registry) -> Result
     print(&format!("{}: good, {frames}, {warned}{noted}\n", args.scene.input.display()))
 }
 
-/// The folder in which the tests of a file may read, as `choreo test` has it.
+/// Folder in which the tests of a file may read, by the rules of `choreo test`.
 fn root(input: &Path, no_project_file: bool) -> Option<PathBuf> {
     let project = project_file::root_of(input).filter(|_| !no_project_file);
     let here = || std::env::current_dir().ok().filter(|here| collect::holds(here, input));
@@ -102,7 +102,7 @@ fn of_sections(
     found.errors.into_iter().map(Problem::Script).collect()
 }
 
-/// Errors of the stage, and findings about it that are probably not intended. What is found is not complete once `goes_on` says no.
+/// Errors of the stage, and findings that are probably not intended. The findings are incomplete once `goes_on` returns false.
 pub fn look(
     stage: &Arc<Stage>,
     registry: &Registry,
@@ -115,7 +115,7 @@ pub fn look(
     problems.extend(callbacks::failures(stage, limits, goes_on));
     let mut on_stage = Vec::new();
     if !problems.is_empty() {
-        // A survey of a stage with errors would mislead, and costs the time of its callbacks.
+        // Findings about a stage with errors would mislead, and would take the time of its callbacks.
         return (problems, on_stage);
     }
     match stage.survey_while(goes_on) {
@@ -194,9 +194,9 @@ fn unknown_effects(stage: &Stage, registry: &Registry) -> Vec<Problem> {
         .collect()
 }
 
-/// The finding that more lights shine than can be drawn, at the first of 32 sampled times, of which the first is 0.
+/// Finding that more lights are on than can be drawn, at the first of 32 times from 0 on at which that happens.
 fn too_many_lights(stage: &Stage) -> Option<Finding> {
-    /// Times at which lights are counted; that takes a few milliseconds.
+    /// Number of times at which lights are counted; takes a few milliseconds.
     const TIMES: i64 = 32;
     if stage.lights.len() <= MAX_LIGHTS {
         return None;
@@ -215,7 +215,7 @@ fn too_many_lights(stage: &Stage) -> Option<Finding> {
     })
 }
 
-/// The overlay that an effect cannot draw at the beginning or in the middle of its time, if any.
+/// Overlay that an effect leaves out at the beginning or in the middle of its duration, if any.
 fn left_out(effect: &Effect, used: &EffectUse, stage: &Stage) -> Option<String> {
     let Effect::Overlay(drawing) = effect else { return None };
     let end = used.end.unwrap_or(stage.settings.length).max(used.start);
@@ -228,7 +228,7 @@ fn left_out(effect: &Effect, used: &EffectUse, stage: &Stage) -> Option<String> 
     })
 }
 
-/// Whether nothing is left of a surface that lies in no shadow, whatever its color and side, near and far.
+/// Whether the effect makes every surface fully transparent: tried without shadow, at several distances, colors and viewing angles.
 fn hides_surfaces(effect: &Effect, used: &EffectUse) -> bool {
     let Effect::Surface(function) = effect else { return false };
     let parameters = choreo_render::effect_parameters(effect, &used.parameters);
@@ -245,11 +245,11 @@ fn hides_surfaces(effect: &Effect, used: &EffectUse) -> bool {
     })
 }
 
-/// Its function, tried on some colors all over the image.
+/// Whether a pixel effect returns its input, tried with some colors at points all over the image.
 fn changes_nothing(effect: &Effect, used: &EffectUse) -> bool {
     let Effect::Pixel(function) = effect else { return false };
     if effect.reads_frame() {
-        // Its effect depends on the time.
+        // The result depends on the time.
         return false;
     }
     let parameters = choreo_render::effect_parameters(effect, &used.parameters);

@@ -1,10 +1,10 @@
-//! The stage as a cue sheet: cues of all actors over time, active cameras, and places where something was found.
+//! Cue sheet of a stage: cues of all actors over time, active cameras, and marks where something was found.
 
 use choreo_bench::plots::{Bar, Mark, Timeline, Track};
 use choreo_motion::Time;
 use choreo_stage::{Cue, Layer, Stage, Subject};
 
-/// Actors drawn; of a crowd the rest would make an image of metres.
+/// Largest number of actors in the chart: a crowd would make it too tall.
 const MOST_ACTORS: usize = 60;
 const COLORS: [&str; 8] =
     ["#2b6cb0", "#2f855a", "#b7791f", "#6b46c1", "#b83280", "#2c7a7b", "#c05621", "#4a5568"];
@@ -73,7 +73,7 @@ fn cameras(stage: &Stage) -> Vec<Bar> {
     starts.zip(ends).map(bar).collect()
 }
 
-/// Each clip in a color of its own, the same on every track.
+/// Bars of the cues of a layer. Each clip has its own color, the same on every track.
 fn cues<'a>(layer: &'a Layer, length: Time, clips: &mut Vec<&'a str>) -> Vec<Bar> {
     let bar = |(index, cue): (usize, &'a Cue)| {
         let next = layer.cues.get(index + 1).map(|n| n.start);

@@ -1,4 +1,4 @@
-//! The messages of `check` about a scene that another program holds already.
+//! Messages of `check` about a scene that another program has already opened, such as the viewer.
 
 use super::{look, of_sections, root};
 use choreo_plugin::Registry;
@@ -13,15 +13,15 @@ pub struct SceneToSurvey<'s> {
     pub input: &'s Path,
     pub stage: &'s Arc<Stage>,
     pub registry: &'s Registry,
-    /// The same with all plugin files, of which the sections of tests may use more.
+    /// The registry with all plugin files: test sections may use more of them than the scene.
     pub all_plugins: &'s Registry,
     pub places: &'s Places,
-    /// The options with which it ran.
+    /// The options with which the script ran.
     pub options: ScriptOptions,
 }
 
-/// The messages of `choreo check --notes` beyond those of the script's run and its assets, in its order: findings by their places, then
-/// errors. `None` where `goes_on` has said no.
+/// Messages of `choreo check --notes` that go beyond those of the script's run and its assets: first findings in the order of their places,
+/// then errors. `None` if `goes_on` returned false.
 pub fn survey(scene: SceneToSurvey<'_>, goes_on: &(dyn Fn() -> bool + Sync)) -> Option<Vec<Diagnostic>> {
     let SceneToSurvey { input, stage, registry, all_plugins, places, options } = scene;
     let (mut problems, on_stage) = look(stage, registry, places, &options.limits, goes_on);

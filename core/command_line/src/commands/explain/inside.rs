@@ -1,4 +1,4 @@
-//! The content of a frame: its parts, what requested them, and where in the script that was created.
+//! Content of a frame: its parts, what requested each part, and the line of the script that created the requester.
 
 use choreo_bench::plots::{Cell, Table, bytes};
 use choreo_render::SceneResources;
@@ -7,7 +7,7 @@ use choreo_script::Places;
 use choreo_stage::{Stage, Subject};
 use serde_json::{Value, json};
 
-/// Names given before the rest is only counted.
+/// Largest number of names per part; further ones are only counted.
 const MOST_NAMES: usize = 3;
 
 pub struct Inside<'a> {
@@ -46,7 +46,7 @@ impl Inside<'_> {
         self.parts.iter().map(part).collect()
     }
 
-    /// Bytes by part, for the image.
+    /// Bytes of each part, for the chart.
     pub fn amounts(&self) -> Vec<(String, u64)> {
         let named = |p: &Cost| Some((format!("{} {}", p.kind.word(), p.what), p.bytes?));
         self.parts.iter().filter_map(named).collect()
@@ -82,7 +82,7 @@ impl Inside<'_> {
             words.push(names.join(", ") + more(by.actors.len() - names.len()).as_str());
         }
         if !by.materials.is_empty() {
-            // Files may give several the same name.
+            // Several materials of a file may have the same name.
             let mut names: Vec<String> =
                 by.materials.iter().map(|m| format!("\"{}\"", self.material(*m))).collect();
             names.sort();
@@ -95,7 +95,7 @@ impl Inside<'_> {
         words.join("; ")
     }
 
-    /// ` (line 7)`, with the file where it is a module.
+    /// Place in the script as ` (line 7)`, with the file if it is a module.
     fn place(&self, subject: Subject) -> String {
         let place = self.places.of(subject);
         match place.line {

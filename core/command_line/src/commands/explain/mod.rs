@@ -92,7 +92,7 @@ pub fn run(args: ExplainArgs, plugins: &Registry) -> Result<(), Failure> {
     ))
 }
 
-/// The parts of the script's files that were not even read.
+/// Parts of the script's files that were not even read.
 fn unread(places: &Places) -> impl Iterator<Item = LeftOut> {
     places.clips_only.iter().map(|(file, place)| {
         let what = format!("meshes and images of {file}");
@@ -118,7 +118,7 @@ fn facts(stage: &Stage, resources: &SceneResources, plan: &Plan, at: f64) -> Val
     let texture_bytes: usize = resources
         .textures
         .iter()
-        // A chain of mipmaps is a third more.
+        // A mipmap chain adds a third.
         .filter(|t| t.streamed.is_none())
         .map(|t| (t, 4 * t.image.width as usize * t.image.height as usize))
         .map(|(t, bytes)| if t.mipmaps { bytes / 3 * 4 } else { bytes })
@@ -154,7 +154,7 @@ fn facts(stage: &Stage, resources: &SceneResources, plan: &Plan, at: f64) -> Val
     })
 }
 
-/// "1 actor", "2 actors".
+/// Formats a number with its noun: "1 actor", "2 actors".
 fn many(number: &Value, one: &str) -> String {
     let plural = match (number.as_u64() == Some(1), one) {
         (true, _) => one.to_string(),

@@ -1,4 +1,4 @@
-//! Counts of frames that are drawn and that show the frame before again, in the words of `choreo render`.
+//! Numbers of frames that are drawn, and of frames that reuse the previous one, in the terms of `choreo render`.
 
 use crate::failure::Failure;
 use choreo_motion::Time;
@@ -8,19 +8,19 @@ use choreo_stage::Settings;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
-/// A scene with more frames than can be planned in this time is looked at from its start.
+/// Time limit for planning. Only the first frames of a scene are counted if it has more than can be planned in this time.
 const LONGEST: Duration = Duration::from_secs(2);
 
 /// The part of the previous frame that is reused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Reuse {
     Nothing,
-    /// All but the 2D layers over it.
+    /// The scene is reused, with other 2D layers in front of it.
     Scene,
     Frame,
 }
 
-/// Keys of a frame's scene and of the 2D layers over it.
+/// Keys of a frame's scene and of the 2D layers in front of it.
 type Keys = (Key, Option<Key>);
 
 impl Reuse {
@@ -41,7 +41,7 @@ impl Reuse {
     }
 }
 
-/// Frames from the first one on, in the words of `choreo render --json`.
+/// Numbers of frames, counted from the first one on, in the terms of `choreo render --json`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrameCounts {
     /// Number of frames of the scene.
@@ -73,7 +73,7 @@ impl FrameCounts {
 /// Plans frames and compares them.
 pub struct Reuses<P, K> {
     pub plan: P,
-    /// Hash of a plan without the 2D layers over it.
+    /// Hash of a plan without the 2D layers in front of the scene.
     pub scene_key: K,
 }
 
@@ -82,7 +82,7 @@ impl<P: FnMut(Time) -> Result<Plan, Failure>, K: Fn(&Plan) -> Key> Reuses<P, K> 
         ((self.scene_key)(plan), plan.layers_in_front.as_ref().map(|layers| layers.hash))
     }
 
-    /// Compares one frame, whose plan is given, with the one before.
+    /// Compares a frame, whose plan is given, with the previous frame.
     pub fn at(&mut self, plan: &Plan, at: Time, settings: &Settings) -> Result<Reuse, Failure> {
         let before = at - settings.fps.time_of(1);
         if before < Time::ZERO {

@@ -1,18 +1,18 @@
-//! The frames of a film in chunks of about the same cost.
+//! Division of a film into chunks of frames of about equal cost.
 
 /// First and last frame of a chunk.
 pub(crate) type Chunk = (u64, u64);
 
-/// The time that a machine takes for the frames of a film.
+/// Time that a machine needs for the frames of a film.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Cost {
-    /// Seconds until the first frame: opening the scene, starting the renderer, and what a frame takes that follows none.
+    /// Seconds until the first frame: opening the scene, starting the renderer, and the extra cost of a frame without a previous one.
     pub start: f64,
-    /// Seconds of some frames by their number, rising. Between them the cost is interpolated.
+    /// Seconds of some frames, as (frame number, seconds), sorted by number. The cost of other frames is interpolated.
     pub frames: Vec<(u64, f64)>,
 }
 
-/// The share of its time that a machine may take to start.
+/// Largest share of its time that a machine may spend on starting.
 const MOST_START: f64 = 0.05;
 
 impl Cost {
@@ -25,19 +25,20 @@ impl Cost {
         }
     }
 
-    /// Seconds of all frames, one after the other.
+    /// Seconds of all frames, drawn one after another.
     pub fn total(&self, frames: u64) -> f64 {
         (0..frames).map(|frame| self.of(frame)).sum()
     }
 }
 
-/// Chunks of one length, the last one of what is left.
+/// Chunks of one length; the last one may be shorter.
 pub(crate) fn in_chunks_of(frames: u64, length: u64) -> Vec<Chunk> {
     let length = length.max(1);
     (0..frames.div_ceil(length)).map(|i| (i * length, ((i + 1) * length).min(frames) - 1)).collect()
 }
 
-/// A length near this one of whole pieces, which are copied when the film is joined; the length itself where it is far below one.
+/// The multiple of `piece` that is nearest to `length`, so that the film's pieces can be copied when it is joined. If that is 0, `length`
+/// itself.
 pub(crate) fn aligned(length: u64, piece: u64) -> u64 {
     match (length + piece / 2) / piece {
         0 => length,
@@ -45,8 +46,8 @@ pub(crate) fn aligned(length: u64, piece: u64) -> u64 {
     }
 }
 
-/// As many chunks as there can be, at most `most`, of which each takes about as long and no more than 5 % of it to start. They end where
-/// pieces do unless they are far shorter.
+/// The largest number of chunks, at most `most`, that have about equal cost and of which each spends no more than 5 % on starting. Chunks
+/// end at ends of pieces, unless they are much shorter than a piece.
 pub(crate) fn of_equal_cost(frames: u64, piece: u64, cost: &Cost, most: u64) -> Vec<Chunk> {
     let total = cost.total(frames);
     let shortest = cost.start * (1.0 - MOST_START) / MOST_START;
@@ -61,7 +62,7 @@ pub(crate) fn of_equal_cost(frames: u64, piece: u64, cost: &Cost, most: u64) -> 
     let mut chunks = Vec::new();
     let mut first = 0;
     for chunk in 1..=count {
-        // A sum that rounding has made a little smaller counts.
+        // The tolerance accepts sums that rounding has made slightly smaller.
         let share = total * (chunk as f64 / count as f64 - 1e-9);
         let behind = spent.partition_point(|sum| *sum < share) as u64 + 1;
         let behind = if chunk == count { frames } else { (behind + align / 2) / align * align };
@@ -87,7 +88,7 @@ mod tests {
         assert_eq!(next, frames, "{chunks:?}");
     }
 
-    /// Costs against sums that are made here.
+    /// Compares costs with sums that the test computes itself.
     #[test]
     fn chunks_have_equal_costs_and_start_within_a_twentieth() {
         let rising = Cost { start: 0.5, frames: vec![(0, 0.1), (999, 2.1)] };

@@ -1,34 +1,34 @@
-//! The description of a job in its folder, `job.json`: its films with their chunks. `choreo farm --status` reads it.
+//! Description of a job in its folder, `job.json`: the films with their chunks. `choreo farm --status` reads it.
 
 use super::chunks::Chunk;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::{Component, Path};
 
-/// Names in the job's folder.
+/// Names of files and folders in the job's folder.
 pub(crate) const SCENE: &str = "film.choreo";
 pub(crate) const SEGMENTS: &str = "segments";
 pub(crate) const OUTPUT: &str = "output";
 pub(crate) const JOB: &str = "job.json";
 pub(crate) const ROWS: &str = "rows.json";
 
-/// A job, for any engine.
+/// A render job, independent of the engine.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 pub(crate) struct FarmJob {
-    /// The films, in the order in which machines begin them.
+    /// Films, in the order in which machines begin them.
     pub films: Vec<Film>,
-    /// The pattern of names of a batch, whose films have a row each.
+    /// Pattern of output names of a batch, in which each film has a row of parameters.
     pub pattern: Option<String>,
 }
 
 /// A film of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Film {
-    /// The film's path below [`OUTPUT`], with slashes.
+    /// Path of the film below [`OUTPUT`], with slashes.
     pub output: String,
-    /// The folder of its segments below [`SEGMENTS`]; empty for that folder itself.
+    /// Folder of the film's segments below [`SEGMENTS`]; empty if it is [`SEGMENTS`] itself.
     pub segments: String,
-    /// The row of a batch that it is made of.
+    /// Row of the batch that gives the film its parameters.
     pub row: Option<usize>,
     /// Options of `choreo render` on each machine.
     pub options: Vec<String>,
@@ -38,7 +38,7 @@ pub(crate) struct Film {
 }
 
 impl Film {
-    /// The folder of its segments in the job's folder.
+    /// Folder of the film's segments, in the job's folder.
     pub fn folder(&self) -> String {
         match self.segments.as_str() {
             "" => SEGMENTS.to_string(),
@@ -52,7 +52,7 @@ impl FarmJob {
         json!({ "job": 1, "films": self.films, "pattern": self.pattern })
     }
 
-    /// `None` where a field is missing, or where a path leads out of the folder.
+    /// Parses a job; `None` if a field is missing, or if a path leads out of the folder.
     pub fn read(value: &Value) -> Option<FarmJob> {
         (value["job"] == 1).then_some(())?;
         let job = FarmJob::deserialize(value).ok()?;

@@ -1,4 +1,4 @@
-//! The cost of a film's frames, measured by drawing some of them.
+//! Cost of a film's frames, measured by drawing some of them.
 
 use super::chunks::Cost;
 use crate::args::RenderArgs;
@@ -13,12 +13,12 @@ use choreo_stage::Evaluator;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Places in the film where frames are drawn, and seconds after which no more are.
+/// Number of places in the film where frames are drawn, and seconds after which no further place is begun.
 const PLACES: u64 = 8;
 const MOST_SECONDS: f64 = 30.0;
 
-/// Draws two frames that follow each other at some places. The first of them bears what a frame costs that follows none: the pre-roll of
-/// springs, spans of foot locks. `opening`: when the scene began to be opened.
+/// Draws two consecutive frames at several places. The difference between them is the extra cost of a frame without a previous one:
+/// pre-roll of springs, spans of foot locks. `opening`: when opening the scene began.
 pub(crate) fn cost(args: &RenderArgs, job: &Job, opening: Instant) -> Result<Cost, Failure> {
     let effects = job.scene.registry.effects();
     let mut renderer = device::start(args.device, effects).wait()?.renderer;
@@ -36,7 +36,7 @@ pub(crate) fn cost(args: &RenderArgs, job: &Job, opening: Instant) -> Result<Cos
     let (mut frames, mut alone) = (Vec::new(), Vec::new());
     for place in 0..PLACES.min(total) {
         let first = (place * total / PLACES.min(total)) as usize;
-        // A machine of the farm has drawn nothing before.
+        // A new evaluator for each place: a machine of the farm has no previous frame either.
         let mut evaluator = Evaluator::new(job.scene.stage.clone()).for_images(aspect);
         let (mut seconds, mut before) = (Vec::new(), None);
         for (number, time) in job.frames.iter().skip(first).take(2) {
@@ -45,7 +45,7 @@ pub(crate) fn cost(args: &RenderArgs, job: &Job, opening: Instant) -> Result<Cos
             let (_, plan) = planned.map_err(|e| Failure::input(e.to_string()))?;
             let layers = plan.layers_in_front.as_ref().map(|layers| layers.hash);
             let key = (scene_key(&plan, &resources, effects), layers);
-            // A frame that is equal to the one before is not drawn by a render, either.
+            // A frame equal to the previous one is not drawn by a render either.
             if before != Some(key) {
                 renderer.submit(plan).map_err(render_failure)?;
                 spare = Some(renderer.collect(spare.take()).map_err(render_failure)?);

@@ -1,4 +1,4 @@
-//! `choreo farm`: the job that renders a film, or one for each row of a table, on many machines, for an engine that is there: the packed
+//! `choreo farm`: a job that renders a film, or one film for each row of a table, on many machines, for an existing engine: the packed
 //! scene, a step that renders segments, and a step that joins them.
 
 mod chunks;
@@ -33,7 +33,7 @@ use std::num::NonZeroU64;
 use std::path::{Component, Path, PathBuf};
 use std::time::Instant;
 
-/// A new job, as the command line describes it.
+/// A job to be written, as the command line describes it.
 struct Order<'a> {
     args: &'a FarmArgs,
     output: &'a str,
@@ -53,18 +53,18 @@ impl<'a> Order<'a> {
         Ok(Order { args, output, engine, to, rows })
     }
 
-    /// The arguments of the pack command for the job's scene.
+    /// Arguments of the pack command for the job's scene.
     fn pack(&self) -> PackArgs {
         PackArgs { scene: self.args.scene.clone(), output: self.to.join(SCENE), quiet: true, json: false }
     }
 }
 
-/// How far the job in a folder is.
+/// Prints the progress of the job in a folder.
 pub fn status(folder: &Path, args: &FarmArgs) -> Result<(), Failure> {
     status::run(folder, args.sheet.as_deref(), args.json)
 }
 
-/// `options`: the text of the project's choreo.toml.
+/// Writes a job. `options`: text of the project's `choreo.toml`.
 pub fn run(args: &FarmArgs, app: &App, options: String) -> Result<(), Failure> {
     let order = Order::new(args)?;
     let segments = order.to.join(SEGMENTS);
@@ -105,7 +105,7 @@ pub fn run(args: &FarmArgs, app: &App, options: String) -> Result<(), Failure> {
     pack_rows::ended(&failures, order.rows.as_deref().unwrap_or_default().len())
 }
 
-/// The film, behind its preview if one is wanted, and what was measured.
+/// The film, after its preview if one is wanted, and the measured cost.
 fn films(order: &Order, app: &App) -> Result<(Vec<Film>, Option<Cost>), Failure> {
     let every = order.args.preview.as_deref().map(preview::every).transpose()?;
     let options = order.args.options_of_render();
@@ -129,7 +129,7 @@ fn films(order: &Order, app: &App) -> Result<(Vec<Film>, Option<Cost>), Failure>
     Ok((films, cost))
 }
 
-/// The films of a batch, without those of rows that fail, and what was measured for the first.
+/// Films of a batch, without those of rows that fail, and the measured cost of the first film.
 fn films_of_rows(
     order: &Order,
     outputs: &[String],
@@ -154,7 +154,7 @@ fn films_of_rows(
                 continue;
             }
         };
-        // Rows are drawn alike.
+        // The films of all rows are assumed to cost the same.
         if films.is_empty() {
             measured = cost(order, &args, &job, start)?;
         }
@@ -177,7 +177,7 @@ fn films_of_rows(
     }
 }
 
-/// The cost of the film's frames, measured unless the length of chunks is given. `start`: when the scene began to be opened.
+/// Cost of the film's frames; it is measured unless the length of chunks is given. `start`: when opening the scene began.
 fn cost(
     order: &Order,
     render_args: &RenderArgs,
@@ -200,12 +200,12 @@ fn cost(
     }
 }
 
-/// Frames of a piece of the film; 1 where the format has none.
+/// Number of frames in a piece of the film; 1 if the format has no pieces.
 fn piece(job: &render::Job) -> u64 {
     job.exporter.piece(&info(job, job.frames.len() as u64)).map_or(1, NonZeroU64::get)
 }
 
-/// The chunks of a film, at most `most`.
+/// Chunks of a film. Measured chunks are at most `most`; a given length of chunks may give more.
 fn chunks(order: &Order, job: &render::Job, cost: Option<&Cost>, most: u64) -> Vec<chunks::Chunk> {
     let frames = job.frames.len() as u64;
     let piece = piece(job);
@@ -217,21 +217,21 @@ fn chunks(order: &Order, job: &render::Job, cost: Option<&Cost>, most: u64) -> V
     if order.engine == Engine::Slurm || order.rows.is_some() {
         return chunks;
     }
-    // There all chunks have one length.
+    // Open Job Description needs chunks of one length.
     let length = order.args.chunk.unwrap_or_else(|| aligned(frames.div_ceil(chunks.len() as u64), piece));
     let most = openjd::MOST_FRAMES;
     let most = if most >= piece { most - most % piece } else { most };
     in_chunks_of(frames, if length > openjd::MOST_FRAMES { most } else { length })
 }
 
-/// The properties of the film that its pieces depend on.
+/// Properties of the film that determine its pieces.
 fn info(job: &render::Job, frames: u64) -> VideoInfo {
     let [width, height] = job.settings.size;
     let (fps, options) = (job.settings.fps, job.options.clone());
     VideoInfo { width, height, fps, frames, provenance: Vec::new(), options }
 }
 
-/// The path of the film in the job: names alone, since the job runs on other machines.
+/// Checks the path of the film in the job: it must be relative and without `..`, since the job runs on other machines.
 fn film(output: &str) -> Result<(), Failure> {
     let plain = |part: Component| matches!(part, Component::Normal(_));
     if Target::parse(output)? == Target::Stdout || !Path::new(output).components().all(plain) {
@@ -243,7 +243,7 @@ fn film(output: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The arguments of a render of the packed scene, which is unpacked as a machine of the farm unpacks it.
+/// Arguments of a render of the packed scene, which is unpacked in the same way as on a machine of the farm.
 fn render_args(order: &Order, options: &[String], app: &App) -> Result<RenderArgs, Failure> {
     let scene: PathBuf = order.to.join(SCENE);
     let mut words: Vec<OsString> = vec![app.name.into(), "render".into(), scene.into(), "-o".into()];
@@ -261,16 +261,16 @@ fn render_args(order: &Order, options: &[String], app: &App) -> Result<RenderArg
     Ok(render_args)
 }
 
-/// The render as a machine of the farm opens it.
+/// Opens the render in the same way as a machine of the farm.
 fn opened(args: &RenderArgs, app: &App, keep: Option<&Keep>) -> Result<render::Job, Failure> {
     let registry = scene::plugins(&args.scene, &app.registry)?;
-    // The folder of a numbered film is made by the job.
+    // The job makes the folder of a film of numbered images.
     render::prepare(args, Target::parse(&args.output)?, &registry, keep)
 }
 
 impl FarmArgs {
-    /// The words of `choreo render` on each machine, besides input, output and frames. The device is named, so that all machines draw
-    /// alike or fail.
+    /// Options of `choreo render` on each machine, without input, output and frames. The device is named, so that all machines draw the
+    /// same images or fail.
     fn options_of_render(&self) -> Vec<String> {
         let device = clap::ValueEnum::to_possible_value(&self.device);
         let device = device.map(|value| value.get_name().to_string()).unwrap_or_default();

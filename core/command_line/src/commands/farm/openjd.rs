@@ -9,10 +9,10 @@ use std::path::Path;
 
 const TEMPLATE: &str = "template.json";
 
-/// Frames of a chunk at most: AWS Deadline Cloud takes no more.
+/// Largest number of frames in a chunk, a limit of AWS Deadline Cloud.
 pub(crate) const MOST_FRAMES: u64 = 150;
 
-/// Values of a parameter of tasks at most, by the specification.
+/// Largest number of values of a task parameter, a limit of the specification.
 const MOST_VALUES: usize = 1024;
 
 pub(crate) fn files(job: &FarmJob) -> Result<Vec<(&'static str, String)>, Failure> {
@@ -31,7 +31,7 @@ pub(crate) fn files(job: &FarmJob) -> Result<Vec<(&'static str, String)>, Failur
     Ok(vec![(TEMPLATE, crate::terminal::json::pretty(&template(job)) + "\n")])
 }
 
-/// The command that runs the job on this machine.
+/// Command that runs the job on this machine.
 pub(crate) fn command(folder: &Path, job: &FarmJob) -> String {
     let template = folder.join(TEMPLATE).display().to_string();
     let extensions = if job.pattern.is_some() { "" } else { " --extensions TASK_CHUNKING" };
@@ -84,19 +84,19 @@ fn range(film: Option<&Film>) -> String {
     format!("0-{}", film.map_or(0, |film| film.frames - 1))
 }
 
-/// Frames of the longest chunk.
+/// Number of frames in the longest chunk.
 fn length(film: &Film) -> u64 {
     film.chunks.iter().map(|(first, last)| last - first + 1).max().unwrap_or(1)
 }
 
-/// The script of a step.
+/// Script of a step.
 fn script(args: Value) -> Value {
-    // A render that gets a signal to stop ends its frame and keeps what is finished.
+    // A render that is asked to stop completes its frame and keeps its finished frames.
     let cancelation = json!({ "mode": "NOTIFY_THEN_TERMINATE", "notifyPeriodInSeconds": 60 });
     json!({ "actions": { "onRun": { "command": "{{Param.Choreo}}", "args": args, "cancelation": cancelation } } })
 }
 
-/// The words of a render, and of a join. `from`: those between the scene and `-o`.
+/// Command line of a render. `from`: arguments between the scene and `-o`.
 fn render(film: &str, options: &[String], from: &[&str], frames: &str, segments: &str) -> Value {
     let mut words = vec!["render", "{{Param.Scene}}"];
     words.extend(from);
@@ -109,7 +109,7 @@ fn join(segments: &str, film: &str) -> Value {
     script(json!(["join", segments, "-o", format!("{{{{Param.Output}}}}/{film}"), "--wait", "60"]))
 }
 
-/// A step for the frames of each film and one that joins them; the preview comes before the film.
+/// Steps that render the frames of each film and join them; the preview comes before the film.
 fn steps_of_film(films: &[Film]) -> Vec<Value> {
     let mut steps: Vec<Value> = Vec::new();
     for film in films {
@@ -146,7 +146,7 @@ fn steps_of_film(films: &[Film]) -> Vec<Value> {
     steps
 }
 
-/// A task for each chunk of each row, as two lists side by side, and one that joins each film.
+/// A task for each chunk of each row, as two lists of equal length, and a task that joins each film.
 fn steps_of_rows(job: &FarmJob, pattern: &str) -> Vec<Value> {
     let chunks = || job.films.iter().flat_map(|film| film.chunks.iter().map(move |chunk| (film, chunk)));
     let rows: Vec<_> = chunks().map(|(film, _)| film.row).collect();

@@ -1,4 +1,4 @@
-//! The packed scene of a batch: what any of its rows reads.
+//! The packed scene of a batch: one archive with the files that its rows read.
 
 use crate::args::PackArgs;
 use crate::commands::pack;
@@ -9,10 +9,10 @@ use crate::scene::rows::{self, Row};
 use crate::scene::{self, OpenedScene};
 use choreo_plugin::Registry;
 
-/// A row that cannot be rendered, by its number.
+/// A row that cannot be rendered: its number, and the reason.
 pub(super) type RowFailure = (usize, Failure);
 
-/// Writes the archive, and opens each row from it: it must be the same stage. Gives the rows that fail, here or there.
+/// Writes the archive, and opens each row from it, which must give the same stage. Returns the rows that cannot be opened.
 pub(super) fn write(
     args: &PackArgs,
     rows: &[Row],
@@ -65,14 +65,14 @@ pub(super) fn write(
     Ok(failures)
 }
 
-/// Says which rows failed, and why.
+/// Prints the failed rows and the reasons.
 pub(super) fn print(failures: &[RowFailure]) {
     for (row, failure) in failures {
         failure.lines().iter().for_each(|line| print_message(format_args!("row {row}: {line}")));
     }
 }
 
-/// An error where rows failed.
+/// Fails if rows failed.
 pub(super) fn ended(failures: &[RowFailure], rows: usize) -> Result<(), Failure> {
     rows::failed(rows, failures.iter().map(|(row, failure)| (*row, failure)))
 }

@@ -1,14 +1,14 @@
-//! `--preview 1/N`: a film of every Nth frame at half the size, which machines render first. It has the length of the film and an Nth of
-//! its rate, so that its frame k is frame N·k of the film.
+//! `--preview 1/N`: a film of every Nth frame at half the size, which machines render first. It has the length of the film and 1/N of its
+//! frame rate, so that its frame k is frame N·k of the film.
 
 use super::chunks::Cost;
 use crate::commands::render::Job;
 use crate::failure::Failure;
 
-/// Folder of the preview's segments, and of its film.
+/// Name of the folder of the preview's segments, and of the folder of its film.
 pub(super) const FOLDER: &str = "preview";
 
-/// The N of 1/N.
+/// Parses N from 1/N.
 pub(super) fn every(text: &str) -> Result<u32, Failure> {
     let every = text.strip_prefix("1/").and_then(|every| every.parse().ok());
     every
@@ -16,7 +16,7 @@ pub(super) fn every(text: &str) -> Result<u32, Failure> {
         .ok_or_else(|| Failure::Usage(format!("--preview {text}: write 1/N, every Nth frame, as 1/8")))
 }
 
-/// The options of the preview's render: those of the film with another size and rate.
+/// Options of the preview's render: those of the film, with another size and rate.
 pub(super) fn options(options: &[String], job: &Job, every: u32) -> Vec<String> {
     let other = |option: &&String| !option.starts_with("--size=") && !option.starts_with("--fps=");
     let mut words: Vec<String> = options.iter().filter(other).cloned().collect();
@@ -27,7 +27,7 @@ pub(super) fn options(options: &[String], job: &Job, every: u32) -> Vec<String> 
     words
 }
 
-/// The cost of the preview, from that of the film: a quarter of the pixels.
+/// Cost of the preview, derived from that of the film: a quarter of the pixels.
 pub(super) fn cost(cost: &Cost, every: u32) -> Cost {
     let frames =
         cost.frames.iter().map(|(frame, seconds)| (frame / u64::from(every), seconds / 4.0)).collect();

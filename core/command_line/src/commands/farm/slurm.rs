@@ -1,12 +1,12 @@
-//! The job as scripts for Slurm: an array of renders, one chunk per task, and a join that depends on all of them; for each film of the job, the
-//! preview first. The films of a batch are one array.
+//! The job as scripts for Slurm. Each film, the preview first, is an array of renders with one chunk per task, and a join that depends on
+//! all of them. The films of a batch share one array.
 
 use super::job::{FarmJob, Film, OUTPUT, ROWS, SCENE};
 use crate::failure::Failure;
 use choreo_test_runner::collect::quoted;
 use std::path::Path;
 
-/// Tasks of an array at most: the default of Slurm's MaxArraySize is 1001.
+/// Largest number of tasks in an array: the default of Slurm's MaxArraySize is 1001.
 pub(crate) const MOST_TASKS: u64 = 1000;
 
 const SUBMIT: &str = "submit.sh";
@@ -16,13 +16,13 @@ pub(crate) fn command(folder: &Path) -> String {
     format!("sh {}", quoted(&folder.join(SUBMIT).display().to_string()))
 }
 
-/// One array, and the join behind it.
+/// An array of renders, and the join that follows it.
 struct Array {
-    /// Names of its files.
+    /// Names of the files.
     chunks: &'static str,
     render: &'static str,
     join: &'static str,
-    /// The word for it in messages.
+    /// Name of the array in messages.
     name: &'static str,
 }
 
@@ -34,7 +34,7 @@ const PREVIEW: Array = Array {
     name: "preview ",
 };
 
-/// The films of a batch: row and path.
+/// File with the films of a batch: row and path.
 const FILMS: &str = "films.txt";
 
 pub(crate) fn files(job: &FarmJob) -> Result<Vec<(&'static str, String)>, Failure> {
@@ -80,7 +80,7 @@ mkdir -p logs
     Ok(files)
 }
 
-/// The lines that submit an array and its join. In a batch the films are joined whose segments are there, whatever has failed.
+/// Lines that submit an array and its join. In a batch, the join makes every film whose segments exist, even if other rows failed.
 fn submission(array: &Array, tasks: usize, dependency: &str) -> String {
     let Array { render, join, name, .. } = array;
     let last = tasks - 1;
@@ -94,7 +94,7 @@ echo \"{name}render: job $render, {tasks} tasks; {name}join: job ${{join%%;*}}\"
     )
 }
 
-/// `more`: further options of the script.
+/// Head of a script. `more`: further options of the script.
 fn head(job: &str, log: &str, more: &str) -> String {
     format!(
         "#!/bin/sh
@@ -107,7 +107,7 @@ fn head(job: &str, log: &str, more: &str) -> String {
     )
 }
 
-/// Head of a script that renders, up to the variable `line`: that of the chunks with the number of the task.
+/// Head of a script that renders, up to the variable `line`: the line of the list of chunks for this task.
 fn render_head(array: &Array) -> String {
     let stem = array.render.trim_end_matches(".sh");
     let more = "#SBATCH --requeue
@@ -145,7 +145,7 @@ exec \"${{CHOREO:-choreo}}\" render {SCENE} --set-from {ROWS} --row \"$row\" -o 
     )
 }
 
-/// Segments may be seen later than the end of the task that wrote them.
+/// Option of the join: segments may become visible only after the task that wrote them has ended.
 const WAIT: &str = "--wait 60";
 
 fn join(film: &Film) -> String {

@@ -1,5 +1,5 @@
-//! `choreo farm --status`: how far a job is, from the files that its workers leave in the folder. No server, and no clock but those of
-//! the workers' own timers.
+//! `choreo farm --status`: progress of a job, read from the files that its workers leave in the folder. It needs no server, and uses only
+//! durations that the workers measured.
 
 use super::chunks::Chunk;
 use super::job::{FarmJob, Film, JOB, OUTPUT};
@@ -16,23 +16,23 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::Cursor;
 use std::path::Path;
 
-/// Names read of one folder, and bytes of a report and of the job's description at most.
+/// Largest number of names read from one folder, and largest sizes in bytes of a report and of the job's description.
 const MOST_NAMES: usize = 1_000_000;
 const MOST_REPORT: u64 = 1 << 20;
 const MOST_JOB: u64 = 64 << 20;
-/// Chunks on the contact sheet at most.
+/// Largest number of chunks on the contact sheet.
 const MOST_CELLS: usize = 48;
-/// Films with a line each at most.
+/// Largest number of films that get a line each.
 const MOST_LINES: usize = 12;
 
-/// The state of a chunk; none is that of one that no machine has begun.
+/// State of a chunk; `None` if no machine has begun it.
 type ChunkState = Option<SegmentState>;
 
 struct ChunkStatus {
     film: usize,
     frames: Chunk,
     state: ChunkState,
-    /// Frames that are finished.
+    /// Number of finished frames.
     done: u64,
     report: Option<Report>,
 }
@@ -43,7 +43,7 @@ impl ChunkStatus {
     }
 }
 
-/// `folder`: that of the job. `sheet_file`: where the contact sheet is put.
+/// Prints the progress of a job. `folder`: folder of the job. `sheet_file`: path of the contact sheet.
 pub(super) fn run(folder: &Path, sheet_file: Option<&Path>, as_json: bool) -> Result<(), Failure> {
     let shown = folder.join(JOB).display().to_string();
     let text = choreo_files::read(&folder.join(JOB), MOST_JOB).map_err(|e| {
@@ -68,13 +68,13 @@ pub(super) fn run(folder: &Path, sheet_file: Option<&Path>, as_json: bool) -> Re
     }
 }
 
-/// The chunks that have files, and the planned ones that none of these overlaps: engines can choose other chunks.
+/// Chunks that have files, and planned chunks that overlap none of these: engines may choose other chunks than planned.
 fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatus>, Failure> {
     let path = folder.join(film.folder());
     let opened = Folder::open(&path);
     let names = match &opened {
         Ok(opened) => opened.names(MOST_NAMES),
-        // The first worker of a row makes its folder.
+        // The folder is made by the first worker of the row.
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
         Err(e) => Err(e.kind().into()),
     };
@@ -101,9 +101,9 @@ fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatu
             _ if whole.contains(name.as_str()) => Some(SegmentState::Done),
             _ if held() => Some(SegmentState::Running),
             Some(SegmentState::Failed) => Some(SegmentState::Failed),
-            // The segment cannot be seen yet, or was removed.
+            // The segment is not visible yet, or was removed.
             Some(SegmentState::Done) => None,
-            // The worker has ended without a last report.
+            // The worker has ended without a final report.
             _ => Some(SegmentState::Stopped),
         };
         let length = last - first + 1;
@@ -124,13 +124,13 @@ fn chunks_of(folder: &Path, number: usize, film: &Film) -> Result<Vec<ChunkStatu
 }
 
 struct Progress {
-    /// Chunks by their state.
+    /// Numbers of chunks by state.
     counts: BTreeMap<&'static str, usize>,
     frames: u64,
     done: u64,
-    /// Frames a second of all that run; `None` before their first frames.
+    /// Frames per second of all running workers together; `None` before their first frames.
     rate: Option<f64>,
-    /// Films that are in their place.
+    /// Whether each film is complete and in place.
     films: Vec<bool>,
 }
 
@@ -235,18 +235,18 @@ impl Progress {
     }
 }
 
-/// Whether a film is in its place: its file, or the folder of its images with something in it.
+/// Whether a film is in place: its file, or the folder of its images with at least one file.
 fn is_there(path: &Path) -> bool {
     let numbered = path.file_name().is_some_and(|name| name.to_string_lossy().contains('%'));
     let folder = path.parent().filter(|_| numbered);
     folder.map_or(path.is_file(), |folder| {
-        // A join that runs has its claim beside them.
+        // A join that is still running has its lock file beside the images.
         let names = Folder::open(folder).and_then(|folder| folder.names(MOST_NAMES)).unwrap_or_default();
         !names.is_empty() && names.iter().all(|name| !name.to_string_lossy().ends_with(".part"))
     })
 }
 
-/// Seconds in words.
+/// Formats seconds for people.
 fn duration(seconds: f64) -> String {
     let whole = seconds.ceil().max(0.0) as u64;
     match (whole / 3600, whole / 60 % 60, whole % 60) {
@@ -256,7 +256,7 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// The first frame of each chunk, small, with its state; of some where there are many.
+/// Writes a contact sheet: a thumbnail of each chunk's first frame, with the state. If there are many chunks, some are left out.
 fn write_sheet(file: &Path, chunks: &[ChunkStatus]) -> Result<(), Failure> {
     let shown = file.display().to_string();
     let count = chunks.len().min(MOST_CELLS);
@@ -274,7 +274,7 @@ fn write_sheet(file: &Path, chunks: &[ChunkStatus]) -> Result<(), Failure> {
     write_whole(file, &sheet).map_err(|e| write_failure(&shown, e))
 }
 
-/// An image in a cell that may be larger, as films of a batch have their sizes; black where there is none.
+/// Places an image into a cell that may be larger, since films of a batch may differ in size. Without an image the cell is black.
 fn placed(image: Option<Frame>, [width, height]: [u32; 2]) -> Frame {
     let mut cell = Frame { width, height, rgba: [0, 0, 0, 255].repeat(width as usize * height as usize) };
     let Some(image) = image else { return cell };
@@ -286,7 +286,7 @@ fn placed(image: Option<Frame>, [width, height]: [u32; 2]) -> Frame {
     cell
 }
 
-/// The pixels of a thumbnail; `None` where it is none of ours.
+/// Decodes a thumbnail; `None` if choreo did not write it.
 fn decoded(png: &[u8]) -> Option<Frame> {
     let mut reader = png::Decoder::new(Cursor::new(png)).read_info().ok()?;
     let info = reader.info();

@@ -1,4 +1,4 @@
-//! The parts that make a model a character, for `choreo info`: bones of a human body, expressions, springs, eyes.
+//! Parts that make a model a character, for `choreo info`: humanoid bones, expressions, springs, eyes.
 
 use super::hands;
 use crate::scene::model::list;
@@ -7,7 +7,7 @@ use choreo_asset::{Asset, EyesMovedBy};
 use choreo_motion::spring::parameters::ColliderShape;
 use serde_json::{Value, json};
 
-/// Lines of the overview; `joints`: each bone with its joint too.
+/// Writes lines for the overview. `joints`: also write the joint of each bone.
 pub fn text(t: &mut Page, asset: &Asset, joints: bool) {
     for (label, about) in &asset.origin.about {
         t.line(format_args!("{label:<10} {about}"));

@@ -1,22 +1,22 @@
-//! Axes of hands, for `choreo info`: where fingers, palm and thumb point in the joint's own space, in which props are placed.
+//! Axes of hands, for `choreo info`: directions of fingers, palm and thumb in the space of the hand's joint, in which props are placed.
 
 use choreo_asset::Asset;
 use choreo_motion::HumanoidJoints;
 use glam::Vec3;
 use serde_json::{Value, json};
 
-/// A hand at rest. Directions are unit vectors in the space of its joint, at right angles to each other.
+/// A hand in the rest pose. Directions are orthogonal unit vectors in the space of its joint.
 struct Hand {
     joint: u32,
     /// Direction from the wrist to the knuckles.
     fingers: Vec3,
-    /// Direction out of the palm.
+    /// Direction in which the palm faces.
     palm: Vec3,
-    /// Direction to the side of the thumb.
+    /// Direction towards the side of the thumb.
     thumb: Vec3,
 }
 
-/// The hands that have an index finger and another one beside it, left first.
+/// Hands with an index finger and another finger, the left hand first.
 fn hands(asset: &Asset) -> Vec<Hand> {
     let human = HumanoidJoints::of(&asset.skeleton);
     let rest = asset.rest_model_from_joint();
@@ -28,7 +28,7 @@ fn hands(asset: &Asset) -> Vec<Hand> {
         let outer = place(["handpinky1", "handring1", "handmiddle1"].into_iter().find_map(joint)?)?;
         let fingers = (0.5 * (index + outer) - place(hand)?).try_normalize()?;
         let thumb = (index - outer).reject_from_normalized(fingers).try_normalize()?;
-        // With the thumb up, the palm of a left hand is to the right of its fingers.
+        // If the thumb points up, the palm of a left hand is to the right of its fingers.
         let palm = if side == "left" { fingers.cross(thumb) } else { thumb.cross(fingers) };
         let joint_from_model = rest.get(hand as usize)?.inverse();
         let local = |direction| joint_from_model.transform_vector3(direction).try_normalize();
@@ -37,7 +37,7 @@ fn hands(asset: &Asset) -> Vec<Hand> {
     ["left", "right"].into_iter().filter_map(hand).collect()
 }
 
-/// `mixamorig:LeftHand fingers +y, palm +z, thumb -x` for each hand.
+/// Formats hands, each as `mixamorig:LeftHand fingers +y, palm +z, thumb -x`.
 pub fn line(asset: &Asset) -> Option<String> {
     let one = |hand: &Hand| {
         let name = asset.skeleton.names().get(hand.joint as usize)?;
@@ -58,7 +58,7 @@ pub fn json(asset: &Asset) -> Vec<Value> {
     hands(asset).into_iter().map(one).collect()
 }
 
-/// `-y` where the direction is an axis within 20°, else its parts.
+/// Formats a direction: as `-y` if it is within 20° of an axis, else by its components.
 fn axis(direction: Vec3) -> String {
     let parts = direction.to_array();
     let largest = (0..3).max_by(|a, b| parts[*a].abs().total_cmp(&parts[*b].abs())).unwrap_or(0);

@@ -1,4 +1,4 @@
-//! `choreo info`: what is in a model file, or how an image or video was made.
+//! `choreo info`: content of a model file, or provenance of an image or video.
 
 mod character;
 mod hands;
@@ -70,7 +70,7 @@ pub fn run(args: InfoArgs, plugins: &Registry) -> Result<(), Failure> {
     print(page.as_str())
 }
 
-/// How the file's first clip goes on another body; where it has none, how any would.
+/// Retargeting of the file's first clip to another character. A file without clips is tried with an empty clip.
 fn followed(asset: &Asset, on: &Asset) -> Result<Vec<String>, Failure> {
     let still = Clip::new(String::new(), asset.skeleton.len(), Vec::new()).ok().map(Arc::new);
     let Some(clip) = asset.clips.first().cloned().or(still) else { return Ok(Vec::new()) };
@@ -112,7 +112,7 @@ fn print_media(args: &InfoArgs, media: &Media) -> Result<(), Failure> {
     print(text.as_str())
 }
 
-/// Whoever wrote the file: what is shown of it stays readable.
+/// Largest number of metadata entries printed: the file is not trusted, and its output must stay readable.
 const MOST_ENTRIES: usize = 64;
 
 fn one_line(text: &str) -> String {
@@ -130,7 +130,7 @@ struct Facts {
     triangles: usize,
     primitives: usize,
     image_bytes: usize,
-    /// Metres; `None` where nothing can be seen.
+    /// Bounding box (minimum, maximum) in metres; `None` if nothing is visible.
     extents: Option<[[f32; 3]; 2]>,
 }
 
@@ -238,10 +238,10 @@ fn meshes(t: &mut Page, asset: &Asset, facts: &Facts) {
     }
 }
 
-/// Lines of meshes beyond which only a number is given.
+/// Largest number of lines about meshes; further meshes are only counted.
 const MOST_MESHES: usize = 100;
 
-/// Each mesh with the nodes that show it under another name: what `hide_parts` takes.
+/// Lines with the name of each mesh, and the nodes that show it under other names: the names that `hide_parts` accepts.
 fn named_meshes(asset: &Asset) -> Vec<String> {
     let mut lines = Vec::new();
     for (index, mesh) in asset.meshes.iter().enumerate() {
@@ -265,7 +265,7 @@ fn count(number: usize, one: &str, many: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { many })
 }
 
-/// `+z (feet, eyes)`; what contradicts itself is listed with its directions.
+/// Formats the facing direction, as `+z (feet, eyes)`. If the evidence is contradictory, each part is listed with its direction.
 fn facing(facing: &Facing) -> String {
     let part = |e: &FacingEvidence| match facing.doubtful {
         true => format!("{} {:+.1} {:+.1}", e.part, e.direction.x, e.direction.z),
@@ -276,12 +276,12 @@ fn facing(facing: &Facing) -> String {
     format!("{} ({}{doubt})", facing.front.name(), parts.join(", "))
 }
 
-/// The file's own convention, before it was converted.
+/// Conventions of the file before conversion: format, unit, up axis.
 fn origin(o: &Origin, guessed: bool) -> String {
     let mut text = o.format.clone();
-    // A guess has a warning of its own, with its reason.
+    // A guessed unit is left out here: it has its own warning, with the reason.
     if let Some(metres) = o.metres_per_unit.filter(|_| !guessed) {
-        // An inch times something has more digits than anyone reads.
+        // Products of inches have more digits than anyone reads.
         let shown = if metres < 1e-3 { metres } else { (metres * 1e6).round() / 1e6 };
         let is = if o.unit_is_assumed { "taken as" } else { "=" };
         let _ = write!(text, ", 1 unit {is} {shown} m");
@@ -295,7 +295,7 @@ fn origin(o: &Origin, guessed: bool) -> String {
     text
 }
 
-/// Joints indented below their parents.
+/// Prints the joints, indented below their parents.
 fn tree(t: &mut Page, asset: &Asset) {
     let skeleton = &asset.skeleton;
     let mut depth = vec![0usize; skeleton.len()];
@@ -313,7 +313,7 @@ fn tree(t: &mut Page, asset: &Asset) {
     t.line(format_args!("tree"));
     let mut stack: Vec<usize> = roots.into_iter().rev().collect();
     while let Some(joint) = stack.pop() {
-        // Deeper than any real skeleton, the indentation would grow quadratically.
+        // The indentation is capped: for a chain of joints deeper than in any real skeleton, it would grow quadratically.
         let indent = "  ".repeat(depth[joint].min(40) + 1);
         t.line(format_args!("{indent}{}", skeleton.names()[joint]));
         stack.extend(children[joint].iter().rev());
@@ -327,7 +327,7 @@ fn projection(p: &Projection) -> String {
     }
 }
 
-/// The intensity in the unit of its kind: candela, or lux for a directional light.
+/// Intensity of a light in the unit of its kind: candela, or lux for a directional light.
 fn brightness(light: &Light) -> String {
     format!("{} {}", (f64::from(light.intensity) * 1e3).round() / 1e3, light.kind.unit())
 }

@@ -1,5 +1,5 @@
-//! `choreo new importer|effect|exporter NAME`: the crates to copy under a new name, with `--wasm` as packages that are built to WebAssembly,
-//! or with `--single` one file. `choreo new project NAME`: a folder for scripts.
+//! `choreo new importer|effect|exporter NAME`: copies a template crate under a new name; with `--wasm` as a package that is built to
+//! WebAssembly, with `--single` as one file. `choreo new project NAME`: makes a folder for scripts.
 
 mod project;
 
@@ -12,14 +12,14 @@ use std::path::{Path, PathBuf};
 /// Files of a crate: name and text.
 type Files = &'static [(&'static str, &'static str)];
 
-/// A crate to copy.
+/// A crate that is copied.
 struct Template {
-    /// "import", which the crate's name begins with.
+    /// First part of the crate's name, such as "import".
     prefix: &'static str,
-    /// "example", which becomes the new name, as "Example" does.
+    /// Word that is replaced by the new name, such as "example"; "Example" is replaced too.
     word: &'static str,
     files: Files,
-    /// Crates that it depends on, by their folders in `core`.
+    /// Crates that it depends on, as names of folders in `core`.
     crates: &'static [&'static str],
 }
 
@@ -62,7 +62,7 @@ pub fn run(args: NewArgs) -> Result<(), Failure> {
     if args.single { single(&args, kind, &into) } else { whole(&args, kind, &into) }
 }
 
-/// A crate's name, a Rust identifier with `_` for `-`, and no word of the language.
+/// Checks the name of a crate: a Rust identifier in which `_` stands for `-`, and no keyword.
 fn check_name(name: &str) -> Result<(), Failure> {
     let mut chars = name.chars();
     let good = chars.next().is_some_and(|c| c.is_ascii_lowercase())
@@ -77,7 +77,7 @@ fn check_name(name: &str) -> Result<(), Failure> {
     }
 }
 
-/// An effect of each hook, to begin with.
+/// Template of an effect for each hook.
 fn hook_text(hook: Option<HookArg>) -> &'static str {
     match hook.unwrap_or(HookArg::Pixel) {
         HookArg::Pixel => include_str!("hooks/pixel.wgsl"),
@@ -156,17 +156,17 @@ fn whole(args: &NewArgs, kind: PluginKind, into: &Path) -> Result<(), Failure> {
     ))
 }
 
-/// The Cargo workspace around a new crate.
+/// The Cargo workspace that a new crate will belong to.
 enum Workspace {
-    /// The one of choreo's sources.
+    /// The workspace of choreo's sources.
     Ours,
-    /// Another one, with its `Cargo.toml`.
+    /// Another workspace, with the path of its `Cargo.toml`.
     Other(PathBuf),
     None,
 }
 
 impl Workspace {
-    /// The workspace as Cargo finds it: the nearest `Cargo.toml` above with a `[workspace]`.
+    /// Finds the workspace as Cargo does: the nearest `Cargo.toml` above with a `[workspace]`.
     fn around(folder: &Path, sources: &Path) -> Workspace {
         let Ok(folder) = folder.canonicalize() else { return Workspace::None };
         if folder == sources.join("plugins") {
@@ -181,7 +181,7 @@ impl Workspace {
     }
 }
 
-/// The sources that the new crate builds against: given, or those around the current folder.
+/// Folder of choreo's sources for the new crate to build against: the given one, or the one around the current folder.
 fn sources(args: &NewArgs) -> Result<PathBuf, Failure> {
     let is_sources = |folder: &Path| folder.join("core/plugin/Cargo.toml").is_file();
     if let Some(given) = &args.sources {
@@ -199,7 +199,7 @@ fn sources(args: &NewArgs) -> Result<PathBuf, Failure> {
     })
 }
 
-/// The files of an effect crate of another hook than the example's.
+/// Files of an effect crate whose hook differs from that of the example.
 fn hook_crate(hook: HookArg, name: &str) -> [(String, String); 3] {
     let (kind, test) = match hook {
         HookArg::Pixel => ("Pixel", ""),
@@ -219,7 +219,8 @@ fn hook_crate(hook: HookArg, name: &str) -> [(String, String); 3] {
     ]
 }
 
-/// A crate as a package whose plugin is built to WebAssembly: another crate type, `plugin.toml`, and the README's section about both.
+/// Turns a crate into a package whose plugin is built to WebAssembly: changes the crate type, and adds `plugin.toml` and a section to the
+/// README.
 fn wasm_package(
     manifest: &mut String,
     files: Vec<(String, String)>,
@@ -233,7 +234,7 @@ fn wasm_package(
     };
     let library = "[lib]\ncrate-type = [\"cdylib\", \"rlib\"]\n\n[dependencies]";
     *manifest = manifest.replacen("[dependencies]", library, 1);
-    // In a workspace, profiles belong to its root.
+    // Profiles belong to the root of a workspace.
     if manifest.contains("[workspace]") {
         *manifest += include_str!("wasm_profile.toml.txt");
     }
@@ -245,7 +246,7 @@ fn wasm_package(
     files.into_iter().map(extended).chain([described]).collect()
 }
 
-/// The word as the new name, in the spelling of the place: `import-example`, `import_example`, `ExampleImporter`.
+/// Replaces the template's word by the new name in each spelling: `import-example`, `import_example`, `ExampleImporter`.
 fn renamed(text: &str, name: &str, word: &str) -> String {
     let camel: String = name
         .split('_')
@@ -259,7 +260,7 @@ fn renamed(text: &str, name: &str, word: &str) -> String {
         .collect();
     let capital: String =
         word.chars().take(1).map(|c| c.to_ascii_uppercase()).chain(word.chars().skip(1)).collect();
-    // The copy must not contain what the examples state about themselves.
+    // Sentences that the examples contain about themselves are removed from the copy.
     let mut text = text
         .replace("#[doc(hidden)]\npub mod files;\n\n", "")
         .replace(" The one to copy for a format of your own.", "")
@@ -277,7 +278,7 @@ fn cargo_toml(template: &Template, name: &str, sources: &Path, workspace: &Works
     let Template { prefix, crates, .. } = template;
     let in_workspace = matches!(workspace, Workspace::Ours);
     let name = name.replace('_', "-");
-    // A path in a TOML text: backslashes of Windows would be escapes.
+    // Backslashes of Windows paths would be escapes in a TOML string.
     let sources = sources.display().to_string().replace('\\', "/");
     let one = |folder: &&str| match (folder.replace('_', "-"), in_workspace) {
         (crate_name, true) => format!("choreo-{crate_name}.workspace = true\n"),
@@ -295,12 +296,12 @@ fn cargo_toml(template: &Template, name: &str, sources: &Path, workspace: &Works
         ),
         false => "version = \"0.1.0\"\nedition = \"2024\"\n".to_string(),
     };
-    // A crate outside a workspace is one, so that Cargo looks for none above it.
+    // A crate outside a workspace becomes its own workspace, so that Cargo looks for none above it.
     let own = if matches!(workspace, Workspace::None) { "\n[workspace]\n" } else { "" };
     format!("[package]\nname = \"{prefix}-{name}\"\n{package}{own}\n[dependencies]\n{crates}")
 }
 
-/// All files or none, by names beneath a folder: nothing that exists is touched, and no link is followed.
+/// Writes all files or none, by names below a folder. Existing files are not replaced, and links are not followed.
 fn write(into: &Path, files: &[(PathBuf, String)]) -> Result<(), Failure> {
     files.iter().try_for_each(|(name, _)| free(&into.join(name)))?;
     for (name, text) in files {
@@ -309,7 +310,7 @@ fn write(into: &Path, files: &[(PathBuf, String)]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Refuses what exists. A link is named where it is to be created over.
+/// Refuses a path that exists. A symbolic link is refused later, when the file is created.
 fn free(path: &Path) -> Result<(), Failure> {
     match std::fs::symlink_metadata(path) {
         Ok(there) if !there.is_symlink() => {

@@ -1,11 +1,12 @@
-//! `choreo new project NAME`: a folder with a script that renders as it is, its test, `choreo.toml`, a CI workflow and settings for editors.
+//! `choreo new project NAME`: makes a folder with a script that renders without changes, its test, `choreo.toml`, a CI workflow and
+//! settings for editors.
 
 use super::{free, write};
 use crate::args::NewArgs;
 use crate::failure::{Failure, print};
 use std::path::{Path, PathBuf};
 
-/// Path in the folder and text. `NAME` is the project's name, `VERSION` that of choreo.
+/// Files as (path in the folder, text). `NAME` stands for the project's name, `VERSION` for the version of choreo.
 const FILES: [(&str, &str); 10] = [
     ("README.md", include_str!("project/readme.txt")),
     ("NAME.rhai", include_str!("project/scene.rhai")),
@@ -37,7 +38,7 @@ pub fn run(args: &NewArgs, into: &Path) -> Result<(), Failure> {
     print(&format!("{shown}: written\n    try: cd {shown} && choreo view {}.rhai\n", args.name))
 }
 
-/// A folder's name that is a file's, too, on every system, and needs no quotes in a shell.
+/// Checks that a name is valid for folders and files on every system, and needs no quotes in a shell.
 fn check_name(name: &str) -> Result<(), Failure> {
     let mut chars = name.chars();
     let good = chars.next().is_some_and(|c| c.is_ascii_alphabetic())

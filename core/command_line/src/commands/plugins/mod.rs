@@ -1,4 +1,5 @@
-//! `choreo plugins`: importers, effects and exporters with their options, which importer takes a file, and packages of plugins.
+//! `choreo plugins`: lists importers, effects and exporters with their options, tells which importer reads a file, and manages packages of
+//! plugins.
 
 mod package_test;
 mod packages;
@@ -31,12 +32,12 @@ pub fn run(args: PluginsArgs, app: &App) -> Result<(), Failure> {
 fn show(args: &PluginsArgs, app: &App) -> Result<(), Failure> {
     let beside: Vec<&Path> = std::iter::once(Path::new(".")).chain(args.file.as_deref()).collect();
     let listing = plugin_files::listing(&app.registry, &args.plugins, &beside)?;
-    // All are compiled here, used or not.
+    // All plugin files are compiled here, even if nothing uses them.
     let mut problems: Vec<Problem> = listing.problems().into_iter().map(Problem::Text).collect();
     let registry = listing.registry.settled();
     match (&args.file, &args.name) {
         (Some(file), _) => claims(file, &registry, args.json)?,
-        // Others that are faulty do not concern it.
+        // Faulty plugins of other names do not matter here.
         (None, Some(name))
             if rows(&registry).iter().any(|(.., rows)| rows.iter().any(|(m, _)| m.name == *name)) =>
         {
@@ -45,14 +46,14 @@ fn show(args: &PluginsArgs, app: &App) -> Result<(), Failure> {
         (None, Some(name)) => problems.insert(0, Problem::Text(unknown(name, &registry))),
         (None, None) => list(app, &registry, None, args.json)?,
     }
-    // The working plugins are listed all the same.
+    // Working plugins are listed even if others have errors.
     if problems.is_empty() { Ok(()) } else { Err(Failure::Input(problems)) }
 }
 
 /// A plugin's manifest and file.
 type Row<'a> = (&'a Manifest, Option<&'a PluginFile>);
 
-/// All plugins by their kind, and the beginning of the names of folders with their pages.
+/// All plugins by kind: name of the kind, prefix of the folders with their pages, plugins.
 fn rows(registry: &Registry) -> [(&'static str, &'static str, Vec<Row<'_>>); 4] {
     let importers = registry.importers().iter().map(|p| (p.manifest(), p.file())).collect();
     let effects = registry.effects().iter().map(|p| (p.manifest(), p.file())).collect();
@@ -66,7 +67,7 @@ fn rows(registry: &Registry) -> [(&'static str, &'static str, Vec<Row<'_>>); 4] 
     ]
 }
 
-/// The message about a name that no plugin has.
+/// Message about a name that no plugin has.
 fn unknown(name: &str, registry: &Registry) -> String {
     let rows = rows(registry);
     let names = rows.iter().flat_map(|(.., rows)| rows.iter().map(|(m, _)| m.name.as_str()));

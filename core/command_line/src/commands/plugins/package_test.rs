@@ -1,5 +1,5 @@
-//! `choreo plugins test`: a package as its users will meet it. Its description and plugins, then what each kind can be tried on: sample files
-//! of importers, whole and damaged, a small stage for exporters, and the package's own test scripts.
+//! `choreo plugins test`: tests a package as its users will use it: its description and plugins, importers on intact and damaged sample
+//! files, exporters on a small stage, and the package's own test scripts.
 
 use super::packages;
 use crate::args::Cli;
@@ -20,13 +20,13 @@ use clap::Parser;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Bytes of the largest sample, and samples that are tried.
+/// Largest sample in bytes, and largest number of samples.
 const MOST_SAMPLE: u64 = 64 << 20;
 const MOST_SAMPLES: usize = 100;
-/// Places at which samples are cut off, and bytes that are changed, one at a time.
+/// Number of places at which samples are truncated, and number of bytes that are changed, one at a time.
 const CUTS: usize = 16;
 const CHANGES: usize = 64;
-/// Folders of a package in which samples and test scripts lie.
+/// Folders of a package that are searched for samples and test scripts.
 const FOLDERS: [&str; 3] = ["", "samples", "tests"];
 
 pub fn run(path: &Path, plugins: &Registry) -> Result<(), Failure> {
@@ -74,8 +74,8 @@ pub fn run(path: &Path, plugins: &Registry) -> Result<(), Failure> {
     if scripts.is_empty() { Ok(()) } else { run_scripts(scripts, &folder, plugins, &effects) }
 }
 
-/// The package's test scripts, as `choreo test` runs them. An effect that none of them uses is an error: its importers and exporters
-/// were tried, its effects only there.
+/// Runs the package's test scripts as `choreo test` does. An effect that no script uses is an error: importers and exporters are tested
+/// without scripts, effects only by them.
 fn run_scripts(
     scripts: Vec<PathBuf>,
     folder: &Path,
@@ -100,7 +100,7 @@ fn run_scripts(
     Err(Failure::Input(unused.into_iter().map(problem).collect()))
 }
 
-/// Scripts with sections: those of the package that are no plugins.
+/// Scripts of the package that have sections and are not plugins.
 fn scripts(folder: &Path) -> Vec<PathBuf> {
     let is_script = |name: &str| name.ends_with(".rhai") && !is_plugin(name);
     let mut scripts: Vec<PathBuf> =
@@ -124,7 +124,7 @@ fn files(folder: &Path) -> Vec<(String, PathBuf)> {
     FOLDERS.iter().flat_map(in_folder).collect()
 }
 
-/// Files beside a sample.
+/// Files in the folder of a sample, for importers.
 struct Beside(Folder);
 
 impl Files for Beside {
@@ -134,7 +134,7 @@ impl Files for Beside {
     }
 }
 
-/// The samples of an importer: read whole, and damaged, when an error or a valid asset must come of it.
+/// Reads the samples with an importer, intact and damaged. The result must be an error or a valid asset.
 fn importer(name: &str, folder: &Path, registry: &Registry) -> Result<Vec<String>, Vec<String>> {
     let plugin = registry.importers().iter().rfind(|importer| importer.manifest().name == name);
     let Some(plugin) = plugin else { return Err(vec![format!("the importer {name} was not found")]) };
@@ -166,7 +166,7 @@ fn importer(name: &str, folder: &Path, registry: &Registry) -> Result<Vec<String
     if faults.is_empty() { Ok(lines) } else { Err(faults) }
 }
 
-/// A fault of an importer or exporter that its samples show.
+/// A fault of an importer or exporter found with samples.
 #[derive(Debug, thiserror::Error)]
 enum PluginFault {
     #[error(transparent)]
@@ -188,7 +188,7 @@ fn sample(importer: &dyn Importer, source: &Source, beside: &Beside) -> Result<S
     for damaged in damaged(&source.bytes) {
         match import(&Source { name: source.name.clone(), bytes: Arc::new(damaged) }) {
             Ok(_) => read += 1,
-            // A fault of the plugin, not of the file: a panic, or an asset that is not valid.
+            // This is a fault of the plugin, not of the file: a panic, or an invalid asset.
             Err(e)
                 if e.what.starts_with(&format!("the plugin {} {} has ", manifest.name, manifest.version)) =>
             {
@@ -214,12 +214,12 @@ fn contents(asset: &Asset) -> String {
     format!("meshes {meshes}, vertices {vertices}, joints {joints}, clips {clips}, images {images}")
 }
 
-/// Copies that are cut off, and copies with one byte changed, at the same places in every run.
+/// Damaged copies: truncated ones, and ones with a single changed bit. The places are the same in every run.
 fn damaged(bytes: &[u8]) -> impl Iterator<Item = Vec<u8>> + '_ {
     let cut = (0..CUTS).map(|i| bytes[..bytes.len() * i / CUTS].to_vec());
     let changed = (0..CHANGES.min(bytes.len())).map(|i| {
         let mut copy = bytes.to_vec();
-        // Steps of the golden ratio spread the places; every bit of a byte is turned over in turn.
+        // Steps of the golden ratio spread the places; the flipped bit cycles through the byte.
         let at = (i as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) % bytes.len() as u64;
         copy[at as usize] ^= 1 << (i % 8);
         copy
@@ -227,7 +227,7 @@ fn damaged(bytes: &[u8]) -> impl Iterator<Item = Vec<u8>> + '_ {
     cut.chain(changed)
 }
 
-/// An exporter must write a small scene, and the same bytes a second time.
+/// An exporter must write a small scene, and write the same bytes the second time.
 fn exporter(name: &str, registry: &Registry) -> Result<Vec<String>, Vec<String>> {
     let plugin = registry.scene_exporters().iter().rfind(|exporter| exporter.manifest().name == name);
     let Some(plugin) = plugin else { return Err(vec![format!("the exporter {name} was not found")]) };
@@ -251,7 +251,7 @@ fn write(exporter: &dyn SceneExporter, scene: &ExportedScene) -> Result<MemoryFi
     Ok(files)
 }
 
-/// Two actors of two joints with a triangle.
+/// Scene with two actors, each of two joints and a triangle.
 fn scene() -> Result<ExportedScene, BuildError> {
     let mut builder = AssetBuilder::default();
     let hips = builder.joint("hips", None, Transform::IDENTITY)?;

@@ -1,5 +1,5 @@
-//! `choreo plugins install|list|remove`: packages of plugin files in the user's folder of plugins. A package is there complete or not at all:
-//! it is copied to a hidden folder beside its place and renamed.
+//! `choreo plugins install|list|remove`: packages of plugin files in the user's plugin folder. A package appears complete or not at all: it
+//! is copied to a hidden folder and then renamed.
 
 use crate::failure::{
     Failure, Problem, output_error, print, print_json, print_message, reason, write_failure,
@@ -14,15 +14,15 @@ use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Bytes, files and levels of folders of a package.
+/// Limits of a package: bytes, files, and depth of nested folders.
 const MOST_BYTES: u64 = 256 << 20;
 const MOST_FILES: usize = 1000;
 const MOST_LEVELS: usize = 16;
 
-/// A description to begin with, for a folder without one.
+/// Example of a description, shown for a folder without one.
 const EXAMPLE: &str = "name = \"my_plugin\"\nversion = \"1.0.0\"\nchoreo = \"0.1.0\"\nlicense = \"MIT\"\n[[plugin]]\nfile = \"NAME.wgsl\"\nkind = \"effect\"\nhook = \"pixel\"";
 
-/// The package at a path, or the installed one of a name.
+/// Opens the package at a path, or the installed package of this name.
 pub(crate) fn open_or_installed(path: &Path) -> Result<(PathBuf, Package), Failure> {
     let name = path.to_str().filter(|name| is_name(name) && !path.exists());
     match name.and_then(|name| user_folder().map(|folder| folder.join(name))).filter(|place| place.is_dir()) {
@@ -31,7 +31,7 @@ pub(crate) fn open_or_installed(path: &Path) -> Result<(PathBuf, Package), Failu
     }
 }
 
-/// The package at a path, which is its folder, its description or one of its plugin files; with its folder.
+/// Opens the package at a path, which is its folder, its description or one of its plugin files. Returns the folder too.
 pub fn open(path: &Path) -> Result<(PathBuf, Package), Failure> {
     if !path.exists() {
         return Err(Failure::input(format!("{}: no such file or folder", path.display())));
@@ -55,7 +55,7 @@ pub fn open(path: &Path) -> Result<(PathBuf, Package), Failure> {
     }
 }
 
-/// The description in a folder.
+/// Reads the description in a folder.
 fn read(folder: &Path) -> Result<Package, Failure> {
     let place = folder.join(DESCRIPTION);
     let shown = place.display().to_string();
@@ -71,7 +71,7 @@ fn read(folder: &Path) -> Result<Package, Failure> {
     Package::parse(&shown, &text).map_err(|e| Failure::input(e.to_string()))
 }
 
-/// The plugins of a package, all of which work and agree with its description.
+/// Lists the plugins of a package. Fails unless all of them work and agree with its description.
 pub fn working(folder: &Path, plugins: &Registry) -> Result<Listing, Failure> {
     let listing = list_package(plugins, folder).map_err(|e| Failure::input(e.to_string()))?;
     let problems: Vec<Problem> = listing.problems().into_iter().map(Problem::Text).collect();
@@ -81,8 +81,8 @@ pub fn working(folder: &Path, plugins: &Registry) -> Result<Listing, Failure> {
     }
 }
 
-/// Notes about a package that works: its license, plugin files that its description leaves out, and plugins whose names other plugins
-/// of the user have.
+/// Notes about a working package: its license, plugin files missing in its description, and plugins with the same name as other plugins of
+/// the user.
 pub fn notes(folder: &Path, package: &Package, listing: &Listing) -> Vec<String> {
     let shown = folder.join(DESCRIPTION);
     let license = package.license_note().map(|note| format!("{}: {note}", shown.display()));
@@ -97,7 +97,7 @@ pub fn notes(folder: &Path, package: &Package, listing: &Listing) -> Vec<String>
     license.into_iter().chain(unnamed).chain(listing.replaced.clone()).collect()
 }
 
-/// The folder that packages are installed in.
+/// Folder in which packages are installed.
 fn installed() -> Result<PathBuf, Failure> {
     user_folder().ok_or_else(|| {
         Failure::Usage("there is no folder for plugins: set CHOREO_PLUGINS to one, or HOME".into())
@@ -127,7 +127,7 @@ pub fn install(path: &Path, replace: bool, plugins: &Registry) -> Result<(), Fai
     let also: Vec<String> = others.flat_map(|other| listing.also_in(&other)).collect();
     let made = hidden(&folder).map_err(failed)?;
     copy(&source, made.path())?;
-    // What was there is moved into a hidden folder, which is removed with what it holds.
+    // An old version is moved into a hidden folder, which is then removed.
     let old = hidden(&folder).map_err(failed)?;
     let kept = old.path().join("old");
     if before {
@@ -150,12 +150,12 @@ pub fn install(path: &Path, replace: bool, plugins: &Registry) -> Result<(), Fai
     print(page.as_str())
 }
 
-/// A folder that no command takes for a package, removed when it is dropped.
+/// A hidden folder, which no command reads as a package; it is removed on drop.
 fn hidden(folder: &Path) -> std::io::Result<tempfile::TempDir> {
     tempfile::Builder::new().prefix(".choreo-").tempdir_in(folder)
 }
 
-/// Copies a package's folder to `new` in a folder.
+/// Copies a package's folder to the folder `new` inside another folder.
 fn copy(source: &Path, to: &Path) -> Result<(), Failure> {
     let read =
         |e: std::io::Error| Failure::input(format!("{}: cannot read: {}", source.display(), reason(&e)));
@@ -167,17 +167,17 @@ fn copy(source: &Path, to: &Path) -> Result<(), Failure> {
     copying.folder(&from, &to, Path::new(""), 0)
 }
 
-/// A copy that is being made, with what it holds so far.
+/// A copy in progress, with the number of files and bytes so far.
 struct Copying {
     source: PathBuf,
-    /// Place of the copy in messages.
+    /// Path of the copy in messages.
     shown: String,
     files: usize,
     bytes: u64,
 }
 
 impl Copying {
-    /// Copies the regular files of a folder and the folders in it. Hidden files and what Cargo builds are left out; links are refused.
+    /// Copies the regular files and the folders in a folder. Hidden files and build output of Cargo are left out; links are refused.
     fn folder(&mut self, from: &Folder, to: &Folder, below: &Path, level: usize) -> Result<(), Failure> {
         if level > MOST_LEVELS {
             return Err(self.refused(below, format!("folders more than {MOST_LEVELS} levels deep")));
@@ -285,7 +285,7 @@ pub fn remove(name: &str) -> Result<(), Failure> {
     }
     let failed =
         |e: std::io::Error| Failure::Output(format!("{}: cannot remove: {}", place.display(), reason(&e)));
-    // Renamed first, so that no command finds half of it.
+    // The folder is renamed first, so that no command finds a half-removed package.
     let old = hidden(&folder).map_err(failed)?;
     std::fs::rename(&place, old.path().join("old")).map_err(failed)?;
     old.close().map_err(failed)?;

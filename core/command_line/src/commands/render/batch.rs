@@ -1,5 +1,5 @@
-//! `choreo render --set-from`: a film for each row of a table, in one process: assets are imported and pipelines made once. A row that
-//! fails is reported, and the others go on.
+//! `choreo render --set-from`: renders a film for each row of a table in one process, so that assets are imported and pipelines are made
+//! once. A row that fails is reported, and the others continue.
 
 use crate::args::RenderArgs;
 use crate::args::values;
@@ -72,22 +72,22 @@ pub fn run(args: &RenderArgs, table: &Path, plugins: &Registry) -> Result<(), Fa
     ended(args, &results)
 }
 
-/// The render of one row.
+/// Arguments for the render of one row.
 fn of_row(args: &RenderArgs, row: &Row, output: &str) -> RenderArgs {
     let scene = row.scene(&args.scene);
     RenderArgs { scene, output: output.to_string(), set_from: None, row: None, ..args.clone() }
 }
 
-/// The state that all rows share.
+/// State shared by all rows.
 struct Batch {
     registry: Registry,
     keep: Keep,
     renderer: Remembering,
-    /// Said with the first row.
+    /// Note about the device, printed with the first row.
     note: Option<String>,
     reason: Option<String>,
     jobs: Option<usize>,
-    /// Folders have their names from rows, and are made.
+    /// Whether folders of outputs are created, since rows determine their names.
     folders: bool,
 }
 
@@ -112,7 +112,7 @@ impl Batch {
     }
 }
 
-/// Makes the folder of one file.
+/// Creates the folder of a single output file.
 fn make_folder(target: &Target) -> Result<(), Failure> {
     let Target::File(path) = target else { return Ok(()) };
     let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) else { return Ok(()) };
@@ -122,7 +122,7 @@ fn make_folder(target: &Target) -> Result<(), Failure> {
 struct RowResult {
     row: usize,
     output: String,
-    /// Frames of the film, and how they were drawn.
+    /// Number of the film's frames, and how they were drawn.
     drawn: Result<(u64, Drawn), Failure>,
     seconds: f64,
 }
@@ -155,7 +155,7 @@ impl RowResult {
     }
 }
 
-/// The report of all rows; an error where some failed.
+/// Prints the report of all rows, and fails if a row failed.
 fn ended(args: &RenderArgs, results: &[RowResult]) -> Result<(), Failure> {
     if args.json {
         let rows: Vec<serde_json::Value> = results.iter().map(RowResult::json).collect();

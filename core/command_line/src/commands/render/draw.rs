@@ -1,4 +1,4 @@
-//! Drawing a job's frames into its outputs.
+//! Draws the frames of a job into its output.
 
 use crate::args::RenderArgs;
 use crate::commands::render::worker;
@@ -25,10 +25,10 @@ use choreo_stage::Evaluator;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Images being encoded take at most about this much memory, however large each is.
+/// Approximate limit in bytes on images that are being encoded at the same time.
 const PICTURE_BYTES: usize = 256 << 20;
 
-/// Bytes of a pixel of a frame, about.
+/// Approximate size of a pixel in bytes.
 fn pixel_bytes(wish: FrameWish) -> usize {
     match wish {
         FrameWish::Bytes => 4,
@@ -36,17 +36,17 @@ fn pixel_bytes(wish: FrameWish) -> usize {
     }
 }
 
-/// Result of a render, and the device that drew it.
+/// Result of a render, with the device that drew it.
 pub struct Drawn {
     pub device: String,
     pub samples: u32,
-    /// Why this device, unless it was named.
+    /// Reason for the choice of the device; `None` if it was named.
     pub reason: Option<String>,
-    /// Frames of this run; the others were there.
+    /// Frames drawn in this run; others existed already.
     pub counts: Counts,
-    /// Frames that the device timed, and seconds that it was busy with them; where that was requested and it has a clock.
+    /// Number of frames that the device timed, and seconds that it was busy; `None` unless requested and supported.
     pub device_time: Option<(u64, f64)>,
-    /// Frames that the CPU renderer drew, and seconds of each of its stages; where that was requested.
+    /// Number of frames that the CPU renderer drew, and seconds of each of its stages; `None` unless requested.
     pub stage_times: Option<(u64, Vec<(&'static str, f64)>)>,
     pub provenance: Vec<(String, String)>,
 }
@@ -69,7 +69,7 @@ pub fn draw(
         options: job.options.clone(),
     };
     let say = |line: &str| {
-        // Warnings of scripts, files and effects have the word after the place, if there is one.
+        // Warnings contain this word; it follows the place, if there is one.
         if !args.quiet || line.contains("warning: ") {
             print_message(line);
         }
@@ -83,7 +83,7 @@ pub fn draw(
     interrupt::watch(true);
     let result = drawing.run(renderer, &say);
     if result.is_err() {
-        // Folders made for nothing; those that hold something stay.
+        // Removes folders that were created for nothing; folders that contain something stay.
         made.iter().rev().for_each(|folder| drop(std::fs::remove_dir(folder)));
     }
     interrupt::watch(false);
@@ -103,7 +103,7 @@ struct Drawing<'a> {
 }
 
 impl Drawing<'_> {
-    /// The driver is shut down when it returns: the program may end then.
+    /// The driver has shut down when this function returns, since the program may end then.
     fn run(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<Counts, Failure> {
         let job = self.job;
         let is_made = || {
@@ -134,17 +134,17 @@ impl Drawing<'_> {
         let drawn = match self.frames(renderer, &job.frames[begun.done..], encode, say) {
             Ok(drawn) => video.finish().map(|()| drawn),
             Err(failure) => {
-                // If the script failed, it would fail again there. After any other failure the render can be resumed.
+                // A failed script would fail again at the same frame. After a failure outside the script, the render can be resumed.
                 let outside =
                     matches!(failure, Failure::Output(_) | Failure::Device(_) | Failure::Interrupted);
                 video.leave(outside);
                 Err(failure)
             }
         };
-        // Also with --quiet: the user must know that they are there.
+        // Printed even with --quiet: the user must know about the kept frames.
         kept_frames::take_message().iter().for_each(print_message);
         match drawn {
-            // Another machine, which locks do not reach, was faster, and has removed this part.
+            // Another machine was faster and has removed this part folder; locks do not reach across machines.
             Err(Failure::Output(_)) if self.args.resume && is_made() => Ok(Counts::default()),
             drawn => drawn,
         }
@@ -153,7 +153,7 @@ impl Drawing<'_> {
     fn sheet(&self, renderer: Box<dyn Renderer>, say: &dyn Fn(&str)) -> Result<Counts, Failure> {
         let job = self.job;
         let place = job.target.file(0);
-        // Whether it can be written is found before it is drawn.
+        // The file is created before drawing, so that an error is found early.
         let part = PartFile::create(&place).map_err(|e| write_failure(&place.display().to_string(), e))?;
         let mut drawn = Vec::new();
         let keep: Encode = Box::new(|frame, picture, _| {
@@ -182,7 +182,7 @@ impl Drawing<'_> {
             false => job.frames.clone(),
         };
         let mut open = match &job.target {
-            // Whether it can be written is found before it is drawn.
+            // The file is created before drawing, so that an error is found early.
             Target::File(place) if !frames.is_empty() => {
                 let part = PartFile::create(place);
                 Some(part.map_err(|e| write_failure(&place.display().to_string(), e))?)
@@ -245,7 +245,7 @@ impl Drawing<'_> {
         counts
     }
 
-    /// Identity of a render, which a stopped one must share to be resumed: how images are made, which frames, and the format.
+    /// Identity of a render, which a stopped render must share to be resumed: provenance, range of frames, format.
     fn identity(&self) -> Identity {
         let mut identity = self.info.provenance.clone();
         let manifest = self.job.exporter.manifest();

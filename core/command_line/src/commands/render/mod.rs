@@ -1,4 +1,4 @@
-//! `choreo render`: from the command line to files, with everything that can be refused refused before the first frame.
+//! `choreo render`: from the command line to files. Everything that can be refused is refused before the first frame.
 
 mod batch;
 mod draw;
@@ -26,18 +26,18 @@ use choreo_stage::{Repeat, Settings, Stage};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// A render, with checked arguments.
+/// A render with checked arguments.
 pub struct Job {
     pub scene: OpenedScene,
     pub target: Target,
     pub exporter: Arc<dyn Exporter>,
-    /// The exporter of a segment, which `exporter` wraps, where the target is one.
+    /// Exporter of the segment, wrapped by `exporter`, if the target is a segment.
     pub segment: Option<Arc<SegmentExporter>>,
     pub frames: Vec<(i64, Time)>,
     pub settings: Settings,
     pub samples: Option<u32>,
     pub options: ExportOptions,
-    /// The pixels that the exporter wishes for.
+    /// Pixel format that the exporter asks for.
     pub wish: FrameWish,
     pub notes: Vec<String>,
 }
@@ -61,7 +61,7 @@ pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     if args.resume && target == Target::Stdout {
         return Err(Failure::Usage("--resume goes on with a file; standard output keeps nothing".into()));
     }
-    // The driver takes as long to start as the script and its assets: side by side.
+    // The driver takes as long to start as the script and its assets: both happen at the same time.
     let starting = device::start(wanted(&args), registry.effects());
     let prepared = prepare(&args, target, &registry, None);
     let started = starting.wait();
@@ -70,7 +70,8 @@ pub fn run(args: RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     summary::report(&args, &job, &drawn, start.elapsed().as_secs_f64())
 }
 
-/// Begins the report of a segment before its scene is opened, where the frames are known by then: a scene that cannot be opened is reported, too.
+/// Begins the report of a segment before its scene is opened, if the frames are already known, so that a scene that cannot be opened is
+/// reported too.
 fn begin_report(args: &RenderArgs) {
     let named = args.frames.as_deref().filter(|frames| !frames.trim_end().ends_with(".."));
     let frames =
@@ -89,7 +90,7 @@ fn wanted(args: &RenderArgs) -> device::Wanted {
     }
 }
 
-/// Refuses what can be refused. `keep`: of earlier renders of the same.
+/// Opens the scene and checks everything that can be refused before drawing. `keep`: state of earlier renders of the same input.
 pub fn prepare(
     args: &RenderArgs,
     target: Target,
@@ -116,13 +117,13 @@ pub fn prepare(
         true => size.unwrap_or_else(|| sheet::cell(settings.size)),
         false => size.unwrap_or(settings.size),
     };
-    // The stage too: a camera that frames what it sees does so for the shape of this image.
+    // The size is set on the stage too, since automatic camera framing depends on the image's aspect ratio.
     Arc::make_mut(&mut scene.stage).settings.size = settings.size;
     settings.fps = fps.unwrap_or(settings.fps);
     let total = settings.fps.frames_in(settings.length).max(1);
     let mut notes = Vec::new();
     let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
-    // The limit is for what a script says. A size given here is intended, unless a limit is given too.
+    // The limit applies to sizes in scripts. A size on the command line is intended, so the limit applies to it only if it is given too.
     if size.is_none() || args.scene.limit.iter().any(|l| l.trim_start().starts_with("pixels")) {
         too_many(pixels, "pixels", scene.limits.pixels)?;
     }
@@ -146,8 +147,8 @@ pub fn prepare(
     Ok(Job { scene, target, exporter, segment, frames, settings, samples, options, wish, notes })
 }
 
-/// The numbers of the frames that are drawn where no time is given, and a note where `--frames` names more than a file holds.
-/// `total`: frames of the scene; `pixels`: of a frame.
+/// Numbers of the frames to draw if no time is given, and a note if `--frames` names more frames than one file holds. `total`: frames of
+/// the scene; `pixels`: pixels of a frame.
 fn frame_numbers(
     args: &RenderArgs,
     target: &Target,
@@ -198,7 +199,7 @@ fn frame_numbers(
     Ok((numbers, None))
 }
 
-/// The pixels that the format holds with these options.
+/// Pixel format of the output with these options.
 fn wish(
     args: &RenderArgs,
     target: &Target,
@@ -216,7 +217,7 @@ fn wish(
     }
 }
 
-/// The note about what images of light do without.
+/// Note about effects and 2D layers that are applied after the view transform, which images of linear light leave out.
 fn without_display(wish: FrameWish, stage: &Stage, registry: &Registry) -> Option<String> {
     let FrameWish::Scene(Passes { color: true, .. }) = wish else { return None };
     let effects = stage.effects.iter().filter_map(|used| registry.effect(&used.plugin));
@@ -233,7 +234,7 @@ fn without_display(wish: FrameWish, stage: &Stage, registry: &Registry) -> Optio
     Some(format!("light before the view transform is written, so without {without}"))
 }
 
-/// `--segment`: the file in place of the film, and its exporter.
+/// Target and exporter for `--segment`: a segment in place of the film.
 fn segment(
     args: &RenderArgs,
     film: &Target,
@@ -264,7 +265,7 @@ fn segment(
     Ok(Some((Target::File(file), Arc::new(segment))))
 }
 
-/// `--length`: the model's clip again and again.
+/// Applies `--length`: the model's clip is looped.
 fn loop_for(scene: &mut OpenedScene, length: Time) -> Result<(), Failure> {
     if scene.is_script {
         let what = "--length is for model files; a script states it: stage(#{ length: 4.0 })";
@@ -283,7 +284,7 @@ fn loop_for(scene: &mut OpenedScene, length: Time) -> Result<(), Failure> {
     Ok(())
 }
 
-/// `out.png` → `out/%04d.png`.
+/// Suggests a numbered output: `out.png` → `out/%04d.png`.
 fn numbered(output: &str) -> String {
     match output.rsplit_once('.') {
         Some((stem, extension)) => format!("{stem}/%04d.{extension}"),

@@ -1,4 +1,4 @@
-//! `choreo render --sheet`: a contact sheet, one image with frames of the scene side by side.
+//! `choreo render --sheet`: a contact sheet, one image with a grid of frames.
 
 use crate::commands::render::stages::label;
 use crate::failure::Failure;
@@ -6,21 +6,21 @@ use crate::output::target::Target;
 use choreo_motion::Time;
 use choreo_plugin::Frame;
 
-/// Frames of a sheet for which none are chosen.
+/// Number of frames on a sheet if none are chosen.
 const FRAMES: i64 = 12;
-/// Larger side in pixels of a frame for which no size is given.
+/// Longer side of a frame in pixels if no size is given.
 const SIDE: u32 = 384;
 /// Pixels between frames, and their color.
 const GAP: u32 = 4;
 const GRAY: [u8; 4] = [32, 32, 32, 255];
 
-/// The middle frames of equal parts: films often begin and end in black.
+/// Frame numbers in the middle of equal parts of the film: films often begin and end in black.
 pub fn evenly(total: i64) -> Vec<i64> {
     let count = FRAMES.min(total.max(1));
     (0..count).map(|i| (2 * i + 1) * total / (2 * count)).map(|frame| frame.min(total - 1).max(0)).collect()
 }
 
-/// The size of one frame, in the shape of the stage.
+/// Size of one frame in pixels, with the aspect ratio of the stage.
 pub fn cell(stage: [u32; 2]) -> [u32; 2] {
     let larger = f64::from(stage[0].max(stage[1]));
     let scale = (f64::from(SIDE) / larger).min(1.0);
@@ -34,12 +34,12 @@ pub(crate) fn must_be_one_image(target: &Target, one_picture: bool) -> Result<()
     }
 }
 
-/// The text of a frame: its number and time.
+/// Caption of a frame: its number and time.
 pub fn caption((number, time): (i64, Time)) -> String {
     format!("{number}: {:.3} s", time.as_secs())
 }
 
-/// The sheet, row by row; each frame has its text in its corner.
+/// Composes the sheet row by row; each frame has its caption in the top left corner.
 pub fn compose(frames: Vec<(String, Frame)>) -> Frame {
     let [width, height] = frames.first().map_or([1, 1], |(_, frame)| [frame.width, frame.height]);
     let columns = columns(frames.len() as u32, [width, height]);
@@ -58,7 +58,7 @@ pub fn compose(frames: Vec<(String, Frame)>) -> Frame {
     sheet
 }
 
-/// Number of columns for a sheet that is about half as wide again as high.
+/// Number of columns for a sheet whose width is about 1.5 times its height.
 fn columns(count: u32, [width, height]: [u32; 2]) -> u32 {
     let columns = (f64::from(count) * 1.5 * f64::from(height) / f64::from(width)).sqrt().round() as u32;
     columns.clamp(1, count.max(1))

@@ -1,4 +1,4 @@
-//! `choreo render --stages`: what the CPU renderer does on the way to a frame, an image per stage.
+//! `choreo render --stages`: the intermediate results of the CPU renderer, one image per stage.
 
 use crate::args::RenderArgs;
 use crate::commands::render;
@@ -19,7 +19,7 @@ use glam::{DVec2, Vec4};
 use std::path::Path;
 use std::sync::Arc;
 
-/// Captions of the stages; the last is the frame itself, and has none.
+/// Captions of the stages; the last stage is the frame itself and has no caption.
 const CAPTIONS: [&str; 5] = [
     "model: each mesh as its file has it, around its own origin",
     "view: all of it where it stands, from above; the camera is below, its view between the grey lines",
@@ -32,7 +32,7 @@ fn caption(picture: &mut Frame, text: &str) {
     label(picture, text, (picture.height as f32 / 26.0).min(picture.width as f32 / 46.0));
 }
 
-/// Draws a text over the top left corner, `height` pixels high. One too small to be readable is left out.
+/// Draws a text in the top left corner, `height` pixels high. A text too small to be read is left out.
 pub fn label(picture: &mut Frame, text: &str, height: f32) {
     let size = [picture.width, picture.height];
     if height < 7.0 {
@@ -42,7 +42,7 @@ pub fn label(picture: &mut Frame, text: &str, height: f32) {
         picture,
         [height * (1.2 + 0.58 * text.chars().count() as f32), 1.9 * height].map(|side| side as u32),
     );
-    // The second as a shadow of the first, so that it is read over anything.
+    // The text is drawn twice, first as a shadow, so that it can be read on any background.
     for (shift, color) in [(1.0 + height / 16.0, Vec4::new(0.0, 0.0, 0.0, 1.0)), (0.0, Vec4::ONE)] {
         let at = DVec2::new(f64::from(shift), f64::from(height + shift))
             / DVec2::new(size[0].into(), size[1].into());
@@ -54,7 +54,7 @@ pub fn label(picture: &mut Frame, text: &str, height: f32) {
     }
 }
 
-/// Darkens a box of pixels in the top left corner, behind a text.
+/// Darkens a rectangle in the top left corner, as the background of a text.
 fn darken(picture: &mut Frame, [width, height]: [u32; 2]) {
     let [width, height] = [width.min(picture.width), height.min(picture.height)].map(|side| side as usize);
     let row_bytes = 4 * picture.width as usize;
@@ -65,8 +65,7 @@ fn darken(picture: &mut Frame, [width, height]: [u32; 2]) {
     }
 }
 
-/// Writes the images to the folder that `-o` names, `1_model.png` to `6_shade.png`, at the time of `--at`, else of the first
-/// frame.
+/// Writes the images `1_model.png` to `6_shade.png` to the folder `-o`, at the time `--at`, or else at the first frame.
 pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     let folder = Path::new(&args.output);
     if folder.extension().is_some() {
@@ -85,7 +84,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     }
     let effects = job.scene.registry.effects();
     let mut renderer = CpuRenderer::new(effects);
-    // One sample: the pixels that a triangle covers are the subject.
+    // One sample per pixel: the images show which pixels a triangle covers.
     let samples = job.samples.unwrap_or(1);
     let time = job.frames.first().map(|(_, time)| *time).unwrap_or_default();
     let snapshot = job.scene.stage.at(time).map_err(|e| Failure::input(e.to_string()))?;

@@ -74,7 +74,7 @@ pub fn report(args: &RenderArgs, job: &Job, drawn: &Drawn, secs: f64) -> Result<
     Ok(())
 }
 
-/// Frames that were not drawn, and why.
+/// Number of frames that were not drawn, and the reason.
 fn not_drawn(frames: u64, counts: Counts, watch: bool) -> String {
     let Counts { drawn, repeated, recomposed } = counts;
     let reused = frames - drawn.min(frames);

@@ -1,4 +1,4 @@
-//! `choreo render --watch`: after every save, the frames that it touches are drawn again and the output is written anew.
+//! `choreo render --watch`: after every save, the affected frames are drawn again and the output is rewritten.
 
 use crate::args::RenderArgs;
 use crate::args::values;
@@ -51,7 +51,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
             drawn.counts.drawn -= renderer.reused().min(drawn.counts.drawn);
             summary::report(args, &job, &drawn, begun.elapsed().as_secs_f64())
         };
-        // An error may be corrected by the next save.
+        // The next save may correct the error.
         match { round }() {
             Ok(()) => {}
             Err(failure @ (Failure::Interrupted | Failure::ClosedPipe | Failure::Usage(_))) => {
@@ -75,7 +75,7 @@ pub fn run(args: &RenderArgs, plugins: &Registry) -> Result<(), Failure> {
     }
 }
 
-/// All files of the last round, and the folders in which plugin files would be found.
+/// Files of the last round, and folders in which plugin files would be found.
 fn interest(args: &RenderArgs, keep: &Keep) -> WatchedPaths {
     let touched = keep.touched();
     let mut interest = WatchedPaths::default();
@@ -97,7 +97,7 @@ fn interest(args: &RenderArgs, keep: &Keep) -> WatchedPaths {
             }
         }
     }
-    // A render that failed before it read anything depends on its input.
+    // If a render fails before it has read a file, its input is watched.
     if let Ok(input) = std::path::absolute(Path::new(&args.scene.input)) {
         let input = input.canonicalize().unwrap_or(input);
         let there = content_of(&input);

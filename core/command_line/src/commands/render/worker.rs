@@ -1,5 +1,4 @@
-//! The report that a render of a segment leaves beside it, for `choreo farm --status`. A report that cannot be written is left out:
-//! the segment is what matters.
+//! Reports about the render of a segment, for `choreo farm --status`. Errors in writing a report are ignored: the segment is what matters.
 
 use crate::drawing::pipeline::Pixels;
 use crate::failure::Failure;
@@ -10,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Time between two reports of a worker that draws.
+/// Time between two reports of a running worker.
 const PAUSE: Duration = Duration::from_secs(2);
 
 static WORKER: Mutex<Option<Worker>> = Mutex::new(None);
@@ -26,7 +25,7 @@ fn worker() -> MutexGuard<'static, Option<Worker>> {
     WORKER.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A render of a segment begins. Nothing is written yet: another process may be making the segment, or have made it.
+/// Begins the render of a segment. Nothing is written yet: another process may be making the segment, or have made it.
 pub(crate) fn begin(folder: &Path, first: u64, last: u64) {
     let path = folder.join(report_name(first, last));
     let mut worker = worker();
@@ -43,10 +42,10 @@ pub(crate) fn begin(folder: &Path, first: u64, last: u64) {
     *worker = Some(Worker { path, report, start, written: None });
 }
 
-/// The segment is this process's own, and has this many frames of an earlier one.
+/// Starts the reports: this process owns the segment. `done`: finished frames from an earlier process.
 pub(crate) fn start(done: u64) {
     if let Some(worker) = worker().as_mut() {
-        // The thumbnail of a worker that was killed is as good.
+        // The thumbnail of a killed worker is kept.
         let before = choreo_files::read(&worker.path, 1 << 20).ok().and_then(|bytes| Report::read(&bytes));
         worker.report.thumbnail =
             before.filter(|_| done > 0).map(|before| before.thumbnail).unwrap_or_default();
@@ -55,7 +54,7 @@ pub(crate) fn start(done: u64) {
     }
 }
 
-/// A frame is in the segment.
+/// Counts a finished frame of the segment.
 pub(crate) fn frame(pixels: &Pixels) {
     let mut worker = worker();
     let Some(worker) = worker.as_mut() else { return };
@@ -72,12 +71,12 @@ pub(crate) fn frame(pixels: &Pixels) {
     }
 }
 
-/// The program ends. A worker that has found its segment whole leaves the report of the one that made it.
+/// Writes the final report. A worker that found its segment complete keeps the report of the worker that made it.
 pub(crate) fn end(failure: Option<&Failure>) {
     let Some(mut worker) = worker().take() else { return };
     worker.report.state = match failure {
         None if worker.written.is_none() => return,
-        // The command line is wrong: the folder may be, too.
+        // If the command line is wrong, the folder may be wrong too.
         Some(Failure::Usage(_)) => return,
         None => SegmentState::Done,
         Some(Failure::Interrupted) => SegmentState::Stopped,

@@ -1,4 +1,4 @@
-//! `choreo test`: sections of scripts, run and judged; results go to the terminal and into reports.
+//! `choreo test`: runs sections of scripts as tests, and reports the results on the terminal and in files.
 
 mod tell;
 mod watch;
@@ -58,7 +58,7 @@ fn judged(report: &Report) -> Result<(), Failure> {
     }
 }
 
-/// Unpacks the packed scenes among the paths, and puts their scripts and folders into the arguments.
+/// Unpacks the packed scenes among the paths, and replaces them by their scripts and folders.
 fn unpacked(args: &mut TestArgs) -> Result<Vec<Unpacked>, Failure> {
     let limits = values::limits(&args.limit)?;
     let mut all = Vec::new();
@@ -77,7 +77,7 @@ fn unpacked(args: &mut TestArgs) -> Result<Vec<Unpacked>, Failure> {
     Ok(all)
 }
 
-/// Runs the test scripts of a package with its plugins; tests may read in its folder. Gives the effects of plugin files that no test
+/// Runs the test scripts of a package with its plugins; tests may read in its folder. Returns the effects of plugin files that no test
 /// used.
 pub(crate) fn run_package(args: TestArgs, folder: &Path, plugins: &Registry) -> Result<Vec<String>, Failure> {
     let folder = vec![folder.to_path_buf()];
@@ -89,12 +89,12 @@ pub(crate) fn run_package(args: TestArgs, folder: &Path, plugins: &Registry) -> 
     Ok(listing.unused_effects())
 }
 
-/// The command line, checked.
+/// The checked command line.
 pub struct Job {
     paths: Vec<PathBuf>,
     selection: Selection,
     options: RunOptions,
-    /// Tests may read in the folder of their project.
+    /// Whether tests may read files in the folder of their project.
     in_projects: bool,
 }
 
@@ -125,16 +125,16 @@ impl Job {
             }
         };
         let (pictures, results) = if args.list { (None, None) } else { folders()? };
-        // A program that cannot be told from another build of it must not take over that one's results.
+        // A program that cannot be distinguished from another build must not reuse the results of that build.
         let program = results::program();
         let options = RunOptions {
-            // Without a choreo.toml, a project is tested from its folder: its tests may use its scenes and assets.
+            // The current folder is the project if there is no `choreo.toml`: tests may use the scenes and assets in it.
             test: TestOptions { script, root: std::env::current_dir().ok(), ..TestOptions::default() },
             pictures: ImageOptions { accept, device, any_device: args.any_device, failures: pictures },
             timeout: Some(values::timeout(&args.timeout)?),
             jobs: args.jobs.as_deref().map(values::jobs).transpose()?.unwrap_or(0),
             results: results.filter(|_| program.is_some()),
-            // After a save only what it touches is of interest.
+            // Only the affected sections run after a save with --watch.
             changed: args.changed || args.watch,
             program: program.unwrap_or_default(),
             gpu_cache: device::cache_dir(),
@@ -148,7 +148,7 @@ impl Job {
         Ok(Job { paths, selection, options, in_projects: false })
     }
 
-    /// The plugins with the plugin files found now. Files beside any of the tests count for all tests.
+    /// Registry with the plugin files found now. Plugin files beside any test are available to all tests.
     fn plugins(&self, args: &TestArgs, plugins: &Registry) -> Result<Listing, Failure> {
         let files = collect::files(&self.paths).map_err(nothing)?;
         let beside: Vec<&Path> = files.iter().map(|(file, _)| file.as_path()).collect();
@@ -162,7 +162,7 @@ impl Job {
     }
 }
 
-/// The folders that were given, for commands that run sections again.
+/// Options for the folders that were given, for the commands in messages that run sections again.
 fn words(args: &TestArgs) -> String {
     let one = |flag: &str, folder: &PathBuf| format!(" {flag} {}", quoted(&folder.display().to_string()));
     let plugins = args.plugins.iter().map(|folder| one("--plugins", folder));
@@ -176,7 +176,7 @@ fn nothing(why: NothingToRun) -> Failure {
     }
 }
 
-/// `2/5` → (2, 5).
+/// Parses a shard: `2/5` → (2, 5).
 fn shard(text: &str) -> Result<(usize, usize), Failure> {
     let parsed = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
     match parsed {
@@ -185,7 +185,7 @@ fn shard(text: &str) -> Result<(usize, usize), Failure> {
     }
 }
 
-/// A report that could not be written is found before the tests run.
+/// Fails before the tests run if a report cannot be written.
 fn writable(path: &Path) -> Result<(), Failure> {
     if path.is_dir() {
         return Err(Failure::Output(format!("{}: cannot write: it is a folder", path.display())));
@@ -193,8 +193,8 @@ fn writable(path: &Path) -> Result<(), Failure> {
     in_folder(path)
 }
 
-/// Folders for images of failures and for earlier results: in `target` if the project has such a folder, else in the user's
-/// cache folder. No other user may write to either: a shared temporary folder would not do.
+/// Folders for images of failed tests and for earlier results: in `target` if the project has such a folder, else in the user's cache
+/// folder. No other user may write to them, which excludes a shared temporary folder.
 fn folders() -> Result<(Option<PathBuf>, Option<PathBuf>), Failure> {
     let target = Path::new("target");
     if std::fs::symlink_metadata(target).is_ok_and(|m| m.is_dir()) {
@@ -204,7 +204,7 @@ fn folders() -> Result<(Option<PathBuf>, Option<PathBuf>), Failure> {
             let made =
                 Folder::open(Path::new("")).map_err(WriteError::Io).and_then(|f| f.create_folders(&folder));
             match made {
-                // The tests run even if results and images cannot be kept.
+                // The tests run even if results and images cannot be stored.
                 Ok(_) | Err(WriteError::Io(_)) => Ok(Some(folder)),
                 Err(e) => Err(write_failure(&work.display().to_string(), e)),
             }
@@ -217,13 +217,13 @@ fn folders() -> Result<(Option<PathBuf>, Option<PathBuf>), Failure> {
     Ok((pictures, cache))
 }
 
-/// Whether the system gave a section no thread, which is no result of the section.
+/// Whether the system refused a thread to a section, which says nothing about the section.
 fn without_thread(report: &Report) -> bool {
     let mut statuses = report.outcomes.iter().map(|outcome| &outcome.status);
     statuses.any(|status| matches!(status, Status::Error(text) if text.contains(NO_THREAD)))
 }
 
-/// One run with all its reports.
+/// Runs the tests once and writes all reports.
 fn once(args: &TestArgs, job: &Job, cases: &[Case], registry: &Registry) -> Result<Report, Failure> {
     let inputs = Inputs::new(cases.iter().map(|case| case.path.clone()));
     [&args.junit, &args.html].into_iter().flatten().try_for_each(|path| inputs.refuse(path))?;

@@ -1,4 +1,4 @@
-//! Output while the tests run: a bar on a terminal, failures as they come, a line for each file, the counts.
+//! Output while the tests run: a bar on a terminal, failures as they happen, a line for each file, and the totals.
 
 use crate::args::TestArgs;
 use crate::failure::{Failure, print};
@@ -10,13 +10,13 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 pub struct Teller {
     quiet: bool,
-    /// Nothing but the report at the end.
+    /// Whether only the final report is printed.
     silent: bool,
     bar: Option<ProgressBar>,
-    /// Outcomes of the file that is being reported.
+    /// Outcomes of the sections of the current file.
     file: Vec<Outcome>,
     failed: usize,
-    /// The first thing that could not be written.
+    /// First error in writing the output.
     broken: Option<Failure>,
 }
 
@@ -44,7 +44,7 @@ impl Teller {
             self.failed += 1;
             self.say(&terminal::failure(outcome));
         }
-        // Its images have been reported and written.
+        // Images of the section have been reported and written, and are released.
         self.file.push(Outcome { checks: Vec::new(), ..outcome.clone() });
         if let Some(bar) = &self.bar {
             if self.failed > 0 {

@@ -1,5 +1,5 @@
-//! `--watch`: after each run, waits until a file that it read has another content, or a test file has come, and runs what that
-//! touches. The same mechanism as hot reload ([`choreo_session::Watch`]).
+//! `--watch`: after each run, waits until the content of a read file changes or a test file appears, and runs the affected sections. It
+//! uses the same mechanism as hot reload ([`choreo_session::Watch`]).
 
 use super::{Job, once};
 use crate::args::TestArgs;
@@ -13,10 +13,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-/// The ending of test files.
+/// Extension of test files.
 const ENDING: &str = ".rhai";
 
-/// BLAKE3; `None` where there is no such file.
+/// BLAKE3 hash of each file; `None` if the file does not exist.
 type Contents = BTreeMap<PathBuf, Option<[u8; 32]>>;
 
 pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure> {
@@ -24,11 +24,11 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
     let mut watch = Watch::new().map_err(failed)?;
     let mut known = Contents::new();
     loop {
-        // A file that is saved while the tests run differs from the one that they have read.
+        // A file that is saved while the tests run differs from the content that they have read.
         known.iter_mut().for_each(|(path, content)| *content = content_of(path));
         let begun = SystemTime::now();
         let mut read: BTreeSet<PathBuf> = BTreeSet::new();
-        // An error may be corrected by the next save: only a closed pipe ends the loop.
+        // The next save may correct an error: only a closed pipe ends the loop.
         let ran = job.plugins(args, plugins).and_then(|Listing { registry, .. }| {
             let cases = job.cases(&registry)?;
             read.extend(cases.iter().filter_map(|c| c.path.canonicalize().ok()));
@@ -56,7 +56,7 @@ pub fn run(args: &TestArgs, job: &Job, plugins: &Registry) -> Result<(), Failure
         }
         watch.set(interest);
         for path in watch.there() {
-            // It was there, and is in no test of this run.
+            // The file existed before, and belongs to no test of this run.
             if !known.contains_key(&path) {
                 let content = content_of(&path);
                 known.insert(path.clone(), content);

@@ -1,4 +1,4 @@
-//! Choice of the record that gives each frame of a film, from segments in any order that may overlap.
+//! Choice of the record that provides each frame of a film, from segments that may overlap and come in any order.
 
 use super::{RecordKind, Segment};
 use choreo_plugin::suggest::list;
@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::num::NonZeroU64;
 
-/// A record: number of its segment, and of the record in it.
+/// Address of a record: number of its segment, and number of the record in it.
 pub(crate) type Source = (usize, usize);
 
 /// Why segments do not make a film.
@@ -14,13 +14,13 @@ pub(crate) type Source = (usize, usize);
 pub(crate) enum Gap {
     /// Frames that no segment holds, as inclusive ranges.
     Missing(Vec<(u64, u64)>),
-    /// Two segments hold other bytes for the same frame.
+    /// Two segments hold different bytes for the same frame.
     Differ { frame: u64, segments: [usize; 2] },
-    /// A piece that the film's format does not have.
+    /// A piece whose range does not fit the piece length of the film's format.
     Misplaced { segment: usize, frame: u64 },
 }
 
-/// The records that make the film, in order. Pieces go before images, which are still to be encoded.
+/// Records that make up the film, in order. Pieces are preferred to images, which must still be encoded.
 pub(crate) fn cover(segments: &[Segment], piece: Option<NonZeroU64>) -> Result<Vec<Source>, Gap> {
     let (mut pieces, mut images) = (BTreeMap::<u64, Source>::new(), BTreeMap::<u64, Source>::new());
     for (segment, opened) in segments.iter().enumerate() {
@@ -67,7 +67,7 @@ pub(crate) fn cover(segments: &[Segment], piece: Option<NonZeroU64>) -> Result<V
     if missing.is_empty() { Ok(sources) } else { Err(Gap::Missing(missing)) }
 }
 
-/// Ranges of frames as the command line takes them: `0..=47, 60`.
+/// Formats ranges of frames in the syntax of the command line: `0..=47, 60`.
 pub(crate) fn ranges(ranges: &[(u64, u64)]) -> String {
     let one = |(first, last): &(u64, u64)| match first == last {
         true => first.to_string(),

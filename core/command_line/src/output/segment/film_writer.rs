@@ -14,21 +14,21 @@ pub(crate) struct FilmWriter<'a> {
     out: Out,
     /// `None` between pieces.
     sink: Option<Box<dyn FrameSink>>,
-    /// Marks of the pieces so far.
+    /// Exporter states of the pieces written so far.
     states: Vec<Vec<u8>>,
-    /// The image given last, with its segment and its place there.
+    /// The image written last, with the number of its segment and its place there.
     last: Option<((usize, u64), Frame)>,
     pub counts: JoinedFrames,
 }
 
-/// How the frames of a film came into it.
+/// Numbers of frames that were copied from pieces, and of frames that were encoded from images.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct JoinedFrames {
     pub copied: u64,
     pub encoded: u64,
 }
 
-/// Why a film was not written.
+/// Reason why a film was not written.
 #[derive(Debug)]
 pub(crate) enum JoinError {
     Export(ExportError),
@@ -59,7 +59,7 @@ impl<'a> FilmWriter<'a> {
         Ok(FilmWriter { exporter, info, out, sink, states: Vec::new(), last: None, counts })
     }
 
-    /// Adds the frames of a record. `number`: that of its segment.
+    /// Adds the frames of a record. `number`: number of its segment.
     pub fn add(&mut self, number: usize, segment: &Segment, place: &PlacedRecord) -> Result<(), JoinError> {
         let fault = |fault| JoinError::Segment(number, fault);
         let image = (number, place.at);
@@ -98,7 +98,7 @@ impl<'a> FilmWriter<'a> {
         Ok(())
     }
 
-    /// Ends the film; gives what stands before all that was written.
+    /// Ends the film. Returns the bytes that belong before everything that was written.
     pub fn finish(self) -> Result<(Vec<u8>, JoinedFrames), JoinError> {
         let sink = match self.sink {
             Some(sink) => sink,

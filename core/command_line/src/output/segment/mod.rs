@@ -1,9 +1,10 @@
-//! Segments: the frames that one of several machines makes of a film, in a file that `choreo join` joins with others.
+//! Segments: files with a part of a film's frames, rendered on different machines and joined by `choreo join`.
 //!
-//! A segment is text and bytes in turn. Each line is the BLAKE3 of its JSON, a space and the JSON. The first line is the magic, the second
-//! says which film it is and how it is made ([`Film`]), each further one describes a record ([`Record`]) whose bytes follow, and the last
-//! one is the end. What was cut or bent is found by the hashes, and only what lies before it is used. Frames that an exporter can make
-//! without those before are pieces of the film's own bytes; the others are images, which `choreo join` gives to the exporter.
+//! A segment alternates between text and bytes. Each line is the BLAKE3 hash of its JSON, a space and the JSON. The first line is the
+//! magic, the second describes the film ([`Film`]), each further line describes a record ([`Record`]) whose bytes follow, and the last line
+//! marks the end. Hashes find data that is truncated or corrupt, and only the records before it are used. Frames that an exporter can
+//! encode without earlier frames are stored as pieces of the film's own bytes; other frames are stored as images, which `choreo join` gives
+//! to the exporter.
 
 mod coverage;
 mod film_writer;
@@ -23,13 +24,13 @@ use choreo_motion::FrameRate;
 use choreo_plugin::{ExportOptions, Manifest, VideoInfo};
 use serde_json::{Value, json};
 
-/// The first line.
+/// First line of a segment.
 const MAGIC: &[u8] = b"choreo segment 1\n";
 
-/// Extension of the files.
+/// File extension of segments.
 pub(crate) const EXTENSION: &str = "segment";
 
-/// The film that a segment is a part of: all that an exporter needs to make it. Segments of one film have the same one.
+/// The film that a segment is a part of: everything that an exporter needs to make it. Equal in all segments of one film.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Film {
     pub size: [u32; 2],
@@ -38,7 +39,7 @@ pub(crate) struct Film {
     pub frames: u64,
     /// Name and version of the exporter.
     pub format: String,
-    /// Options of the exporter as typed, NAME=VALUE.
+    /// Exporter options as typed, NAME=VALUE.
     pub options: Vec<String>,
     pub provenance: Identity,
 }
@@ -55,7 +56,7 @@ impl Film {
         }
     }
 
-    /// The properties of the whole film, for its exporter. `options`: [`Film::options`] as the exporter reads them.
+    /// Properties of the whole film, for its exporter. `options`: [`Film::options`], parsed.
     pub fn info(&self, options: ExportOptions) -> VideoInfo {
         VideoInfo {
             width: self.size[0],
@@ -67,7 +68,7 @@ impl Film {
         }
     }
 
-    /// All of it as (keyword, text), by which two films are compared.
+    /// Identity of the film as (keyword, text), by which two films are compared.
     pub fn identity(&self) -> Identity {
         let mut identity = self.provenance.clone();
         let [width, height] = self.size;
@@ -91,7 +92,7 @@ impl Film {
         })
     }
 
-    /// `None` where a field is missing or out of range.
+    /// Parses a film; `None` if a field is missing or out of range.
     fn read(value: &Value) -> Option<Film> {
         let [width, height] = numbers(&value["size"])?;
         let [num, den] = numbers(&value["fps"])?;
@@ -113,7 +114,7 @@ impl Film {
     }
 }
 
-/// The limits of the command line.
+/// Limits of the command line on frames, and on width and height in pixels.
 const MOST_FRAMES: u64 = 10_000_000;
 const MOST_PIXELS: u32 = 16_384;
 
@@ -122,7 +123,7 @@ fn numbers(value: &Value) -> Option<[u32; 2]> {
     Some([number(&value[0])?, number(&value[1])?])
 }
 
-/// Some frames of a segment, in the order in which they were made.
+/// Consecutive frames of a segment, in the order in which they were made.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Record {
     pub kind: RecordKind,
@@ -139,9 +140,9 @@ pub(crate) struct Record {
 pub(crate) enum RecordKind {
     /// A PNG of one frame.
     Image,
-    /// One frame with the pixels of the record before, an image or another such frame; nothing follows.
+    /// One frame with the pixels of the previous record, which is an image or another repetition. No bytes follow.
     Repeat,
-    /// The film's own bytes: the mark of the exporter, of `state` bytes, and what it wrote. Of formats of one image per file the file.
+    /// Bytes of the film itself: the exporter's state of `state` bytes, and then its output. For formats with one image per file, the file.
     Piece { state: u64 },
 }
 
@@ -174,13 +175,13 @@ impl Record {
     }
 }
 
-/// The line of a value.
+/// Writes a value as a line with its hash.
 fn line(value: &Value) -> Vec<u8> {
     let json = value.to_string();
     format!("{} {json}\n", blake3::hash(json.as_bytes()).to_hex()).into_bytes()
 }
 
-/// The value of a line, where its hash is right.
+/// Parses a line; `None` if its hash is wrong.
 fn value(line: &[u8]) -> Option<Value> {
     let (hash, json) = line.strip_suffix(b"\n")?.split_at_checked(64)?;
     let json = json.strip_prefix(b" ")?;

@@ -1,4 +1,4 @@
-//! Reading a segment: every byte is read and compared with its hash, once when it is opened and once more when it is used.
+//! Reading a segment: every byte is compared with its hash, once when the segment is opened and once more when it is used.
 
 use super::{Film, MAGIC, Record, RecordKind, SegmentExporter, value};
 use choreo_files::FileError;
@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-/// A line has a few hundred bytes, and that of the film the parameters of the script.
+/// Longest line in bytes. Lines of records have a few hundred bytes; the line of the film contains the parameters of the script.
 const LONGEST_LINE: u64 = 16 << 20;
 
 /// An open segment.
@@ -16,21 +16,21 @@ const LONGEST_LINE: u64 = 16 << 20;
 pub(crate) struct Segment {
     pub path: PathBuf,
     pub film: Film,
-    /// The whole records.
+    /// The intact records.
     pub records: Vec<PlacedRecord>,
-    /// The damage behind them.
+    /// Damage after the intact records.
     pub damage: Option<String>,
     file: File,
 }
 
-/// A record, and where its bytes begin. A frame that repeats the record before has the place and the hash of its image.
+/// A record, and the place of its bytes. A frame that repeats the previous record has the place and the hash of that record's image.
 #[derive(Clone, Debug)]
 pub(crate) struct PlacedRecord {
     pub record: Record,
     pub at: u64,
 }
 
-/// Why a file is no segment that can be used, without its name.
+/// Reason why a file cannot be used as a segment; it does not include the file's name.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Fault {
     #[error("cannot read: {0}")]
@@ -48,7 +48,7 @@ impl From<io::Error> for Fault {
 }
 
 impl Segment {
-    /// Reads and checks all of it. Damage behind the head is no error: the records before it are given.
+    /// Opens a segment and checks all of it. Damage after the head is no error: the records before it are used.
     pub fn open(path: &Path) -> Result<Segment, Fault> {
         let file = choreo_files::open_file(path)?;
         let mut from = Counted { inner: BufReader::with_capacity(1 << 16, &file), at: 0 };
@@ -79,7 +79,7 @@ impl Segment {
         Ok(Segment { path: path.to_path_buf(), film, records, damage, file })
     }
 
-    /// Whether a whole segment with these frames of the film of `info` is at `path`: an earlier run of the same command made it.
+    /// Whether `path` holds a complete segment with these frames of this film, made by an earlier run of the same command.
     pub(crate) fn is_made(path: &Path, exporter: &SegmentExporter, info: &VideoInfo) -> bool {
         Segment::open(path).is_ok_and(|made| {
             let next = made.records.iter().try_fold(exporter.first, |next, place| {
@@ -91,7 +91,7 @@ impl Segment {
         })
     }
 
-    /// The bytes of a record.
+    /// Reads the bytes of a record.
     pub fn bytes(&self, place: &PlacedRecord) -> Result<Vec<u8>, Fault> {
         let mut file = &self.file;
         file.seek(SeekFrom::Start(place.at))?;
@@ -103,7 +103,7 @@ impl Segment {
         }
     }
 
-    /// The pixels of an image.
+    /// Reads and decodes the pixels of an image.
     pub fn frame(&self, place: &PlacedRecord) -> Result<Frame, Fault> {
         let bytes = self.bytes(place)?;
         decoded(&bytes, self.film.size).ok_or(Fault::Damaged("an image of another kind or size"))
@@ -122,14 +122,14 @@ fn decoded(png: &[u8], [width, height]: [u32; 2]) -> Option<Frame> {
     Some(Frame { width, height, rgba })
 }
 
-/// A reader that knows where it is.
+/// A reader that counts the bytes that it has read.
 struct Counted<R> {
     inner: BufReader<R>,
     at: u64,
 }
 
 impl<R: Read> Counted<R> {
-    /// The next line with its end; `None` at the end of the file.
+    /// Reads the next line with its line break; `None` at the end of the file.
     fn line(&mut self) -> io::Result<Option<Vec<u8>>> {
         let mut line = Vec::new();
         self.inner.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line)?;
@@ -137,7 +137,7 @@ impl<R: Read> Counted<R> {
         Ok((!line.is_empty()).then_some(line))
     }
 
-    /// The record of a line, whose bytes follow: read over and compared with their hash.
+    /// Reads the record that a line describes, and compares the bytes that follow with their hash.
     fn record(
         &mut self,
         line: &Value,

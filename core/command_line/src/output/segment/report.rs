@@ -1,20 +1,20 @@
-//! The report of a worker: a small file beside its segment, from which `choreo farm --status` learns how far it is without a server.
+//! Progress report of a worker: a small file beside its segment, which `choreo farm --status` reads. No server is needed.
 //!
-//! A line of JSON with its hash, as in a segment, and the bytes of a thumbnail. It holds no clock: seconds are those of the worker's own
-//! timer, so that machines whose clocks differ are no problem.
+//! A report is a line of JSON with its hash, as in a segment, and the bytes of a thumbnail. Seconds are measured by the worker's own timer,
+//! so that the clocks of machines may differ.
 
 use super::{EXTENSION, line, value};
 use choreo_plugin::Frame;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-/// Extension of the files.
+/// File extension of reports.
 const REPORT: &str = "report";
 
-/// Ending of the folders of unfinished segments.
+/// Extension of the folders of unfinished segments.
 pub(crate) const PART: &str = ".part";
 
-/// Larger side of a thumbnail in pixels.
+/// Longer side of a thumbnail in pixels.
 const THUMBNAIL: u32 = 192;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,7 +23,7 @@ pub(crate) enum SegmentState {
     Running,
     Done,
     Failed,
-    /// A signal has ended it; what it finished is kept.
+    /// The worker was ended by a signal; its finished frames are kept.
     Stopped,
 }
 
@@ -41,16 +41,16 @@ impl SegmentState {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Report {
     pub state: SegmentState,
-    /// Frames of the segment that are finished, those of killed workers among them.
+    /// Finished frames of the segment, including frames that killed workers finished.
     pub done: u64,
-    /// Frames that this worker has made, and its seconds from its start.
+    /// Frames that this worker has made, and seconds since its start.
     pub made: u64,
     pub seconds: f64,
     /// Name of the machine.
     pub host: String,
     /// The last message of a worker that failed.
     pub message: String,
-    /// A PNG; empty before the first frame.
+    /// Thumbnail of the latest frame as a PNG; empty before the first frame.
     #[serde(skip)]
     pub thumbnail: Vec<u8>,
 }
@@ -62,7 +62,7 @@ impl Report {
         [line(&report), self.thumbnail.clone()].concat()
     }
 
-    /// `None` where it was cut, or is something else.
+    /// Parses a report; `None` if it is truncated or no report.
     pub fn read(bytes: &[u8]) -> Option<Report> {
         let end = bytes.iter().position(|byte| *byte == b'\n')? + 1;
         let report =
@@ -71,7 +71,7 @@ impl Report {
     }
 }
 
-/// The name of the files of a segment, without an extension.
+/// Name of a segment's files, without the extension.
 pub(crate) fn stem(first: u64, last: u64) -> String {
     format!("{first:07}-{last:07}")
 }
@@ -84,8 +84,8 @@ pub(crate) fn report_name(first: u64, last: u64) -> String {
     format!("{}.{REPORT}", stem(first, last))
 }
 
-/// First and last frame of a file in a folder of segments, by its name: a segment, a report, or the part folder of a machine,
-/// `FRAMES.segment.MACHINE.part`.
+/// Frame range (first, last) in the name of a file in a folder of segments. The file is a segment, a report, or the part folder of a
+/// machine, `FRAMES.segment.MACHINE.part`.
 pub(crate) fn frames_of(name: &str) -> Option<(u64, u64)> {
     let (stem, ending) = name.split_once('.')?;
     let (first, last) = stem.split_once('-')?;
@@ -95,7 +95,7 @@ pub(crate) fn frames_of(name: &str) -> Option<(u64, u64)> {
     ((whole || part) && frames.0 <= frames.1).then_some(frames)
 }
 
-/// A frame made small, each pixel the mean of a block.
+/// Downscales a frame with a box filter: each pixel is the mean of a block.
 pub(crate) fn thumbnail(frame: &Frame) -> Frame {
     let block = frame.width.max(frame.height).div_ceil(THUMBNAIL).max(1);
     let [width, height] = [frame.width, frame.height].map(|side| (side / block).max(1));

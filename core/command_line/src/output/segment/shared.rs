@@ -1,4 +1,4 @@
-//! A writer that several exporters write to, one after the other.
+//! A writer that several exporters use one after another.
 
 use std::io::{self, Write};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -1,4 +1,4 @@
-//! Writing a segment, as an exporter around that of the film: so a segment is resumed, and appears whole or not at all, as a video is.
+//! Writing a segment, as an exporter that wraps the exporter of the film. So segments are resumed and renamed into place like videos.
 
 use super::shared::Shared;
 use super::{Film, MAGIC, Record, RecordKind, line, segment_name};
@@ -14,7 +14,7 @@ use std::sync::Arc;
 pub(crate) struct SegmentExporter {
     /// Exporter of the film.
     pub inner: Arc<dyn Exporter>,
-    /// Number of the segment's first frame, and frames of the whole film.
+    /// Number of the segment's first frame, and number of frames in the whole film.
     pub first: u64,
     pub film_frames: u64,
     /// Options of `inner` as typed.
@@ -22,12 +22,12 @@ pub(crate) struct SegmentExporter {
 }
 
 impl SegmentExporter {
-    /// The film of a segment with these properties.
+    /// Describes the film of a segment with these properties.
     pub fn film(&self, info: &VideoInfo) -> Film {
         Film::new(info, self.film_frames, &self.options, self.inner.manifest())
     }
 
-    /// The file of `frames` frames in the folder of segments.
+    /// Name of the segment's file, if it has `frames` frames.
     pub fn file_name(&self, frames: u64) -> String {
         segment_name(self.first, self.first + frames - 1)
     }
@@ -92,17 +92,17 @@ impl Exporter for SegmentExporter {
 
 struct SegmentSink {
     inner: Arc<dyn Exporter>,
-    /// Frames of a piece; `None` where the film's frames depend on those before.
+    /// Number of frames in a piece; `None` if frames of the film depend on earlier frames.
     piece: Option<NonZeroU64>,
-    /// Whether a piece is a whole file.
+    /// Whether each piece is a complete file.
     images: bool,
     film: VideoInfo,
-    /// Number behind the last frame of the segment, and of the next one.
+    /// Numbers of the frame after the last one of the segment, and of the next frame.
     end: u64,
     next: u64,
-    /// Frames in whole records.
+    /// Number of frames in complete records.
     done: u64,
-    /// Whether the record before is an image of this run.
+    /// Whether the previous record is an image written in this run.
     repeatable: bool,
     open: Option<OpenPiece>,
     out: Box<dyn Write + Send>,
@@ -115,7 +115,7 @@ struct OpenPiece {
     first: u64,
 }
 
-/// How a frame reaches the exporter of the film.
+/// Form in which a frame is given to the exporter of the film.
 enum Given<'a> {
     Frame(&'a Frame),
     Repeat(&'a Frame),
@@ -124,7 +124,7 @@ enum Given<'a> {
 }
 
 impl SegmentSink {
-    /// The piece that the next frame belongs to, where all of it is in this segment.
+    /// Gives the piece that the next frame belongs to, if the segment contains all of that piece.
     fn piece(&mut self) -> Result<Option<&mut OpenPiece>, ExportError> {
         let Some(length) = self.piece.map(NonZeroU64::get) else { return Ok(None) };
         let whole = self.next.is_multiple_of(length) && self.end - self.next >= length;
@@ -233,7 +233,7 @@ impl FrameSink for SegmentSink {
     }
 }
 
-/// The pixels of a frame. Fast: it is decoded once and thrown away.
+/// Encodes a frame as PNG. Speed matters more than size: the PNG is decoded once and then deleted.
 pub(crate) fn png(frame: &Frame) -> Result<Vec<u8>, ExportError> {
     let failed = |error: png::EncodingError| match error {
         png::EncodingError::IoError(error) => ExportError::Io(error),

@@ -1,9 +1,9 @@
-//! Packed scenes: a script or model with all that it reads, in one archive. `choreo pack` writes it, and the commands that open a scene once
-//! take it in place of the script.
+//! Packed scenes: a script or model with all files that it reads, in one archive. `choreo pack` writes the archive, and commands that open
+//! a scene once take it in place of the script.
 //!
-//! The archive is a tar file without compression, so that what is unpacked is never larger than the file itself. Its first entry is
-//! [`MANIFEST`]: what was packed, how, and the hash of every file; the files follow in its order. Files lie beneath `files/N/`, one
-//! number for each folder that the script could read.
+//! The archive is an uncompressed tar file, so that the unpacked files are never larger than the archive. Its first entry is [`MANIFEST`]:
+//! input and arguments of the scene, and the hash of every file. The files follow in the order of the manifest. They lie beneath
+//! `files/N/`, with one number N for each folder that the script could read.
 
 mod read;
 mod write;
@@ -21,15 +21,15 @@ use std::path::{Component, Path};
 /// Extension of the archives.
 pub(crate) const EXTENSION: &str = "choreo";
 
-/// Name of the first entry.
+/// Name of the first entry, which describes the packed scene.
 const MANIFEST: &str = "choreo.json";
 
 /// The description of a packed scene: the contents of its first entry.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Manifest {
-    /// The program that packed it, and in whose hands it gives the same bytes.
+    /// Name and version of the program that packed the scene; the same version renders the same bytes.
     pub software: String,
-    /// The script or model; like all paths relative to the root of the archive, with slashes.
+    /// Path of the script or model. All paths are relative to the root of the archive, with slashes.
     pub input: String,
     /// Search folders and plugin folders.
     pub search: Vec<String>,
@@ -39,13 +39,13 @@ pub(crate) struct Manifest {
     pub import: Vec<String>,
     pub clip: Option<String>,
     pub importer: Option<String>,
-    /// The text of the project's choreo.toml, whose default options of commands count; empty without one.
+    /// Text of the project's `choreo.toml` with default options of commands; empty if there is none.
     pub options: String,
-    /// Hashes of all that was read, and of the stage.
+    /// Hashes of all files read, and of the stage.
     pub input_hash: String,
     pub stage: String,
     pub files: Vec<PackedFile>,
-    /// Further names by which files were found, each with the path of its file. The archive itself has no links.
+    /// Symbolic links by which files were found, each as (name, path of its file). The archive itself contains no links.
     pub names: Vec<(String, String)>,
 }
 
@@ -53,7 +53,7 @@ pub(crate) struct Manifest {
 pub(crate) struct PackedFile {
     pub path: String,
     pub bytes: u64,
-    /// BLAKE3, in hexadecimal digits.
+    /// BLAKE3 hash in hexadecimal digits.
     pub blake3: String,
 }
 
@@ -64,7 +64,7 @@ impl Manifest {
         value
     }
 
-    /// `None` where a field is missing, or where a path leads out of the archive.
+    /// Parses a manifest; `None` if a field is missing, or if a path leads out of the archive.
     fn read(value: &Value) -> Option<Manifest> {
         (value["pack"] == 1).then_some(())?;
         let manifest = Manifest::deserialize(value).ok()?;
@@ -77,11 +77,11 @@ impl Manifest {
     }
 }
 
-/// Compares the scene that was opened from the archive with the one that was packed: a warning where another program opens it, whose
-/// bytes may differ.
+/// Compares the scene opened from the archive with the scene that was packed. Gives a warning if another version of the program packed it,
+/// since images may then differ.
 ///
 /// # Errors
-/// The same program has made another scene of it. A plugin of this machine has changed it, since every file has its hash.
+/// The same version of the program gets another scene. Every file has its hash, so a plugin of this machine must have changed the scene.
 pub(super) fn differs(packed: &PackedStage, scene: &OpenedScene) -> Result<Option<String>, Failure> {
     let name = &scene.name;
     if packed.software != scene.software {
@@ -101,7 +101,7 @@ pub(super) fn differs(packed: &PackedStage, scene: &OpenedScene) -> Result<Optio
     }
 }
 
-/// Whether a path has names alone: no root, no `..`, and nothing that another system takes for one of them.
+/// Whether a path consists of plain names: no root, no `..`, and nothing that another system would read as one of them.
 fn is_inside(path: &str) -> bool {
     let plain = |part: Component| matches!(part, Component::Normal(_));
     !path.is_empty()
@@ -110,7 +110,7 @@ fn is_inside(path: &str) -> bool {
         && Path::new(path).components().all(plain)
 }
 
-/// A hash in hexadecimal digits.
+/// Formats a hash in hexadecimal digits.
 fn hex(hash: &[u8; 32]) -> String {
     blake3::Hash::from_bytes(*hash).to_hex().to_string()
 }

@@ -1,5 +1,5 @@
-//! Unpacking an archive that a stranger may have made: regular files with the names of the manifest, beneath a new folder, each of the
-//! stated length and hash; no links, no `..`, nothing else.
+//! Unpacking an archive that is not trusted: regular files with the names of the manifest are written to a new folder, each with the stated
+//! length and hash. Links, `..` and all other entries are refused.
 
 use super::{EXTENSION, MANIFEST, Manifest, PackedFile};
 use crate::args::values;
@@ -11,16 +11,16 @@ use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// Bytes of the largest manifest, and files at most.
+/// Largest manifest in bytes, and largest number of files.
 const MOST_MANIFEST: u64 = 64 << 20;
 const MOST_FILES: usize = 100_000;
 
-/// Whether the input of a command is an archive, or the folder of one.
+/// Whether the input of a command is an archive, or an unpacked archive in a folder.
 pub(crate) fn is_packed(input: &Path) -> bool {
     input.extension().is_some_and(|e| e.eq_ignore_ascii_case(EXTENSION)) || input.join(MANIFEST).is_file()
 }
 
-/// The text of the choreo.toml in an archive; `None` where it cannot be read, which is reported when it is opened.
+/// Text of the `choreo.toml` in an archive; `None` if it cannot be read, which is reported when the archive is opened.
 pub(crate) fn options_of(input: &Path) -> Option<String> {
     if input.is_dir() {
         return Some(manifest_of(&Folder::open(input).ok()?).ok()?.options);
@@ -34,7 +34,7 @@ fn archive(file: File) -> tar::Archive<BufReader<File>> {
     tar::Archive::new(BufReader::with_capacity(1 << 16, file))
 }
 
-/// An archive in a folder of its own, which goes with this value.
+/// An archive unpacked into a temporary folder, which is removed when this value is dropped.
 #[derive(Debug)]
 pub(crate) struct Unpacked {
     pub manifest: Manifest,
@@ -42,7 +42,7 @@ pub(crate) struct Unpacked {
 }
 
 impl Unpacked {
-    /// Unpacks an archive. `shown`: its name in messages.
+    /// Unpacks an archive. `shown`: name of the archive in messages.
     pub fn new(file: File, shown: &str, largest: u64) -> Result<Unpacked, Failure> {
         let damaged = |what: &str| Failure::input(format!("{shown}: it is damaged: {what}"));
         let mut archive = archive(file);
@@ -65,7 +65,7 @@ impl Unpacked {
         }
     }
 
-    /// Copies the folder form of an archive, under the rules of the archive: links in it are refused, also those that stay in it.
+    /// Copies an archive in folder form under the rules of the archive: links are refused, even if they stay inside the folder.
     pub(crate) fn of_folder(folder: &Path, largest: u64) -> Result<Unpacked, Failure> {
         let shown = folder.display().to_string();
         let damaged = |what: &str| Failure::input(format!("{shown}: it is damaged: {what}"));
@@ -80,7 +80,7 @@ impl Unpacked {
         })
     }
 
-    /// Puts the files of a manifest into a new folder. `read` gives the bytes of the next.
+    /// Writes the files of a manifest to a new folder. `read` gives the bytes of the next file.
     fn of(
         manifest: Manifest,
         shown: &str,
@@ -114,15 +114,15 @@ impl Unpacked {
             let root = Folder::open(folder.path()).map_err(|e| written(&shown, e.into()))?;
             root.create_folders(below).map_err(|e| written(&shown, e))?;
         }
-        // Last, so that nothing is written through them.
+        // Links are made last, so that no file is written through them.
         for (name, of) in &manifest.names {
             link(&folder.path().join(of), &folder.path().join(name)).map_err(|e| written(name, e.into()))?;
         }
         Ok(Unpacked { manifest, folder })
     }
 
-    /// Opens the archive that is the input of a command, and turns its arguments into those of the scene in it. What the command line
-    /// gives wins over what was packed.
+    /// Opens the archive that is the input of a command, and replaces the arguments by those of the packed scene. Arguments of the command
+    /// line override packed ones.
     pub fn in_place(args: &mut SceneArgs) -> Result<Option<Unpacked>, Failure> {
         if !is_packed(&args.input) {
             return Ok(None);
@@ -132,7 +132,7 @@ impl Unpacked {
         Ok(Some(unpacked))
     }
 
-    /// Unpacks an archive, or copies the folder of one.
+    /// Opens an archive, packed or in folder form.
     pub fn open(input: &Path, largest: u64) -> Result<Unpacked, Failure> {
         if input.is_dir() {
             return Unpacked::of_folder(input, largest);
@@ -143,12 +143,12 @@ impl Unpacked {
         Unpacked::new(file, &shown, largest)
     }
 
-    /// A file of the manifest where it was unpacked.
+    /// Path of an unpacked file of the manifest.
     pub fn place(&self, path: &str) -> PathBuf {
         self.folder.path().join(path)
     }
 
-    /// Puts what was packed into the arguments of a command.
+    /// Merges the packed arguments into those of a command.
     pub fn arguments(&self, args: &mut SceneArgs) {
         let manifest = &self.manifest;
         let at = |place: &String| self.folder.path().join(place);
@@ -160,7 +160,7 @@ impl Unpacked {
                 stage: manifest.stage.clone(),
             });
         args.input = at(&manifest.input);
-        // Folders of the command line come first, as they would without the archive.
+        // Folders of the command line come first, as they do without an archive.
         args.search.extend(manifest.search.iter().map(at));
         args.import.plugins.extend(manifest.plugins.iter().map(at));
         for (given, packed) in [(&mut args.set, &manifest.set), (&mut args.import.import, &manifest.import)] {
@@ -174,7 +174,7 @@ impl Unpacked {
     }
 }
 
-/// Gives an unpacked file another name.
+/// Makes a link `name` to an unpacked file.
 fn link(file: &Path, name: &Path) -> std::io::Result<()> {
     #[cfg(unix)]
     return std::os::unix::fs::symlink(file, name);
@@ -182,18 +182,18 @@ fn link(file: &Path, name: &Path) -> std::io::Result<()> {
     return std::fs::copy(file, name).map(drop);
 }
 
-/// The error of something that was not packed.
+/// Failure for a file that `choreo pack` did not write.
 fn foreign(shown: &str, what: &str) -> Failure {
     Failure::input(format!("{shown}: it is not a scene that choreo pack has written: {what}"))
 }
 
-/// Reads the manifest of the folder form.
+/// Reads the manifest of an archive in folder form.
 fn manifest_of(folder: &Folder) -> Result<Manifest, &'static str> {
     let text = folder.read(Path::new(MANIFEST), MOST_MANIFEST).map_err(|_| "it has no choreo.json")?;
     parsed(&text)
 }
 
-/// Reads the first entry.
+/// Reads the manifest, which is the first entry.
 fn manifest<R: Read>(entries: &mut tar::Entries<'_, R>) -> Result<Manifest, &'static str> {
     let mut entry = entries.next().and_then(Result::ok).ok_or("it is no tar archive")?;
     if !is_file(&entry, MANIFEST) || entry.size() > MOST_MANIFEST {

@@ -1,4 +1,4 @@
-//! Writing the archive: the files that the scene has touched, each beneath the folder that it was found in.
+//! Writing the archive: each file that the scene read, beneath the folder in which it was found.
 
 use super::{MANIFEST, Manifest, PackedFile, hex};
 use crate::args::SceneArgs;
@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
-/// Writes the archive of an open scene. `options`: the text of the project's choreo.toml. Gives the manifest and what was written to.
+/// Writes the archive of an open scene. `options`: text of the project's `choreo.toml`. Returns the manifest and the writer.
 pub(crate) fn write<W: Write>(
     scene: &OpenedScene,
     args: &SceneArgs,
@@ -28,7 +28,7 @@ pub(crate) fn write<W: Write>(
         let bytes = choreo_files::read(source, scene.limits.file)
             .map_err(|e| Failure::input(format!("{shown}: cannot read: {e}")))?;
         let hash = *blake3::hash(&bytes).as_bytes();
-        // Descriptions of packages are read by the plugins' listing, without a hash.
+        // Package descriptions are read while plugins are listed, and have no recorded hash.
         let read = source.canonicalize().ok().and_then(|path| scene.touched.read.get(&path));
         if read.is_some_and(|read| *read != hash) {
             return Err(Failure::input(format!("{shown}: it was changed while it was packed; pack again")));
@@ -64,7 +64,7 @@ pub(crate) fn write<W: Write>(
     Ok((manifest, to))
 }
 
-/// Writes the folder form of an archive of ours: its entries as files.
+/// Writes the entries of an archive made by `write` as files of a folder.
 pub(crate) fn write_folder(archive: impl Read, folder: &Path) -> Result<(), WriteError> {
     let mut archive = tar::Archive::new(archive);
     for entry in archive.entries()? {
@@ -77,7 +77,7 @@ pub(crate) fn write_folder(archive: impl Read, folder: &Path) -> Result<(), Writ
     Ok(())
 }
 
-/// Adds a file without times, owners and permissions: the archive's bytes depend on contents alone.
+/// Adds a file without times, owner and permissions: the archive depends on the contents alone.
 fn append<W: Write>(archive: &mut tar::Builder<W>, path: &str, bytes: &[u8]) -> std::io::Result<()> {
     let mut header = tar::Header::new_gnu();
     header.set_size(bytes.len() as u64);
@@ -89,11 +89,11 @@ fn append<W: Write>(archive: &mut tar::Builder<W>, path: &str, bytes: &[u8]) -> 
 
 /// The folders that the scene could read, and their places in the archive.
 struct Roots {
-    /// Canonical folders that lie in no other, with their place.
+    /// Canonical folders that lie in none of the others, with their paths in the archive.
     outermost: Vec<(PathBuf, String)>,
-    /// Plugin folders that were searched, those of the user first.
+    /// Plugin folders that were searched; those of the command line come first.
     plugins: Vec<PathBuf>,
-    /// The script or model in the archive, and where it lies: a link to it has a name of its own.
+    /// Path of the script or model in the archive, and its canonical path on disk. They differ if the input is a link.
     input: String,
     input_path: Option<PathBuf>,
 }
@@ -127,7 +127,7 @@ impl Roots {
         Ok(roots)
     }
 
-    /// The place of a canonical path. An error where it lies in none of the folders.
+    /// Path in the archive for a canonical path on disk; an error if it lies in none of the folders.
     fn place(&self, path: &Path) -> Result<String, Failure> {
         let inside =
             self.outermost.iter().find_map(|(folder, place)| Some((path.strip_prefix(folder).ok()?, place)));
@@ -150,7 +150,7 @@ impl Roots {
     }
 }
 
-/// Further names of packed files: links on the way to what was found.
+/// Symbolic links to packed files, by which the scene found them, as (link, file).
 fn names(scene: &OpenedScene, roots: &Roots, sources: &BTreeMap<String, PathBuf>) -> Vec<(String, String)> {
     let links = scene.touched.looked_for.iter().filter_map(|link| Some((link, link.canonicalize().ok()?)));
     let read = links.filter(|(_, target)| scene.touched.read.contains_key(target));
@@ -159,7 +159,7 @@ fn names(scene: &OpenedScene, roots: &Roots, sources: &BTreeMap<String, PathBuf>
     places.filter(|(name, of)| sources.contains_key(of) && !sources.contains_key(name)).collect()
 }
 
-/// Everything to be packed by its place: the files that were read, and the descriptions of packages whose plugins were used.
+/// All files to be packed, by path in the archive: the files that were read, and the descriptions of packages whose plugins were used.
 fn sources(
     scene: &OpenedScene,
     args: &SceneArgs,

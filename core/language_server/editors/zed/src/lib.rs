@@ -1,4 +1,4 @@
-//! Starts `choreo lsp` for Zed: the program of the settings (`lsp.choreo.binary`), else the one on the path.
+//! Zed extension that starts `choreo lsp`: the program in the settings (`lsp.choreo.binary`), else the one on the path.
 
 use zed_extension_api::settings::LspSettings;
 use zed_extension_api::{register_extension, serde_json, Command, Extension, LanguageServerId, Result, Worktree};
