@@ -120,7 +120,7 @@ fn visible_boxes(
                     continue;
                 }
                 if state.skinning != Skinning::Linear {
-                    // Without the volume loss of linear skinning, limbs reach beyond the boxes of their joints.
+                    // Limbs do not lose volume as with linear skinning, and reach beyond the boxes of their joints.
                     add_vertices(&mut bounds, &actor.asset, index, state, &axes_from_model);
                     continue;
                 }

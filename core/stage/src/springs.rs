@@ -140,7 +140,7 @@ struct Groups {
     all: Vec<Group>,
     /// Index of the group of each actor with springs, and index of the actor in that group.
     places: Vec<Option<(usize, usize)>>,
-    /// For each actor, with or without springs, one actor that represents its set of actors that belong together.
+    /// Set of each actor, with or without springs: the actor that represents the actors that belong together.
     sets: Vec<usize>,
     joined: bool,
 }

@@ -184,8 +184,8 @@ pub(super) struct Between<'a> {
 pub(super) fn roll(samples: &FootSamples, index: usize, between: &Between, contacts: &mut [Contact]) {
     let Between { leg, steps, gait_fades } = *between;
     let places = &samples.feet[index];
-    // At least half of the time between two contacts is left for the swing. A contact of zero length is a foot in the air at which a step
-    // begins or ends; if the next contact is at the same position, the whole gap may be used.
+    // The swing gets at least half of the time between two contacts. A contact of zero length is a foot in the air at which a step begins
+    // or ends; if both contacts are at the same position, the whole gap may be used.
     let gap = |before: &Contact, after: &Contact| {
         let gap = after.from - before.to;
         let least = GaitFade::least_gap(gait_fades, index, leg, [before, after]);

@@ -42,7 +42,7 @@ pub(super) fn stands(actor: &Actor, foot_lock: &FootLock) -> Vec<Stand> {
     let cues = actor.layers.first().map_or(&[][..], |layer| &layer.cues);
     let fades = &foot_lock.standing_fades;
     let mut all = Vec::new();
-    // On uneven ground the height of a foot is not that of the clip.
+    // The height of a foot on uneven ground is not that of the clip.
     if foot_lock.only.is_empty() || !foot_lock.ground.is_empty() {
         return all;
     }

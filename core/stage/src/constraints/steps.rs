@@ -119,7 +119,7 @@ impl Steps {
                 let waits = needed_by(waiting[*at]).any(|other| waiting.contains(&other));
                 !waits && !waiting[..*at].iter().any(|before| hangs(waiting[*at], *before))
             });
-            // In a circle the first step of the usual order begins.
+            // The first step of the usual order begins a circle.
             let step = waiting.remove(free.unwrap_or(0));
             let target = if needed_by(step).any(|other| waiting.contains(&other)) {
                 Known::After

@@ -116,7 +116,7 @@ pub(crate) fn stage_light(
     let key = |property| keyed(&light.channels, property, time);
     let mut shining = light.light;
     let mut position = key(Property::Translation).map_or(light.position, vec3);
-    // As in glTF, a rotation turns −Z.
+    // The rotation turns −Z, as in glTF.
     let direction =
         key(Property::Rotation).map_or(light.direction.as_dvec3(), |q| DQuat::from_array(q) * DVec3::NEG_Z);
     shining.intensity = key(Property::Intensity).map_or(shining.intensity, |v| v[0] as f32);

@@ -358,10 +358,10 @@ fn direction(way: DVec3) -> DVec3 {
 }
 
 impl Placement {
-    /// This placement moved by root motion, in its own space.
+    /// The placement moved by root motion in its own space.
     pub fn carried(self, by: Planar) -> Placement {
         let Placement { translation, rotation, scale } = self;
-        // In a mirrored space a left turn becomes a right turn.
+        // A left turn becomes a right turn in a mirrored space.
         let mirrored = if scale.x * scale.z < 0.0 { -1.0 } else { 1.0 };
         let turned = DQuat::from_rotation_y(by.yaw * mirrored);
         Placement {
