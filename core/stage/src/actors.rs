@@ -320,7 +320,7 @@ pub(crate) fn settle_parents(
     evaluate: impl Fn(Time, Scratch) -> Result<(Scratch, Snapshot), StageError>,
 ) -> Result<(), StageError> {
     let kept = &scratch.kept_transforms;
-    // The earliest first: transforms that later parents keep depend on it.
+    // Earlier changes come first, because the transforms that later parents keep depend on them.
     for changes in kept.unknown(stage, time).chunk_by(|a, b| a.0 == b.0) {
         let parent_of = |actor: usize, number: usize| &stage.actors[actor].parents[number];
         let parents = changes.iter().filter_map(|(_, a, n)| Some(parent_of(*a, *n).to?.actor));

@@ -13,7 +13,7 @@ use choreo_asset::Projection;
 use choreo_motion::{Ease, Time};
 use glam::{DMat3, DQuat, DVec3};
 
-/// Far plane of an orthographic camera that sets none, metres.
+/// Default far plane of an orthographic camera, metres.
 const ORTHOGRAPHIC_FAR: f32 = 10_000.0;
 
 /// Largest near plane of a camera with a target, as a share of the distance to the target, unless the script sets the near plane: the

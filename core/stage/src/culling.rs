@@ -240,7 +240,7 @@ pub(crate) struct Culling<'a> {
     pub aspect: f64,
     pub edits: &'a FrameEdits,
     pub time: Time,
-    /// Parents come first.
+    /// Order of placement: parents come before their children.
     pub order: &'a [PlacementStep],
     pub parents: &'a ActiveParents,
     pub actors: &'a [ActorState],

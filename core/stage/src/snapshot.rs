@@ -44,8 +44,8 @@ pub struct ActorState {
     pub world_from_model: DAffine3,
     /// World transform of the space in which the actor is placed: its parent's space, or the world.
     pub world_from_parent: DAffine3,
-    /// Model-space joint matrices, one per joint of the asset's skeleton. Empty, like the weights, if the actor is invisible and nothing
-    /// visible depends on its joints, unless [`Evaluator::posing_hidden`](crate::evaluate::Evaluator::posing_hidden) requests them.
+    /// Model-space joint matrices, one per joint of the asset's skeleton. Empty, like the weights, if the actor is invisible or culled and
+    /// nothing visible depends on its joints, unless [`Evaluator::posing_hidden`](crate::evaluate::Evaluator::posing_hidden) requests them.
     pub model_from_joint: Vec<Affine3A>,
     /// Morph weights, one list per mesh instance of the asset; empty lists for meshes without morph targets.
     pub morph_weights: Vec<Vec<f32>>,
@@ -61,7 +61,7 @@ pub struct ActorState {
     pub skinning: Skinning,
     /// Materials of which clips, expressions or their own animation change more than the base color, in the asset's order.
     pub materials: Vec<ChangedMaterial>,
-    /// Whether the actor and its shadow are outside the image that the snapshot is for, so that the actor is posed only if another one
+    /// Whether the actor and its shadow are outside the image that the snapshot is for, so that the actor is posed only if something else
     /// needs its pose; see [`Evaluator::for_images`](crate::evaluate::Evaluator::for_images).
     pub culled: bool,
 }

@@ -70,7 +70,7 @@ pub(super) struct PlannedStep {
     /// Velocity at the start, metres per second.
     pub velocity: DVec3,
     pub end: DVec3,
-    /// Metres above the way from start to end.
+    /// Height of the foot above the line from start to end, metres.
     pub lift: f64,
 }
 
@@ -287,7 +287,7 @@ mod tests {
                 (0..=200).map(at).fold(f64::NEG_INFINITY, f64::max)
             };
             assert!(farthest(&step) < 1e-6, "{z}, {lands_secs}: {}", farthest(&step));
-            // A foot that keeps all of its speed does.
+            // A foot that keeps all of its speed overshoots.
             let whole = PlannedStep { velocity: air.velocity, to: 0.35, ..steps[1][0] };
             assert!(farthest(&Footstep::new(whole, Time::ZERO, false)) > 0.01);
         }

@@ -15,12 +15,12 @@ const MOST_STEPS: i64 = 3;
 /// Shortest time between two steps.
 const SHORTEST: Time = Time(Time::TICKS_PER_SECOND / 20);
 
-/// A foot during the contacts of its clips.
+/// Splits contacts of one leg's foot that are too long.
 pub(super) struct LongContacts<'a> {
     pub samples: &'a FootSamples,
-    /// Number of the leg.
+    /// Index of the leg.
     pub leg: usize,
-    /// Metres.
+    /// Length of the leg, metres.
     pub leg_length: f64,
     /// Largest lowering of the hips, in leg lengths.
     pub lowest: f64,

@@ -110,7 +110,7 @@ pub(crate) fn forward_in_joint(rest_model_from_joint: &Affine3A, front: Front) -
     if forward.is_finite() { forward.normalize_or(Vec3A::Z) } else { Vec3A::Z }
 }
 
-/// The rotation from one direction towards another, limited, times a share. `None` where there is nothing to turn: the
+/// Rotation from one direction towards another, limited as by [`LOOK_AT_LIMIT_RAD`], times a share. `None` if there is nothing to turn: the
 /// target is in the joint, straight ahead or straight behind, or not finite.
 fn turn_towards(now: DVec3, way: DVec3, share: f64) -> Option<DQuat> {
     let (now, way) = (now.try_normalize()?, way.try_normalize()?);

@@ -5,7 +5,7 @@ use crate::stage::actor::Target;
 use crate::transforms::parents::ActiveParents;
 use choreo_motion::Time;
 
-/// Buffers of [`rounds`].
+/// The rounds of actors at a time, and buffers of [`rounds`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ConstraintOrder {
     /// Actors with active constraints, look-ats or limits, round after round.

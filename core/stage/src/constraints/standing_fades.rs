@@ -47,7 +47,7 @@ pub(super) struct FadeSteps<'a> {
     pub fade: &'a StandingFade,
     /// Time span between the fades before and after.
     pub room: (Time, Time),
-    /// Metres.
+    /// Length of a leg, metres.
     pub leg_length: f64,
     pub samples: &'a FootSamples,
     pub clips: &'a FootContacts<'a>,

@@ -11,9 +11,9 @@ use choreo_motion::{Skeleton, Time};
 /// A constraint or look-at of an actor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum StepKind {
-    /// Number among the actor's constraints.
+    /// Index into the actor's constraints.
     Constraint(usize),
-    /// Number among the aims of the round.
+    /// Index into the aims of the round.
     Look(usize),
 }
 
@@ -40,7 +40,7 @@ pub(crate) struct Steps {
     pub(super) ordered: Vec<Step>,
     usual: Vec<StepKind>,
     waiting: Vec<usize>,
-    /// (step, the step that moves its target), by number in `usual`.
+    /// (step, the step that moves its target), by index in `usual`.
     needs: Vec<(usize, usize)>,
     carriers: Vec<usize>,
 }

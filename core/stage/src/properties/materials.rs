@@ -118,7 +118,7 @@ fn by_expression(expression: &Expression, weight: f32, index: u32, rest: &Materi
 /// MToon's UV animation of all textures except the matcap: rotates about the center, then scrolls.
 fn by_itself(motion: UvMotion, time: Time, now: &mut Material) {
     if let Some(toon) = now.toon.as_mut().filter(|t| t.uv_mask.is_some()) {
-        // Each texel of a mask moves by its own share, a multiple of 1/255, so after 255 rounds all are where they began.
+        // Each texel of a mask sets a share of the motion, a multiple of 1/255, so after 255 rounds all texels are where they began.
         let round =
             |speed: f32, whole: f64| libm::fmod(f64::from(speed) * time.as_secs(), 255.0 * whole) as f32;
         let turned = round(motion.rotation, std::f64::consts::TAU);

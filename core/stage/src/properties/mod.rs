@@ -1,4 +1,4 @@
-//! Numbers of a file's cameras, lights and materials that its clips animate (KHR_animation_pointer), blended as poses are.
+//! Properties of a file's cameras, lights and materials that its clips animate (KHR_animation_pointer), blended like poses.
 
 pub(crate) mod materials;
 

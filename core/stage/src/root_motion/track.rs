@@ -83,7 +83,7 @@ struct Settling {
     duration: Time,
     /// Horizontal velocity and turn in the actor's frame, metres and radians per second.
     velocity: (DVec3, f64),
-    /// Metres per second.
+    /// Speed along the clips' forward direction, metres per second.
     forward: f64,
 }
 

@@ -61,9 +61,9 @@ described! {
         line_width: Option<f32> = None;
         /// Number of copies of its meshes that exist, counted from the first; `None`: all.
         copies: Option<u32> = None;
-        /// Weights of expressions set in the script: (index into `Asset::expressions`, weight), over the clips'.
+        /// Weights of expressions set in the script, which replace the clips' weights: (index into `Asset::expressions`, weight).
         expressions: Vec<(u32, f32)> = Vec::new();
-        /// Morph weights by name or index set in the script: (mesh instance, target, weight), over the clips'.
+        /// Morph weights set in the script, which replace the clips' weights: (mesh instance, target, weight).
         morphs: Vec<(u32, u32, f32)> = Vec::new();
         /// Whether the file's own lights shine when this actor is on stage.
         file_lights: bool = true;

@@ -154,7 +154,7 @@ impl Camera {
         2.0 * libm::atan(FILM_HEIGHT / 2.0 / focal_length)
     }
 
-    /// The focal length in millimetres that sees a vertical field of view in radians, on full-frame film.
+    /// The focal length in millimetres that gives a vertical field of view in radians, on full-frame film.
     pub fn focal_length(yfov: f64) -> f64 {
         FILM_HEIGHT / 2.0 / libm::tan(yfov / 2.0)
     }

@@ -20,7 +20,7 @@ pub struct Layer {
     pub rank: u32,
     /// Keyed weight of the layer as a whole over stage time (`Property::Weight`), a factor of its cues' weights; upper layers only.
     pub weight_keys: Option<Arc<Channel>>,
-    /// Sorted by start. A cue fades in over what came before it.
+    /// Cues, sorted by start. A cue fades in over the cues before it.
     pub cues: Vec<Cue>,
 }
 
@@ -51,7 +51,7 @@ described! {
     /// A clip placed on the timeline. By default all of the clip, looped from time zero on, without fades.
     #[derive(Clone, Debug)]
     pub struct Cue(
-        /// Bound to the actor's own skeleton (see `bind_clip`).
+        /// The clip, bound to the actor's own skeleton (see `bind_clip`).
         clip: Arc<Clip>,
     ) {
         /// Stage time at which the cue begins.

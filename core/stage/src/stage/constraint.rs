@@ -62,7 +62,7 @@ pub enum ConstraintKind {
 pub struct ReachConstraint {
     /// Joints from the shoulder to the hand, each below the one before; at least two. The last one is moved, the others turn.
     pub joints: Vec<u32>,
-    /// The place to which the last joint comes.
+    /// Target to which the last joint comes.
     pub target: Target,
     /// Offset from the target, in its space: the actor's, the joint's, or the world's of a point. With it an actor's target is its origin,
     /// not its center.
@@ -84,7 +84,7 @@ pub struct AimConstraint {
     pub joints: Vec<u32>,
     /// Relative share of the turn that each joint takes, ≥ 0, one per joint.
     pub shares: Vec<f64>,
-    /// The place at which the last joint points.
+    /// Target at which the last joint points.
     pub target: Target,
     /// Largest turn, radians; see [`choreo_motion::ik::Aim::limit`].
     pub limit: f64,
@@ -122,7 +122,7 @@ impl FootLock {
     pub(crate) const LOWEST: f64 = 0.25;
 }
 
-/// Joints of a leg, from above.
+/// Joints of a leg, from the hip down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Leg {
     /// The thigh, which turns in the hip.

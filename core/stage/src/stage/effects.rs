@@ -27,7 +27,7 @@ pub struct EffectUse {
     pub end: Option<Time>,
     /// Actors and materials to which it is limited, sorted; empty: everything.
     pub on: Vec<EffectTarget>,
-    /// If not empty, the effect works only while one of these of `Stage::cameras` is on; sorted.
+    /// If not empty, the effect works only while one of these cameras is active (indices into `Stage::cameras`); sorted.
     pub cameras: Vec<usize>,
     /// The actors outside the image whose poses the plugin reads or changes.
     pub off_screen: OffScreenActors,
@@ -39,7 +39,7 @@ pub enum OffScreenActors {
     /// All of them: the effect reads the whole stage.
     #[default]
     All,
-    /// Actors that the effect is on: it draws farther out than their meshes reach.
+    /// Actors to which the effect applies: it draws beyond their meshes.
     Affected,
     /// None: the effect changes the color of what is in the image.
     None,

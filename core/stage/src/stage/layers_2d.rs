@@ -91,7 +91,7 @@ pub enum Layer2dContent {
 pub struct TextOutline {
     /// Linear RGBA, not premultiplied.
     pub color: Vec4,
-    /// How far it reaches beyond the letters.
+    /// Distance by which the outline extends beyond the letters.
     pub width: f64,
 }
 

@@ -69,7 +69,7 @@ described! {
 pub const SUN_ANGLE: f32 = 0.53 * std::f32::consts::PI / 180.0;
 
 impl Shadow {
-    /// Width of the soft edges of point and spot lights that set none, metres.
+    /// Default penumbra width of point and spot lights, metres.
     pub const LAMP_SOFTNESS: f32 = 0.01;
     /// Allowed sizes of a shadow map.
     pub const SIZES: std::ops::RangeInclusive<u32> = 64..=4096;

@@ -11,7 +11,7 @@ const PIECES: usize = 32;
 /// curves", 2011): through all points, without loops or cusps between them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
-    /// Points that it goes through, metres.
+    /// Points that the path goes through, metres.
     pub points: Vec<DVec3>,
     /// Whether the path leads from its last point back to the first.
     pub closed: bool,

@@ -15,8 +15,8 @@ pub enum Tangents {
     /// The tangents of [`Tangents::CatmullRom`], but nowhere against the change before or after the key, and at most twice as fast as the
     /// slower of both. A number never leaves the range between two keys (monotone cubics), and neither does a vector on a straight line.
     Limited,
-    /// Non-uniform Catmull–Rom: the tangent of the parabola through the key and its neighbors. Where two keys lie close together it overshoots
-    /// as 1 / gap.
+    /// Non-uniform Catmull–Rom: the tangent of the parabola through the key and its neighbors. If two keys lie close together, the
+    /// overshoot grows as 1 / gap.
     CatmullRom,
 }
 

@@ -380,7 +380,7 @@ fn has_meshes(asset: &Asset) -> bool {
     asset.instance_bounds().iter().any(|i| !i.parts.is_empty())
 }
 
-/// A character that could play something and does not.
+/// Whether an actor has a skin and clips, but plays none of them.
 fn still(actor: &Actor) -> bool {
     let plays = actor.layers.iter().any(|l| !l.cues.is_empty());
     !plays && !actor.asset.skins.is_empty() && !actor.asset.clips.is_empty()

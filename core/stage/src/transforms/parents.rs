@@ -92,7 +92,7 @@ impl ActiveParents {
         }
     }
 
-    /// Empty for an actor that does not exist.
+    /// Range of an actor's parents in `all`; empty for an actor that does not exist.
     fn range(&self, actor: usize) -> std::ops::Range<usize> {
         let Some(end) = self.ends.get(actor) else { return 0..0 };
         actor.checked_sub(1).map_or(0, |before| self.ends[before])..*end
@@ -164,7 +164,7 @@ pub(crate) fn times_of_change(stage: &Stage) -> Vec<Time> {
     times
 }
 
-/// World from the space of a parent, in metres where children keep their size.
+/// World transform of a parent's space, without scale if children keep their size.
 pub(crate) fn world_from_parent(
     stage: &Stage,
     actors: &[ActorState],
