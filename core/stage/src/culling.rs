@@ -231,7 +231,8 @@ enum Casting {
     Along(DVec3),
 }
 
-/// Finds the actors that the image does not need. All actors are placed as if the joints that carry others were at rest.
+/// Finds the actors that the image does not need. All actors are placed, but joints are not posed yet, so actors on joints may be
+/// misplaced; their own positions are not used.
 pub(crate) struct Culling<'a> {
     pub stage: &'a Stage,
     pub pose_bounds: &'a PoseBounds,
