@@ -1,6 +1,7 @@
-//! Evaluation of actors from keyed properties, hooks and clips: everything before constraints.
+//! Evaluates actors from keyed properties, hooks and clips, before constraints.
 //!
-//! In this order: keyed properties, hooks, parents, root motion, visibility, culling, which poses are needed at all, poses, transforms.
+//! Steps in order: keyed properties, hooks, parents, root motion, visibility, culling, selection of the poses that are needed, poses, world
+//! transforms.
 
 use crate::culling::{Culling, PoseBounds};
 use crate::pose::PoseScratch;
@@ -24,37 +25,37 @@ use choreo_motion::Time;
 use glam::DAffine3;
 use std::sync::Arc;
 
-/// Buffers of one stage; what is in them on entry does not matter.
+/// Reusable buffers and settings for evaluating one stage.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Scratch {
-    /// Found out at the first evaluation.
+    /// Root motion and inertialization of all actors, computed at the first evaluation.
     pub motions: Option<Arc<Motions>>,
     root_motion: RootMotionScratch,
     pub order: PlacementOrder,
-    /// One for each part that a thread poses.
+    /// Pose buffers, one per chunk of actors that a thread poses.
     pose: Vec<PoseScratch>,
     placements: Vec<Placement>,
     pub parents: ActiveParents,
     pub kept_transforms: KeptTransforms,
-    /// World from each actor's model without its own scale.
+    /// World transform of each actor's model, without the actor's own scale.
     unscaled: Vec<DAffine3>,
     needs: Vec<PoseNeed>,
     work: Vec<usize>,
-    /// (actor, place in `edits.actors`) of edits that change poses, sorted.
+    /// (actor, index into `edits.actors`) of edits that change poses, sorted.
     pose_edits: Vec<(usize, usize)>,
     pub edits: FrameEdits,
-    /// Expressions of the actors whose eyes move.
+    /// Expression weights, one entry per actor, filled for actors whose file states how their eyes move.
     pub expression_weights: Vec<ExpressionWeights>,
     pub poses: usize,
     pub all_poses: usize,
     pub pose_hidden: bool,
-    /// The camera whose targets must be known, and the one before it while that dissolves.
+    /// The active camera and, during a dissolve, the camera before the cut. The poses of their targets are needed.
     pub seen_by: [Option<usize>; 2],
-    /// Aspect ratio, if nothing but images is requested.
+    /// Aspect ratio (width / height) of the image, if only images are requested; this enables culling.
     pub aspect: Option<f64>,
     /// Whether each actor is out of view.
     culled: Vec<bool>,
-    /// If given, only these actors and those that they are attached to are posed.
+    /// If set, only these actors and the actors that they depend on are posed.
     only: Option<Vec<usize>>,
 }
 
@@ -70,13 +71,14 @@ impl Scratch {
         only.extend_from_slice(actors);
     }
 
-    /// Places all actors of the last evaluation anew, after joints have moved that others are attached to.
+    /// Recomputes the world transforms of all actors, after joints that carry other actors have moved.
     pub fn place(&mut self, stage: &Stage, actors: &mut [ActorState]) {
         place_actors(stage, self, actors);
     }
 }
 
-/// All of the snapshot's actors, without constraints and springs. `bounds`: leaves out actors that are surely not in the image.
+/// Evaluates all actors of the snapshot, without constraints and springs. With `bounds`, actors that are certainly outside the image are
+/// culled.
 pub(crate) fn evaluate_actors(
     stage: &Stage,
     scratch: &mut Scratch,
@@ -171,7 +173,7 @@ fn cull(
     let edits = &scratch.edits;
     let bounds = bounds.filter(|_| !edits.actors.iter().any(attaches) && !edits.cameras.iter().any(looks));
     if let (Some(pose_bounds), Some(aspect)) = (bounds, scratch.aspect) {
-        // Joints are not posed yet, so that actors on joints have no place here; all others are where they will be.
+        // Joints are not posed yet, so actors attached to joints are misplaced here. All other actors already have their final transforms.
         place_actors(stage, scratch, actors);
         let Scratch { edits, order, parents, seen_by, .. } = &*scratch;
         let camera = camera::by_places(stage, edits, time, seen_by[0], actors);
@@ -184,8 +186,8 @@ fn cull(
     scratch.culled = out;
 }
 
-/// An invisible actor is posed only where something visible, the camera, a light or a look-at hangs on one of its joints,
-/// or where all are requested.
+/// Finds the actors to pose. An invisible actor is posed only if all poses are requested, or if a visible actor, the camera, a light, an
+/// effect or a constraint depends on one of its joints.
 fn find_needs(stage: &Stage, scratch: &mut Scratch, time: Time, actors: &[ActorState]) {
     let (needs, work, parents) = (&mut scratch.needs, &mut scratch.work, &scratch.parents);
     needs.clear();
@@ -309,8 +311,8 @@ fn place_actors(stage: &Stage, scratch: &mut Scratch, actors: &mut [ActorState])
     }
 }
 
-/// Finds out where actors are kept whose parents have changed before a time. `evaluate` evaluates the stage at the moment of a change,
-/// for the actors that the buffers name.
+/// Computes the kept transforms of actors whose parents have changed before a time. `evaluate` evaluates the stage at the moment of a
+/// change, for the actors that the passed buffers name.
 pub(crate) fn settle_parents(
     stage: &Stage,
     scratch: &Scratch,
@@ -318,7 +320,7 @@ pub(crate) fn settle_parents(
     evaluate: impl Fn(Time, Scratch) -> Result<(Scratch, Snapshot), StageError>,
 ) -> Result<(), StageError> {
     let kept = &scratch.kept_transforms;
-    // The earliest first: transforms that later parents keep depend on it.
+    // Earlier changes come first, because the transforms that later parents keep depend on them.
     for changes in kept.unknown(stage, time).chunk_by(|a, b| a.0 == b.0) {
         let parent_of = |actor: usize, number: usize| &stage.actors[actor].parents[number];
         let parents = changes.iter().filter_map(|(_, a, n)| Some(parent_of(*a, *n).to?.actor));

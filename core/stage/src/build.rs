@@ -1,4 +1,4 @@
-//! A stage built from Rust, as tests and tools do it.
+//! Methods that build a stage in Rust code, for tests and tools.
 
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, LookAt, Placement, Target};
@@ -10,13 +10,13 @@ use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
 impl Stage {
-    /// Puts an asset on stage, at the origin, at rest; the index of the new actor.
+    /// Adds an actor with this asset, at the origin and in its rest pose. Returns the index of the actor.
     pub fn cast(&mut self, name: &str, asset: Arc<Asset>) -> usize {
         self.actors.push(Actor::new(name, asset));
         self.actors.len() - 1
     }
 
-    /// Adds a cue to the base layer of an actor, in its place by start time. Panics where there is no such actor.
+    /// Adds a cue to the base layer of an actor, sorted by start time. Panics if there is no such actor.
     ///
     /// ```
     /// # use choreo_asset::*; use choreo_stage::*; use choreo_motion::{Clip, Time}; use std::sync::Arc;
@@ -40,7 +40,7 @@ impl Stage {
         layers[0].add(cue);
     }
 
-    /// Adds a camera; its index. With several, [`Stage::cuts`] say which is on when.
+    /// Adds a camera and returns its index. If there are several cameras, [`Stage::cuts`] select the active one over time.
     pub fn shoot(&mut self, camera: Camera) -> usize {
         self.cameras.push(camera);
         self.cameras.len() - 1
@@ -53,7 +53,7 @@ impl Stage {
 }
 
 impl Layer {
-    /// Adds a cue after those that start no later.
+    /// Inserts a cue by its start time, after cues that start at the same time.
     pub fn add(&mut self, cue: Cue) {
         let place = self.cues.partition_point(|c| c.start <= cue.start);
         self.cues.insert(place, cue);
@@ -68,7 +68,7 @@ impl LookAt {
 }
 
 impl Camera {
-    /// Perspective, 0.7 rad high.
+    /// A camera with the default projection: perspective, with a vertical field of view of 0.7 rad.
     pub fn new(name: &str, rig: Rig) -> Camera {
         Camera { name: name.to_string(), rig, ..Camera::default() }
     }
@@ -80,7 +80,7 @@ impl Placement {
         Placement { translation: DVec3::new(x, y, z), ..Placement::default() }
     }
 
-    /// The placement turned about +Y before its own rotation.
+    /// The placement rotated about the parent's +Y axis by an angle in radians, after its own rotation.
     pub fn turned(self, angle_rad: f64) -> Placement {
         Placement { rotation: DQuat::from_rotation_y(angle_rad) * self.rotation, ..self }
     }

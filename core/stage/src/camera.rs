@@ -1,4 +1,4 @@
-//! The camera that is on, its placement and its projection.
+//! The active camera, its transform and its projection.
 
 use crate::camera_moves::{look_rotation, moved, near_limited};
 use crate::properties;
@@ -15,22 +15,22 @@ use choreo_asset::Projection;
 use choreo_motion::{PropertyTarget, Time};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-/// Azimuth and elevation for a stage without a camera: from the front, a little from the right and above.
+/// Azimuth and elevation, in radians, of the view of a stage without a camera: from the front, slightly from the right and above.
 const DEFAULT_VIEW: (f64, f64) = (0.45, 0.18);
 
-/// The camera cut to last, else the first, else none.
+/// Index of the active camera: the target of the last cut so far, else the first camera. `None` if there is no camera.
 pub(crate) fn on_at(stage: &Stage, time: Time) -> Option<usize> {
     let begun = stage.cuts.partition_point(|cut| cut.at <= time);
     on_after(stage, begun)
 }
 
-/// The camera that is on after a number of cuts.
+/// Index of the active camera after this number of cuts.
 fn on_after(stage: &Stage, cuts: usize) -> Option<usize> {
     let cut = stage.cuts[..cuts].last().map(|cut| cut.camera);
     cut.or((!stage.cameras.is_empty()).then_some(0)).filter(|c| *c < stage.cameras.len())
 }
 
-/// The camera before the last cut and its share of the image, 0 to 1, while that dissolves.
+/// During a dissolve: the camera before the last cut, and its share of the image, 0..=1.
 pub(crate) fn dissolving_at(stage: &Stage, time: Time) -> Option<(usize, f32)> {
     let begun = stage.cuts.partition_point(|cut| cut.at <= time);
     let cut = stage.cuts[..begun].last().filter(|cut| time < cut.at + cut.dissolve)?;
@@ -76,7 +76,7 @@ pub(crate) fn evaluate(
             let scale = libm::cbrt(actors[*actor].world_from_model.matrix3.determinant().abs()) as f32;
             let keys_fov = stage.cameras[index].channels.iter().any(|c| c.property.is_lens());
             let projection = match (of_file.projection, projection) {
-                // A script may key the angle of a file's camera.
+                // A script may animate the field of view of a file's camera.
                 (Projection::Perspective { near, far, .. }, Projection::Perspective { yfov, .. })
                     if keys_fov =>
                 {
@@ -117,7 +117,7 @@ fn with_lens(planes: Projection, lens: Projection) -> Projection {
     }
 }
 
-/// The clipping planes that a script sets for a camera that frames or is a file's, instead of those that it has by itself.
+/// Replaces the clipping planes of a framing camera or a file's camera by the planes that the script sets.
 fn set_planes(camera: &Camera, projection: &mut Projection) {
     let (Projection::Perspective { near, .. } | Projection::Orthographic { near, .. }) = projection;
     if camera.near_is_set {
@@ -128,7 +128,7 @@ fn set_planes(camera: &Camera, projection: &mut Projection) {
     }
 }
 
-/// Refuses a camera to which callbacks give a far plane before the near one.
+/// Returns an error if callbacks set a far plane that is not beyond the near plane.
 fn with_planes_in_order(
     camera: &Camera,
     edits: &FrameEdits,
@@ -149,7 +149,7 @@ fn with_planes_in_order(
     }
 }
 
-/// Position that callbacks give a camera, unless they give it a rig after that.
+/// Position that callbacks set for a camera; `None` if they set none, or set a rig afterwards.
 fn moved_to(edits: &FrameEdits, index: usize) -> Option<DVec3> {
     edits_of(&edits.cameras, index).rev().find_map(|edit| match edit {
         CameraEdit::MoveTo(position) => Some(Some(*position)),
@@ -158,7 +158,7 @@ fn moved_to(edits: &FrameEdits, index: usize) -> Option<DVec3> {
     })?
 }
 
-/// A camera that needs to know no more than where its target is; `None` for others.
+/// State of a camera that depends only on the position of its target. `None` for the rigs `File` and `Frame`, and without a camera.
 pub(crate) fn by_places(
     stage: &Stage,
     edits: &FrameEdits,
@@ -214,16 +214,17 @@ pub(crate) fn by_places(
     Some(moved(stage, edits, time, index, actors, of_rig))
 }
 
-/// The rotation of an affine map without its scale and shear: −Z is kept, then +Y as well as can be. Finite for any map.
+/// Rotation of an affine map without scale and shear: the −Z axis keeps its direction, and +Y is made orthogonal to it. Finite for any map.
 pub(crate) fn rotation_of(matrix: &DMat3) -> DQuat {
     let back = matrix.z_axis.try_normalize().unwrap_or(DVec3::Z);
     let up = matrix.y_axis;
     let right = up.cross(back).try_normalize().unwrap_or_else(|| back.any_orthonormal_vector());
-    // A mirrored map shows a mirrored world to a camera; the camera itself cannot mirror.
+    // The columns form a proper rotation even if the map mirrors, because a camera cannot be mirrored.
     DQuat::from_mat3(&DMat3::from_cols(right, back.cross(right), back)).normalize()
 }
 
-/// A file's camera as its actor's clips have it, within what has a matrix: splines overshoot.
+/// Projection of a file's camera as animated by the actor's clips. Splines overshoot, so the result is clamped to values that have a
+/// projection matrix.
 fn animated(actor: &Actor, number: u32, projection: Projection, time: Time) -> Projection {
     match projection {
         Projection::Perspective { yfov, near, far } => {
@@ -239,7 +240,7 @@ fn animated(actor: &Actor, number: u32, projection: Projection, time: Time) -> P
     }
 }
 
-/// A file's distances are in its own units; an actor's scale changes them (glTF ignores only the scale of nodes).
+/// Scales the distances of a file's camera by the actor's scale (glTF ignores only the scale of nodes).
 fn scaled(projection: Projection, scale: f32) -> Projection {
     if !(scale.is_finite() && scale > 0.0) {
         return projection;
@@ -260,14 +261,15 @@ fn keyed_projection(camera: &Camera, time: Time) -> Projection {
     match (camera.projection, yfov) {
         (Projection::Perspective { near, far, .. }, Some((property, value))) => {
             let yfov = if property == Property::FocalLength { Camera::yfov(value.max(0.0)) } else { value };
-            // Splines overshoot; a view of nothing or of more than half the world has no matrix.
+            // Splines overshoot, and a field of view of zero, or of π and more, has no projection matrix.
             Projection::Perspective { yfov: (yfov as f32).clamp(1e-3, 3.1), near, far }
         }
         (projection, _) => projection,
     }
 }
 
-/// Rotation of an orbiting camera, without a pole: at elevation π/2 the image's up is where the camera came from.
+/// Rotation of an orbiting camera, angles in radians. The image's up is defined everywhere: at elevation π/2 it points away from the side
+/// of the azimuth (−Z at azimuth 0).
 pub(crate) fn orbit_rotation(azimuth: f64, elevation: f64) -> DQuat {
     DQuat::from_rotation_y(azimuth) * DQuat::from_rotation_x(-elevation)
 }

@@ -1,4 +1,4 @@
-//! Looks, edits of callbacks and shakes of cameras, on top of what their rigs give; and how a camera looks at a place.
+//! Camera looks, callback edits and shakes, applied on top of the rig; and the rotation of a camera that looks along a direction.
 
 use crate::noise::noise;
 use crate::snapshot::{ActorState, CameraState};
@@ -13,22 +13,22 @@ use choreo_asset::Projection;
 use choreo_motion::{Ease, Time};
 use glam::{DMat3, DQuat, DVec3};
 
-/// Far plane of an orthographic camera that sets none, metres.
+/// Default far plane of an orthographic camera, metres.
 const ORTHOGRAPHIC_FAR: f32 = 10_000.0;
 
-/// A camera that looks at something must not clip it away, however small the scene: a near plane that is not set is at most this
-/// share of the way there. Reversed-Z float depth makes near planes cheap.
+/// Largest near plane of a camera with a target, as a share of the distance to the target, unless the script sets the near plane: the
+/// target must not be clipped, however small the scene. Reversed-Z float depth makes small near planes cheap.
 const NEAR_OF_DISTANCE: f64 = 0.01;
 
 impl CameraLook {
-    /// How far it has replaced the ones before it.
+    /// Blend weight of the look over the looks before it, 0..=1.
     fn share(&self, time: Time) -> f64 {
         f64::from(eased(Ease::Smooth, fraction(time - self.start, self.blend)))
     }
 }
 
 impl CameraShake {
-    /// How much of it there is at a time, 0 to 1.
+    /// Strength of the shake at a time, fades included, 0..=1.
     fn presence(&self, time: Time) -> f64 {
         if time < self.start || self.end.is_some_and(|end| time >= end) {
             return 0.0;
@@ -37,9 +37,9 @@ impl CameraShake {
         share(time - self.start) * self.end.map_or(1.0, |end| share(end - time))
     }
 
-    /// Rotation in the camera's own axes, and its way right and up, metres. `presence`: how much of it there is, 0 to 1.
+    /// Rotation about the camera's own axes, and offset to the right and up in metres. `presence`: strength of the shake, 0..=1.
     fn at(&self, time: Time, presence: f64) -> (DQuat, DVec3) {
-        // Noise swings to a new value at every whole number.
+        // The noise takes a new value at every integer, so one oscillation spans two.
         let x = time.as_secs() * 2.0 * self.frequency;
         let part = |number: u64, size: f64| presence * size * noise(u64::from(self.seed) * 8 + number, x);
         let rotation = DQuat::from_rotation_y(part(0, self.angle))
@@ -49,7 +49,7 @@ impl CameraShake {
     }
 }
 
-/// The looks of a camera that count at a time, with their shares, the newest last.
+/// Looks of a camera that affect a time, with their blend weights, the newest last.
 pub(crate) fn active_looks(camera: &Camera, time: Time) -> impl Iterator<Item = (&CameraLook, f64)> {
     let begun = camera.looks.partition_point(|look| look.start <= time);
     let begun = &camera.looks[..begun];
@@ -57,7 +57,7 @@ pub(crate) fn active_looks(camera: &Camera, time: Time) -> impl Iterator<Item = 
     begun[first..].iter().map(move |look| (look, look.share(time)))
 }
 
-/// The targets that turn a camera at a time.
+/// Targets at which looks and callbacks aim a camera at a time.
 pub(crate) fn targets<'a>(
     camera: &'a Camera,
     index: usize,
@@ -71,7 +71,7 @@ pub(crate) fn targets<'a>(
     active_looks(camera, time).filter_map(|(look, _)| look.target).chain(edited)
 }
 
-/// A camera as its looks, callbacks and shakes have it, from what its rig gives.
+/// Applies looks, callback edits and shakes to the state that a camera's rig gives.
 pub(crate) fn moved(
     stage: &Stage,
     edits: &FrameEdits,
@@ -136,7 +136,7 @@ pub(crate) fn moved(
     moved
 }
 
-/// A projection with the planes that callbacks give it.
+/// A projection with the clipping planes that callbacks set.
 fn planes<'a>(mut projection: Projection, edits: impl Iterator<Item = &'a CameraEdit>) -> Projection {
     for edit in edits {
         match (edit, &mut projection) {
@@ -152,7 +152,7 @@ fn planes<'a>(mut projection: Projection, edits: impl Iterator<Item = &'a Camera
     projection
 }
 
-/// A rotation between two, on the shortest way. Where the horizon is level in both it stays level.
+/// Spherical linear interpolation (slerp) of two rotations. If the horizon is level in both, it stays level in between.
 fn panned(a: DQuat, b: DQuat, share: f64) -> DQuat {
     let between = choreo_motion::slerp(a, b, share);
     let level = |q: DQuat| (q * DVec3::X).y.abs() < 1e-9 && (q * DVec3::Y).y > 0.0;
@@ -160,7 +160,8 @@ fn panned(a: DQuat, b: DQuat, share: f64) -> DQuat {
     leveled.unwrap_or(between)
 }
 
-/// The projection with a near plane that does not clip a target at a distance away.
+/// Limits the near plane of a perspective projection so that a target at `distance` metres is not clipped. A near plane that the script
+/// sets stays.
 pub(crate) fn near_limited(camera: &Camera, projection: Projection, distance: f64) -> Projection {
     match projection {
         Projection::Perspective { yfov, near, far } if distance > 0.0 && !camera.near_is_set => {
@@ -171,8 +172,8 @@ pub(crate) fn near_limited(camera: &Camera, projection: Projection, distance: f6
     }
 }
 
-/// Looks along a direction, +Y up. Straight down, −Z is up in the image; straight up, +Z: what a camera tilting from before
-/// a character comes to. `None` where there is no direction.
+/// Rotation of a camera that looks along a direction, with +Y up. Looking straight down, the image's up is −Z; looking straight up, it is
+/// +Z, as for a camera in front of a character that tilts. `None` for a zero or non-finite direction.
 pub(crate) fn look_rotation(way: DVec3) -> Option<DQuat> {
     let back = -way.try_normalize()?;
     let right = DVec3::Y.cross(back);

@@ -1,4 +1,4 @@
-//! Errors of a stage for which no frames can be made. `Stage::at` itself is lenient: it leaves out what does not exist.
+//! Checks a stage for errors that prevent rendering. `Stage::at` itself is lenient and skips references to things that do not exist.
 
 use crate::stage::actor::{Actor, Attachment, Target};
 use crate::stage::camera::{Camera, Rig};
@@ -16,14 +16,14 @@ use crate::transforms::parents::{ActiveParents, KeptTransforms, times_of_change}
 use choreo_asset::{Asset, Projection};
 use choreo_motion::{Interpolation, Playback, Time};
 
-/// The errors of one stage, by place.
+/// Collects the errors of one stage, each with its place.
 struct Checker<'a> {
     stage: &'a Stage,
     problems: Vec<StageError>,
 }
 
 impl Stage {
-    /// All problems at once; empty where every frame can be made. Hooks are not run.
+    /// Finds all errors at once; empty if every frame can be evaluated. Hooks are not run.
     pub fn check(&self) -> Vec<StageError> {
         let mut checker = Checker { stage: self, problems: Vec::new() };
         checker.settings();
@@ -75,14 +75,14 @@ impl Checker<'_> {
         }
     }
 
-    /// The values of all described fields.
+    /// Checks the values of all described fields.
     fn fields(&mut self, place: &str, of: &impl Described) {
         for what in of.problems() {
             self.need(false, place, || what);
         }
     }
 
-    /// Keyframes of described fields.
+    /// Checks keyframes of described fields.
     fn channels<T: Described>(&mut self, place: &str, of: &T, channels: &[Channel]) {
         for channel in channels {
             self.channel(place, channel, of.is_keyed(channel.property));
@@ -211,7 +211,7 @@ impl Checker<'_> {
     fn cue(&mut self, place: &str, cue: &Cue, joints: usize) {
         let playback = Playback { speed: cue.speed, trim: cue.trim, repeat: cue.repeat };
         if let Err(what) = playback.check() {
-            // Its speed is a field, too.
+            // The speed is a described field, too, so a check of the fields would report it twice.
             self.need(false, place, || what.to_string());
         } else {
             self.fields(place, cue);
@@ -248,7 +248,7 @@ impl Checker<'_> {
         }
     }
 
-    /// Circles of parents, at every time at which one changes.
+    /// Checks for cycles of parents at every time at which a parent changes. Reports the first one only.
     fn parents(&mut self) {
         let (mut parents, mut order) = (ActiveParents::default(), PlacementOrder::default());
         for time in times_of_change(self.stage) {

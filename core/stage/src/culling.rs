@@ -1,11 +1,11 @@
-//! Culling: finds actors that are surely not in the image, before any pose is computed.
+//! Culling: finds actors that are certainly outside the image, before any pose is computed.
 //!
-//! A joint is never farther from its parent than the longest translation of its curves, however it turns. The sum along the
-//! skeleton is a ball about the actor's place that holds every vertex in every pose its layers can make. An actor whose ball is
-//! outside the image, with all that its shadow could fall on, needs neither pose nor draw. Constraints and springs turn joints within
-//! the ball and are not solved where there is no pose; foot locking can lower the hips, by a known share of a leg. If it cannot be
-//! decided (feet on uneven ground, mirrored poses, splines, cameras that hang on joints …) all actors count as visible. An
-//! effect that can need actors outside the image keeps those that it states ([`OffScreenActors`]).
+//! A joint is never farther from its parent than the longest translation of its curves, however it turns. Summed along the skeleton, this
+//! is the radius of a bounding sphere about the actor's origin that holds every vertex in every pose of its layers. An actor needs neither
+//! a pose nor a draw if its sphere, and everything that its shadow could fall on, is outside the view frustum. Constraints and springs turn
+//! joints within the sphere and are not solved without a pose; foot locking can lower the hips, by a known share of a leg. If this cannot
+//! be decided (feet on uneven ground, mirrored poses, splines, cameras that hang on joints …), the actors concerned count as visible. An
+//! effect that can need actors outside the image states which ones are kept ([`OffScreenActors`]).
 //!
 //! [`OffScreenActors`]: crate::OffScreenActors
 
@@ -26,11 +26,11 @@ use choreo_asset::{Aabb, Projection};
 use choreo_motion::{Clip, Interpolation, Path, Skinning, Time};
 use glam::{DMat3, DVec3, Vec3};
 
-/// Extent of each actor of a stage, at any time.
+/// Bounds of each actor of a stage that hold at any time; `None` if there are none.
 #[derive(Debug)]
 pub(crate) struct PoseBounds(Vec<Option<PoseRadius>>);
 
-/// Metres of the model.
+/// Bounds of all poses of an actor, in model units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct PoseRadius {
     /// Distance from the model's origin to the farthest vertex or joint.
@@ -45,19 +45,19 @@ impl PoseBounds {
     }
 }
 
-/// `None` where poses have no bound that is known beforehand.
+/// Bounds of all poses of an actor; `None` if no bounds are known in advance.
 fn pose_radius(stage: &Stage, actor: &Actor) -> Option<PoseRadius> {
     let asset = &actor.asset;
     let lit_by_file = actor.file_lights && !asset.lights.is_empty();
     let outlined = asset.materials.iter().any(|m| m.toon.as_ref().is_some_and(|t| t.outline.is_some()));
-    // Pixels have no metres.
+    // Line widths in pixels have no fixed size in metres.
     let outlined = outlined || asset.materials.iter().any(|m| m.line_style.is_some());
-    // Dual quaternions take vertices out of the hull of where their joints' matrices would.
+    // Dual-quaternion skinning moves vertices outside the convex hull of their positions under each joint's matrix.
     if lit_by_file || outlined || actor.skinning != Skinning::Linear {
         return None;
     }
     let lowered = lowered_by_constraints(stage, actor)?;
-    // Farthest from the parent, and largest scale, by joint; what additive layers add.
+    // Largest distance from the parent, and largest scale, by joint; then the distance that additive layers add.
     let mut far: Vec<f64> = asset.skeleton.rest().iter().map(|t| length(&t.translation.to_array())).collect();
     let mut scale: Vec<f64> = asset.skeleton.rest().iter().map(|t| largest(&t.scale.to_array())).collect();
     let mut added = vec![0.0f64; far.len()];
@@ -99,13 +99,13 @@ fn pose_radius(stage: &Stage, actor: &Actor) -> Option<PoseRadius> {
     }
     let (radius, larger) = asset.farthest(all.radius * lowered);
     (all.radius, all.scale) = (radius, all.scale * larger);
-    // Rounding in f32.
+    // Margin for rounding in f32.
     all.radius = all.radius * 1.001 + 1e-5;
     (all.radius.is_finite() && all.scale.is_finite()).then_some(all)
 }
 
-/// Factor by which constraints make the ball larger; `None` where that has no bound. Hips come down by a share of a leg, which is no
-/// longer than the ball's radius as long as the actor's scale does not change.
+/// Factor by which constraints enlarge the bounding sphere; `None` if there is no bound. Foot locking lowers the hips by a share of a leg,
+/// which is no longer than the sphere's radius as long as the actor's scale does not change.
 fn lowered_by_constraints(stage: &Stage, actor: &Actor) -> Option<f64> {
     let scaled = || actor.channels.iter().any(|channel| channel.property == Property::Scale);
     let steady = || stage.hooks.is_empty() && actor.parents.is_empty() && !scaled();
@@ -119,8 +119,7 @@ fn lowered_by_constraints(stage: &Stage, actor: &Actor) -> Option<f64> {
     })
 }
 
-/// Widens the joints' largest distances and scales by the curves of a clip; `None` for splines, which overshoot, and for
-/// scales that are added.
+/// Widens the joints' largest distances and scales by the curves of a clip; `None` for splines, which overshoot, and for additive scales.
 fn widen_by(
     clip: &Clip,
     (additive, carries): (bool, bool),
@@ -143,9 +142,10 @@ fn widen_by(
                 length(&[key[0] - first[0], key[1] - first[1], key[2] - first[2]])
             };
             let here = match carries {
-                // The difference of two of its poses.
+                // An additive clip adds the difference of two of its poses.
                 _ if additive => 2.0 * most,
-                // The distance travelled is not counted: it turns about its start.
+                // Root motion moves the pose back by the distance traveled and turns it about its anchor; the bound allows for twice that
+                // distance.
                 true => most + 2.0 * keys().map(away).fold(0.0, f64::max),
                 false => most,
             };
@@ -167,7 +167,7 @@ fn largest(v: &[f32]) -> f64 {
     v.iter().fold(0.0, |most, c| f64::from(c.abs()).max(most))
 }
 
-/// A place that a ball is about, and its radius.
+/// Bounding sphere: center and radius.
 type Ball = (DVec3, f64);
 
 /// The view frustum as half spaces (n, d), inside where n · p + d ≥ 0.
@@ -209,10 +209,10 @@ impl View {
         }))
     }
 
-    /// Whether a ball is outside one of the half spaces, and for each light all that it could shade.
+    /// Whether a bounding sphere is outside one of the half spaces and, for each light, so is everything that it could shade.
     fn misses(&self, (center, radius): Ball, casting: &[Casting]) -> bool {
         let outside = |(n, d): &(DVec3, f64)| n.dot(center) + d < -radius;
-        // Its shadow goes on away from the light, and must not come nearer to the half space.
+        // The shadow extends away from the light and must not approach the half space.
         let shades = |n: &DVec3, casting: &Casting| match casting {
             Casting::From(light) => n.dot(center - *light) + radius > 0.0,
             // A penumbra widens by half of the sun's disc to each side.
@@ -231,8 +231,8 @@ enum Casting {
     Along(DVec3),
 }
 
-/// Finds the actors that the image does not need; `out`: one flag an actor. All actors are placed as if those that hang on joints were at
-/// rest.
+/// Finds the actors that the image does not need. All actors are placed, but joints are not posed yet, so actors on joints may be
+/// misplaced; their own positions are not used.
 pub(crate) struct Culling<'a> {
     pub stage: &'a Stage,
     pub pose_bounds: &'a PoseBounds,
@@ -241,13 +241,14 @@ pub(crate) struct Culling<'a> {
     pub aspect: f64,
     pub edits: &'a FrameEdits,
     pub time: Time,
-    /// Parents come first.
+    /// Order of placement: parents come before their children.
     pub order: &'a [PlacementStep],
     pub parents: &'a ActiveParents,
     pub actors: &'a [ActorState],
 }
 
 impl Culling<'_> {
+    /// Fills `out` with one flag per actor: whether it is culled.
     pub fn run(&self, out: &mut Vec<bool>) {
         out.clear();
         out.resize(self.actors.len(), false);
@@ -270,10 +271,10 @@ impl Culling<'_> {
                         let ball = (world.translation, pose_radius.radius * scale);
                         return Some((ball, pose_radius.scale * scale));
                     }
-                    // Somewhere between several.
+                    // During a blend the actor is somewhere between several parents.
                     _ => return None,
                 };
-                // Anywhere about any joint of the other.
+                // The parent's joint may be anywhere in the parent's sphere.
                 let ((center, radius), above) = match to {
                     Some(to) => (*balls.get(to.actor)?)?,
                     None => ((DVec3::ZERO, 0.0), 1.0),
@@ -290,7 +291,7 @@ impl Culling<'_> {
             let needed = self.stage.effects.iter().any(|used| used.needs_off_screen(index));
             out[index] = !needed
                 && ball.is_some_and(|(ball, _)| {
-                    // The edge of a shadow is wider than what casts it.
+                    // The soft edge of a shadow extends beyond its caster.
                     let ball = (ball.0, 1.02 * ball.1 + 2.0 * softness);
                     let casting = if self.stage.actors[index].shadow.cast { &casting[..] } else { &[] };
                     ball.0.is_finite() && ball.1.is_finite() && view.misses(ball, casting)
@@ -298,7 +299,7 @@ impl Culling<'_> {
         }
     }
 
-    /// How far from its parent's joint an actor is placed, and how large.
+    /// Distance of an actor from its parent's joint, and its scale; `None` if keys, edits or a path move the actor.
     fn placed(&self, index: usize, parent: &ActiveParent) -> Option<(f64, f64)> {
         let actor = &self.stage.actors[index];
         let moved = self.edits.actors.iter().any(|(of, _)| *of == index);
@@ -310,7 +311,7 @@ impl Culling<'_> {
         Some((distance, norm(&parent.offset.matrix3) * local.scale.abs().max_element()))
     }
 
-    /// The lights that cast shadows, and the width of the softest edge; `None` if some light's place depends on a pose.
+    /// The lights that cast shadows, and the width of the softest edge; `None` if the position of a light depends on a pose.
     fn casting(&self) -> Option<(Vec<Casting>, f64)> {
         let (mut casting, mut softness) = (Vec::new(), 0.0f64);
         for (index, light) in self.stage.lights.iter().enumerate() {
@@ -342,7 +343,7 @@ fn norm(m: &DMat3) -> f64 {
     if crooked <= 1e-9 * most { (most * (1.0 + 1e-6)).sqrt() } else { lengths.iter().sum::<f64>().sqrt() }
 }
 
-/// Whether a camera's place follows from the actors' places, without poses.
+/// Whether a camera's transform follows from the actors' placements, without poses.
 pub(crate) fn stands_without_poses(stage: &Stage, camera: Option<usize>) -> bool {
     let placed = |target: &Target| match *target {
         Target::Point(_) => true,
@@ -366,7 +367,7 @@ mod tests {
     use super::*;
     use glam::{DAffine3, DQuat};
 
-    /// Looks along −Z from the origin, a right angle high and wide.
+    /// A view along −Z from the origin, 90° high and wide.
     fn square() -> View {
         let projection = Projection::Perspective { yfov: std::f32::consts::FRAC_PI_2, near: 0.1, far: None };
         View::new(&CameraState { projection, ..CameraState::default() }, 1.0)

@@ -7,7 +7,7 @@ use crate::stage::effects::put;
 use crate::transforms::target_position;
 use choreo_motion::Time;
 
-/// `camera`: the one that is on, at this time.
+/// Fills `out` with the effects that are active at a time. `camera`: state of the camera whose image they change.
 pub(crate) fn evaluate(
     stage: &Stage,
     edits: &FrameEdits,

@@ -1,7 +1,7 @@
-//! `Stage::at`: from the timeline to a snapshot.
+//! Evaluates a stage at a time into a snapshot (`Stage::at`).
 //!
-//! In this order: keyed properties, hooks, visibility, which poses are needed at all, poses, places in the world, constraints
-//! (planted feet, aims, looks, reaches), places again where a constraint has moved something, springs, lights, camera.
+//! Steps in order: keyed properties, hooks, visibility, selection of the poses that are needed, poses, world transforms, constraints (foot
+//! locks, aims, looks, reaches), world transforms again if a constraint has moved something, springs, lights, camera.
 
 use crate::constraints::foot_locks::FootLocks;
 use crate::constraints::{self, ConstrainedScratch};
@@ -18,11 +18,11 @@ use choreo_motion::Time;
 use std::sync::{Arc, OnceLock};
 
 impl Stage {
-    /// Everything at a time. A stage with no camera is framed as `Rig::Frame`; one with no light of
-    /// its own or of its files gets a key sun.
+    /// Evaluates the stage at a time. A stage without a camera is framed as by `Rig::Frame`. A stage without a sky, and without lights of
+    /// its own or of its files, gets a default sun.
     ///
-    /// A function of the time alone: any order, any thread, the same bits. For many frames use an [`Evaluator`], which keeps
-    /// its buffers, and what a framing camera has found out, from one to the next.
+    /// The result depends on the time alone: any order of calls and any thread give the same bits. For many frames use an [`Evaluator`],
+    /// which keeps its buffers and the results of framing from frame to frame.
     ///
     /// ```
     /// # use choreo_asset::*; use choreo_stage::*; use choreo_motion::Time; use std::sync::Arc;
@@ -40,7 +40,7 @@ impl Stage {
 }
 
 /// Evaluates one stage at many times and reuses its buffers. Clones share the results of framing, foot locking and springs, so that one
-/// a thread is cheap. None of these changes the snapshots.
+/// clone per thread is cheap. Sharing does not change the snapshots.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
     stage: Arc<Stage>,
@@ -48,18 +48,18 @@ pub struct Evaluator {
     scratch: Scratch,
 }
 
-/// Work of the processor for one snapshot.
+/// CPU work for one snapshot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EvaluationCosts {
     /// Actors whose joints are posed.
     pub poses: usize,
-    /// Constraints and look-ats that are on, of actors that are posed.
+    /// Active constraints and look-ats of posed actors.
     pub constraints: usize,
     /// Spring bones that are simulated.
     pub spring_bones: usize,
 }
 
-/// Results about one stage that hold for every time; each is computed when it is first needed.
+/// Cached results about one stage that hold for every time; each is computed when it is first needed.
 #[derive(Debug)]
 struct Memory {
     framings: Framings,
@@ -80,7 +80,7 @@ impl Memory {
     }
 }
 
-/// Buffers of one stage; what is in them on entry does not matter.
+/// Reusable buffers for one stage.
 #[derive(Clone, Debug, Default)]
 struct Scratch {
     constrained: ConstrainedScratch,
@@ -102,14 +102,14 @@ impl Evaluator {
         &self.stage
     }
 
-    /// The same bits as [`Stage::at`].
+    /// Evaluates the stage at a time, with the same bits as [`Stage::at`].
     pub fn at(&mut self, time: Time) -> Result<Snapshot, StageError> {
         let mut snapshot = Snapshot::default();
         self.at_into(time, &mut snapshot)?;
         Ok(snapshot)
     }
 
-    /// Like `at`, reusing a snapshot's memory. After an error the snapshot is half filled.
+    /// Like [`Evaluator::at`], reusing the memory of a snapshot. After an error the snapshot is incomplete.
     pub fn at_into(&mut self, time: Time, snapshot: &mut Snapshot) -> Result<(), StageError> {
         evaluate(&self.stage, &self.memory, &mut self.scratch, time, snapshot)
     }
@@ -120,19 +120,19 @@ impl Evaluator {
         self
     }
 
-    /// An evaluator for images of the stage's own camera with this aspect ratio: actors that surely are neither visible in them nor cast a
-    /// visible shadow are not posed, and marked as `ActorState::culled`. The images do not change by it.
+    /// An evaluator for images of the stage's own camera with this aspect ratio (width / height): actors that certainly are neither visible
+    /// in them nor cast a visible shadow are not posed, and are marked with `ActorState::culled`. The images do not change.
     pub fn for_images(mut self, aspect: f64) -> Evaluator {
         self.scratch.constrained.actors.aspect = Some(aspect);
         self
     }
 
-    /// Changes by the callbacks at the last evaluation.
+    /// Changes that callbacks have made in the last evaluation.
     pub(crate) fn edits(&self) -> &FrameEdits {
         &self.scratch.constrained.actors.edits
     }
 
-    /// The stage's own lights at the time of this evaluator's last snapshot, by index; `None`: it does not shine.
+    /// States of the stage's own lights at the time of this evaluator's last snapshot, by index; `None`: the light does not shine.
     pub fn stage_lights(&self, snapshot: &Snapshot) -> Vec<Option<LightState>> {
         let (stage, edits, time) = (&self.stage, self.edits(), snapshot.time);
         let lights = stage.lights.iter().enumerate();
@@ -141,12 +141,12 @@ impl Evaluator {
             .collect()
     }
 
-    /// How many poses the last evaluation took.
+    /// Number of poses that the last evaluation computed.
     pub fn poses(&self) -> usize {
         self.scratch.constrained.actors.poses
     }
 
-    /// Work of the processor for a snapshot of this evaluator's stage; `poses` and `spring_bones` count those of the last evaluation.
+    /// CPU work for a snapshot of this evaluator's stage; `poses` and `spring_bones` are those of the last evaluation.
     pub fn costs(&self, snapshot: &Snapshot) -> EvaluationCosts {
         let posed = |(actor, state): &(&Actor, &ActorState)| {
             !state.model_from_joint.is_empty() && state.model_from_joint.len() == actor.asset.skeleton.len()
@@ -161,7 +161,7 @@ impl Evaluator {
         costs
     }
 
-    /// How many poses this evaluator has taken since it was made, those of earlier times for springs included.
+    /// Number of poses that this evaluator has computed so far, including poses at earlier times for springs.
     pub fn total_poses(&self) -> usize {
         self.scratch.constrained.actors.all_poses + self.scratch.simulation.poses()
     }
@@ -207,7 +207,7 @@ fn evaluate(
     Ok(())
 }
 
-/// Finds out where actors are kept whose parents have changed before a time, constraints and springs included.
+/// Computes the kept transforms of actors whose parents have changed before a time, with constraints and springs.
 fn settle_parents(
     stage: &Stage,
     memory: &Memory,

@@ -1,7 +1,7 @@
-//! The camera that fits everything in.
+//! Framing camera: fits everything visible into the image.
 //!
-//! It stands still for the whole length, so that a character that walks is in the image from the first step to the last. The
-//! outlines of all visible actors are taken at some times of the stage, once; then a camera costs a few projected corners a frame.
+//! The camera stands still for the whole length of the stage, so that a character that walks is in the image from the first step to the
+//! last. Bounds of all visible actors are computed once, at a number of times; a camera is then fitted to them at little cost.
 
 use crate::camera::orbit_rotation;
 use crate::constraints::foot_locks::FootLocks;
@@ -18,27 +18,27 @@ use glam::{DAffine3, DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// Limit of the poses that framing may cost, and the numbers of times over which they are distributed.
+/// Most poses that framing may compute, and the range of the number of intervals over which they are distributed.
 const MAX_POSES: usize = 2000;
 const TIMES: std::ops::RangeInclusive<usize> = 6..=48;
-/// Actors at most this share as high as they are wide are ground, which need not be seen to its edges.
+/// Largest ratio of height to width of flat ground, whose edges need not be in the image.
 const FLAT: f32 = 0.01;
-/// Image left free on each side, of its half.
+/// Margin on each side, as a share of half of the image.
 const MARGIN: f64 = 0.06;
-/// Bounds of an empty scene: the room of one person.
+/// Bounds that frame an empty scene: the space of one standing person.
 const EMPTY_ROOM: (DVec3, DVec3) = (DVec3::new(-1.0, 0.0, -1.0), DVec3::new(1.0, 2.0, 1.0));
 
 type Boxes = Result<Vec<DAabb>, StageError>;
 
-/// Views of callbacks whose bounds are kept.
+/// Most views of callbacks whose bounds are cached.
 const MAX_VIEWS: usize = 16;
 
 /// Bounds that the cameras of one stage frame, computed once.
 #[derive(Debug)]
 pub(crate) struct Framings {
-    /// One slot a camera, the last for a stage without any.
+    /// One entry per camera; the last is for a stage without cameras.
     boxes: Vec<OnceLock<Boxes>>,
-    /// Bounds of views that callbacks ask for, by azimuth and elevation.
+    /// Cached bounds of views that callbacks ask for, by the bits of azimuth and elevation.
     views: Mutex<BTreeMap<[u64; 2], Arc<Boxes>>>,
     foot_locks: FootLocks,
 }
@@ -49,6 +49,7 @@ impl Framings {
         Framings { boxes, views: Mutex::default(), foot_locks }
     }
 
+    /// State of a camera that frames the stage from an azimuth and elevation in radians.
     pub fn camera(
         &self,
         stage: &Stage,
@@ -92,7 +93,7 @@ impl Framings {
     }
 }
 
-/// Boxes in the axes of the view (right, up, back) of what is visible at some times, one per actor and time.
+/// Bounds of everything visible at a number of times, one box per actor and time, in view axes (right, up, back).
 fn visible_boxes(
     stage: &Stage,
     foot_locks: &FootLocks,
@@ -100,12 +101,12 @@ fn visible_boxes(
 ) -> Result<Vec<DAabb>, StageError> {
     let axes_from_world = DAffine3::from_quat(world_from_axes.inverse());
     let intervals = (MAX_POSES / stage.actors.len().max(1)).clamp(*TIMES.start(), *TIMES.end());
-    // More than two looks a frame show nothing new.
+    // More than 48 samples per second show nothing new.
     let length = stage.settings.length.max(Time::ZERO);
     let intervals = intervals.min((length.as_secs() * 48.0) as usize).max(1);
     let (mut boxes, mut ground) = (Vec::new(), Vec::new());
     let (mut scratch, mut snapshot) = (ConstrainedScratch::default(), Snapshot::default());
-    // Hair that flies changes no image's frame.
+    // Springs are left out: flying hair does not matter for framing.
     for i in 0..=intervals {
         let time = Time((i128::from(length.0) * i as i128 / intervals as i128) as i64);
         evaluate_actors(stage, &mut scratch, time, foot_locks, None, &mut snapshot)?;
@@ -119,7 +120,7 @@ fn visible_boxes(
                     continue;
                 }
                 if state.skinning != Skinning::Linear {
-                    // Limbs that are not thinned reach beyond the boxes of their joints.
+                    // Limbs do not lose volume as with linear skinning, and reach beyond the boxes of their joints.
                     add_vertices(&mut bounds, &actor.asset, index, state, &axes_from_model);
                     continue;
                 }
@@ -151,7 +152,7 @@ fn visible_boxes(
     Ok(boxes)
 }
 
-/// All vertices of an instance as posed.
+/// Adds all posed vertices of an instance to the bounds.
 fn add_vertices(
     bounds: &mut DAabb,
     asset: &Asset,
@@ -174,7 +175,7 @@ fn add_vertices(
     bounds.add_box(axes_from_model, &asset.spread(&one));
 }
 
-/// The posed vertices of the outline.
+/// Adds the posed vertices of an instance that reach farthest from their joints (`reach.outline`) to the bounds.
 fn add_outline(
     bounds: &mut DAabb,
     asset: &Asset,
@@ -199,16 +200,16 @@ fn is_flat(asset: &Asset) -> bool {
     !bounds.is_empty() && size.y <= FLAT * size.x.max(size.z)
 }
 
-/// Metres; a camera that stands off from more has numbers that f32 cannot hold.
+/// Largest extent that can be framed, metres: a camera farther away would have coordinates that f32 cannot hold.
 const FARTHEST: f64 = 1e30;
 
-/// Position in the axes of the view, and the projection with a near plane before everything.
+/// Camera position in view axes, and the projection with a near plane in front of everything.
 ///
 /// A point (x, y, z) is in the image of a camera at (cx, cy, cz) looking along −z where |x − cx| ≤ tx (cz − z), so
 /// cx + tx cz ≥ max(x + tx z) and −cx + tx cz ≥ max(−x + tx z): the closest camera solves both with equality.
 pub(crate) fn fit(boxes: &[DAabb], aspect: f64, projection: Projection) -> (DVec3, Projection) {
     let all = boxes.iter().fold(DAabb::EMPTY, |a, b| DAabb { min: a.min.min(b.min), max: a.max.max(b.max) });
-    // Something to stand off from where all is one point.
+    // A minimum distance, in case everything is one point.
     let size = (all.max - all.min).length().max(1e-6);
     match projection {
         Projection::Perspective { yfov, .. } => {
@@ -225,7 +226,7 @@ pub(crate) fn fit(boxes: &[DAabb], aspect: f64, projection: Projection) -> (DVec
             }
             let z = ((right + left) / (2.0 * tx)).max((up + down) / (2.0 * ty)).max(all.max.z + size * 0.01);
             let position = DVec3::new((right - left) / 2.0, (up - down) / 2.0, z);
-            // Well before everything: what moves between the looked-at times stays in, and so does the ground.
+            // The near plane is well in front of everything, so that the ground, and motion between the sampled times, are not clipped.
             let near = ((z - all.max.z) * 0.5).min((z - all.min.z) * 0.01).max(1e-9);
             (position, Projection::Perspective { yfov, near: near as f32, far: None })
         }

@@ -1,4 +1,4 @@
-//! 2D layers over and under the scene: words, images, panels, letterboxes; in painter's order.
+//! Evaluates 2D layers at a time: the visible ones, in painter's order.
 
 use crate::snapshot::Layer2dState;
 use crate::stage::Stage;

@@ -1,23 +1,23 @@
-//! Left and right exchanged in a whole body: joints, morph targets and expressions.
+//! Mirroring: exchanges left and right of a character's joints, morph targets and expressions.
 
 use choreo_asset::{Asset, MeshInstance};
 use choreo_motion::skeleton::sides::side_of;
 use choreo_motion::{BlendOnto, Clip, Curve, Mirror, MirrorError, MirrorMap, Path, Pose};
 
-/// The part of an asset from which each part takes its value when a character is mirrored.
+/// Sources of a mirrored character: the joint, morph target or expression from which each one takes its value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mirroring {
     /// Source of each joint.
     pub joints: MirrorMap,
-    /// Source of each morph weight, by mesh instance and morph target. `smileLeft` takes the weight of `smileRight`, of the same
-    /// mesh or of the one on the other side; a target of the middle keeps its own.
+    /// Source of each morph weight, by mesh instance and morph target. `smileLeft` takes the weight of `smileRight`, of the same mesh or of
+    /// the one on the other side; a target without a side keeps its own weight.
     pub morphs: Vec<Vec<(u32, u32)>>,
-    /// Source of each expression's weight, likewise.
+    /// Source of each expression's weight, as an index into `Asset::expressions`.
     pub expressions: Vec<u32>,
 }
 
 impl Mirroring {
-    /// The exchange of left and right in a skeleton, whose joints have partners by name or place.
+    /// The mirroring of an asset, whose joints are paired by name or position. Fails if no two joints are named as left and right.
     pub fn of(asset: &Asset) -> Result<Mirroring, MirrorError> {
         let joints = MirrorMap::new(&asset.skeleton)?;
         let names = |instance: usize| -> &[String] {
@@ -73,7 +73,7 @@ impl Mirroring {
     }
 }
 
-/// Buffers; what is in them on entry does not matter.
+/// Reusable buffers; their previous contents do not matter.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct MirrorScratch {
     pose: Pose,
@@ -82,7 +82,7 @@ pub(crate) struct MirrorScratch {
 }
 
 impl Mirroring {
-    /// Takes a pose a share of the way to its mirror image.
+    /// Blends a pose, its morph weights and expressions towards their mirror image by `share`, 0..=1.
     pub(crate) fn apply(
         &self,
         share: f32,
@@ -120,7 +120,8 @@ impl Mirroring {
     }
 }
 
-/// The instance on the other side: of the partner joint's, the one of the same place among its joint's.
+/// The mesh instance on the other side: it has the same rank among the instances of the partner joint as `own` has among those of its
+/// joint.
 fn across(asset: &Asset, joints: &MirrorMap, own: usize) -> usize {
     let Some(instance) = asset.instances.get(own) else { return own };
     let Some(partner) = joints.partner(instance.joint).filter(|p| *p != instance.joint) else { return own };
@@ -129,7 +130,7 @@ fn across(asset: &Asset, joints: &MirrorMap, own: usize) -> usize {
     on(partner).nth(place).unwrap_or(own)
 }
 
-/// Index of the name with the other side, if the name has a side.
+/// Index of the same name with the other side; `None` if the name has no side or no counterpart.
 fn other_side(name: &str, names: &[String]) -> Option<usize> {
     let (side, bare) = side_of(name)?;
     names.iter().position(|n| side_of(n).is_some_and(|(s, b)| s == side.other() && b == bare))

@@ -1,4 +1,4 @@
-//! How large the morph weights of an actor can become at any time, for bounds that hold without a pose.
+//! Upper bounds of an actor's morph weights at any time, for bounding volumes that hold without a pose.
 
 use crate::pose::rest_weights;
 use crate::stage::Stage;
@@ -7,8 +7,8 @@ use crate::stage::channel::Property;
 use crate::stage::clips::LayerMode;
 use choreo_motion::{Curve, Interpolation, Path};
 
-/// The largest magnitude of each morph weight of a mesh instance; `None` where it has no bound that is known beforehand: splines
-/// overshoot, and callbacks may set any weight.
+/// The largest magnitude of each morph weight of a mesh instance; `None` if no bound is known in advance: splines overshoot, and callbacks
+/// may set any weight.
 pub(crate) fn largest_morph_weights(stage: &Stage, actor: &Actor, index: usize) -> Option<Vec<f64>> {
     let instance = actor.asset.instances.get(index)?;
     let count = actor.asset.meshes.get(instance.mesh as usize)?.morph_targets;
@@ -32,7 +32,7 @@ pub(crate) fn largest_morph_weights(stage: &Stage, actor: &Actor, index: usize) 
                 let all = largest.iter_mut().zip(&mut added).take(targets).enumerate();
                 all.for_each(|(target, (largest, added))| match layer.mode {
                     LayerMode::Override => *largest = largest.max(most(target)),
-                    // The difference of two of its poses, or of one and the weight at rest.
+                    // An additive clip adds the difference of two of its values, or of a value and the weight at rest.
                     _ => *added += 2.0 * most(target).max(*largest),
                 });
             }
@@ -56,7 +56,7 @@ pub(crate) fn largest_morph_weights(stage: &Stage, actor: &Actor, index: usize) 
         let largest = &mut largest[target as usize];
         *largest = channel.values.iter().fold(*largest, |most, weight| most.max(weight.abs()));
     }
-    // Expressions are between 0 and 1 once they are settled.
+    // Settled weights of expressions are between 0 and 1.
     for bind in actor.asset.expressions.iter().flat_map(|expression| &expression.morphs) {
         if of_this(bind.instance, bind.target) {
             added[bind.target as usize] += f64::from(bind.weight.abs());

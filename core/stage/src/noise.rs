@@ -8,7 +8,7 @@ pub fn hash(seed: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// 53 bits in [0, 1).
+/// A number in [0, 1) from the upper 53 of 64 random bits.
 pub fn unit(bits: u64) -> f64 {
     (bits >> 11) as f64 / (1u64 << 53) as f64
 }

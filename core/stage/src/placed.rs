@@ -11,8 +11,8 @@ use choreo_motion::Time;
 use glam::{DAffine3, DQuat};
 
 impl Stage {
-    /// The stage at some times, evaluated as far as it can be without poses: actors have a place and a visibility, and no joint
-    /// matrices. What is attached to joints stands about where they are at rest, and a framing camera frames rest poses.
+    /// Evaluates the stage at some times without poses: actors have a transform and a visibility, and no joint matrices. Actors attached to
+    /// joints are placed as if these were at rest, and a framing camera frames rest poses.
     pub fn placed_at(&self, times: &[Time]) -> Result<Vec<Snapshot>, StageError> {
         let mut scratch = Scratch::only(Vec::new());
         times.iter().map(|time| placed(self, &mut scratch, *time)).collect()
@@ -32,7 +32,7 @@ fn placed(stage: &Stage, scratch: &mut Scratch, time: Time) -> Result<Snapshot, 
     Ok(out)
 }
 
-/// A camera that fits all visible actors in, as they are at rest.
+/// A camera that fits the rest bounds of all visible actors into the image.
 fn framed(stage: &Stage, actors: &[ActorState], rotation: DQuat, projection: Projection) -> CameraState {
     let axes_from_world = DAffine3::from_quat(rotation.inverse());
     let mut all = DAabb::EMPTY;

@@ -1,4 +1,4 @@
-//! The stage at one time: what the renderer, `choreo pose` and tests look at.
+//! The stage at one time, as read by the renderer, `choreo pose` and tests.
 
 use crate::stage::Background;
 use crate::stage::light::Shadow;
@@ -15,15 +15,15 @@ pub struct Snapshot {
     pub time: Time,
     /// Index-aligned with `Stage::actors`.
     pub actors: Vec<ActorState>,
-    /// The camera that is on.
+    /// The active camera.
     pub camera: CameraState,
-    /// The camera before it, while that dissolves.
+    /// The dissolve from the camera before it, while there is one.
     pub dissolve: Option<Dissolve>,
-    /// World space, only those that shine (intensity > 0).
+    /// Lights in world space; only lights that shine (intensity and color above 0).
     pub lights: Vec<LightState>,
-    /// Light from all around; `None` without a sky.
+    /// The sky (image-based lighting); `None` if the stage has none.
     pub sky: Option<SkyState>,
-    /// The visible ones, in painter's order.
+    /// Visible 2D layers, in painter's order.
     pub layers_2d: Vec<Layer2dState>,
     /// The color or gradient behind everything, where no sky is shown.
     pub background: Background,
@@ -31,44 +31,44 @@ pub struct Snapshot {
     pub ambient_up: Vec3,
     /// Hemisphere light from below, linear, candela per square metre.
     pub ambient_down: Vec3,
-    /// Effects on at this time, in the order of `Stage::effects`.
+    /// Active effects, in the order of `Stage::effects`.
     pub effects: Vec<EffectState>,
 }
 
 /// An actor at one time.
 #[derive(Clone, Debug)]
 pub struct ActorState {
-    /// Whether it and all that it is attached to are visible.
+    /// Whether the actor and all its parents are visible.
     pub visible: bool,
-    /// Transform of its model into the world, metres.
+    /// World transform of the actor's model, metres.
     pub world_from_model: DAffine3,
-    /// The space that the actor is placed in: of its parent, or the world.
+    /// World transform of the space in which the actor is placed: its parent's space, or the world.
     pub world_from_parent: DAffine3,
-    /// One per joint of the asset's skeleton. Empty, like the weights, where the actor is invisible and nothing seen hangs on
-    /// its joints, unless [`Evaluator::posing_hidden`](crate::evaluate::Evaluator::posing_hidden) requests them.
+    /// Model-space joint matrices, one per joint of the asset's skeleton. Empty, like the weights, if the actor is invisible or culled and
+    /// nothing visible depends on its joints, unless [`Evaluator::posing_hidden`](crate::evaluate::Evaluator::posing_hidden) requests them.
     pub model_from_joint: Vec<Affine3A>,
-    /// One list per mesh instance of the asset; empty lists where the mesh has no morph targets.
+    /// Morph weights, one list per mesh instance of the asset; empty lists for meshes without morph targets.
     pub morph_weights: Vec<Vec<f32>>,
     /// Multiplies every base color, linear RGBA.
     pub tint: Vec4,
     /// Line width that replaces the material's.
     pub line_width: Option<f32>,
-    /// Number of the copies of its meshes that exist, the first ones; `None`: all.
+    /// Number of copies of its meshes that exist, counted from the first; `None`: all.
     pub copies: Option<u32>,
-    /// Linear RGBA factors of the asset's materials where its clips animate any; else empty: those of the materials.
+    /// Base color factors of the asset's materials, linear RGBA, if its clips animate any. Empty: the factors of the materials apply.
     pub base_colors: Vec<Vec4>,
-    /// How vertices follow several joints.
+    /// Skinning method for vertices with several joints.
     pub skinning: Skinning,
-    /// Materials of which clips, expressions or they themselves change more than that, in the asset's order.
+    /// Materials of which clips, expressions or their own animation change more than the base color, in the asset's order.
     pub materials: Vec<ChangedMaterial>,
-    /// Neither it nor its shadow is in the image that the snapshot is for, so that it is not posed for its own sake; see
-    /// [`Evaluator::for_images`](crate::evaluate::Evaluator::for_images).
+    /// Whether the actor and its shadow are outside the image that the snapshot is for, so that the actor is posed only if something else
+    /// needs its pose; see [`Evaluator::for_images`](crate::evaluate::Evaluator::for_images).
     pub culled: bool,
 }
 
 impl ActorState {
-    /// World transform of a joint, metres: f32 joints placed in the f64 world, exact but for the product. `None` where the actor
-    /// is not posed or has no such joint.
+    /// World transform of a joint, metres: the f32 joint matrix is multiplied with the actor's transform in f64. `None` if the actor is not
+    /// posed or has no such joint.
     pub fn world_from_joint(&self, joint: usize) -> Option<DAffine3> {
         let model_from_joint = self.model_from_joint.get(joint)?;
         let rotation = Mat3::from(model_from_joint.matrix3).as_dmat3();
@@ -100,22 +100,22 @@ impl Default for ActorState {
 /// A camera at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CameraState {
-    /// Index into `Stage::cameras`; `None` = the framing camera of a stage without any.
+    /// Index into `Stage::cameras`; `None`: the framing camera of a stage without cameras.
     pub camera: Option<usize>,
-    /// Rotation and position only, no scale: looks along −Z.
+    /// World transform of the camera: rotation and position without scale; the camera looks along −Z.
     pub world_from_view: DAffine3,
-    /// How it projects.
+    /// Projection of the camera.
     pub projection: Projection,
 }
 
-/// The image of the camera before the last cut, which goes over into that of `Snapshot::camera`.
+/// Dissolve from the camera before the last cut to `Snapshot::camera`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dissolve {
     /// The camera before the cut.
     pub camera: CameraState,
-    /// Effects on in its image.
+    /// Active effects in its image.
     pub effects: Vec<EffectState>,
-    /// The share of the frame, above 0, at most 1.
+    /// Share of its image in the frame, above 0, at most 1.
     pub share: f32,
 }
 
@@ -124,11 +124,11 @@ pub struct Dissolve {
 pub struct LightState {
     /// Type, color and intensity.
     pub light: Light,
-    /// World, metres; of no effect for directional lights.
+    /// World position, metres; unused for directional lights.
     pub position: DVec3,
-    /// Unit vector in the world, along which it shines.
+    /// Unit vector in world space, along which the light shines.
     pub direction: Vec3,
-    /// `None`: it casts no shadows.
+    /// Settings of the shadow; `None`: the light casts no shadows.
     pub shadow: Option<Shadow>,
     /// See `crate::stage::StageLight::attenuation`.
     pub attenuation: Option<[f32; 3]>,
@@ -139,39 +139,39 @@ pub struct LightState {
 pub struct SkyState {
     /// Radiance from all directions.
     pub panorama: Arc<Panorama>,
-    /// Radians about +Y, counter-clockwise from above.
+    /// Rotation about +Y, radians, counter-clockwise seen from above.
     pub turn: f64,
-    /// Times the panorama's radiance.
+    /// Factor of the panorama's radiance.
     pub strength: f32,
-    /// Whether it is seen behind everything.
+    /// Whether the panorama is visible as the background.
     pub background: bool,
 }
 
-/// An effect that is on at a time.
+/// An active effect.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffectState {
     /// Index into `Stage::effects`.
     pub effect: usize,
-    /// The parameters that the script gives, at this time, sorted by name. A spline may have left the parameter's range.
+    /// Parameters that the script sets, at this time, sorted by name. A spline may have left a parameter's range.
     pub parameters: Vec<(String, f64)>,
 }
 
-/// One that is seen.
+/// A visible 2D layer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer2dState {
     /// Index into `Stage::layers_2d`.
     pub layer_2d: usize,
     /// Position of its anchor, as fractions of the image from the top left.
     pub at: DVec2,
-    /// Above 0, at most 1.
+    /// Opacity, above 0, at most 1.
     pub opacity: f32,
-    /// Times its size, about its anchor.
+    /// Factor of its size, about its anchor.
     pub scale: f64,
-    /// Words that replace those of the content.
+    /// Text that replaces the words of the content.
     pub words: Option<String>,
 }
 
-/// A material of an actor's asset as it is at one time. Its textures are the file's; where they are read may differ.
+/// An animated material of an actor's asset at one time. Its images are those of the file; only their texture coordinates may differ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChangedMaterial {
     /// Index into `Asset::materials`.
@@ -181,7 +181,7 @@ pub struct ChangedMaterial {
 }
 
 impl Snapshot {
-    /// Every bit of it: two evaluations of one stage at one time must agree, wherever they ran.
+    /// Hash of every bit of the snapshot: two evaluations of one stage at one time must agree, wherever they ran.
     pub fn content_hash(&self) -> ContentHash {
         hash_of(|w| self.hash(w))
     }

@@ -1,18 +1,19 @@
-//! Springs of all actors at a time: a simulation in which any frame can be evaluated first.
+//! Spring simulation of all actors, in which frames can be evaluated in any order.
 //!
 //! The motion advances in steps of 1/60 s ([`SolverSettings::spring_rate`]), whatever the frame rate. The grid of steps begins at time 0
-//! (or a pre-roll earlier) with springs at rest. A frame between two points of the grid is one shorter step further, on a copy. So the
-//! state at a point is a function of the stage alone. One state in every N steps is kept, shared by all evaluators of a stage. A seek
-//! continues from the nearest one before it; kept states change how long that takes, and nothing else.
+//! (or a pre-roll earlier) with springs at rest. A frame between two grid points takes one shorter step on a copy of the states, so the
+//! state at a grid point is a function of the stage alone. Every Nth state is kept as a checkpoint, shared by all evaluators of a stage. A
+//! seek continues from the nearest checkpoint before it; checkpoints change the run time and nothing else.
 //!
-//! **Which actors.** Only those whose joints the snapshot needs, with all to which they can be attached or that they can face, at any time: a
-//! group ([`Group`]) is brought to a time as a whole. A group that was not needed is where it was left, and catches up from there or from a
-//! kept state; its state at a point is the same, however it got there. Where a callback attaches actors of two groups, all are one group.
+//! **Which actors.** Only actors whose joints the snapshot needs, with all actors that they can be attached to or can face, at any time:
+//! such a group ([`Group`]) is simulated as a whole. A group that was not needed stays at its last state, and catches up from there or from
+//! a checkpoint; its state at a grid point is the same either way. If a callback attaches actors of two groups, all actors become one
+//! group.
 //!
-//! **What a seek costs.** Without anything kept, 60 poses of the actors that have springs for each second from the start; later at most
-//! as many as lie between two kept states (16, more once they would take 32 MiB). Springs remember ten minutes: in each stretch of [`STRETCH`]
-//! seconds the motion begins anew, settled, a minute before it, so that 100 hours into a stage cost no more than 11 minutes. A stage with a
-//! spring of which that minute would leave more than a millionth of a swing ([`FORGETS`]), as of an undamped one, is one stretch.
+//! **Cost of a seek.** Without checkpoints, 60 poses of the actors with springs for each second from the start; later at most as many as
+//! lie between two checkpoints (16, more once they would take 32 MiB). The timeline is divided into stretches of [`STRETCH`] seconds. The
+//! simulation of each stretch starts from rest, one minute earlier, so that 100 hours into a stage cost no more than 11 minutes. If a
+//! spring keeps more than a millionth of a swing after that minute ([`FORGETS`]), as an undamped one does, the whole stage is one stretch.
 
 use crate::actors;
 use crate::constraints::foot_locks::FootLocks;
@@ -28,30 +29,31 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Seconds after which the motion begins anew, and how many before that it does.
+/// Length of a stretch, seconds.
 const STRETCH: i64 = 600;
+/// Seconds of simulation before the start of a stretch.
 const WARM_UP: i64 = 60;
 /// Least decay rate of springs that forget within [`WARM_UP`], 1/s: ln 10⁶ / 60 s.
 const FORGETS: f64 = 13.82 / 60.0;
-/// Most steps between two kept states.
+/// Most steps between two checkpoints.
 const MOST_STRIDE: i64 = 36_000;
-/// Bytes of states that are kept.
+/// Most bytes of checkpoints.
 const MOST_BYTES: usize = 32 << 20;
 
-/// A point of the grid, in a stretch.
+/// Grid point: (stretch, step).
 type Key = (i64, i64);
-/// One for each actor of a group.
+/// Spring states, one per actor of a group.
 type States = Vec<SpringState>;
 
-/// States that were passed, shared by all evaluators of a stage.
+/// Checkpoints of the simulation, shared by all evaluators of a stage.
 #[derive(Debug, Default)]
 pub(crate) struct SpringCheckpoints(Mutex<Checkpoints>);
 
 #[derive(Debug)]
 struct Checkpoints {
-    /// Number of steps between states that are kept; doubled whenever they take too much memory.
+    /// Number of steps between checkpoints; doubled whenever they take too much memory.
     stride: i64,
-    /// Kept states of each group.
+    /// Checkpoints of each group.
     groups: Vec<BTreeMap<Key, Arc<States>>>,
     /// Whether all actors are one group, because a callback attaches some.
     joined: bool,
@@ -69,7 +71,7 @@ impl SpringCheckpoints {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The last state of a group kept in a stretch, at a step or before, since its first.
+    /// The latest checkpoint of a group in a stretch, at the step `until` or before, but not before the step `first`.
     fn before(&self, joined: bool, number: usize, until: Key, first: i64) -> Option<(i64, Arc<States>)> {
         let kept = self.kept();
         let states = kept.groups.get(number).filter(|_| kept.joined == joined)?;
@@ -98,7 +100,7 @@ impl SpringCheckpoints {
             }
             kept.bytes = kept.groups.iter().flat_map(BTreeMap::values).map(|s| size(s)).sum();
         }
-        // Stretch after stretch: the oldest go.
+        // If that is not enough, the checkpoints of the earliest stretches are dropped.
         while kept.bytes > MOST_BYTES {
             let first = |group: &BTreeMap<Key, Arc<States>>| group.first_key_value().map(|(key, _)| *key);
             let oldest = kept.groups.iter_mut().filter(|group| !group.is_empty()).min_by_key(|g| first(g));
@@ -107,7 +109,7 @@ impl SpringCheckpoints {
         }
     }
 
-    /// Makes one group of all, and forgets what was kept of several.
+    /// Makes all actors one group and drops the checkpoints of separate groups.
     fn join(&self) {
         let mut kept = self.kept();
         if !kept.joined {
@@ -116,18 +118,19 @@ impl SpringCheckpoints {
     }
 }
 
-/// Actors with springs that can be attached to each other or face what is attached, at some time: they move together. No other actor's springs
-/// change how they move.
+/// Actors with springs that can be attached to each other, or face each other, at some time: they are simulated together. Springs of other
+/// actors do not affect them.
 #[derive(Clone, Debug, Default)]
 struct Group {
     actors: Vec<usize>,
-    /// The point of the grid whose state it has.
+    /// Grid point of `states`; `None`: the states are not valid.
     at: Option<Key>,
     states: States,
+    /// Copies of `states`, advanced to the time of the frame.
     shown: States,
-    /// Whether the snapshot needs it.
+    /// Whether the snapshot needs the group.
     is_needed: bool,
-    /// The step that it has to make next.
+    /// The next step to simulate.
     next: i64,
 }
 
@@ -135,9 +138,9 @@ struct Group {
 #[derive(Clone, Debug, Default)]
 struct Groups {
     all: Vec<Group>,
-    /// The group of each actor with springs, and its place there.
+    /// Index of the group of each actor with springs, and index of the actor in that group.
     places: Vec<Option<(usize, usize)>>,
-    /// The set of actors that belong together in which each one is, whether they have springs or not.
+    /// Set of each actor, with or without springs: the actor that represents the actors that belong together.
     sets: Vec<usize>,
     joined: bool,
 }
@@ -171,7 +174,7 @@ impl Groups {
         groups
     }
 
-    /// Whether a callback attaches an actor that springs can move along with to one of another set.
+    /// Whether a callback attaches an actor, whose set has springs, to an actor of another set.
     fn are_joined_by(&self, edits: &[(usize, ActorEdit)]) -> bool {
         edits.iter().any(|(actor, edit)| {
             let ActorEdit::Attach(Parenting { to: Some(to), .. }) = edit else { return false };
@@ -187,7 +190,7 @@ impl Groups {
     }
 }
 
-/// The actor that stands for the set of another one, each on the way being put nearer to it.
+/// The actor that represents the set of an actor (union-find with path halving).
 fn root(sets: &mut [usize], mut actor: usize) -> usize {
     while sets[actor] != actor {
         sets[actor] = sets[sets[actor]];
@@ -204,7 +207,7 @@ fn has_springs(stage: &Stage, actor: usize) -> bool {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Simulation {
     groups: Groups,
-    /// Actors that make a step.
+    /// Actors of the groups that make a step.
     moving: Vec<usize>,
     scratch: Option<Box<ConstrainedScratch>>,
     snapshot: Snapshot,
@@ -213,7 +216,7 @@ pub(crate) struct Simulation {
 }
 
 impl Simulation {
-    /// Poses taken for steps of the grid.
+    /// Number of poses computed for steps of the grid.
     pub fn poses(&self) -> usize {
         self.scratch.as_ref().map_or(0, |s| s.actors.all_poses)
     }
@@ -228,7 +231,7 @@ fn time_of(stage: &Stage, step: i64) -> Time {
     Time(step.saturating_mul(stage.solvers.spring_step().0))
 }
 
-/// The stretch that a step is in, and the step at which that begins to be simulated.
+/// Index of the stretch that contains a step, and the step at which the simulation of the stretch begins.
 fn stretch_of(stage: &Stage, step: i64) -> (i64, i64) {
     let springs = || stage.actors.iter().filter_map(|a| a.springs.as_ref());
     let pre_roll = springs().map(|s| s.pre_roll).max();
@@ -244,8 +247,8 @@ fn stretch_of(stage: &Stage, step: i64) -> (i64, i64) {
     (stretch, if stretch == 0 { first.min(step) } else { (stretch * STRETCH - WARM_UP) * rate })
 }
 
-/// Turns the joints of the springs in a snapshot whose actors are posed, placed and have done their constraints. All actors are
-/// placed anew after joints have moved that others are attached to.
+/// Simulates springs and turns their joints, in a snapshot whose actors are posed, placed and constrained. After joints that carry other
+/// actors have moved, all actors are placed again.
 pub(crate) fn run(
     stage: &Stage,
     foot_locks: &FootLocks,
@@ -286,13 +289,13 @@ pub(crate) fn run(
     Ok(())
 }
 
-/// Hidden actors and those out of view are not posed; nothing shows.
+/// Whether an actor is posed. Hidden and culled actors are not; their springs do not show.
 fn is_posed(stage: &Stage, actor: usize, state: &ActorState) -> bool {
     state.model_from_joint.len() == stage.actors[actor].asset.skeleton.len()
 }
 
-/// Brings the groups that are needed to a point of the grid. `shared`: knows the transforms that are kept where parents change. `false`: a
-/// callback has attached actors of two groups, and all are to be begun anew as one.
+/// Advances the needed groups to a grid point. `shared`: buffers with the transforms that are kept where parents change. Returns `false` if
+/// a callback has attached actors of two groups, so that the simulation must begin again with one group.
 fn advance(
     stage: &Stage,
     foot_locks: &FootLocks,
@@ -347,15 +350,15 @@ fn advance(
 /// The states that a step moves.
 #[derive(Clone, Copy)]
 enum Moves {
-    /// States at points of the grid, of the groups that have come to this one.
+    /// States at grid points, of the groups whose next step is at most this one.
     Grid(i64),
-    /// Copies of them, beyond the last point.
+    /// Copies of the states, advanced beyond the last grid point.
     Shown,
 }
 
 impl Group {
-    /// Finds the nearest state from which a point of the grid is reached; the state is invalid until the group is there, in case a callback
-    /// fails. `kept_after`: the last one that is kept, if it is after a step.
+    /// Finds the nearest state from which a grid point can be reached. `at` stays `None` until the group is there, in case a callback
+    /// fails. `kept_after`: the latest checkpoint, if it is after a step.
     fn seek(
         &mut self,
         (stretch, step): Key,
@@ -388,7 +391,7 @@ impl Group {
     }
 }
 
-/// One step of the springs of all groups that move, parents before what is attached to them.
+/// Simulates one step of the springs of all groups that move, parents before the actors attached to them.
 fn swing(
     stage: &Stage,
     (groups, moves): (&mut Groups, Moves),
@@ -428,7 +431,7 @@ fn swing(
     }
 }
 
-/// The wind that a callback has set last.
+/// The wind that callbacks have set last for an actor, if any.
 fn wind(edits: &[(usize, ActorEdit)], of: usize) -> Option<DVec3> {
     edits_of(edits, of).rev().find_map(|edit| match edit {
         ActorEdit::Wind(wind) => Some(*wind),

@@ -1,4 +1,4 @@
-//! The foot contacts of an actor, by its clips.
+//! Foot contacts of an actor, found in its clips and blended like their poses.
 
 use crate::stage::actor::Actor;
 use crate::stage::clips::Cue;
@@ -10,20 +10,20 @@ use choreo_motion::contacts::{ContactInterval, Contacts, Foot, still_intervals};
 use choreo_motion::{Clip, Time};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// How often it is asked whether feet are down.
+/// Sampling interval of the blended foot contacts.
 const STEP: Time = Time(Time::TICKS_PER_SECOND / 480);
 
-/// A foot is up for at least so long.
+/// Shortest swing of a foot; contacts with a shorter gap are merged.
 const SHORTEST_STEP: Time = Time(Time::TICKS_PER_SECOND / 15);
 
-/// Contacts of each foot, in the order of time.
+/// Contacts of each foot, in order of time.
 type FootIntervals = Arc<Vec<Vec<ContactInterval>>>;
 
-/// The contacts of a stage's clips, which most actors share: each is found once.
+/// Cache of the foot contacts of a stage's clips. Most actors share clips, so each clip is analyzed only once.
 #[derive(Debug, Default)]
 pub(super) struct ClipContacts(Mutex<Vec<(ContactKey, FootIntervals)>>);
 
-/// Part of a clip on a character.
+/// Cache key: the trimmed part of a clip, played on a character with these feet.
 #[derive(Clone, Debug)]
 struct ContactKey {
     asset: Arc<Asset>,
@@ -54,17 +54,17 @@ impl ClipContacts {
     }
 }
 
-/// Contacts of each leg's foot in its clip, by cue of the base layer.
+/// Foot contacts in the clips of an actor's base layer, by cue and leg.
 pub(super) struct FootContacts<'a> {
     actor: &'a Actor,
-    /// The leg whose steps each leg takes while the character is mirrored, and the constraint that does it.
+    /// Mirroring constraints, each with the leg of the clip whose contacts each leg takes over.
     mirrored: Vec<(&'a Constraint, Vec<usize>)>,
     cues: Vec<FootIntervals>,
 }
 
 impl<'a> FootContacts<'a> {
     pub fn new(actor: &'a Actor, legs: &[Leg], known: &ClipContacts) -> FootContacts<'a> {
-        // The ball alone: a heel that has come down turns about itself.
+        // Only the ball of the foot counts: after heel strike the foot still rotates about the heel.
         let ball = |leg: &Leg| Foot { joints: vec![leg.toe.unwrap_or(leg.foot)] };
         let feet: Vec<Foot> = legs.iter().map(ball).collect();
         let layer = actor.layers.first().map_or(&[][..], |layer| &layer.cues);
@@ -85,7 +85,7 @@ impl<'a> FootContacts<'a> {
         FootContacts { actor, mirrored, cues }
     }
 
-    /// The times at which the foot of each of `legs` legs comes down and goes up, between two times, to a 480th of a second.
+    /// Contacts of the feet of `legs` legs between two times, as touch-down and lift-off times, with a resolution of 1/480 s.
     pub fn stands(&self, legs: usize, from: Time, to: Time) -> Vec<Vec<(Time, Time)>> {
         let at = |i: usize| from + Time(i as i64 * STEP.0);
         let count = ((to - from).0 / STEP.0) as usize;
@@ -102,7 +102,8 @@ impl<'a> FootContacts<'a> {
         let of_leg = |unrest: Vec<f64>| {
             let still = still_intervals(&unrest, STEP.as_secs(), false).into_iter();
             let mut found: Vec<(Time, Time)> = still.map(|(first, last)| (at(first), at(last))).collect();
-            // Up with one clip and down at once with the other: a foot that steps on the spot has no time to get anywhere.
+            // Contacts that nearly touch are merged: the foot lifts off in one clip and lands in the other at once, which leaves no time
+            // for a step.
             found.dedup_by(|next, before| {
                 let close = next.0 - before.1 < SHORTEST_STEP;
                 if close {
@@ -115,8 +116,8 @@ impl<'a> FootContacts<'a> {
         unrest.into_iter().map(of_leg).collect()
     }
 
-    /// Seconds until a leg's foot comes down as the clip has it that plays at a time with most weight; 0: it stands. `backwards`: since it
-    /// went up. At most `most`.
+    /// Seconds until a leg's foot touches down in the clip that has at least half of the weight at `time`; 0 if the foot stands.
+    /// `backwards`: seconds since it lifted off instead. At most `most`.
     pub(crate) fn lands_secs(&self, leg: usize, time: Time, backwards: bool, most: f64) -> f64 {
         let leg = self.leg_in_clips(leg, time);
         let playing = self.actor.active_clips(time);
@@ -132,18 +133,18 @@ impl<'a> FootContacts<'a> {
         (0..samples).find(down).map_or(most, |i| i as f64 * STEP.as_secs())
     }
 
-    /// The leg whose steps a leg takes while the character is mirrored.
+    /// The leg of the clip whose contacts a leg takes over: another leg while the character is mirrored.
     fn leg_in_clips(&self, leg: usize, time: Time) -> usize {
         let constraints = self.mirrored.iter().filter(|(constraint, _)| constraint.share(time) >= 0.5);
         constraints.fold(leg, |leg, (_, across)| across.get(leg).copied().unwrap_or(leg))
     }
 
-    /// 0 if the foot stands in most of the active clips, by their weights, else 2 (see [`choreo_motion::contacts::still_intervals`]):
-    /// contacts are mixed as poses
-    /// are (L. Kovar, M. Gleicher, "Flexible Automatic Motion Blending with Registration Curves", SCA 2003, §3.3).
+    /// 0 if the foot stands in at least half of the active clips by weight, else 2, on the scale of
+    /// [`choreo_motion::contacts::still_intervals`]. Contacts are blended like poses (L. Kovar, M. Gleicher, "Flexible Automatic Motion
+    /// Blending with Registration Curves", SCA 2003, §3.3).
     fn unrest(&self, leg: usize, time: Time, active_cues: &[ActiveCue]) -> f64 {
         let leg = self.leg_in_clips(leg, time);
-        // Each is blended over those before it.
+        // Each clip is blended over the clips before it.
         let mut share = 0.0;
         for active in active_cues {
             let weight = f64::from(active.weight);

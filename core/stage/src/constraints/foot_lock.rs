@@ -1,9 +1,9 @@
-//! Foot locking: feet stay where they stand.
+//! Foot locking: feet stay in place during ground contacts.
 //!
-//! The contacts of a foot follow from its motion without this constraint, over a span of the stage: they are found once,
-//! at 60 Hz, and kept ([`super::foot_locks`]), so that frames can be evaluated in any order. While clips fade in step, the contacts are those
-//! of the clips, because the mean of two strides slides. During a contact the ball of the foot stays at one point; between two contacts
-//! the foot is moved by an interpolation of both corrections, so that nothing jumps.
+//! The contacts of a foot are found from its unconstrained motion over a span of the stage. They are computed once, at 60 Hz, and cached
+//! ([`super::foot_locks`]), so that frames can be evaluated in any order. During phase-matched fades the contacts come from the clips,
+//! because the mean of two strides slides. During a contact the ball of the foot stays at one point. Between two contacts the corrections
+//! of both are interpolated, so that the foot does not jump.
 
 use crate::constraints::foot_locks::{LONGEST_GAP, STEP};
 use crate::constraints::foot_samples::{FootSamples, Limb};
@@ -18,78 +18,83 @@ use choreo_motion::math::rotation::rotation_between;
 use choreo_motion::{Front, Time};
 use glam::{DAffine3, DQuat, DVec3};
 
-/// Seconds in which a foot goes over from a contact to where its clips have it, and in which corrections end outside a span.
+/// Seconds over which a foot returns from a contact to its animated position, and over which corrections fade out outside a span.
 pub(super) const FADE: f64 = 0.25;
-/// A foot stands on ground up to this height above its place in the clip, raised as its last step was: a high step, not the floor
-/// above.
+/// Largest height in metres of the ground above the animated foot, after the raise of the last contact: allows a high step, but not the
+/// floor above.
 const HIGHEST_STEP: f64 = 1.2;
-/// Largest height of the ball of a locked foot, in legs: a foot locked while the toes leave the ground would push them into it.
+/// Largest height of the ball of a standing foot above its lowest position nearby, in leg lengths. A foot that stayed locked while its toes
+/// leave the ground would push them into it.
 const FLAT: f64 = 0.04;
-/// Share of the sole's length by which raising the heel lengthens a leg, as far as it is used.
+/// Extra reach of a leg with its heel raised, as a share of the sole's length.
 const RAISED: f64 = 0.6;
-/// Looks to either side among which a foot is at its lowest: feet of two clips differ by centimetres, and each must stand.
+/// Number of samples to either side in which the lowest height of a foot is searched. The feet of two clips differ in height by
+/// centimetres, and both must have contacts.
 const AROUND: usize = 36;
-/// Number of samples over which the hips come down, and rise again.
+/// Number of samples over which the hips are lowered smoothly before a contact that needs it, and raised after it.
 const SMOOTH: usize = 14;
-/// Number of places that are tried to either side, as far as half of the body's way during a contact.
+/// Number of positions that are tried ahead of and behind the mean position of a contact, up to half of the hip's path during the contact.
 const REACH_PLACES: u32 = 32;
-/// Height above its place, in lengths of a leg, up to which a foot that leaves the ground or comes down keeps that place: clips let it
-/// travel while it is almost on the ground.
+/// Height above its contact, in leg lengths, up to which a foot that lifts off or lands keeps its horizontal position: in clips such a foot
+/// slides while it is almost on the ground.
 const ROLLS: f64 = 0.02;
-/// Largest distance of the clip's foot from that place, in lengths of a leg.
+/// Largest horizontal distance between the animated foot and that contact, in leg lengths.
 const ROLLS_FAR: f64 = 0.25;
-/// Height that a foot gets above a place where it has stood or will stand before it is away from there, metres, and at most in legs: what is
-/// nearer to the ground than that looks dragged, however small the character is.
+/// Ground clearance of a foot in the air near the contacts before and after, in metres, and its upper limit in leg lengths. A lower foot
+/// looks dragged, however small the character is.
 const CLEARANCE: f64 = 0.015;
 const CLEARANCE_LEGS: f64 = 0.05;
-/// The largest raise, in such heights: the feet of two clips differ in height.
+/// Largest raise of a foot, in multiples of the clearance: the feet of two clips differ in height.
 const HIGHEST_RAISE: f64 = 3.0;
-/// Distances from that place at which it has this height, and at which it is as high as its clips have it again, in such heights.
+/// Horizontal distances from a contact at which a foot has full clearance, and at which it is back at its animated height, in multiples of
+/// the clearance.
 const CLEAR: [f64; 2] = [1.0, 8.0];
-/// A foot that is higher than this above the lowest place at all, in legs, jumps.
+/// A foot whose lowest height nearby exceeds its lowest height overall by more than this, in leg lengths, belongs to a jump.
 const JUMP: f64 = 0.12;
 
 /// The contacts of the legs of one constraint over a span of time.
 #[derive(Debug)]
 pub(crate) struct FootLockTrack {
     pub(super) legs: Vec<Vec<Contact>>,
-    /// Steps of each leg in fades between walking and standing.
+    /// Footsteps of each leg, in fades between walking and standing and within long contacts.
     pub(super) steps: Vec<Vec<Footstep>>,
-    /// The span that the contacts cover, and whether the stage begins and ends in it.
+    /// The time span that the contacts cover.
     pub(super) span: (Time, Time),
+    /// Whether corrections hold beyond the start and the end of the span, instead of fading out.
     pub(super) open: [bool; 2],
-    /// Lowering of the hips, so that the legs reach the ground, in metres per step of the span.
+    /// Lowering of the hips at each sample of the span, in metres, so that the legs reach the ground.
     pub(super) drops: Vec<f64>,
     /// Length of a leg, metres.
     pub(super) leg: f64,
     pub(super) gait_fades: Vec<GaitFade>,
-    /// The actor's front: knees bend there.
+    /// The actor's front, towards which the knees bend.
     pub(super) front: Front,
 }
 
-/// A contact: where the foot stands, and how far that is from where its clips have it at the ends of `rolls`; in height, at `from` and `to`.
+/// A contact: the position of the standing foot. `first` and `last` are its offsets from the animated position, horizontally at the ends of
+/// `rolls`, vertically at `from` and `to`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Contact {
     pub from: Time,
     pub to: Time,
-    /// World; `None` = as its clips have it.
+    /// World position of the ball of the foot; `None`: the foot follows its clips.
     pub at: Option<DVec3>,
     pub first: DVec3,
     pub last: DVec3,
-    /// Start and end of the time in which the foot is above its place or on it.
+    /// Start and end of the time in which the foot keeps its horizontal position, roll-off and landing included.
     pub rolls: (Time, Time),
-    /// How much lower than the mean of its heights in the clips it stands for a fade between gaits.
+    /// Metres by which a fade between gaits lowers the contact below the mean animated height.
     pub lowered: f64,
-    /// A step leads there or away.
+    /// Whether a footstep leads to this contact or away from it.
     pub by_step: bool,
 }
 
-/// How far a foot is from standing at each sample.
+/// Motion of a foot at each sample, relative to the contact thresholds: at most 1 where it can stand, infinite in a jump.
 pub(super) fn unrest(samples: &FootSamples, places: &[DVec3], leg: f64) -> Vec<f64> {
     let above: Vec<f64> =
         places.iter().zip(&samples.transforms).map(|(p, transform)| p.y - transform.translation.y).collect();
     let lowest = above.iter().copied().fold(f64::INFINITY, f64::min);
-    // The first leg's hip: where the body is.
+    // The first leg's hip stands for the position of the body.
     let body: Vec<DVec3> =
         samples.limbs.first().map_or(&[][..], |limbs| limbs).iter().map(|l| l.hip).collect();
     let at = |i: usize| {
@@ -105,22 +110,22 @@ pub(super) fn unrest(samples: &FootSamples, places: &[DVec3], leg: f64) -> Vec<f
     (0..places.len()).map(at).collect()
 }
 
-/// Central velocity over the neighbours, so that a touch-down counts as fast before and after it alike.
+/// Velocity by central differences, metres per second, so that touch-down counts as equally fast before and after it.
 fn velocity(places: &[DVec3], i: usize) -> DVec3 {
     let (before, after) = (i.saturating_sub(1), (i + 1).min(places.len() - 1));
     (places[after] - places[before]) / (STEP.as_secs() * (after - before).max(1) as f64)
 }
 
-/// A foot that touches the ground as its clips have it.
+/// A ground contact of a foot in its clips.
 pub(super) struct ContactSpan {
     pub span: (Time, Time),
-    /// Its positions at both times, world space.
+    /// Animated positions of the foot at both times, world space.
     pub ends: [DVec3; 2],
-    /// World height at which it stands at most.
+    /// Upper limit of the world height of the standing foot.
     pub highest: f64,
 }
 
-/// Whether a foot keeps its place during a contact.
+/// Whether feet are locked during a contact: it overlaps one of the spans in `only`, or there are none.
 pub(super) fn counts(foot_lock: &FootLock, (from, to): (Time, Time)) -> bool {
     let overlaps = |span: &(Time, Time)| {
         let beside = if is_gait_fade(foot_lock, *span) { BESIDE } else { Time::ZERO };
@@ -129,7 +134,8 @@ pub(super) fn counts(foot_lock: &FootLock, (from, to): (Time, Time)) -> bool {
     foot_lock.only.is_empty() || foot_lock.only.iter().any(overlaps)
 }
 
-/// Contact of a foot with the ground. `raised`: its height above that in its clips at the contact before, and then at this one.
+/// Contact of a foot with the ground. `raised`: height of the ground above the clips' floor in metres, at the previous contact on entry and
+/// at this one on return.
 pub(super) fn stand(
     samples: &FootSamples,
     stay: &ContactSpan,
@@ -156,7 +162,7 @@ pub(super) fn stand(
     let mut at = within_reach(samples, leg, (first, last), highest);
     let lowered = within_reach(samples, leg, (first, last), f64::INFINITY).y - at.y;
     if !ground.is_empty() {
-        // The height above the ground is the one that the clips have above their floor.
+        // The foot has the same height above the ground as above the floor of its clips.
         let floor = samples.floor((first + last) / 2);
         let heights = ground.iter().filter_map(|g| g.height(at, at.y + *raised + HIGHEST_STEP));
         *raised = heights.reduce(f64::max).unwrap_or(floor) - floor;
@@ -166,7 +172,7 @@ pub(super) fn stand(
     Contact { from, to, at: Some(at), first, last, rolls: (from, to), lowered, by_step: false }
 }
 
-/// A leg between its contacts.
+/// Inputs of [`roll`] for one leg.
 pub(super) struct Between<'a> {
     /// Length of the leg, metres.
     pub leg: f64,
@@ -174,12 +180,12 @@ pub(super) struct Between<'a> {
     pub gait_fades: &'a [GaitFade],
 }
 
-/// Extends the contacts of a leg to where the foot is higher than [`ROLLS`], in whole samples, except where a step leads on.
+/// Extends `rolls` of a leg's contacts, in whole samples, until the foot is higher than [`ROLLS`], except where a footstep begins or ends.
 pub(super) fn roll(samples: &FootSamples, index: usize, between: &Between, contacts: &mut [Contact]) {
     let Between { leg, steps, gait_fades } = *between;
     let places = &samples.feet[index];
-    // Between two contacts half of the time is left to get from one to the other. A contact of no length is a foot in the air that begins a
-    // step: where it stood, or where its clip has it.
+    // The swing gets at least half of the time between two contacts. A contact of zero length is a foot in the air at which a step begins
+    // or ends; if both contacts are at the same position, the whole gap may be used.
     let gap = |before: &Contact, after: &Contact| {
         let gap = after.from - before.to;
         let least = GaitFade::least_gap(gait_fades, index, leg, [before, after]);
@@ -216,9 +222,9 @@ pub(super) fn roll(samples: &FootSamples, index: usize, between: &Between, conta
     }
 }
 
-/// Position of a foot during a contact: the middle of its positions in the clips, or else the nearest along the way at which the leg has
-/// to stretch the least: a foot that comes down with the leg straight cannot stand further on, nor one that leaves last further back.
-/// `highest`: its world height at most.
+/// World position of a foot during a contact: the mean of its animated positions or, if that overstretches the leg, the nearest position
+/// along the hip's path at which the leg stretches least. A foot that lands with a straight leg cannot stand farther ahead, and one that
+/// lifts off late cannot stand farther back. `highest`: upper limit of the world height.
 pub(super) fn within_reach(
     samples: &FootSamples,
     leg: usize,
@@ -238,7 +244,7 @@ pub(super) fn within_reach(
     for i in 1..=REACH_PLACES {
         for at in [middle + way * f64::from(i), middle - way * f64::from(i)] {
             let far = beyond(at);
-            // A millimetre more, and the heel rises.
+            // A gain of less than a millimetre does not move the foot: the heel rises instead.
             if far < best.0 - 1e-3 {
                 best = (far, at);
             }
@@ -247,7 +253,8 @@ pub(super) fn within_reach(
     best.1
 }
 
-/// How far the hips would have to come down for a leg to reach a place with the heel raised, metres; it may never do so.
+/// How far in metres the hips must be lowered for a leg to reach a position with the heel raised. A position that is too far away
+/// horizontally is out of reach even then.
 pub(super) fn drop_needed(limb: &Limb, at: DVec3) -> f64 {
     let far = (limb.reach + RAISED * limb.sole) * 0.998;
     let across = (limb.hip - at).with_y(0.0).length_squared();
@@ -255,8 +262,8 @@ pub(super) fn drop_needed(limb: &Limb, at: DVec3) -> f64 {
     limb.hip.y - at.y - high
 }
 
-/// How far the hips come down at each sample: as far as the legs that stand need to reach the ground with the heel raised, and smoothly there
-/// and back (at once, and the head jerks; tried).
+/// Lowering of the hips at each sample in metres, as far as the standing legs need it to reach the ground with the heel raised, smoothed
+/// over time. (Tried without smoothing: the head jerks.)
 pub(super) fn come_down(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64> {
     let need = |index: usize| {
         let time = samples.time(index);
@@ -282,13 +289,14 @@ pub(super) fn come_down(samples: &FootSamples, legs: &[Vec<Contact>]) -> Vec<f64
 }
 
 impl Contact {
-    /// Lets the foot stand elsewhere.
+    /// Moves the contact to another world position.
     pub fn move_to(&mut self, at: DVec3) {
         let way = at - self.at.unwrap_or(at);
         (self.at, self.first, self.last) = (Some(at), self.first + way, self.last + way);
     }
 
-    /// Whether a foot that its clips have at `place` still keeps its place on the ground: it is hardly higher. `offset`: its correction there.
+    /// Whether a foot with the animated position `place` is low and near enough to keep its contact. `offset`: `first` or `last` of the
+    /// contact.
     pub fn holds(&self, offset: DVec3, place: DVec3, leg: f64) -> bool {
         self.at.is_some_and(|at| {
             let off = at - place;
@@ -296,7 +304,7 @@ impl Contact {
         })
     }
 
-    /// Correction of a foot that its clips have at `place`: its place on the ground, and while it rolls its height as its clips have it.
+    /// Offset from the animated position `place` to the contact. While the foot rolls, its height follows the clips.
     fn correction(&self, time: Time, place: DVec3) -> DVec3 {
         let Some(at) = self.at else { return DVec3::ZERO };
         let there = at - place;
@@ -310,12 +318,12 @@ impl Contact {
     }
 }
 
-/// Height in metres that a foot gets above places where it stands. `leg`: its length, metres.
+/// Ground clearance in metres of a foot in the air near its contacts. `leg`: leg length, metres.
 pub(super) fn clearance(leg: f64) -> f64 {
     CLEARANCE.min(CLEARANCE_LEGS * leg)
 }
 
-/// The smoothstep from 0 to 1.
+/// Smoothstep from 0 to 1; `w` is clamped.
 pub(super) fn smooth(w: f64) -> f64 {
     let w = w.clamp(0.0, 1.0);
     w * w * (3.0 - 2.0 * w)
@@ -332,7 +340,7 @@ impl FootLockTrack {
         drop(low) + (drop(low + 1) - drop(low)) * share
     }
 
-    /// How far a foot that its clips have at `place` is to be moved: less and less outside the span.
+    /// World-space correction, in metres, of a foot with the animated position `place`. Fades out outside the span, except at open ends.
     fn correction(&self, leg: usize, time: Time, place: DVec3) -> DVec3 {
         let outside = match time {
             time if time < self.span.0 && !self.open[0] => self.span.0 - time,
@@ -346,7 +354,7 @@ impl FootLockTrack {
         let Some(stands) = self.legs.get(leg) else { return DVec3::ZERO };
         if let Some(step) = self.steps[leg].iter().find(|step| step.from < time && time < step.to) {
             let foot = step.at(time);
-            // A step may begin in the air, and the feet of two clips differ in height: the lower end is on the ground.
+            // A step may begin in the air, and the feet of two clips differ in height, so the lower end is taken as the ground.
             let [start, end] = step.ends();
             let ground = start.y.min(end.y);
             return self.cleared(time, leg, foot, [start, end].map(|end| Some(end.with_y(ground)))) - place;
@@ -362,7 +370,7 @@ impl FootLockTrack {
         self.cleared(time, leg, place + correction, ends) - place
     }
 
-    /// The position of a foot in the air, high enough near the places where it has stood and will stand.
+    /// Raises the position of a foot in the air, so that it has its clearance near the contacts before and after.
     fn cleared(&self, time: Time, leg: usize, foot: DVec3, ends: [Option<DVec3>; 2]) -> DVec3 {
         let clearance = clearance(self.leg);
         let [near, far] = CLEAR.map(|c| c * clearance);
@@ -383,9 +391,9 @@ impl FootLockTrack {
         foot + DVec3::Y * ends.map(over).fold(everywhere, f64::max)
     }
 
-    /// Correction of a foot that does not stand, from the contacts before and after.
+    /// Correction of a foot in the air, interpolated between the contacts before and after.
     fn correction_between(&self, time: Time, before: Option<&Contact>, after: Option<&Contact>) -> DVec3 {
-        // A foot in the air for long: level as it was or will be, and nothing sideways.
+        // A foot that is in the air for long keeps only the vertical part of the correction.
         let leaving = |s: &Contact| {
             let gone = smooth((time - s.rolls.1).as_secs() / FADE);
             let level = DVec3::Y * (s.last.y + s.lowered);
@@ -406,7 +414,8 @@ impl FootLockTrack {
                     leaving(before).lerp(coming(after), way)
                 }
             }
-            // A foot that comes down soon after the beginning is on the way there already, and one that has just left the ground at the end is still on it.
+            // A foot that lands soon after the start already has the correction of that contact, and a foot that lifts off shortly before
+            // the end keeps its correction.
             (None, Some(after)) if self.open[0] && after.from <= LONGEST_GAP => after.first,
             (Some(before), None) if self.open[1] && self.span.1 - before.to <= LONGEST_GAP => before.last,
             (Some(before), None) => leaving(before),
@@ -416,7 +425,7 @@ impl FootLockTrack {
     }
 }
 
-/// Moves the hips with the ground and bends the legs.
+/// Applies foot locking to a pose: moves the hips with the ground and bends the legs.
 pub(super) fn apply(
     track: &FootLockTrack,
     foot_lock: &FootLock,
@@ -438,7 +447,7 @@ pub(super) fn apply(
         .collect();
     let feet: Vec<DVec3> = foot_lock.legs.iter().map(|leg| body.place(leg.foot)).collect();
     if let (Some(hips), true) = (foot_lock.hips, !foot_lock.ground.is_empty()) {
-        // The hips come down as far as the lower foot needs.
+        // The hips move as far as the lower foot needs.
         let drop = corrections.iter().map(|c| c.y).fold(f64::INFINITY, f64::min);
         if drop.is_finite() {
             shift(hips, &foot_lock.legs, model_from_world.matrix3 * (DVec3::Y * drop), body);
@@ -456,7 +465,7 @@ pub(super) fn apply(
     }
 }
 
-/// Moves the hips with the legs. Feet that are handles do not hang on them, but belong to the ends of the legs.
+/// Moves the hips with the legs. Feet that are IK handles are not below the hips, so they are moved separately.
 fn shift(hips: u32, legs: &[Leg], by: DVec3, body: &mut PosedSkeleton) {
     body.shift(hips, by);
     for leg in legs {
@@ -466,8 +475,8 @@ fn shift(hips: u32, legs: &[Leg], by: DVec3, body: &mut PosedSkeleton) {
     }
 }
 
-/// Position of the ankle in model space, and rotation of the foot: at `target` and unrotated if the leg reaches that far, else the heel
-/// rises while the ball stays, as before leaving the ground. (Lowering the hips instead jerks the head; tried.)
+/// Ankle position in model space, and rotation to apply to the foot. If the leg reaches `target`, the ankle is there and the foot is not
+/// rotated; else the heel rises about the ball, as before lift-off. (Tried lowering the hips instead: the head jerks.)
 fn on_the_ball(leg: &Leg, target: DVec3, body: &PosedSkeleton) -> (DVec3, DQuat) {
     let [hip, knee, foot] = [leg.hip, leg.knee, leg.foot].map(|j| body.place(j));
     let reach = ((knee - hip).length() + (foot - knee).length()) * 0.9999;
@@ -479,7 +488,8 @@ fn on_the_ball(leg: &Leg, target: DVec3, body: &PosedSkeleton) -> (DVec3, DQuat)
     let way = ball - hip;
     let (far, long) = (way.length(), sole.length());
     let Some(line) = way.try_normalize() else { return (target, DQuat::IDENTITY) };
-    // Both spheres meet in a circle: of it the point nearest to where the ankle was to be. Where they do not, leg and foot lie in one line.
+    // The spheres around hip and ball intersect in a circle: takes its point nearest to the target. If they do not intersect, leg and foot
+    // lie on one line.
     let along = ((reach * reach - long * long + far * far) / (2.0 * far)).min(reach);
     let across = (target - hip) - line * (target - hip).dot(line);
     let across =

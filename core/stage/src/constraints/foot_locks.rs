@@ -1,4 +1,4 @@
-//! The tracks of foot locks: each is planned once, for the span of time around a frame that needs it.
+//! Cache of foot-lock tracks: each is planned once, for the time span around the first frame that needs it.
 
 use crate::actors::Scratch;
 use crate::constraints::foot_contacts::{ClipContacts, FootContacts};
@@ -21,20 +21,21 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+/// Sampling interval of feet.
 pub(super) const STEP: Time = Time(Time::TICKS_PER_SECOND / 60);
-/// Feet are looked at for an hour at most; beyond it and outside the stage's length they are not planted.
+/// Most samples of feet: one hour. Beyond it, and outside the stage's length, feet are not locked.
 const MOST_SAMPLES: i64 = 60 * 3600;
-/// Across a longer gap between two contacts a foot is as its clips have it.
+/// Longest gap between two contacts across which corrections are interpolated; in a longer gap the horizontal correction fades out.
 pub(super) const LONGEST_GAP: Time = Time(Time::TICKS_PER_SECOND);
 
-/// The foot lock constraints of one stage. Clones share what they have planned.
+/// Planned foot locks of one stage, shared by clones.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FootLocks(Arc<Planned>);
 
-/// The spans of each constraint, by actor and constraint.
+/// Spans of each constraint, by actor index and constraint index.
 type Windows = BTreeMap<(usize, usize), Arc<Spans>>;
 
-/// The spans of a constraint, in the order of time, and its stands.
+/// Windows of a constraint (its sampled spans in order of time, then the stands between them), and its stands.
 #[derive(Debug)]
 struct Spans {
     windows: Vec<Window>,
@@ -47,22 +48,22 @@ struct Planned {
     contacts: ClipContacts,
 }
 
-/// A span of time whose contacts depend on no others.
+/// Time span whose contacts are planned independently of other windows.
 #[derive(Debug)]
 struct Window {
     from: Time,
     to: Time,
-    /// Whether the stage begins and ends in it.
+    /// Whether the stage begins, and ends, in the window.
     open: [bool; 2],
-    /// The stand that goes on before it and after it.
+    /// Indices of the stands that continue before and after the window.
     stands: [Option<usize>; 2],
-    /// It is nothing but the stand with this number, between these windows.
+    /// Set if the window only covers a stand: the index of the stand, and the windows before and after.
     held: Option<(usize, [Option<usize>; 2])>,
     track: OnceLock<Arc<FootLockTrack>>,
 }
 
 impl Window {
-    /// Brings the hips up where a stand goes on without this window.
+    /// Fades the lowering of the hips to zero on sides where a stand continues outside this window.
     fn taper(&self, drops: &mut [f64]) {
         let fading = (FADE / STEP.as_secs()) as usize;
         let count = drops.len();
@@ -75,7 +76,7 @@ impl Window {
         }
     }
 
-    /// Whether another window follows on a side.
+    /// Whether another window continues on a side (0: before, 1: after).
     fn goes_on(&self, side: usize) -> bool {
         self.stands[side].is_some() || self.held.is_some_and(|(_, beside)| beside[side].is_some())
     }
@@ -100,7 +101,8 @@ pub(crate) struct FootLockOf<'a> {
 }
 
 impl FootLocks {
-    /// The track that counts at a time, if any. The same whichever thread asks first; two threads that ask at once may both plan it.
+    /// The track that applies at a time, if any. The result does not depend on which thread asks first; two threads that ask at once may
+    /// both plan it.
     pub fn track(&self, of: FootLockOf, time: Time) -> Result<Option<Arc<FootLockTrack>>, StageError> {
         let known = || self.0.windows.lock().unwrap_or_else(PoisonError::into_inner);
         let key = (of.actor, of.constraint);
@@ -115,7 +117,7 @@ impl FootLocks {
             if let Some(held) = held(&of, &spans.stands[stand], window)? {
                 window.track.get_or_init(|| Arc::new(held));
             } else {
-                // A stand that is not held: the windows beside it end as they would without one.
+                // A stand that is not held: the neighboring windows fade out as they would without it.
                 let fade = Time::from_secs(FADE);
                 let near = [time - window.from < fade, window.to - time < fade];
                 let Some(other) = [0, 1].into_iter().find_map(|i| beside[i].filter(|_| near[i])) else {
@@ -132,12 +134,12 @@ impl FootLocks {
     }
 }
 
-/// Runs something with the feet of an actor, which are sampled in a stage of its own where that is the same.
+/// Runs a function with the sampled feet of an actor. The actor is evaluated in a stage of its own if that gives the same motion.
 fn with_feet<T>(
     of: &FootLockOf,
     run: impl FnOnce(&mut FeetInMotion) -> Result<T, StageError>,
 ) -> Result<T, StageError> {
-    // Each sample places all actors of a stage.
+    // Each sample places all actors of a stage, so a stage with one actor is faster.
     let alone = alone(of.stage, of.actor);
     let (stage, actor) = alone.as_ref().map_or((of.stage, of.actor), |alone| (alone, 0));
     let motions = if alone.is_some() { Arc::new(of.motions.only(of.actor)) } else { of.motions.clone() };
@@ -146,7 +148,7 @@ fn with_feet<T>(
     run(&mut FeetInMotion { stage, actor, foot_lock: of.foot_lock, scratch })
 }
 
-/// The track of a stand, if it is held.
+/// The track of a stand; `None` if the stand is not held.
 fn held(of: &FootLockOf, stand: &Stand, window: &Window) -> Result<Option<FootLockTrack>, StageError> {
     let leg = leg_length(of.stage, of.actor, of.foot_lock);
     let places = with_feet(of, |feet| Ok(stand.places(feet, leg)?.map(<[DVec3]>::to_vec)))?;
@@ -219,14 +221,14 @@ fn plan_with(
     Ok(FootLockTrack { legs, steps, span: (from, to), open, drops, leg, gait_fades, front })
 }
 
-/// Findings of the planner, leg by leg.
+/// Output of the planner, by leg.
 struct ContactPlan {
     legs: Vec<Vec<Contact>>,
     steps: Vec<Vec<Footstep>>,
-    /// How much higher than in its clips each foot stood last.
+    /// Height of the ground above the clips' floor at the last contact of each leg, metres.
     raised: Vec<f64>,
     gait_fades: Vec<GaitFade>,
-    /// Whether the stage, or a stand, goes on before and after the window.
+    /// Whether corrections hold beyond the start and the end of the window: the stage begins or ends in it, or a held stand continues.
     open: [bool; 2],
 }
 
@@ -239,7 +241,7 @@ struct Planner<'a> {
     /// Length of a leg, metres.
     leg: f64,
     samples: FootSamples,
-    /// Whether the hips come down for feet that are too far away.
+    /// Whether the hips are lowered for feet that are out of reach.
     comes_down: bool,
 }
 
@@ -248,7 +250,7 @@ impl Planner<'_> {
         stand(&self.samples, span, leg, self.foot_lock, &self.ground, &mut raised[leg])
     }
 
-    /// Feet stand where they are still.
+    /// Adds contacts where the sampled feet are still.
     fn contacts_of_samples(&self, plan: &mut ContactPlan) {
         let samples = &self.samples;
         for (index, found) in plan.legs.iter_mut().enumerate() {
@@ -262,7 +264,7 @@ impl Planner<'_> {
         }
     }
 
-    /// Feet stand where most of their clips have them stand, by leg, with steps where a leg does not reach so far.
+    /// Adds the contacts of the clips, by leg, with footsteps in contacts that are longer than the leg reaches.
     fn contacts_of_clips(
         &self,
         of_clips: &[Vec<(Time, Time)>],
@@ -292,7 +294,7 @@ impl Planner<'_> {
         Ok(())
     }
 
-    /// Shortens contacts of a foot that leave it too little time to get from one to the other.
+    /// Shortens contacts that leave a foot too little time to get from one to the next.
     fn make_room(
         &self,
         index: usize,
@@ -307,7 +309,7 @@ impl Planner<'_> {
             }
             let lacking = GaitFade::least_gap(gait_fades, index, self.leg, [&before, &after])
                 - (after.from - before.to);
-            // Each keeps half of its time.
+            // Each contact keeps at least half of its time.
             let cut =
                 |contact: &Contact| Time(lacking.0 / 2).min(contact.from.middle(contact.to) - contact.from);
             if let (true, Some(left), Some(reached)) = (lacking > Time::ZERO, before.at, after.at) {
@@ -320,7 +322,7 @@ impl Planner<'_> {
         Ok(())
     }
 
-    /// Places of the feet in each stand, if it touches the window and is held.
+    /// World positions of the feet in each stand; `None` if the stand does not touch the window or is not held.
     fn places(&self, feet: &mut FeetInMotion) -> Result<Vec<Option<Vec<DVec3>>>, StageError> {
         let of_stand = |held: &Stand| {
             let counts = held.from <= self.window.to && held.to >= self.window.from;
@@ -330,7 +332,7 @@ impl Planner<'_> {
         self.stands.iter().map(of_stand).collect()
     }
 
-    /// Steps between walking and standing.
+    /// Adds the footsteps of fades between walking and standing.
     fn standing_fades(
         &self,
         contacts: &FootContacts,
@@ -343,7 +345,7 @@ impl Planner<'_> {
         let ContactPlan { legs, steps, raised, .. } = plan;
         for (i, fade) in fades.iter().enumerate().filter(|(_, f)| from <= f.from && f.to <= to) {
             let before = i.checked_sub(1).map(|i| fades[i].to);
-            // Nobody sees what a step does before the stage begins.
+            // A step may begin before the stage does, where it is not visible.
             let begin = if open[0] && before.is_none() { -LONGEST_GAP } else { from };
             let after = fades.get(i + 1).map_or(to, |next| next.from);
             let room = (before.map_or(begin, |before| before.max(from)), after.min(to));
@@ -362,7 +364,7 @@ impl Planner<'_> {
         Ok(())
     }
 
-    /// Keeps feet in their places in stands.
+    /// Keeps the feet at their positions during stands.
     fn hold(&self, places: &[Option<Vec<DVec3>>], plan: &mut ContactPlan) {
         let (from, to) = (self.window.from, self.window.to);
         for (number, (stand, places)) in self.stands.iter().zip(places).enumerate() {
@@ -381,7 +383,7 @@ impl Planner<'_> {
     }
 }
 
-/// A stage of one actor, if its motion depends on nothing else.
+/// A stage with this actor alone, if its motion does not depend on hooks or other actors.
 fn alone(stage: &Stage, actor: usize) -> Option<Stage> {
     let one = &stage.actors[actor];
     let depends = !stage.hooks.is_empty() || !one.parents.is_empty() || one.face.is_some();
@@ -392,9 +394,9 @@ fn alone(stage: &Stage, actor: usize) -> Option<Stage> {
     })
 }
 
-/// The times in which feet are looked at, one after the other: all of the stage, or around those that count.
+/// Time spans in which feet are sampled, sorted and disjoint: the whole stage, or the spans in `only` with a margin.
 fn windows(stage: &Stage, foot_lock: &FootLock) -> Vec<(Time, Time)> {
-    // A stage may end while feet still step: on a slope they do not come down as high as they stood.
+    // The stage may end during a step, whose end must be known: on a slope a foot lands lower than it stood.
     let last_steps = foot_lock.standing_fades.last().map_or(Time::ZERO, |fade| fade.to);
     let length = stage.settings.length.max(last_steps) + LONGEST_GAP;
     let length = length.min(Time(MOST_SAMPLES * STEP.0));
@@ -407,7 +409,7 @@ fn windows(stage: &Stage, foot_lock: &FootLock) -> Vec<(Time, Time)> {
     all.retain(|(from, to)| from < to || foot_lock.only.is_empty());
     all.sort_unstable();
     all.dedup_by(|next, before| {
-        // Each ends before the next one begins to count.
+        // Spans stay separate only if the fade-out of one ends before the next one fades in.
         let joined = (next.0 - before.1).as_secs() < 2.0 * FADE;
         if joined {
             before.1 = before.1.max(next.1);

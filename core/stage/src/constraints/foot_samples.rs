@@ -1,4 +1,4 @@
-//! Motion of the feet of an actor without foot locking, at 60 Hz.
+//! Samples the motion of an actor's feet without foot locking, at 60 Hz.
 
 use crate::actors::{Scratch, evaluate_actors};
 use crate::constraints::foot_locks::STEP;
@@ -41,7 +41,7 @@ pub(super) struct FeetInMotion<'a> {
 }
 
 impl FeetInMotion<'_> {
-    /// Samples from one time to another, both included.
+    /// Samples the feet from one time to another, both included.
     pub fn sample(&mut self, from: Time, to: Time) -> Result<FootSamples, StageError> {
         let mut snapshot = Snapshot::default();
         let foot_lock = self.foot_lock;
@@ -89,7 +89,7 @@ impl FeetInMotion<'_> {
     }
 }
 
-/// Length of a leg in metres of the world at time 0.
+/// Length of the first leg in the rest pose, times the actor's unkeyed scale, metres.
 pub(super) fn leg_length(stage: &Stage, actor: usize, foot_lock: &FootLock) -> f64 {
     let a = &stage.actors[actor];
     let rest = a.asset.rest_model_from_joint();
@@ -114,7 +114,7 @@ impl FootSamples {
         (low, at - low as f64)
     }
 
-    /// Indices of the first and the last sample within a span of time; of the nearest where there is none.
+    /// Indices of the first and the last sample within a time span, or of the nearest sample if there is none.
     pub fn between(&self, (from, to): (Time, Time)) -> (usize, usize) {
         let count = self.transforms.len();
         let first = ((from - self.from).0 as u64).div_ceil(STEP.0 as u64) as usize;
@@ -122,14 +122,14 @@ impl FootSamples {
         (first, (((to - self.from).0 / STEP.0) as usize).clamp(first, count - 1))
     }
 
-    /// Place of a foot at a time between two samples.
+    /// World position of a foot at a time, interpolated linearly between two samples.
     pub fn place(&self, leg: usize, time: Time) -> DVec3 {
         let (low, share) = self.index_at(time);
         let places = &self.feet[leg];
         places[low].lerp(places[(low + 1).min(places.len() - 1)], share)
     }
 
-    /// Height of the floor.
+    /// World height of the floor at a sample: that of the actor's origin.
     pub fn floor(&self, index: usize) -> f64 {
         self.transforms[index].translation.y
     }

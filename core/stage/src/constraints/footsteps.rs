@@ -1,59 +1,61 @@
-//! Footsteps between a walk and a stand: which foot steps when, and where to.
+//! Footstep planner for fades between a walk and a stand: which foot steps, when, and where to.
 //!
-//! In a fade both clips' feet are averaged, so that they are dragged over the ground. Here each foot stays where it stands until it is
-//! lifted, and comes down where the standing clip wants it once the body is there: a foot in the air first, then whichever is farthest from
-//! its place. A long fade, in which the body goes on, takes several steps. A fade from a stand to a walk is the same backwards in time.
-//! Nothing is kept from frame to frame: a step is a function of the time.
+//! A plain fade averages the feet of both clips, which drags them over the ground. Here each foot stays in place until it is lifted, and
+//! lands where the standing clip will have it. A foot that is in the air moves first, then the foot that is farthest from its target. A
+//! long fade, in which the body keeps moving, takes several steps. A fade from a stand to a walk is planned backwards in time. Nothing is
+//! stored from frame to frame: a step is a function of the time.
 
 use choreo_motion::Time;
 use glam::DVec3;
 
-/// Seconds of a step by a leg of [`LEG`], and the leg's length in metres.
+/// Duration of a step by a leg of length [`LEG`], seconds.
 const STEP_SECS: f64 = 0.35;
+/// Length of a reference leg, metres.
 pub(super) const LEG: f64 = 0.85;
-/// A hurried step takes at least this share of the time.
+/// Shortest duration of a hurried step, as a share of a normal step.
 const HURRIED: f64 = 0.65;
-/// Height of a step, as a share of how far it leads, and at most, at least in legs.
+/// Height of a step as a share of its length, and its upper and lower limits in leg lengths.
 const LIFT: f64 = 0.25;
 const HIGHEST: f64 = 0.1;
 const LOWEST: f64 = 0.04;
-/// Shares of a step before and after which the foot only rises and comes down.
+/// Shares of a step's duration before which the foot only rises, and after which it only descends.
 const UPRIGHT: [f64; 2] = [0.1, 0.85];
-/// Steps lead to where the body is so much later than they end, in steps: the middle of the stand that follows.
+/// How far a step leads ahead of the body: the time after landing at which the body is over the foot, in step durations. The value is the
+/// middle of the contact that follows.
 const AHEAD: f64 = 0.7;
-/// Number of parts in which this is tried.
+/// Number of fractions of [`AHEAD`] that are tried until the leg reaches.
 const SHARES: u32 = 7;
-/// Feet that are off by less, in legs, while the body still moves, wait.
+/// Feet closer than this to their targets, in leg lengths, wait while the body still moves.
 const PATIENCE: f64 = 0.2;
-/// A foot that would come down so near to its last place, in legs, comes down there.
+/// A foot that would land within this distance of its final target, in leg lengths, lands on the target.
 const LAST: f64 = 0.15;
-/// Feet that are off by less, in legs, stay.
+/// Feet closer than this to their targets, in leg lengths, do not step.
 const NEAR: f64 = 0.004;
 const MOST_STEPS: usize = 64;
-/// Seconds between two times that the planner looks at.
+/// Time step of the planner, seconds.
 const LOOK: f64 = 1.0 / 60.0;
-/// Longest way that the first speed of a step may lead in its time, in ways of the step. With a longer one v the quintic of least jerk gets past
-/// the end at 1 and comes back: at a time u before it, it is at 1 − (10 − 4 v) u³.
+/// Largest initial speed of a step times its duration, in step lengths. With a larger value v the minimum-jerk quintic overshoots its end
+/// at 1 and comes back: at a time u before the end it is at 1 − (10 − 4 v) u³.
 const OVERSHOOT: f64 = 2.5;
 
-/// A foot as the plan begins; world space.
+/// State of a foot at the start of the plan, world space.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FootState {
     pub at: DVec3,
     /// Metres per second.
     pub velocity: DVec3,
-    /// Seconds until it comes down as its clip has it; 0: it stands.
+    /// Seconds until the foot lands in its clip; 0 if it stands.
     pub lands_secs: f64,
 }
 
 /// Inputs of the planner; times in seconds since the plan begins.
 pub(super) struct FootstepPlan<'a> {
     pub feet: &'a [FootState],
-    /// Position that the standing clip gives a foot under the hips.
+    /// World position that the standing clip gives a foot under the hips (leg, seconds).
     pub stance: &'a dyn Fn(usize, f64) -> DVec3,
-    /// Whether a leg reaches a place.
+    /// Whether a leg reaches a world position at a time (leg, position, seconds).
     pub reaches: &'a dyn Fn(usize, DVec3, f64) -> bool,
-    /// Length of the fade: the body stands from then on.
+    /// Duration of the fade; the body stands from then on.
     pub fade_secs: f64,
     /// Length of a leg, metres.
     pub leg: f64,
@@ -68,12 +70,12 @@ pub(super) struct PlannedStep {
     /// Velocity at the start, metres per second.
     pub velocity: DVec3,
     pub end: DVec3,
-    /// Metres above the way from start to end.
+    /// Height of the foot above the line from start to end, metres.
     pub lift: f64,
 }
 
 impl FootstepPlan<'_> {
-    /// The steps of each foot, one after the other. `None` where no number of steps brings the feet to their places.
+    /// Plans the steps of each foot, in order of time. `None` if no number of steps brings the feet to their targets.
     pub fn run(&self) -> Option<Vec<Vec<PlannedStep>>> {
         let step_secs = step_secs(self.leg);
         let mut steps: Vec<Vec<PlannedStep>> = vec![Vec::new(); self.feet.len()];
@@ -102,7 +104,7 @@ impl FootstepPlan<'_> {
                 now += LOOK;
                 continue;
             }
-            // The others carry the body for as long as they reach.
+            // The other legs carry the body meanwhile, so the step is no longer than they reach their feet.
             let stays = |secs: f64| {
                 let mut others = (0..places.len()).filter(|leg| !worst.contains(leg));
                 others.all(|leg| (self.reaches)(leg, places[leg], now + secs))
@@ -128,8 +130,8 @@ impl FootstepPlan<'_> {
         let mut secs = foot.lands_secs.clamp(hurried, step_secs);
         let mut velocity = foot.velocity;
         let mut end = self.place(leg, secs, step_secs);
-        // A foot that is too fast for the rest of its way would go past its place and come back: it comes down earlier, as soon as in its
-        // clip, and brakes for what is left.
+        // A foot that is too fast for its remaining path would overshoot its target and come back. It lands earlier instead, at the
+        // earliest as in its clip, and brakes if it is still too fast.
         let way = (end - foot.at).with_y(0.0);
         let ahead = way.normalize_or_zero();
         let speed = velocity.dot(ahead);
@@ -141,14 +143,14 @@ impl FootstepPlan<'_> {
             end = self.place(leg, secs, step_secs);
             velocity -= ahead * (speed - most(secs, end)).max(0.0);
         }
-        // Its present height above the ground counts; a short step is a low one.
+        // The present height above the ground counts towards the lift, and a short step is low.
         let high = (foot.at.y - end.y).max(0.0);
         let lift =
             (step_lift(foot.at, end, self.leg) - high).max(LOWEST * self.leg) * (secs / hurried).min(1.0);
         PlannedStep { from: 0.0, to: secs, start: foot.at, velocity, end, lift }
     }
 
-    /// Position at which a foot comes down at a time: ahead of the hips, as far as the leg reaches by then.
+    /// World position at which a foot lands at a time: as far ahead of the hips as the leg reaches by then.
     fn place(&self, leg: usize, secs: f64, step_secs: f64) -> DVec3 {
         let last = (self.stance)(leg, self.fade_secs);
         let ahead = |share: u32| {
@@ -160,17 +162,17 @@ impl FootstepPlan<'_> {
     }
 }
 
-/// Seconds of a step by a leg of a length in metres.
+/// Duration of a step in seconds. `leg`: leg length, metres.
 pub(super) fn step_secs(leg: f64) -> f64 {
     STEP_SECS * (leg / LEG).sqrt()
 }
 
-/// Seconds of a hurried step.
+/// Duration of a hurried step in seconds. `leg`: leg length, metres.
 pub(super) fn hurried_secs(leg: f64) -> f64 {
     HURRIED * step_secs(leg)
 }
 
-/// Height of a step above the way from its start to its end, metres.
+/// Height of a step above the line from its start to its end, metres.
 pub(super) fn step_lift(start: DVec3, end: DVec3, leg: f64) -> f64 {
     let way = (end - start).with_y(0.0).length();
     (LIFT * way).clamp(LOWEST * leg, HIGHEST * leg)
@@ -186,14 +188,14 @@ pub(super) struct Footstep {
 }
 
 impl Footstep {
-    /// `begin`: when the plan begins; `backwards`: it leads back in time from there.
+    /// Converts a planned step to stage time. `begin`: start of the plan; `backwards`: the plan runs back in time from there.
     pub fn new(step: PlannedStep, begin: Time, backwards: bool) -> Footstep {
         let sign = if backwards { -1.0 } else { 1.0 };
         let [a, b] = [step.from, step.to].map(|secs| begin + Time::from_secs(sign * secs));
         Footstep { from: a.min(b), to: a.max(b), step, backwards }
     }
 
-    /// Whether it leads from a stand to a walk.
+    /// Whether the step leads from a stand to a walk.
     pub(crate) fn leads_to_walk(&self) -> bool {
         self.backwards
     }
@@ -204,15 +206,15 @@ impl Footstep {
         if self.backwards { [end, start] } else { [start, end] }
     }
 
-    /// Position of the foot at a time of the step. Horizontally it is the way of least jerk (T. Flash, N. Hogan, "The Coordination of Arm
-    /// Movements", 1985): the quintic from the start's position and velocity to rest. It rises as 16 s² (1 − s)², and before and after
-    /// it moves.
+    /// World position of the foot at a time of the step. The horizontal path has minimum jerk (T. Flash, N. Hogan, "The Coordination of Arm
+    /// Movements", 1985): the quintic from the start's position and velocity to rest. The height follows 16 s² (1 − s)² over the whole
+    /// step, so that the foot also rises before it moves and descends after.
     pub fn at(&self, time: Time) -> DVec3 {
         let whole = (self.to - self.from).as_secs();
         let s = ((time - self.from).as_secs() / whole).clamp(0.0, 1.0);
         let s = if self.backwards { 1.0 - s } else { s };
         let PlannedStep { start, velocity, end, lift, .. } = self.step;
-        // A foot in the air goes on at once.
+        // A foot that is in the air already moves on at once.
         let lifts = if velocity == DVec3::ZERO { UPRIGHT[0] } else { 0.0 };
         let over = UPRIGHT[1] - lifts;
         let t = ((s - lifts) / over).clamp(0.0, 1.0);
@@ -285,7 +287,7 @@ mod tests {
                 (0..=200).map(at).fold(f64::NEG_INFINITY, f64::max)
             };
             assert!(farthest(&step) < 1e-6, "{z}, {lands_secs}: {}", farthest(&step));
-            // A foot that keeps all of its speed does.
+            // A foot that keeps all of its speed overshoots.
             let whole = PlannedStep { velocity: air.velocity, to: 0.35, ..steps[1][0] };
             assert!(farthest(&Footstep::new(whole, Time::ZERO, false)) > 0.01);
         }

@@ -1,7 +1,7 @@
-//! Fades in which one gait becomes another in step: how high the feet stand meanwhile.
+//! Phase-matched fades between two gaits: the height at which feet stand meanwhile.
 //!
-//! On four legs strides are matched as a whole, so that the mean of both gaits may have a foot in the air while it should stand, and near the
-//! ground while it should not. Each foot stands as high as in the gaits alone, and in the air it is higher than that.
+//! Strides of quadrupeds are matched as a whole, so the mean of both gaits may lift a foot that should stand, or drag a foot that should be
+//! in the air. During the fade each foot stands as high as in the gaits alone, and in the air it is kept higher than that.
 
 use crate::constraints::foot_lock::{Contact, smooth};
 use crate::constraints::foot_samples::FootSamples;
@@ -9,11 +9,11 @@ use crate::constraints::footsteps::hurried_secs;
 use crate::stage::constraint::FootLock;
 use choreo_motion::Time;
 
-/// Time before and after a fade in which contacts count, too, and in which feet in the air get higher and lower: a foot is almost on the
-/// ground before its clip has it there.
+/// Margin before and after a fade in which contacts count, too, and in which the clearance of feet in the air fades in and out: a foot is
+/// almost on the ground before its clip has a contact.
 pub(super) const BESIDE: Time = Time(Time::TICKS_PER_SECOND / 10);
 
-/// Whether a span that counts is a fade between gaits: in it the character neither begins nor ceases to stand.
+/// Whether a locked span is a fade between gaits: it does not overlap a fade to or from standing.
 pub(super) fn is_gait_fade(foot_lock: &FootLock, (from, to): (Time, Time)) -> bool {
     !foot_lock.standing_fades.iter().any(|fade| fade.from <= to && fade.to >= from)
 }
@@ -22,12 +22,12 @@ pub(super) fn is_gait_fade(foot_lock: &FootLock, (from, to): (Time, Time)) -> bo
 #[derive(Debug)]
 pub(super) struct GaitFade {
     span: (Time, Time),
-    /// World heights at which each foot stands before and after it, if the gaits have it stand.
+    /// World heights at which each foot stands before and after the fade; `None` if neither gait has it stand.
     heights: Vec<Option<[f64; 2]>>,
 }
 
 impl GaitFade {
-    /// The fades of a constraint. `contacts`: of the clips, by leg.
+    /// The gait fades of a constraint. `contacts`: contacts in the clips, by leg.
     pub fn all(foot_lock: &FootLock, samples: &FootSamples, contacts: &[Vec<(Time, Time)>]) -> Vec<GaitFade> {
         let of_leg = |span: (Time, Time), leg: usize| {
             let height = |(from, to): &(Time, Time)| {
@@ -46,21 +46,21 @@ impl GaitFade {
         foot_lock.only.iter().filter(|span| is_gait_fade(foot_lock, **span)).map(fade).collect()
     }
 
-    /// World height at which a foot stands at a time of a fade, or soon before or after it.
+    /// World height of a standing foot at a time of the fade, or shortly before or after it.
     fn height(&self, leg: usize, time: Time) -> Option<f64> {
         let [before, after] = self.heights.get(leg).copied().flatten()?;
         let (from, to) = self.span;
         Some(before + (after - before) * smooth((time - from).as_secs() / (to - from).as_secs()))
     }
 
-    /// Largest world height at which a foot stands in a contact.
+    /// Upper limit of the world height of a contact; infinite outside gait fades.
     pub fn highest(fades: &[GaitFade], leg: usize, (from, to): (Time, Time)) -> f64 {
         let fade = fades.iter().find(|fade| from <= fade.span.1 + BESIDE && to >= fade.span.0 - BESIDE);
         fade.and_then(|fade| fade.height(leg, from.middle(to))).unwrap_or(f64::INFINITY)
     }
 
-    /// The least time that a foot gets in a fade to go from one contact to the next: that of a hurried step, or less for a short way. Where the
-    /// feet of two gaits come down in other orders, contacts may lie closer together.
+    /// Shortest time in which a foot goes from one contact to the next in a gait fade: that of a hurried step, or less for a short
+    /// distance; zero outside gait fades. Contacts may be closer together if the feet of two gaits land in different orders.
     pub fn least_gap(fades: &[GaitFade], leg: usize, leg_length: f64, ends: [&Contact; 2]) -> Time {
         let [Some(start), Some(end)] = ends.map(|contact| contact.at) else { return Time::ZERO };
         if GaitFade::ground(fades, leg, ends[0].to.middle(ends[1].from)).is_none() {
@@ -70,7 +70,7 @@ impl GaitFade {
         Time::from_secs(hurried_secs(leg_length) * (way / leg_length).min(1.0))
     }
 
-    /// World height of the ground under a foot, and how far it is to be above it, 0..=1.
+    /// World height of the ground under a foot in a gait fade, and the share of the clearance that applies, 0..=1.
     pub fn ground(fades: &[GaitFade], leg: usize, time: Time) -> Option<(f64, f64)> {
         let (from, to) = (time - BESIDE, time + BESIDE);
         let fade = fades.iter().find(|fade| from < fade.span.1 && fade.span.0 < to)?;

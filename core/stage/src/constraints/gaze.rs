@@ -1,4 +1,4 @@
-//! Eyes that make up for what the head leaves: VRM 1.0, "lookAt.md".
+//! Gaze: the eyes turn by the angle that remains between head and target (VRM 1.0, "lookAt.md").
 
 use crate::pose::expressions::ExpressionWeights;
 use crate::pose::gaze::{Turn, turned_since_rest};
@@ -8,7 +8,7 @@ use choreo_asset::eyes::angles_of;
 use choreo_motion::{HumanBone, Time};
 use glam::DVec3;
 
-/// A rotation of the head towards a target, and the rest of the angle that the eyes are to make up for.
+/// A target towards which a joint has been turned. The eyes make up for the rest of the angle.
 pub(super) struct Gaze<'a> {
     pub actor: &'a Actor,
     /// The joint that was turned. The eyes follow it only if it is the head.
@@ -20,8 +20,8 @@ pub(super) struct Gaze<'a> {
 }
 
 impl Gaze<'_> {
-    /// Turns the eyes where the file states how far they turn: by their bones, or by the expressions lookLeft, lookRight, lookUp and
-    /// lookDown, which others may hold down. `aimed`: eyes that have a look of their own.
+    /// Turns the eyes if the file states how far they turn: by their bones, or by the expressions lookLeft, lookRight, lookUp and lookDown,
+    /// which other expressions may suppress. `aimed`: whether an eye joint has a look-at of its own and is left alone.
     pub fn follow(
         &self,
         aimed: impl Fn(u32) -> bool,

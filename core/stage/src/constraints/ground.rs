@@ -1,4 +1,4 @@
-//! How high the ground is under a point: the triangles of an actor, seen from above.
+//! Ground height under a point, from the triangles of an actor seen from above.
 
 use crate::actors::{Scratch, evaluate_actors};
 use crate::pose::posed_mesh::posed_meshes;
@@ -7,7 +7,7 @@ use crate::stage::{Stage, StageError};
 use choreo_motion::Time;
 use glam::{DVec2, DVec3};
 
-/// Triangles of an actor in the world, as it stands at time 0.
+/// World-space triangles of an actor at time 0.
 #[derive(Debug, Default)]
 pub(crate) struct Ground {
     triangles: Vec<[DVec3; 3]>,
@@ -34,7 +34,7 @@ impl Ground {
         Ok(Ground { triangles })
     }
 
-    /// Height of the highest surface under a point, not above `ceiling`.
+    /// World height of the highest surface at a point's x and z that is not above `ceiling`.
     pub fn height(&self, at: DVec3, ceiling: f64) -> Option<f64> {
         let level = |p: DVec3| DVec2::new(p.x, p.z);
         let p = level(at);
@@ -44,7 +44,7 @@ impl Ground {
             let area = u.perp_dot(v);
             let way = p - level(*a);
             let (s, t) = (way.perp_dot(v) / area, u.perp_dot(way) / area);
-            // Also leaves out walls, whose area from above is nothing.
+            // The test also rejects walls: their area seen from above is zero, so s and t are not finite.
             if s >= 0.0 && t >= 0.0 && s + t <= 1.0 {
                 let y = a.y + (b.y - a.y) * s + (c.y - a.y) * t;
                 if y <= ceiling && highest.is_none_or(|h| y > h) {

@@ -1,11 +1,12 @@
-//! The joints that are legs which can be bent.
+//! Finds the legs of a skeleton that inverse kinematics can bend.
 
 use crate::stage::constraint::Leg;
 use choreo_motion::contacts::{find_feet, leg_of_handle};
 use choreo_motion::{HumanoidJoints, Skeleton};
 
-/// The legs of a body by its feet ([`find_feet`]), on two feet or four: the two bones above each foot, which is the upper one where two
-/// joints are called so. Feet that are handles and do not hang on the hips belong to the leg that ends beside them, if there is one.
+/// Finds the legs of a biped or quadruped by its feet ([`find_feet`]): the two bones above each foot. If two joints of one leg are named
+/// foot, the upper one is the foot. Feet that are IK handles and are not below the hips belong to the leg that ends beside them, if there
+/// is one.
 pub fn find_legs(skeleton: &Skeleton) -> Vec<Leg> {
     let parents = skeleton.parents();
     let up = |joint: u32| parents.get(joint as usize).copied().flatten();

@@ -1,7 +1,8 @@
 //! Contacts that last longer than a leg reaches: the foot takes steps in between.
 //!
-//! While a walk and a run fade in step a foot may come down in one clip when it leaves the ground in the other, most of all on four legs, whose
-//! gaits are matched by strides. Its contact then covers most of a stride, and a leg that cannot reach so far would drag the foot.
+//! During a phase-matched fade between a walk and a run, a foot may land in one clip when it lifts off in the other, above all with
+//! quadrupeds, whose gaits are matched by whole strides. Its contact then covers most of a stride, and a leg that cannot reach so far would
+//! drag the foot.
 
 use crate::constraints::foot_lock::{Contact, drop_needed, within_reach};
 use crate::constraints::foot_samples::{FootSamples, Limb};
@@ -14,22 +15,22 @@ const MOST_STEPS: i64 = 3;
 /// Shortest time between two steps.
 const SHORTEST: Time = Time(Time::TICKS_PER_SECOND / 20);
 
-/// A foot during the contacts of its clips.
+/// Splits contacts of one leg's foot that are too long.
 pub(super) struct LongContacts<'a> {
     pub samples: &'a FootSamples,
-    /// Number of the leg.
+    /// Index of the leg.
     pub leg: usize,
-    /// Metres.
+    /// Length of the leg, metres.
     pub leg_length: f64,
-    /// How far the hips may come down for it, in lengths of the leg.
+    /// Largest lowering of the hips, in leg lengths.
     pub lowest: f64,
-    /// World height at which the foot stands at most.
+    /// Upper limit of the world height of the standing foot.
     pub highest: f64,
 }
 
 impl LongContacts<'_> {
-    /// The times in which the foot stands during a contact: all of it if the leg reaches so far, else with the fewest steps between that
-    /// let it, or bring it nearest.
+    /// Splits a contact into the time spans in which the foot stands: the whole contact if the leg reaches that far, else the parts between
+    /// as few steps as let it reach, or bring it nearest.
     pub fn split(&self, span: (Time, Time)) -> Vec<(Time, Time)> {
         let mut best = (self.beyond(span), vec![span]);
         for parts in (1..=MOST_STEPS).filter_map(|count| self.parts(span, count)) {
@@ -44,7 +45,8 @@ impl LongContacts<'_> {
         best.1
     }
 
-    /// Equal parts of a contact with a number of steps between, which take their time where there is enough of it.
+    /// Equal parts of a contact with `count` steps in between, at normal speed if there is time, else hurried. `None` if the parts would be
+    /// too short.
     fn parts(&self, (from, to): (Time, Time), count: i64) -> Option<Vec<(Time, Time)>> {
         let stand = |step: Time| Time(((to - from).0 - count * step.0) / (count + 1));
         let secs = [step_secs(self.leg_length), hurried_secs(self.leg_length)];
@@ -67,7 +69,7 @@ impl LongContacts<'_> {
         parts.windows(2).filter_map(step).collect()
     }
 
-    /// How far the foot would get from its place at most if it stood all the time, metres.
+    /// Largest distance in metres by which the leg would miss the foot's position if the foot stood all the time.
     fn beyond(&self, span: (Time, Time)) -> f64 {
         let (first, last) = self.samples.between(span);
         let limbs = &self.samples.limbs[self.leg][first..=last];

@@ -1,4 +1,4 @@
-//! Joints turned towards targets, after everything else has been posed and placed.
+//! Look-at: turns joints towards targets, after all actors have been posed and placed.
 
 use crate::snapshot::ActorState;
 use crate::stage::Stage;
@@ -8,12 +8,12 @@ use choreo_asset::{Asset, EyesMovedBy};
 use choreo_motion::{Front, HumanBone, Time};
 use glam::{Affine3A, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
 
-/// A joint turns at most this far from its clip's pose, 80°: a head's reach. Beyond it the turn fades out again until the
-/// target is straight behind, so that one that passes behind does not whip the head from one shoulder to the other.
+/// Largest turn of a joint away from its animated pose, 80°: the range of a head. Beyond it the turn fades out again until the target is
+/// straight behind, so that a target that passes behind does not whip the head from one shoulder to the other.
 pub(crate) const LOOK_AT_LIMIT_RAD: f64 = 80.0 * std::f64::consts::PI / 180.0;
 
-/// A look-at that counts now. Of two characters who look at each other's heads, each looks where the other's was before. A target on
-/// the actor itself is found anew when it has been moved ([`super::steps`]).
+/// An active look-at. Characters that look at each other's heads use the head positions after one trial of all turns ([`super::solve`]). A
+/// target on the actor itself is updated after the actor has moved it ([`super::steps`]).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Aim {
     pub actor: usize,
@@ -23,7 +23,7 @@ pub(crate) struct Aim {
     pub share: f64,
 }
 
-/// Adds those of one actor.
+/// Adds the active look-ats of one actor to `aims`.
 pub(crate) fn find_aims_of(
     stage: &Stage,
     time: Time,
@@ -34,7 +34,7 @@ pub(crate) fn find_aims_of(
     let (actor, state) = (&stage.actors[index], &actors[index]);
     for look in &actor.look_at {
         let share = look.share(time);
-        // Also leaves out actors that are not posed.
+        // The test of the joint also skips actors that are not posed.
         if share > 0.0
             && (look.joint as usize) < state.model_from_joint.len()
             && let Some(world_target) = target_position(stage, actors, &look.target)
@@ -45,7 +45,7 @@ pub(crate) fn find_aims_of(
     }
 }
 
-/// Turns a joint and all below it about the joint's place.
+/// Turns a joint, with all joints below it, about its position towards a target.
 pub(crate) fn turn(stage: &Stage, aim: &Aim, state: &mut ActorState, turned: &mut Vec<bool>) {
     let skeleton = &stage.actors[aim.actor].asset.skeleton;
     let rest = stage.actors[aim.actor].asset.rest_model_from_joint();
@@ -80,8 +80,8 @@ pub(crate) fn turn(stage: &Stage, aim: &Aim, state: &mut ActorState, turned: &mu
     }
 }
 
-/// An eye of a character whose file states how far its eyes turn: by the direction from the head, through its own maps (VRM 1.0,
-/// "lookAt.md"). `None` for any other joint.
+/// Model-space rotation of an eye joint whose file states how far the eyes turn: the direction from the head, mapped by the file's own
+/// ranges (VRM 1.0, "lookAt.md"). `None` for any other joint.
 fn eye_turn(asset: &Asset, joint: usize, state: &ActorState, target: DVec3, share: f64) -> Option<DQuat> {
     let eyes = asset.eyes.as_ref().filter(|eyes| eyes.moved_by == EyesMovedBy::Bones)?;
     let humanoid = asset.skeleton.humanoid()?;
@@ -104,13 +104,13 @@ fn eye_turn(asset: &Asset, joint: usize, state: &ActorState, target: DVec3, shar
     turn.is_finite().then_some(turn)
 }
 
-/// The direction in a joint's space that is the model's front at rest; +Z where the rest pose is flat.
+/// The direction in a joint's space that is the model's front at rest; +Z if the rest matrix is singular.
 pub(crate) fn forward_in_joint(rest_model_from_joint: &Affine3A, front: Front) -> Vec3A {
     let forward = rest_model_from_joint.matrix3.inverse() * Vec3A::from(front.direction().as_vec3());
     if forward.is_finite() { forward.normalize_or(Vec3A::Z) } else { Vec3A::Z }
 }
 
-/// The rotation from one direction towards another, limited, times a share. `None` where there is nothing to turn: the
+/// Rotation from one direction towards another, limited as by [`LOOK_AT_LIMIT_RAD`], times a share. `None` if there is nothing to turn: the
 /// target is in the joint, straight ahead or straight behind, or not finite.
 fn turn_towards(now: DVec3, way: DVec3, share: f64) -> Option<DQuat> {
     let (now, way) = (now.try_normalize()?, way.try_normalize()?);

@@ -1,11 +1,10 @@
-//! Constraints: how a body is changed after its clips. Feet stay where they stand, the spine turns to look, a hand takes hold of a prop,
-//! and at last hair and tails swing.
+//! Constraints: changes of a pose after the clips. Feet are locked to the ground, the spine turns to look, and a hand reaches for a prop.
 //!
-//! In this order, after all actors have been posed and placed: planted feet, aims, looks, reaches, each in the order of the
-//! script; then joint limits; springs last of all, once every constraint is done ([`springs`]). Constraints come actor by actor, those
-//! first whose hands others reach for ([`order`]), so that a hand on a prop in another's moving hand is on it. In a circle
-//! hands reach for the other's place as it was before, and looks go to where that one comes when all is tried once. Of one actor, a look at a prop in its own hand comes after
-//! the reach that moves the hand ([`steps`]).
+//! Order, after all actors have been posed and placed: foot locks, aims, look-ats and reaches, each in the order of the script; then joint
+//! limits. Springs run after all constraints ([`crate::springs`]). Actors are solved one by one, and an actor that others reach for comes
+//! before them ([`order`]), so that a hand stays on a prop in another actor's moving hand. If actors depend on each other in a circle,
+//! hands reach for the positions from before the round, and looks use the positions after one trial of all steps. Within one actor, a look
+//! at a prop in its own hand comes after the reach that moves the hand ([`steps`]).
 
 pub(crate) mod check;
 mod foot_contacts;
@@ -33,7 +32,7 @@ use crate::snapshot::Snapshot;
 use crate::stage::{Stage, StageError};
 use choreo_motion::Time;
 
-/// Buffers of [`evaluate_actors`]; what is in them on entry does not matter.
+/// Reusable buffers of [`evaluate_actors`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ConstrainedScratch {
     pub actors: actors::Scratch,
@@ -46,7 +45,7 @@ impl ConstrainedScratch {
     }
 }
 
-/// All of the snapshot's actors with their constraints, without springs. `bounds` as in [`actors::evaluate_actors`].
+/// Evaluates all actors of the snapshot with their constraints, without springs. `bounds`: see [`actors::evaluate_actors`].
 pub(crate) fn evaluate_actors(
     stage: &Stage,
     scratch: &mut ConstrainedScratch,

@@ -5,10 +5,10 @@ use crate::stage::actor::Target;
 use crate::transforms::parents::ActiveParents;
 use choreo_motion::Time;
 
-/// Buffers of [`rounds`].
+/// The rounds of actors at a time, and buffers of [`rounds`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ConstraintOrder {
-    /// Actors with something to do now, in rounds one after the other.
+    /// Actors with active constraints, look-ats or limits, round after round.
     pub actors: Vec<usize>,
     /// Ends of the rounds within `actors`.
     pub ends: Vec<usize>,
@@ -19,12 +19,12 @@ pub(crate) struct ConstraintOrder {
     needs: Vec<(usize, usize)>,
     done: Vec<bool>,
     path: Vec<usize>,
-    /// The carriers of one target, and theirs.
+    /// Actors that carry one target, directly or through other actors.
     carriers: Vec<usize>,
 }
 
-/// Puts the actors that have constraints at a time into rounds: each round needs only what the ones before it have done. A circle is a round
-/// of its own.
+/// Sorts the actors with active constraints into rounds: each round depends only on earlier rounds. Actors that depend on each other in a
+/// circle are a round of their own.
 pub(crate) fn rounds(stage: &Stage, time: Time, parents: &ActiveParents, order: &mut ConstraintOrder) {
     let ConstraintOrder { actors, ends, circular, waiting, needs, done, path, carriers } = order;
     actors.clear();
@@ -62,7 +62,7 @@ pub(crate) fn rounds(stage: &Stage, time: Time, parents: &ActiveParents, order: 
         actors.extend(waiting.iter().copied().filter(|a| of(*a).all(|b| done[b])));
         circular.push(actors.len() == begun);
         if actors.len() == begun {
-            // Follow what is needed until it comes round.
+            // Follows the dependencies until an actor comes up again, which closes a circle.
             path.clear();
             let mut at = waiting[0];
             while !path.contains(&at) {
@@ -87,7 +87,7 @@ fn is_busy(stage: &Stage, actor: usize, time: Time) -> bool {
         || a.look_at.iter().any(|l| l.share(time) > 0.0)
 }
 
-/// The joints that a target hangs on, each with its actor.
+/// Calls `found` with each joint (actor, joint) that carries a target, directly or through parents.
 pub(super) fn for_carriers(
     stage: &Stage,
     parents: &ActiveParents,

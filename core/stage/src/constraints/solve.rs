@@ -1,4 +1,4 @@
-//! Constraints at a time, actor by actor.
+//! Solves the constraints of all actors at a time, actor by actor.
 
 use crate::actors;
 use crate::constraints::foot_locks::{FootLockOf, FootLocks};
@@ -24,11 +24,11 @@ use glam::DVec3;
 use glam::{DAffine3, DQuat};
 use std::sync::Arc;
 
-/// Buffers; what is in them on entry does not matter.
+/// Reusable buffers; their previous contents do not matter.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ConstraintScratch {
     pub order: order::ConstraintOrder,
-    /// World places of the targets of a round: (actor, constraint, target, pole).
+    /// World positions of the targets of a round: (actor, constraint, target, pole).
     targets: Vec<(usize, usize, DVec3, Option<DVec3>)>,
     below: Vec<bool>,
     chain: Chain,
@@ -41,7 +41,7 @@ pub(crate) struct ConstraintScratch {
     poses: Vec<glam::Affine3A>,
 }
 
-/// All constraints of all actors. All actors are placed anew after a round has moved joints that others are attached to.
+/// Solves all constraints of all actors. After a round that moves joints which carry other actors, all actors are placed again.
 pub(crate) fn run(
     stage: &Stage,
     foot_locks: &FootLocks,
@@ -60,7 +60,7 @@ pub(crate) fn run(
         let (end, circular) = (scratch.order.ends[round], scratch.order.circular[round]);
         find_targets(stage, time, scratch, begun..end, actors);
         let solved = |index| Solved { stage, foot_locks, motions: &motions, time, index, circular };
-        // Also leaves out actors that are not posed.
+        // Actors that are not posed are skipped.
         let is_posed = |actors: &[ActorState], index: usize| {
             actors[index].model_from_joint.len() == stage.actors[index].asset.skeleton.len()
         };
@@ -100,8 +100,8 @@ pub(crate) fn run(
     Ok(())
 }
 
-/// Writes where actors of a circle look after the others have moved. Reaches keep their targets: two hands that reach for each other
-/// would come back to where they were.
+/// Updates the targets of looks and aims in a circle of actors, after a trial has moved all of them. Reaches keep their targets: two hands
+/// that reach for each other would return to where they were.
 fn find_looks_again(stage: &Stage, scratch: &mut ConstraintScratch, actors: &[ActorState]) {
     for aim in &mut scratch.aims {
         aim.world_target = target_position(stage, actors, &aim.target).unwrap_or(aim.world_target);
@@ -113,7 +113,7 @@ fn find_looks_again(stage: &Stage, scratch: &mut ConstraintScratch, actors: &[Ac
     }
 }
 
-/// Positions of the targets of a round before any of its actors moves.
+/// Finds the positions of the targets of a round before any of its actors moves.
 fn find_targets(
     stage: &Stage,
     time: Time,
@@ -135,7 +135,7 @@ fn find_targets(
     }
 }
 
-/// World places of the target and the pole of a constraint.
+/// World positions of the target and the pole of a constraint.
 pub(crate) fn places(
     stage: &Stage,
     actors: &[ActorState],
@@ -168,12 +168,13 @@ fn hold(
 ) -> Option<DVec3> {
     stage.actors.get(actor)?;
     let at = Attachment { actor, joint };
-    // A point of a prop is given in its units, one beside a joint in metres.
+    // An offset from an actor is in the actor's units, an offset from a joint in metres.
     let scale = if joint.is_some() { ParentScale::Keep } else { ParentScale::Inherit };
     Some(world_from_parent(stage, actors, &at, scale).transform_point3(offset))
 }
 
-/// How often the steps of a circle are tried. A spine that takes a quarter of an aim leaves 4° after one trial, 0.1° after three.
+/// Number of trials for an actor whose own steps depend on each other in a circle. A spine that takes a quarter of an aim leaves an error
+/// of 4° after one trial and 0.1° after three.
 const TRIALS: usize = 3;
 
 /// An actor whose constraints are solved.
@@ -183,12 +184,12 @@ struct Solved<'a> {
     motions: &'a Arc<Motions>,
     time: Time,
     index: usize,
-    /// It is one of a circle of actors that need each other: where it looks has been tried.
+    /// Whether the actor belongs to a circle of actors that depend on each other; its look targets then come from a trial.
     circular: bool,
 }
 
 impl Solved<'_> {
-    /// Does the steps once, without the eyes and the face.
+    /// Runs the steps once as a trial, without the eyes and the face.
     fn try_steps(
         &self,
         scratch: &mut ConstraintScratch,
@@ -312,7 +313,7 @@ impl Solved<'_> {
         }
     }
 
-    /// Writes where the targets are that are only known after all steps.
+    /// Updates the targets whose positions are known only after all steps.
     fn find_late_targets(&self, scratch: &mut ConstraintScratch, actors: &[ActorState]) {
         let ConstraintScratch { steps, targets, aims, .. } = scratch;
         let late = steps.ordered.iter().filter(|step| step.target == Known::After);
@@ -337,7 +338,7 @@ impl Solved<'_> {
     }
 }
 
-/// The target and the pole of a constraint in the world; `of`: the index of the actor, and of the constraint there.
+/// World positions of the target and the pole of a constraint. `of`: index of the actor, and index of its constraint.
 fn target_and_pole(
     stage: &Stage,
     scratch: &ConstraintScratch,
@@ -346,7 +347,7 @@ fn target_and_pole(
     known: Known,
     actors: &[ActorState],
 ) -> Option<(DVec3, Option<DVec3>)> {
-    // A target on the actor itself moves with what has been done to it by now.
+    // A target on the actor itself moves with the steps that have run so far.
     let own = |t| matches!(t, Target::Joint { actor, .. } if actor == of.0);
     if known == Known::InTurn || (known == Known::Before && constraint.targets().all(own)) {
         return places(stage, actors, constraint);
@@ -355,7 +356,7 @@ fn target_and_pole(
     found.map(|(_, _, target, pole)| (*target, *pole))
 }
 
-/// Aims or reaches; target and pole are in model space.
+/// Solves an aim or a reach. Target and pole are in model space.
 fn solve_constraint(
     actor: &Actor,
     kind: &ConstraintKind,
@@ -393,7 +394,7 @@ fn solve_constraint(
     }
 }
 
-/// Turns the eyes of an actor after its head, but for those that are aimed themselves.
+/// Turns the eyes of an actor after its head has turned, except eyes with a look-at of their own.
 fn follow(
     gaze: &Gaze,
     index: usize,
@@ -449,7 +450,7 @@ fn solve_reach(
 ) {
     let Some((&end, bones)) = reach.joints.split_last() else { return };
     let before = posed.rotation(end);
-    // The hand goes a share of its way.
+    // A partial share moves the hand only part of the way.
     let target = posed.place(end).lerp(target, share);
     let limited = bones.iter().any(|j| limits.iter().any(|(joint, _)| joint == j));
     if let ([start, middle], false) = (bones, limited) {
@@ -516,7 +517,7 @@ fn solve_chain(
     }
 }
 
-/// Joints that are turned farther than they may be, by clips or constraints, are turned back.
+/// Turns joints back that clips or constraints have turned beyond their limits.
 fn hold_limits(stage: &Stage, index: usize, scratch: &mut ConstraintScratch, actors: &mut [ActorState]) {
     let actor = &stage.actors[index];
     let rest = actor.asset.rest_model_from_joint();
@@ -539,11 +540,11 @@ fn hold_limits(stage: &Stage, index: usize, scratch: &mut ConstraintScratch, act
     }
 }
 
-/// Bends a leg so that its foot comes to a place, turned as before.
+/// Bends a leg with two-bone IK so that its foot comes to `target` and keeps its rotation; model space.
 pub(super) fn bend_leg(leg: &Leg, target: DVec3, hint: DVec3, posed: &mut PosedSkeleton) {
     let rotation = posed.rotation(leg.foot);
     let [start, middle, end] = [leg.hip, leg.knee, leg.foot].map(|j| posed.place(j));
-    // Not soft: the foot must be where it stands as long as the leg reaches.
+    // No softness: the foot must stay in place as long as the leg reaches.
     let limb = TwoBone { start, middle, end, target, pole: None, hint, soft: 0.0 };
     if let Some(turned) = limb.solve() {
         posed.turn(leg.hip, turned.start);
@@ -556,7 +557,7 @@ pub(super) fn bend_leg(leg: &Leg, target: DVec3, hint: DVec3, posed: &mut PosedS
     }
 }
 
-/// World place of a joint.
+/// World position of a joint.
 pub(crate) fn world_place(world_from_model: &DAffine3, joint: &glam::Affine3A) -> DVec3 {
     world_from_model.transform_point3(widen(joint).translation)
 }

@@ -1,4 +1,4 @@
-//! Fades between a walk and a stand, within foot locking: contacts before and after a fade stay, and steps lead from the ones to the others.
+//! Foot locking in fades between a walk and a stand: footsteps lead from the contacts before the fade to the contacts after it.
 
 use crate::constraints::foot_contacts::FootContacts;
 use crate::constraints::foot_lock::{Contact, ContactSpan, clearance};
@@ -10,23 +10,23 @@ use crate::stage::constraint::StandingFade;
 use choreo_motion::Time;
 use glam::DVec3;
 
-/// Feet whose clip lifts them for longer have just been lifted, seconds.
+/// Upper limit of the time until a foot in the air lands, seconds.
 const LONGEST_SWING: f64 = 0.6;
-/// A foot that comes down sooner than in these seconds is down.
+/// A foot that lands within this time, in seconds, counts as standing.
 const LANDS: f64 = 1.0 / 120.0;
-/// How much of its sole's length a leg reaches farther with the heel raised.
+/// Extra reach of a leg with its heel raised, as a share of the sole's length.
 const RAISED: f64 = 0.2;
-/// A foot that stands so near to where the walk begins, in legs, stands there from the beginning.
+/// A standing foot within this distance of where the walk begins, in leg lengths, stands there from the beginning.
 const BEGINS: f64 = 0.08;
-/// Times between which a velocity is measured.
+/// Time interval over which a velocity is measured.
 const INSTANT: Time = Time(Time::TICKS_PER_SECOND / 480);
 
-/// Contact of a leg's foot over a span, as foot locking makes it.
+/// Function that computes the contact of a leg's foot over a span.
 pub(super) type Stand<'a> = dyn FnMut(usize, &ContactSpan) -> Contact + 'a;
 
 /// A foot on the walking and on the standing side of a fade.
 struct FootSides {
-    /// Contact of the walking foot; of a foot in the air, a contact of no length where it is.
+    /// Contact on the walking side; for a foot in the air, a contact of zero length at its position.
     walking: Contact,
     state: FootState,
     standing: Contact,
@@ -47,17 +47,17 @@ pub(super) struct FadeSteps<'a> {
     pub fade: &'a StandingFade,
     /// Time span between the fades before and after.
     pub room: (Time, Time),
-    /// Metres.
+    /// Length of a leg, metres.
     pub leg_length: f64,
     pub samples: &'a FootSamples,
     pub clips: &'a FootContacts<'a>,
-    /// Whether nothing but this fade needs to know where the feet stand.
+    /// Whether no other fade depends on where the feet stand.
     pub free: bool,
 }
 
 impl FadeSteps<'_> {
-    /// Replaces the contacts of all legs in the fade, and adds its steps. Where feet would not get to their places in time the contacts stay.
-    /// `places`: where the feet stand for as long as the standing clip plays alone, if they keep their places.
+    /// Replaces the contacts of all legs in the fade and adds its footsteps. If the feet cannot reach their targets in time, the contacts
+    /// stay. `places`: if the stand is held, the positions of the feet while the standing clip plays alone; updated.
     pub fn run(
         &self,
         feet: &mut FeetInMotion,
@@ -70,7 +70,7 @@ impl FadeSteps<'_> {
         let [walking_at, _] = self.times();
         let mut sides = Vec::new();
         for (leg, contacts) in contacts.iter().enumerate() {
-            // The clip before the fade is the only one that counts just before it.
+            // Just outside the fade, on the walking side, only the walking clip is active.
             let just = if backwards { walking_at } else { walking_at - Time(1) };
             let lands_secs = self.clips.lands_secs(leg, just, backwards, LONGEST_SWING);
             let place = places.as_ref().and_then(|places| places.get(leg)).copied();
@@ -79,7 +79,7 @@ impl FadeSteps<'_> {
         let Some(planned) = self.plan(&sides) else { return Ok(()) };
         for (leg, (side, planned)) in sides.iter().zip(planned).enumerate() {
             let [from, to] = side.span(backwards);
-            // Steps within contacts that are replaced.
+            // Removes earlier steps within the contacts that are replaced.
             steps[leg].retain(|step| step.to <= from || step.from >= to);
             self.rewrite(&mut contacts[leg], leg, side, &planned);
             steps[leg].extend(planned);
@@ -100,7 +100,7 @@ impl FadeSteps<'_> {
         if ends_standing { [from, to] } else { [to, from] }
     }
 
-    /// The steps of each leg in the order of time; `None` where they are not over by the time that the feet go on.
+    /// Plans the steps of each leg, in order of time; `None` if they do not fit between the fades before and after.
     fn plan(&self, sides: &[FootSides]) -> Option<Vec<Vec<Footstep>>> {
         let samples = self.samples;
         let [walking_at, standing_at] = self.times();
@@ -145,7 +145,7 @@ impl FadeSteps<'_> {
         Some(planned)
     }
 
-    /// How a foot begins and ends a fade.
+    /// Contacts and state of a foot at both ends of the fade.
     fn sides(
         &self,
         feet: &mut FeetInMotion,
@@ -158,13 +158,13 @@ impl FadeSteps<'_> {
         let mut place = |time: Time| feet.place(leg, time);
         let edge = Time(3 * STEP.0);
         let over = |time: Time| contacts.iter().find(|c| c.from - edge <= time && time <= c.to + edge);
-        // Contacts without what the fade makes of them.
+        // The part of a contact outside the fade.
         let mut cut = |at: Time, before: bool| {
             let (from, to) = over(at).map_or((at, at), |c| (c.from, c.to));
             let span = if before { (from.min(at), at) } else { (at, to.max(at)) };
             let ends = [place(span.0)?, place(span.1)?];
             let contact = stand(leg, &ContactSpan { span, ends, highest: f64::INFINITY });
-            // Another fade's step may lead there.
+            // A step of another fade may lead to this contact.
             let by_step = over(at).filter(|c| c.by_step).and_then(|c| c.at);
             let at = by_step.or(contact.at).unwrap_or(ends[0]);
             let (first, last) = (at - ends[0], at - ends[1]);
@@ -203,14 +203,15 @@ impl FadeSteps<'_> {
         let mut carried = near.map_or(DVec3::ZERO, |(_, offset)| offset);
         let beside = if backwards { walking_at + INSTANT } else { walking_at - INSTANT };
         let mut velocity = (here - place(beside)?) / INSTANT.as_secs();
-        // A foot that is as good as on the ground steps from where it stands.
+        // A foot that is almost on the ground steps from its contact.
         if let Some((contact, offset)) = near
             && let Some(at) = contact.at.filter(|_| self.holds_until(leg, contact, offset, walking_at))
         {
             carried = (at - here).with_y(offset.y);
             velocity = DVec3::ZERO;
         }
-        // A step that leads to a foot in the air ends above the ground, however low the clip has it: it would scuff.
+        // A step that leads to a foot in the air ends with ground clearance, however low the clip has the foot; otherwise the foot would
+        // scuff.
         let above = standing.at.unwrap_or(here).y + clearance(self.leg_length) - (here + carried).y;
         if backwards && above > 0.0 && velocity != DVec3::ZERO {
             carried.y += above;
@@ -229,7 +230,7 @@ impl FadeSteps<'_> {
         Ok(FootSides { walking, state: FootState { at, velocity, lands_secs }, standing })
     }
 
-    /// Whether a foot is as good as on the ground in all samples from a contact to a time before or after it.
+    /// Whether a foot is almost on the ground in all samples from a contact to a time before or after it.
     fn holds_until(&self, leg: usize, contact: &Contact, offset: DVec3, time: Time) -> bool {
         let (from, to) = if time < contact.from { (time, contact.from) } else { (contact.to, time) };
         let [(first, _), (last, _)] = [from, to].map(|time| self.samples.index_at(time));

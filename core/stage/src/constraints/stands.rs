@@ -1,7 +1,7 @@
-//! Stands of a character that walks before or after: each foot keeps one place for as long as the standing clip plays.
+//! Stands of a character before or after walking: each foot keeps one position for as long as the standing clip plays.
 //!
-//! A standing clip of another body shifts the feet by centimetres as the weight shifts, most of all where legs have other proportions. The
-//! place of a foot is the mean of its places over one round of the clip, so that it is the same whichever fade asks for it.
+//! A standing clip made for another character shifts the feet by centimetres as the weight shifts, above all if the legs have other
+//! proportions. The position of a foot is the mean over one loop of the clip, so that all fades get the same position.
 
 use crate::constraints::foot_lock::{Contact, FADE};
 use crate::constraints::foot_samples::{FeetInMotion, FootSamples};
@@ -13,34 +13,36 @@ use choreo_motion::{Repeat, Time};
 use glam::DVec3;
 use std::sync::OnceLock;
 
-/// Looks at one round of the clip, and over the whole of the stand.
+/// Number of samples in the first loop of the clip, and in the rest of the stand.
 const LOOKS: u32 = 24;
 const LATER_LOOKS: u32 = 8;
-/// Seconds between looks at a clip of an upper layer, and how many looks there are at most.
+/// Seconds between samples of a clip on an upper layer, and the largest number of these samples.
 const LAYER_SECS: f64 = 0.1;
 const LAYER_LOOKS: f64 = 64.0;
-/// Rounds of clips that are longer are looked at so far.
+/// Longest part of a loop that is sampled.
 const LONGEST_ROUND: Time = Time(20 * Time::TICKS_PER_SECOND);
-/// A foot that is farther from its mean place, level and in height, in lengths of a leg, gets somewhere: such a stand is not held.
+/// Largest horizontal and vertical distance of a foot from its mean position, in leg lengths. A foot that is farther away travels, and the
+/// stand is not held.
 const FARTHEST: f64 = 0.15;
 const HIGHEST: f64 = 0.05;
 
-/// A time in which a standing clip plays alone.
+/// Time span in which a standing clip plays alone.
 #[derive(Debug)]
 pub(super) struct Stand {
     pub from: Time,
     pub to: Time,
-    /// One round of the clip.
+    /// Stage time of one loop of the clip.
     round: Time,
     places: OnceLock<Option<Vec<DVec3>>>,
 }
 
-/// The stands between the fades of a constraint that locks feet in these fades alone; sorted.
+/// The stands between the standing fades of a constraint, sorted. Empty if the constraint locks feet everywhere, or on other actors'
+/// ground.
 pub(super) fn stands(actor: &Actor, foot_lock: &FootLock) -> Vec<Stand> {
     let cues = actor.layers.first().map_or(&[][..], |layer| &layer.cues);
     let fades = &foot_lock.standing_fades;
     let mut all = Vec::new();
-    // On uneven ground the height of a place is not that of the clip.
+    // The height of a foot on uneven ground is not that of the clip.
     if foot_lock.only.is_empty() || !foot_lock.ground.is_empty() {
         return all;
     }
@@ -67,7 +69,7 @@ pub(super) fn stands(actor: &Actor, foot_lock: &FootLock) -> Vec<Stand> {
 }
 
 impl Stand {
-    /// The place of each foot in world space; `None` where the clip or the actor takes feet away. `leg`: its length, metres.
+    /// World position of each foot; `None` if the clip or the actor moves a foot away. `leg`: leg length, metres.
     pub fn places(&self, feet: &mut FeetInMotion, leg: f64) -> Result<Option<&[DVec3]>, StageError> {
         if self.places.get().is_none() {
             let found = self.find(feet, leg)?;
@@ -103,7 +105,7 @@ impl Stand {
         Ok(looks.iter().all(near).then_some(means))
     }
 
-    /// Times in which upper layers may lift a foot, and keyframes may move the actor.
+    /// Times at which upper layers may lift a foot, or keyframes may move the actor.
     fn times_of_others(&self, stage: &Stage, actor: usize) -> Vec<Time> {
         let actor = &stage.actors[actor];
         let mut all = Vec::new();
@@ -140,7 +142,7 @@ impl Stand {
 /// A foot in a span of time in which contacts are planned.
 pub(super) struct HeldFoot<'a> {
     pub leg: usize,
-    /// Its place in the stand.
+    /// World position of the foot in the stand.
     pub at: DVec3,
     pub samples: &'a FootSamples,
     pub span: (Time, Time),
@@ -148,8 +150,8 @@ pub(super) struct HeldFoot<'a> {
 }
 
 impl HeldFoot<'_> {
-    /// Lets the foot keep its place from its last step before the stand, or from the beginning of the span, to its first step after it, or to the
-    /// end. A foot that stood elsewhere and took no step goes over to its place in [`FADE`]; it is off by millimetres.
+    /// Keeps the foot in place from its last step before the stand, or the start of the span, to its first step after the stand, or the end
+    /// of the span. A foot that stood elsewhere and took no step moves to its position within [`FADE`]; it is off by millimetres.
     pub fn hold(&self, stand: &Stand, contacts: &mut Vec<Contact>) {
         let (mut from, mut to) = (stand.from.max(self.span.0), stand.to.min(self.span.1));
         for step in self.steps {

@@ -11,16 +11,16 @@ use choreo_motion::{Skeleton, Time};
 /// A constraint or look-at of an actor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum StepKind {
-    /// Number among the actor's constraints.
+    /// Index into the actor's constraints.
     Constraint(usize),
-    /// Number among the aims of the round.
+    /// Index into the aims of the round.
     Look(usize),
 }
 
-/// The step after which the place of a target is known.
+/// The moment at which the position of a step's target is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Known {
-    /// Before the actor moves.
+    /// Known before the actor moves.
     Before,
     /// Known when the steps before this one have moved the actor.
     InTurn,
@@ -34,23 +34,23 @@ pub(super) struct Step {
     pub target: Known,
 }
 
-/// Buffers of [`Steps::find`].
+/// The ordered steps of one actor, and buffers of [`Steps::find`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Steps {
     pub(super) ordered: Vec<Step>,
     usual: Vec<StepKind>,
     waiting: Vec<usize>,
-    /// (step, the step that moves its target), by number in `usual`.
+    /// (step, the step that moves its target), by index in `usual`.
     needs: Vec<(usize, usize)>,
     carriers: Vec<usize>,
 }
 
-/// An actor with more constraints than these at once keeps the usual order: finding another takes the cube of their number.
+/// Most simultaneous constraints of an actor that are reordered. Larger numbers keep the usual order, because sorting takes cubic time.
 const MOST: usize = 256;
 
 impl Steps {
-    /// Fills `ordered` with what an actor does at a time. The usual order: foot locks, aims, looks, reaches, each in the order of the
-    /// script. A step whose target another one moves comes after that one, unless that one hangs on it.
+    /// Fills `ordered` with the active constraints and look-ats of an actor. The usual order: foot locks, aims, looks, reaches, each in the
+    /// order of the script. A step whose target is moved by another step comes after that step, unless that step hangs on it.
     pub fn find(&mut self, stage: &Stage, parents: &ActiveParents, time: Time, index: usize, aims: &[Aim]) {
         let actor = &stage.actors[index];
         let active = |(_, c): &(usize, &Constraint)| {
@@ -70,7 +70,7 @@ impl Steps {
         self.order(actor, aims);
     }
 
-    /// Finds which steps move the targets of which.
+    /// Finds the steps that move the targets of other steps.
     fn find_needs(&mut self, stage: &Stage, parents: &ActiveParents, index: usize, aims: &[Aim]) {
         let Steps { usual, needs, carriers, .. } = self;
         needs.clear();
@@ -119,7 +119,7 @@ impl Steps {
                 let waits = needed_by(waiting[*at]).any(|other| waiting.contains(&other));
                 !waits && !waiting[..*at].iter().any(|before| hangs(waiting[*at], *before))
             });
-            // In a circle the first one of the usual order begins.
+            // The first step of the usual order begins a circle.
             let step = waiting.remove(free.unwrap_or(0));
             let target = if needed_by(step).any(|other| waiting.contains(&other)) {
                 Known::After
@@ -133,7 +133,7 @@ impl Steps {
     }
 }
 
-/// Mirroring is done with the clips.
+/// Phase of a constraint in the usual order; `None` for mirroring, which is applied with the clips.
 fn phase_of(kind: &ConstraintKind) -> Option<usize> {
     match kind {
         ConstraintKind::FootLock(_) => Some(0),

@@ -1,4 +1,4 @@
-//! The lights that shine: those of the stage and of files, or a sun where there is neither, nor a sky.
+//! Lights at a time: those of the stage and of files, or a default sun if there are no lights and no sky.
 
 pub(crate) mod sky;
 
@@ -17,8 +17,9 @@ use choreo_asset::{Light, LightKind};
 use choreo_motion::{PropertyTarget, Time};
 use glam::{DQuat, DVec3, Vec3};
 
-/// Illuminance of suns by default, lux. A white surface facing one of π lux is 1; with the default ambient light's 0.45 from above,
-/// one that faces this sun is 1.15, which the view transform shows as 243 of 255; #808080 on level ground shows as 118.
+/// Default illuminance of suns, lux. A white surface that faces a sun of π lux has a luminance of 1. With the default ambient light of 0.45
+/// from above, a white surface that faces this sun has 1.15, which the view transform shows as 243 of 255; #808080 on level ground shows as
+/// 118.
 pub const DEFAULT_SUN_LUX: f32 = 2.2;
 
 /// The sun of a stage without lights: from over the left shoulder of a camera in front.
@@ -34,7 +35,7 @@ pub fn default_sun() -> LightState {
 }
 
 impl Stage {
-    /// Takes the ambient light that the files of actors bring, where some do: the brightest.
+    /// Replaces the ambient light by the brightest one of the actors' files, component by component, if any file has ambient light.
     pub fn take_ambient_of_files(&mut self) {
         let shining = self.actors.iter().filter(|actor| actor.file_lights);
         let brightest = shining.fold(Vec3::ZERO, |most, actor| most.max(actor.asset.ambient));
@@ -60,7 +61,7 @@ pub(crate) fn evaluate(
         if !actor.file_lights {
             continue;
         }
-        // Whether the file has lights, not whether they shine now: a sun that comes out when an actor leaves would surprise.
+        // A file with lights counts even while they do not shine: a default sun that appears when an actor leaves would surprise.
         any_in_files |= !actor.asset.lights.is_empty();
         if !state.visible {
             continue;
@@ -81,7 +82,7 @@ pub(crate) fn evaluate(
     }
 }
 
-/// A light of a file as the actor's clips have it. Splines overshoot: nothing shines darkness.
+/// A file's light as animated by the actor's clips. Splines overshoot, so negative values are clamped.
 fn animated(actor: &Actor, number_of: u32, light: Light, time: Time) -> Light {
     let color = properties::at(actor, PropertyTarget::LightColor(number_of), light.color.to_array(), time);
     let intensity = properties::at(actor, PropertyTarget::LightIntensity(number_of), [light.intensity], time);
@@ -115,14 +116,14 @@ pub(crate) fn stage_light(
     let key = |property| keyed(&light.channels, property, time);
     let mut shining = light.light;
     let mut position = key(Property::Translation).map_or(light.position, vec3);
-    // As in glTF, a rotation turns −Z.
+    // The rotation turns −Z, as in glTF.
     let direction =
         key(Property::Rotation).map_or(light.direction.as_dvec3(), |q| DQuat::from_array(q) * DVec3::NEG_Z);
     shining.intensity = key(Property::Intensity).map_or(shining.intensity, |v| v[0] as f32);
     shining.color = key(Property::Color).map_or(shining.color, |v| vec3(v).as_vec3());
     shining.range = key(Property::Range).map_or(shining.range, |v| Some((v[0] as f32).max(1e-3)));
     if let (Some([inner, outer]), Some(v)) = (shining.kind.cone_mut(), key(Property::Cone)) {
-        // The soft edge keeps its share.
+        // The inner angle keeps its ratio to the outer angle.
         let wide = (v[0] as f32).clamp(1e-3, std::f32::consts::FRAC_PI_2);
         (*inner, *outer) = (wide * (*inner / *outer), wide);
     }
@@ -158,7 +159,7 @@ fn shines(light: &Light) -> bool {
     light.intensity > 0.0 && light.color.max_element() > 0.0
 }
 
-/// A light without a valid direction points down.
+/// State of a light; `None` if its position is not finite. A light without a valid direction points down.
 fn finite(
     light: Light,
     (shadow, attenuation): (Option<Shadow>, Option<[f32; 3]>),

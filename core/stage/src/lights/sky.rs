@@ -1,4 +1,4 @@
-//! Light from all around: a panorama, turned and dimmed over time.
+//! The sky at a time: image-based lighting by a panorama with animated turn and strength.
 
 use crate::snapshot::SkyState;
 use crate::stage::channel::Property;
@@ -15,7 +15,7 @@ impl Sky {
         SkyState {
             panorama: self.panorama.clone(),
             turn,
-            // Splines overshoot: nothing shines darkness.
+            // Splines overshoot, so negative values are clamped.
             strength: strength.unwrap_or(self.strength).max(0.0),
             background: self.background,
         }

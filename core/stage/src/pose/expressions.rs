@@ -1,19 +1,19 @@
-//! Expressions of an actor while it is evaluated.
+//! Expression weights of an actor during evaluation.
 
 use choreo_asset::{Expression, expression};
 
-/// Expression weights of one actor: requested by clips, scripts and looks, and settled into those that are shown.
+/// Expression weights of one actor: requested by clips, scripts and looks, and settled into shown weights.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ExpressionWeights {
     pub requested: Vec<f32>,
     pub settled: Vec<f32>,
     before: Vec<f32>,
-    /// A buffer for eyes that are turned.
+    /// A buffer that marks the joints below a turned eye.
     pub below: Vec<bool>,
 }
 
 impl ExpressionWeights {
-    /// Settles the requested weights once more and adds the change to the morph weights; true if there was any.
+    /// Settles the requested weights once more and adds the change to the morph weights. Returns whether anything changed.
     pub(crate) fn settle_again(
         &mut self,
         expressions: &[Expression],

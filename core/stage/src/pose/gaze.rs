@@ -1,4 +1,4 @@
-//! Eyes turned to a direction seen from the head: VRM 1.0, "lookAt.md".
+//! Gaze: turns the eyes to a direction relative to the head (VRM 1.0, "lookAt.md").
 
 use crate::pose::expressions::ExpressionWeights;
 use crate::pose::joints::{PosedSkeleton, rotation_of};
@@ -11,8 +11,8 @@ use choreo_motion::math::rotation::rotation_fraction;
 use choreo_motion::{HumanBone, Time};
 use glam::{Affine3A, DQuat};
 
-/// Turns the eyes as expressions request it (see [`GAZE`](choreo_asset::eyes::GAZE)), in a skeleton that its clips have posed.
-/// `expression_weights` are those of this actor.
+/// Turns the eyes of a posed actor as the gaze expressions request (see [`GAZE`](choreo_asset::eyes::GAZE)). `expression_weights` are those
+/// of this actor.
 pub(crate) fn as_asked(
     actor: &Actor,
     time: Time,
@@ -21,7 +21,8 @@ pub(crate) fn as_asked(
 ) {
     let asset = &*actor.asset;
     let Some(eyes) = &asset.eyes else { return };
-    // Eyes that are drawn on the face are suppressed by other expressions only when the weights are settled.
+    // Eyes that are moved by expressions use the requested weights: other expressions suppress their gaze only when the weights are
+    // settled.
     let weights = if eyes.moved_by == EyesMovedBy::Bones {
         &expression_weights.settled
     } else {
@@ -41,13 +42,13 @@ pub(crate) fn as_asked(
     expression_weights.below = below;
 }
 
-/// Rotation from axes with the model's front as +Z to those of a head, which are the same at rest.
+/// Model-space rotation of a head since rest, applied after the rotation that brings +Z to the model's front.
 pub(crate) fn turned_since_rest(asset: &Asset, head: usize, model_from_head: &Affine3A) -> DQuat {
     let rest = rotation_of(&asset.rest_model_from_joint()[head]);
     (rotation_of(model_from_head) * rest.inverse()).normalize() * asset.front().rotation()
 }
 
-/// Eyes on their way to a direction seen from the head.
+/// A turn of the eyes to a direction relative to the head: yaw and pitch in radians, and the share of the turn.
 pub(crate) struct Turn<'a> {
     pub actor: &'a Actor,
     pub eyes: &'a Eyes,

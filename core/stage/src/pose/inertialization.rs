@@ -1,5 +1,5 @@
-//! The offsets that inertialized cues take over from those before them: found once, in the order of the cues, so that one that follows
-//! another at once takes over what is still decaying.
+//! Inertialization offsets: each inertialized cue takes over the offset from the pose before it. Offsets are computed once, in the order of
+//! the cues, so that a cue that starts while an earlier offset still decays takes over what is left of it.
 
 use crate::pose::{BlendedClip, inertialization, sample_cue, start_weights};
 use crate::root_motion::track::RootMotionTrack;
@@ -9,7 +9,7 @@ use crate::timeline::active_clips as timeline;
 use crate::timeline::active_clips::ActiveCue;
 use choreo_motion::{BlendOnto, Inertialization, Pose, Time, WeightInertialization};
 
-/// How far apart the poses are whose difference is a velocity.
+/// Time between the two poses whose difference gives a velocity.
 const STEP: Time = Time(Time::TICKS_PER_SECOND / 240);
 
 /// The inertialization offsets that one transition leaves.
@@ -31,7 +31,7 @@ impl Inertializations {
         self.0.get(cue).and_then(Option::as_ref)
     }
 
-    /// Whether the actor has any.
+    /// Whether the actor has inertialized cues.
     pub fn any(&self) -> bool {
         !self.0.is_empty()
     }

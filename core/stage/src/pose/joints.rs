@@ -1,4 +1,4 @@
-//! A posed body whose joints can be turned with all that hangs on them.
+//! A posed skeleton whose joints can be turned together with all joints below them.
 
 use choreo_motion::Skeleton;
 use glam::{Affine3A, DMat3, DQuat, DVec3, Mat3, Mat3A, Vec3, Vec3A};
@@ -10,28 +10,29 @@ pub(crate) struct PosedSkeleton<'a> {
 }
 
 impl PosedSkeleton<'_> {
+    /// Position of a joint in model space.
     pub fn place(&self, joint: u32) -> DVec3 {
         Vec3::from(self.model_from_joint[joint as usize].translation).as_dvec3()
     }
 
-    /// How a joint is turned, without its scale.
+    /// Rotation of a joint in model space, without its scale.
     pub fn rotation(&self, joint: u32) -> DQuat {
         rotation_of(&self.model_from_joint[joint as usize])
     }
 
-    /// Whether a joint is below another.
+    /// Whether `joint` is below `above` in the skeleton.
     pub(crate) fn hangs_on(&self, joint: u32, above: u32) -> bool {
         let parents = self.skeleton.parents();
         std::iter::successors(parents[joint as usize], |j| parents[*j as usize]).any(|j| j == above)
     }
 
-    /// Turns a joint and all below it about its own place; model space.
+    /// Turns a joint and all joints below it about its position; model space.
     pub fn turn(&mut self, joint: u32, turn: DQuat) {
         let pivot = self.place(joint);
         self.moved(joint, turn, pivot, DVec3::ZERO);
     }
 
-    /// Moves a joint and all below it; model space.
+    /// Moves a joint and all joints below it; model space.
     pub fn shift(&mut self, joint: u32, by: DVec3) {
         self.moved(joint, DQuat::IDENTITY, DVec3::ZERO, by);
     }
@@ -60,8 +61,8 @@ impl PosedSkeleton<'_> {
     }
 }
 
-/// The rotation of a joint's matrix without its scale and shear; the same for a pose and its rest, so that differences are right
-/// even of mirrored joints.
+/// Rotation of a joint's matrix without scale and shear. A mirrored joint is treated alike in the pose and at rest, so that the difference
+/// of both rotations is right.
 pub(crate) fn rotation_of(m: &Affine3A) -> DQuat {
     let m = Mat3::from(m.matrix3).as_dmat3();
     let y = m.y_axis.try_normalize().unwrap_or(DVec3::Y);

@@ -1,4 +1,4 @@
-//! Layers of one rank: mixed and summed so that their order does not matter.
+//! Blends layers of one rank so that their order does not matter: overriding layers are averaged, additive layers summed.
 
 use crate::stage::clips::{Cue, Layer, LayerMode, Reference};
 use crate::timeline::active_clips as timeline;
@@ -6,7 +6,7 @@ use crate::timeline::active_clips::ActiveCue;
 use choreo_asset::{Asset, MeshInstance};
 use choreo_motion::{AdditiveLayers, Pose, Sample, Time, WeightedBlend};
 
-/// Buffers; what is in them on entry does not matter.
+/// Reusable buffers; their previous contents do not matter.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct GroupScratch {
     active_cues: Vec<ActiveCue>,
@@ -21,12 +21,12 @@ pub(crate) struct GroupScratch {
     sums: Vec<f32>,
 }
 
-/// Whether these layers, all of one rank, are more than one layer that overrides what is below.
+/// Whether layers of one rank need [`lay_over`]: there are several, or one of them is additive.
 pub(crate) fn is_group(layers: &[Layer]) -> bool {
     layers.len() > 1 || layers.iter().any(|layer| layer.mode != LayerMode::Override)
 }
 
-/// Lays the layers over a pose and its morph weights.
+/// Applies the layers of one rank to a pose, its morph weights and expressions.
 pub(crate) fn lay_over(
     layers: &[Layer],
     asset: &Asset,
@@ -39,7 +39,7 @@ pub(crate) fn lay_over(
     scratch.active.clear();
     for (index, layer) in layers.iter().enumerate() {
         timeline::upper_cues(layer, time, &mut scratch.active_cues);
-        // A clip for another skeleton states nothing about this one; `Stage::check` names it.
+        // A clip for another skeleton is skipped; `Stage::check` reports it.
         scratch
             .active_cues
             .retain(|active| layer.cues[active.cue].clip.joint_count() == asset.skeleton.len());
@@ -57,7 +57,7 @@ pub(crate) fn lay_over(
     lay_over_expressions(layers, asset, scratch, expressions);
 }
 
-/// Blends expression weights like morph weights: overriding ones are mixed, additive ones added. The mask counts at the head.
+/// Blends expression weights like morph weights: overriding ones are averaged, additive ones summed. The mask's weight at the head applies.
 fn lay_over_expressions(layers: &[Layer], asset: &Asset, scratch: &GroupScratch, expressions: &mut [f32]) {
     for (expression, weight) in asset.expressions.iter().zip(expressions) {
         let (mut total, mut sum, mut added_up) = (0.0, 0.0, 0.0);
@@ -103,7 +103,7 @@ fn override_pose(layers: &[Layer], scratch: &mut GroupScratch, pose: &mut Pose) 
     }
 }
 
-/// Additive layers, with the sign of their weights and the pose that each is the difference to.
+/// Sign and reference pose of an additive or subtractive layer; `None` for an overriding layer.
 fn added(mode: LayerMode) -> Option<(f32, Reference)> {
     match mode {
         LayerMode::Override => None,

@@ -27,7 +27,7 @@ use choreo_asset::{Asset, MeshInstance, expression};
 use choreo_motion::{BlendOnto, Clip, Crossfade, HumanBone, LocalToModel, Pose, Sample, Time};
 use glam::{Affine3A, DAffine3, DQuat, DVec3};
 
-/// Buffers of [`pose_actor`]; what is in them on entry does not matter.
+/// Reusable buffers of [`pose_actor`]; their previous contents do not matter.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PoseScratch {
     pose: Pose,
@@ -36,14 +36,14 @@ pub(crate) struct PoseScratch {
     active_cues: Vec<ActiveCue>,
     weights: Vec<f32>,
     expressions: Vec<f32>,
-    /// Weights before they are settled.
+    /// Expression weights before they are settled.
     requested: Vec<f32>,
     group: GroupScratch,
     mirror: MirrorScratch,
 }
 
 impl PoseScratch {
-    /// The rest pose, without expressions.
+    /// Resets to the rest pose, with all expressions at zero.
     fn start(&mut self, asset: &Asset) {
         self.expressions.clear();
         self.expressions.resize(asset.expressions.len(), 0.0);
@@ -55,7 +55,7 @@ impl PoseScratch {
         &self.expressions
     }
 
-    /// The requested weights.
+    /// Requested expression weights of the actor that was posed last, before they are settled.
     pub fn requested(&self) -> &[f32] {
         &self.requested
     }
@@ -103,7 +103,7 @@ pub(crate) fn pose_actor<'e>(
         } else {
             timeline::upper_cues(layer, time, &mut scratch.active_cues);
         }
-        // A clip for another skeleton states nothing about this one; `Stage::check` names it.
+        // A clip for another skeleton is skipped; `Stage::check` reports it.
         scratch.active_cues.retain(|active| layer.cues[active.cue].clip.joint_count() == joints);
         let blended = |(place, active): (usize, &ActiveCue)| BlendedClip {
             clip: &layer.cues[active.cue].clip,
@@ -202,7 +202,8 @@ fn apply_edits<'e>(
     }
 }
 
-/// A cue of a base layer over the rest pose, with its root where it is to be and the inertialization offset that is left.
+/// Samples a cue of a base layer over the rest pose, moves its root to the root-motion anchor, and applies what is left of its
+/// inertialization offset.
 pub(crate) fn sample_cue(
     actor: &Actor,
     layer: &Layer,
@@ -224,7 +225,7 @@ pub(crate) fn sample_cue(
     }
 }
 
-/// The inertialization offset that is left of a cue's beginning, and how long ago that was.
+/// Inertialization offset of a cue, and the time since the start of the cue; `None` if it is not inertialized.
 pub(crate) fn inertialization<'a>(
     layer: &Layer,
     active: &ActiveCue,
@@ -291,14 +292,15 @@ pub(crate) struct BlendedClip<'a> {
     pub clip: &'a Clip,
     pub time: Time,
     pub weight: f32,
-    /// It is blended onto the rest pose alone.
+    /// Whether this is the first clip of the base layer: only the rest pose is below it.
     pub first: bool,
     /// See [`inertialization()`].
     pub inertialization: Option<(&'a CueInertialization, Time)>,
 }
 
 impl BlendedClip<'_> {
-    /// Joints that a clip does not animate are at rest on the base layer, and as the layers below pose them on upper ones.
+    /// Blends the clip's pose over the layers below. Joints that the clip does not animate are at rest on the base layer, and unchanged on
+    /// upper layers.
     fn blend_pose(&self, asset: &Asset, layer: &Layer, base: bool, pose: &mut Pose, over: &mut Pose) {
         let mask = layer.mask.as_ref().map(|mask| mask.as_slice());
         if self.first && mask.is_none() {
@@ -343,7 +345,8 @@ impl BlendedClip<'_> {
         }
     }
 
-    /// An expression that a clip does not drive is 0 on the base layer, and as below on upper ones. A mask counts at the head.
+    /// Blends the clip's expressions over the weights below. An expression that the clip does not animate is 0 on the base layer, and
+    /// unchanged on upper layers. The mask's weight at the head applies.
     pub(crate) fn blend_expressions(&self, asset: &Asset, layer: &Layer, base: bool, weights: &mut [f32]) {
         if weights.is_empty() || (self.clip.expressions().is_empty() && !base) {
             return;
@@ -363,7 +366,7 @@ impl BlendedClip<'_> {
     }
 }
 
-/// Factor of a layer's mask at the head.
+/// Weight of a layer's mask at the head.
 pub(crate) fn masked_at_head(asset: &Asset, layer: &Layer) -> f32 {
     let head = || {
         let humanoid = asset.skeleton.humanoid();
@@ -416,7 +419,7 @@ fn set_weights<'e>(
     }
 }
 
-/// Expressions over the clips': as for morph weights.
+/// Overrides the clips' expressions: the script's fixed weights, then keyed ones, then those of callbacks.
 fn set_expressions<'e>(
     actor: &Actor,
     time: Time,

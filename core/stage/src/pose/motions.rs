@@ -1,4 +1,4 @@
-//! Results that are computed once from the clips of a stage: root motion and inertialization.
+//! Motion data that is computed once for a stage.
 
 use crate::pose::inertialization::Inertializations;
 use crate::root_motion::track::{RootMotionTrack, RootMotionTracks};

@@ -1,4 +1,4 @@
-//! The vertices of an actor as posed.
+//! Posed vertices of an actor.
 
 use crate::snapshot::ActorState;
 use choreo_asset::{Asset, PosedInstance, Standing, posed_meshes_by};
@@ -11,7 +11,7 @@ pub fn posed_meshes(asset: &Asset, actor: &ActorState) -> Vec<PosedInstance> {
     posed_meshes_by(how, asset, model_from_joint, morph_weights, *world_from_model)
 }
 
-/// The posed mesh in model space, as if the character stood once, where it is cast.
+/// All posed mesh instances in model space, for the character itself without the placements of its copies.
 pub(crate) fn posed_body(asset: &Asset, actor: &ActorState) -> Vec<PosedInstance> {
     let ActorState { model_from_joint, morph_weights, .. } = actor;
     let how = (actor.skinning, Standing::Once);

@@ -1,4 +1,4 @@
-//! All poses of one time, on all cores where there are many.
+//! Computes the poses of all actors at one time, in parallel if there are many.
 
 use crate::pose;
 use crate::pose::PoseScratch;
@@ -12,12 +12,12 @@ use choreo_motion::Time;
 #[cfg(feature = "threads")]
 use rayon::prelude::*;
 
-/// Fewer poses are taken on one thread: handing them out costs some microseconds.
+/// Smallest number of poses that is distributed over threads; distributing costs some microseconds.
 const SHARED_OUT_FROM: usize = 48;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct PoseNeed {
-    /// Its place in the world counts for something.
+    /// Whether the actor's world transform is needed.
     pub world: bool,
     pub pose: bool,
 }
@@ -26,9 +26,9 @@ pub(crate) struct PoseNeed {
 pub(crate) struct Posing<'a> {
     pub time: Time,
     pub motions: &'a Motions,
-    /// One an actor.
+    /// One entry per actor.
     pub needs: &'a [PoseNeed],
-    /// (actor, place in `edits`), sorted.
+    /// (actor, index into `edits`), sorted.
     pub pose_edits: &'a [(usize, usize)],
     pub edits: &'a [(usize, ActorEdit)],
 }
@@ -42,8 +42,8 @@ fn available_threads() -> usize {
 }
 
 impl Posing<'_> {
-    /// Poses the actors that anything needs, and returns how many they are. `scratch` grows to one for each part that a thread takes.
-    /// `expression_weights`: one for each actor, filled for those whose file states how their eyes move.
+    /// Poses the actors that need it and returns their number. `scratch` grows to one entry per chunk of actors. `expression_weights`: one
+    /// entry per actor, filled for actors whose file states how their eyes move.
     pub fn run(
         &self,
         actors: &[Actor],
@@ -53,7 +53,7 @@ impl Posing<'_> {
     ) -> usize {
         let poses = self.needs.iter().filter(|need| need.pose).count();
         let threads = if poses < SHARED_OUT_FROM { 1 } else { available_threads() };
-        // Neighbours are often alike: small parts, so that none is left with all that is costly.
+        // Neighboring actors often cost the same: small chunks keep one thread from getting all that are expensive.
         let size = actors.len().div_ceil(if threads > 1 { 4 * threads } else { 1 }).max(1);
         let parts = actors.len().div_ceil(size);
         if expression_weights.len() < actors.len() {
@@ -80,7 +80,7 @@ impl Posing<'_> {
         poses
     }
 
-    /// Poses neighbouring actors, `first` on.
+    /// Poses a chunk of actors. `first`: index of its first actor.
     fn part(
         &self,
         first: usize,

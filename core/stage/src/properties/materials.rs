@@ -1,5 +1,5 @@
-//! Materials that change with the time: by clips (KHR_animation_pointer), by expressions (VRM's color and texture binds), by
-//! themselves (MToon's moving textures). An actor without any of these pays one look at its clips.
+//! Animated materials: by clips (KHR_animation_pointer), by expressions (VRM's color and texture binds) and by themselves (MToon's UV
+//! animation, frame strips). An actor without any of these costs one scan of its clips.
 
 use crate::properties;
 use crate::snapshot::ChangedMaterial;
@@ -10,7 +10,7 @@ use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// `weights`: of the asset's expressions, settled.
+/// Fills `out` with the materials of an actor that are animated, at a time. `weights`: settled weights of the asset's expressions.
 pub(crate) fn at(actor: &Actor, weights: &[f32], time: Time, out: &mut Vec<ChangedMaterial>) {
     out.clear();
     let asset = &*actor.asset;
@@ -81,7 +81,7 @@ fn by_clips(actor: &Actor, index: u32, properties: &[MaterialProperty], time: Ti
     now.emissive *= strength;
 }
 
-/// VRM 1.0, "expressions.md": what differs from the material at rest, times the weight, is added.
+/// Applies the binds of an expression (VRM 1.0, "expressions.md"): adds the difference from the material at rest, times the weight.
 fn by_expression(expression: &Expression, weight: f32, index: u32, rest: &Material, now: &mut Material) {
     for bind in expression.colors.iter().filter(|b| b.material == index) {
         let to = bind.to.truncate();
@@ -107,7 +107,7 @@ fn by_expression(expression: &Expression, weight: f32, index: u32, rest: &Materi
     for bind in expression.uvs.iter().filter(|b| b.material == index) {
         textures(now, |texture| {
             let mut uv = Uv::of(&texture.uv_transform);
-            // The offset is added to that of the texture at rest and the scale multiplied by its scale; VRM's own are 0 and 1.
+            // VRM assumes a texture at offset 0 and scale 1. For any other texture the offset is added and the scale is multiplied.
             uv.offset += bind.offset * weight;
             uv.scale *= Vec2::ONE + (bind.scale - Vec2::ONE) * weight;
             texture.uv_transform = uv.transform();
@@ -115,10 +115,10 @@ fn by_expression(expression: &Expression, weight: f32, index: u32, rest: &Materi
     }
 }
 
-/// MToon: turned about the middle, then moved; everything but the matcap.
+/// MToon's UV animation of all textures except the matcap: rotates about the center, then scrolls.
 fn by_itself(motion: UvMotion, time: Time, now: &mut Material) {
     if let Some(toon) = now.toon.as_mut().filter(|t| t.uv_mask.is_some()) {
-        // Each place moves its own share, a multiple of 1/255: after 255 rounds every one of them is where it began.
+        // Each texel of a mask sets a share of the motion, a multiple of 1/255, so after 255 rounds all texels are where they began.
         let round =
             |speed: f32, whole: f64| libm::fmod(f64::from(speed) * time.as_secs(), 255.0 * whole) as f32;
         let turned = round(motion.rotation, std::f64::consts::TAU);
@@ -137,7 +137,7 @@ fn by_itself(motion: UvMotion, time: Time, now: &mut Material) {
     textures(now, |texture| texture.uv_transform = all * texture.uv_transform);
 }
 
-/// Every texture that is looked up by texture coordinates.
+/// Calls `change` for every texture that is sampled by texture coordinates.
 fn textures(material: &mut Material, mut change: impl FnMut(&mut TextureRef)) {
     for slot in 0..7 {
         if let Some(texture) = slot_of(material, slot) {
@@ -158,7 +158,7 @@ fn slot_of(m: &mut Material, slot: u8) -> Option<&mut TextureRef> {
         2 => m.normal_texture.as_mut(),
         3 => m.occlusion_texture.as_mut(),
         4 => m.emissive_texture.as_mut(),
-        // Blinn–Phong has its reflection map there.
+        // Blinn–Phong materials have their reflection map in slot 5.
         5 => match &mut m.reflection {
             Some(reflection) => reflection.texture.as_mut(),
             None => m.specular_texture.as_mut(),
@@ -176,7 +176,7 @@ fn on_slot(material: &mut Material, slot: u8, change: impl FnOnce(&mut Uv)) {
     }
 }
 
-/// The parts of KHR_texture_transform.
+/// Offset, rotation in radians and scale of KHR_texture_transform.
 struct Uv {
     offset: Vec2,
     rotation: f32,
@@ -184,7 +184,7 @@ struct Uv {
 }
 
 impl Uv {
-    /// Offset, rotation and scale of what [`uv_transform`] makes. A scale of zero has lost its rotation.
+    /// Decomposes a matrix made by [`uv_transform`]. If the scale is zero, the rotation is lost.
     fn of(a: &Affine2) -> Uv {
         let (x, y) = (a.matrix2.x_axis, a.matrix2.y_axis);
         let mirrored = a.matrix2.determinant() < 0.0;

@@ -1,4 +1,4 @@
-//! Numbers of a file's cameras, lights and materials that its clips animate (KHR_animation_pointer), blended as poses are.
+//! Properties of a file's cameras, lights and materials that its clips animate (KHR_animation_pointer), blended like poses.
 
 pub(crate) mod materials;
 
@@ -7,8 +7,8 @@ use crate::stage::clips::LayerMode;
 use choreo_motion::{PropertyTarget, Time};
 use glam::Vec4;
 
-/// Value of the property at a time where some cue's clip drives it. A clip on the base layer that does not drive it has `rest`;
-/// one on an upper layer changes nothing; additive ones bring their difference from `rest`. Masks are of joints and do not count.
+/// Value of a property at a time; `None` if no cue's clip animates it. A base-layer clip that does not animate it counts as `rest`, and
+/// such a clip on an upper layer changes nothing. Additive layers add their difference from `rest`. Masks apply to joints only.
 pub(crate) fn at<const N: usize>(
     actor: &Actor,
     target: PropertyTarget,
@@ -16,7 +16,7 @@ pub(crate) fn at<const N: usize>(
     time: Time,
 ) -> Option<[f32; N]> {
     let cues = || actor.layers.iter().flat_map(|layer| &layer.cues);
-    // A clip of another asset means another asset's things.
+    // A clip of another asset refers to that asset's properties.
     let own = |clip: &choreo_motion::Clip| clip.joint_count() == actor.asset.skeleton.len();
     if !cues().any(|cue| own(&cue.clip) && cue.clip.properties().any(|(t, _)| t == target)) {
         return None;

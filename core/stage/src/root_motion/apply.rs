@@ -1,4 +1,4 @@
-//! Root motion and paths in an evaluation: actors carried on from where they have been placed.
+//! Applies root motion and path following: moves actors from their placements.
 
 use crate::root_motion::track::{RootMotionTrack, RootMotionTracks};
 use crate::stage::Stage;
@@ -8,16 +8,16 @@ use crate::transforms::facing;
 use choreo_motion::Time;
 use glam::{DAffine3, DQuat, DVec3};
 
-/// Buffers.
+/// Reusable buffers of [`apply`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RootMotionScratch {
-    /// Actors turned to what they face where they start, since they walk there; sorted by actor.
+    /// Actors with root motion that face another actor, with the turn towards it at their start; sorted by actor.
     faced: Vec<(usize, DQuat)>,
     active_cues: Vec<ActiveCue>,
 }
 
 impl RootMotionScratch {
-    /// Whether an actor has been turned to what it faces already.
+    /// Whether root motion has already turned an actor to the actor that it faces.
     pub(crate) fn has_faced(&self, actor: usize) -> bool {
         self.faced.binary_search_by_key(&actor, |(actor, _)| *actor).is_ok()
     }

@@ -1,12 +1,11 @@
 //! Root motion over a timeline: where an actor's clips have carried it, at any time.
 //!
-//! Alone a clip carries its actor by a closed form: k whole loops are the k-th power of one loop's motion
-//! ([`choreo_motion::Planar::power`]), so that a hundred hours in costs what the first second does and drifts no more. While
-//! weights change, in fades, the actor moves with the weighted mean of the clips' velocities in its own frame (as
-//! Unreal's and Unity's root motion does; a mean of places would add the speed at which the clips part). After an inertialized switch the
-//! velocity that the new clip lacks goes to zero as the offsets of its pose do ([`Settling`]). Neither has a closed
-//! form with turns in it, so they are integrated once, in fixed steps of exact displacements, into a table that any time is
-//! looked up in.
+//! A single clip carries its actor in closed form: k whole loops are the k-th power of one loop's motion
+//! ([`choreo_motion::Planar::power`]), so that a time of 100 h costs as much as the first second and drifts no more. During fades the actor
+//! moves with the weighted mean of the clips' velocities in its own frame, as in Unreal and Unity. (A mean of positions would add the speed
+//! at which the clips diverge.) After an inertialized switch the velocity difference to the new clip decays like the offsets of its pose
+//! ([`Settling`]). With turns neither has a closed form, so both are integrated once, in fixed steps of exact displacements, into a lookup
+//! table.
 
 use crate::stage::Stage;
 use crate::stage::actor::{Actor, Placement};
@@ -19,17 +18,17 @@ use choreo_motion::{Planar, Repeat, Time};
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
-/// Steps a second of a fade; an error of the mean velocity of 1e-5 m in a fade from a walk to a run with a turn.
+/// Integration steps per second of a fade. The error is 1e-5 m in a fade from a walk to a run with a turn.
 const RATE: f64 = 240.0;
 const MOST_STEPS: f64 = 65_536.0;
-/// Time in which a velocity is measured.
+/// Time interval over which a velocity is measured.
 const INSTANT: Time = Time(Time::TICKS_PER_SECOND / 240);
 
-/// How far an actor has come: where its frame is, and how far it went forwards.
+/// Accumulated root motion of an actor: its frame, and the distance that it went forwards.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Displacement {
     pub frame: Planar,
-    /// Metres along the way of the clips, whatever turns there were.
+    /// Metres along the clips' forward direction, regardless of turns.
     pub forward: f64,
 }
 
@@ -68,23 +67,23 @@ impl RootMotionTracks {
 
 #[derive(Clone, Debug)]
 pub(crate) struct RootMotionTrack {
-    /// Position of the root on the floor in model space: that of the first clip, and of all others too.
+    /// Position of the root on the floor in model space: taken from the first clip, and used for all clips.
     anchor: DVec3,
     segments: Vec<Segment>,
-    /// Velocities that are left of the motion before, by cue.
+    /// Velocities that cues take over from the motion before them, by cue.
     settling: Vec<Option<Settling>>,
 }
 
-/// The velocity that an inertialized switch takes over from the motion before, beyond that of its own clip: it begins with it and goes
-/// to zero by the quintic of least jerk (T. Flash, N. Hogan, "The Coordination of Arm Movements", 1985), which is that of
-/// [`choreo_motion::Inertialization`] for an offset that is at rest.
+/// Velocity that an inertialized switch takes over from the motion before it, as the difference from the new clip's velocity. It decays to
+/// zero by the minimum-jerk quintic (T. Flash, N. Hogan, "The Coordination of Arm Movements", 1985), as in
+/// [`choreo_motion::Inertialization`] for an offset at rest.
 #[derive(Clone, Copy, Debug)]
 struct Settling {
     start: Time,
     duration: Time,
     /// Horizontal velocity and turn in the actor's frame, metres and radians per second.
     velocity: (DVec3, f64),
-    /// Metres per second.
+    /// Speed along the clips' forward direction, metres per second.
     forward: f64,
 }
 
@@ -93,7 +92,7 @@ impl Settling {
         self.start + self.duration
     }
 
-    /// The integral of the share that is left between two times, seconds.
+    /// Integral of the remaining share of the velocity between two times, seconds.
     fn secs(&self, from: Time, to: Time) -> f64 {
         let whole = self.duration.as_secs();
         let until = |time: Time| {
@@ -162,7 +161,7 @@ impl RootMotionTrack {
         Some(track)
     }
 
-    /// Finds the velocities that inertialized cues which start at a time take over.
+    /// Computes the velocities that the inertialized cues which start at a time take over.
     fn settle(&mut self, layer: &Layer, start: Time, active_cues: &mut Vec<ActiveCue>) {
         for (index, cue) in layer.cues.iter().enumerate().skip(1) {
             if cue.start != start || cue.inertialization <= Time::ZERO {
@@ -183,7 +182,7 @@ impl RootMotionTrack {
         }
     }
 
-    /// How far the actor has come at a time.
+    /// Accumulated displacement of the actor at a time.
     fn step(&self, layer: &Layer, time: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
         let begun = self.segments.partition_point(|segment| segment.start <= time);
         match begun.checked_sub(1).map(|i| &self.segments[i]) {
@@ -192,7 +191,7 @@ impl RootMotionTrack {
         }
     }
 
-    /// Motion that moves an actor's placement: model space now from model space without root motion.
+    /// Root motion of an actor at a time: current model space from model space without root motion.
     pub fn carried(&self, actor: &Actor, time: Time, active_cues: &mut Vec<ActiveCue>) -> Displacement {
         let Some(layer) = actor.layers.first() else { return Displacement::default() };
         let Displacement { frame, forward } = self.step(layer, time, active_cues);
@@ -353,16 +352,16 @@ fn displacement(layer: &Layer, index: usize, time: Time) -> Displacement {
     }
 }
 
-/// The horizontal direction of a way; forwards, +Z, where it leads nowhere.
+/// Horizontal unit direction of a vector; +Z, forwards, if it has no horizontal part.
 fn direction(way: DVec3) -> DVec3 {
     way.with_y(0.0).try_normalize().unwrap_or(DVec3::Z)
 }
 
 impl Placement {
-    /// This placement moved by root motion, in its own space.
+    /// The placement moved by root motion in its own space.
     pub fn carried(self, by: Planar) -> Placement {
         let Placement { translation, rotation, scale } = self;
-        // In a mirrored space a turn to the left is one to the right.
+        // A left turn becomes a right turn in a mirrored space.
         let mirrored = if scale.x * scale.z < 0.0 { -1.0 } else { 1.0 };
         let turned = DQuat::from_rotation_y(by.yaw * mirrored);
         Placement {

@@ -17,28 +17,29 @@ use glam::{DQuat, DVec3, Vec4};
 use std::sync::Arc;
 
 described! {
-    /// An asset on stage, by default at the origin, at rest; the spring bones of its file swing. The index in `Stage::actors` is
+    /// An asset on stage, by default at the origin and in its rest pose, with the spring bones of its file. The index in `Stage::actors` is
     /// its id; parents may come later than children.
     #[derive(Clone, Debug)]
     pub struct Actor(
-        /// Its name in scripts.
+        /// Name in scripts.
         name: String => str,
         /// Content of its file.
         asset: Arc<Asset>,
     ) {
-        /// Place in the parent, else in the world, without keys.
+        /// Placement in the parent's space, else in the world, without keys.
         transform: Placement = Placement::default();
         /// Parents over time, sorted by start; before the first one the actor stands in the world.
         parents: Vec<Parenting> = Vec::new(), hash |w: &mut Writer, parents: &[Parenting]| {
-            // No parent is written as it was when there was one at most.
+            // An actor without parents is written as when there was at most one parent.
             for parent in parents {
                 (true, parent).hash(w);
             }
             false.hash(w);
         };
-        /// Turned about its parent's +Y so that its front points to where this actor stands; its own rotation comes first.
+        /// Index of the actor that this one faces: it is turned about its parent's +Y so that its front points there, after its own
+        /// rotation.
         face: Option<usize> = None;
-        /// Its clips: the base layer, then those over it.
+        /// Layers of clips: the base layer, then those over it.
         layers: Vec<Layer> = Vec::new();
         /// Keyed properties.
         channels: Vec<Channel> = Vec::new();
@@ -46,31 +47,31 @@ described! {
         look_at: Vec<LookAt> = Vec::new();
         /// Constraints over its clips; see `crate::stage::constraint` for their order.
         constraints: Vec<Constraint> = Vec::new();
-        /// How far joints may turn, whatever clips and constraints do.
+        /// Limits of joints, by joint; they apply after clips and constraints.
         limits: Vec<(u32, Limit)> = Vec::new();
-        /// Hair, skirts and tails.
+        /// Spring bones: hair, skirts and tails.
         springs: Option<Arc<ActorSprings>> = ActorSprings::of(&asset);
-        /// Goes along a path, from where it is placed. Its clips' root motion then only sets the pace.
+        /// Path that the actor follows from its placement. Root motion of its clips then only sets the pace.
         path_following: Option<Arc<PathFollowing>> = None;
-        /// An actor is seen where it and all that it is attached to are visible.
+        /// Whether the actor is visible. It is drawn only if all its parents are visible, too.
         visible: bool = true;
-        /// Multiplies every base color, linear.
+        /// Factor of every base color, linear RGBA.
         tint: Vec4 = Vec4::ONE;
         /// Line width that replaces that of its materials ([`choreo_asset::LineStyle`]).
         line_width: Option<f32> = None;
-        /// How many of the copies of its meshes exist, the first ones; `None`: all.
+        /// Number of copies of its meshes that exist, counted from the first; `None`: all.
         copies: Option<u32> = None;
-        /// Weights of expressions set in the script: (index into `Asset::expressions`, weight), over the clips'.
+        /// Weights of expressions set in the script, which replace the clips' weights: (index into `Asset::expressions`, weight).
         expressions: Vec<(u32, f32)> = Vec::new();
-        /// Morph weights by name or index set in the script: (mesh instance, target, weight), over the clips'.
+        /// Morph weights set in the script, which replace the clips' weights: (mesh instance, target, weight).
         morphs: Vec<(u32, u32, f32)> = Vec::new();
         /// Whether the file's own lights shine when this actor is on stage.
         file_lights: bool = true;
-        /// How vertices follow several joints.
+        /// Skinning method for vertices with several joints.
         skinning: Skinning = Skinning::default();
-        /// How its surfaces are cut out and mixed; of several rules for the same option the last counts.
+        /// Rules for cutouts and transparency of its surfaces; of several rules for one option the last applies.
         surfaces: Vec<SurfaceRule> = Vec::new();
-        /// Its part in shadows.
+        /// Whether the actor casts and receives shadows.
         shadow: ActorShadow = ActorShadow::default();
     }
     fields {
@@ -87,12 +88,12 @@ described! {
 }
 
 described! {
-    /// Part of an actor in shadows.
+    /// Whether an actor casts and receives shadows.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub struct ActorShadow {
-        /// It casts shadows.
+        /// Whether the actor casts shadows.
         cast: bool = true;
-        /// Shadows fall on it, its own among them.
+        /// Whether shadows fall on the actor, its own shadow among them.
         receive: bool = true;
     }
     fields {
@@ -113,7 +114,7 @@ fn has_no_copies(of: &Actor) -> Option<&'static str> {
 }
 
 described! {
-    /// Position, rotation and scale of something in its parent: f64, so that 10 000 km from the origin looks as the origin does.
+    /// Position, rotation and scale in the space of a parent. f64 keeps images 10 000 km from the origin as precise as at the origin.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Placement {
         /// Position, metres.
@@ -130,7 +131,7 @@ described! {
     }
 }
 
-/// Place that an actor can hang on: another actor, or one of its joints.
+/// A parent: another actor, or one of its joints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Attachment {
     /// Index into `Stage::actors`.
@@ -146,11 +147,11 @@ pub struct Attachment {
 pub struct LookAt {
     /// Joint of the actor's skeleton that is turned.
     pub joint: u32,
-    /// Place that it points at.
+    /// Target at which the joint points.
     pub target: Target,
-    /// Time from which it counts.
+    /// Stage time at which the look-at starts.
     pub start: Time,
-    /// Time at which it has ended; `None`: it goes on.
+    /// Stage time at which the look-at ends; `None`: never.
     pub end: Option<Time>,
     /// Fade-in after `start` and fade-out before `end`, eased.
     pub fade: Time,

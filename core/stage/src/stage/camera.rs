@@ -26,22 +26,22 @@ pub enum Rig {
     Frame { azimuth: f64, elevation: f64 },
 }
 
-/// A number among the options of a motion of cameras, as scripts state it.
+/// A numeric option of a camera rig, as scripts state it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RigOption {
-    /// Its name.
+    /// Name of the option.
     pub name: &'static str,
-    /// Its unit.
+    /// Unit of the value.
     pub unit: &'static str,
-    /// The number where none is stated.
+    /// Default value.
     pub default: f64,
-    /// The least and the greatest number.
+    /// Smallest and largest allowed value.
     pub range: [f64; 2],
 }
 
-/// Degrees of a turn about the vertical.
+/// Allowed azimuths in degrees: any finite number.
 const TURNS: [f64; 2] = [f64::MIN, f64::MAX];
-/// Degrees above the horizontal: at 90 there is no side that is up.
+/// Allowed elevations in degrees: at ±90 no direction is up in the image.
 const ELEVATIONS: [f64; 2] = [-89.0, 89.0];
 
 impl Rig {
@@ -60,24 +60,25 @@ impl Rig {
 }
 
 described! {
-    /// A camera of the stage. By default perspective, 0.7 rad high, and it fits everything into the image from the front.
+    /// A camera of the stage. By default a perspective camera, with a vertical field of view of 0.7 rad, that frames everything from the
+    /// front.
     #[derive(Clone, Debug, PartialEq)]
     pub struct Camera {
-        /// Its name in scripts.
+        /// Name in scripts.
         name: String = String::new();
-        /// Angle or height of the image, and the clipping planes.
+        /// Field of view or height of the image, and the clipping planes.
         projection: Projection = Projection::default();
-        /// The near plane is as `projection` has it. Otherwise it is brought nearer for a target that is close.
+        /// Whether the near plane in `projection` is set by the script. Otherwise it is moved closer for a near target.
         near_is_set: bool = false;
-        /// The angle or height of `projection` counts for the camera of a file, too.
+        /// Whether the field of view or height in `projection` applies to the camera of a file, too.
         lens_is_set: bool = false;
-        /// Its place and direction.
+        /// Motion of the camera: its position and direction at every time.
         rig: Rig = Rig::Frame { azimuth: 0.0, elevation: 0.0 };
         /// Keyed properties.
         channels: Vec<Channel> = Vec::new();
-        /// Targets in place of that of its rig; sorted by start.
+        /// Targets that replace the target of the rig over time; sorted by start.
         looks: Vec<CameraLook> = Vec::new();
-        /// Shaking on top of that; all of them add up.
+        /// Shakes on top of rig and looks; they add up.
         shakes: Vec<CameraShake> = Vec::new();
     }
     fields {
@@ -153,7 +154,7 @@ impl Camera {
         2.0 * libm::atan(FILM_HEIGHT / 2.0 / focal_length)
     }
 
-    /// The focal length in millimetres that sees a vertical field of view in radians, on full-frame film.
+    /// The focal length in millimetres that gives a vertical field of view in radians, on full-frame film.
     pub fn focal_length(yfov: f64) -> f64 {
         FILM_HEIGHT / 2.0 / libm::tan(yfov / 2.0)
     }
@@ -164,7 +165,7 @@ impl Camera {
         near
     }
 
-    /// The far clipping plane, metres; `None`: none.
+    /// The far clipping plane, metres; `None`: there is no far plane.
     pub fn far(&self) -> Option<f32> {
         match self.projection {
             Projection::Perspective { far, .. } => far,
@@ -176,11 +177,11 @@ impl Camera {
 /// Change to another camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Cut {
-    /// Time at which it happens.
+    /// Stage time of the cut.
     pub at: Time,
-    /// Index into `Stage::cameras` of the camera that is on from then.
+    /// Index into `Stage::cameras` of the camera that is active from then on.
     pub camera: usize,
-    /// How long the image of the camera before goes over into that of this one, from `at` on, at most until the next cut.
+    /// Duration of the dissolve from the camera before, starting at `at`; it ends at the next cut at the latest.
     pub dissolve: Time,
 }
 

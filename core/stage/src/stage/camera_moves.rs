@@ -1,4 +1,4 @@
-//! Motion of a camera on top of its rig: it turns to targets one after the other, and shakes.
+//! Motion of a camera on top of its rig: looks, which turn it to targets one after the other, and shakes.
 
 use crate::stage::actor::Target;
 use choreo_motion::Time;
@@ -6,28 +6,28 @@ use choreo_motion::Time;
 /// A target of a camera from a time on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraLook {
-    /// `None`: where its rig looks.
+    /// Target of the look; `None`: the direction of the rig.
     pub target: Option<Target>,
-    /// Time from which it turns there.
+    /// Stage time at which the camera starts to turn.
     pub start: Time,
-    /// How long it takes to turn there.
+    /// Duration of the turn.
     pub blend: Time,
 }
 
-/// A handheld camera, or one in a collision: smooth noise about its place.
+/// Camera shake, as of a handheld camera or a collision: smooth noise added to position and rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CameraShake {
-    /// Time at which it begins.
+    /// Stage time at which the shake begins.
     pub start: Time,
-    /// Time at which it has ended; `None`: it goes on.
+    /// Stage time at which the shake ends; `None`: never.
     pub end: Option<Time>,
     /// Duration of the fade-in and of the fade-out.
     pub fade: Time,
-    /// Most that it pans and tilts to each side, radians; it rolls half as far.
+    /// Largest pan and tilt to each side, radians; the roll is half as large.
     pub angle: f64,
-    /// Most that it moves to each side, up and down, metres.
+    /// Largest offset to each side, up and down, metres.
     pub shift: f64,
-    /// How often it goes to and fro at most, Hz.
+    /// Highest frequency of the oscillation, Hz.
     pub frequency: f64,
     /// Shakes with different seeds are independent.
     pub seed: u32,

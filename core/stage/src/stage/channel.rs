@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 pub struct Channel {
     /// The property that is keyed.
     pub property: Property,
-    /// How values between keys are found.
+    /// Interpolation between the keys.
     pub interpolation: Interpolation,
     /// Stage times of the keys, strictly increasing.
     pub times: Vec<Time>,
@@ -16,7 +16,7 @@ pub struct Channel {
     pub values: Vec<f64>,
 }
 
-/// Property that keys can move, of whatever has it.
+/// Property that keyframes can animate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Property {
     /// Position, metres.
@@ -29,9 +29,9 @@ pub enum Property {
     Visible,
     /// Factor of base colors, linear RGBA.
     Tint,
-    /// Width of its lines and points.
+    /// Width of an actor's lines and points.
     LineWidth,
-    /// How many copies of its meshes, rounded down.
+    /// Number of copies of an actor's meshes, rounded down.
     Copies,
     /// Weight of a morph target.
     Morph {
@@ -72,12 +72,12 @@ pub enum Property {
 }
 
 impl Property {
-    /// Whether it sets the angle that a camera sees.
+    /// Whether the property sets the field of view of a camera.
     pub fn is_lens(self) -> bool {
         matches!(self, Property::FieldOfView | Property::FocalLength)
     }
 
-    /// Numbers that a value takes.
+    /// Number of components of a value.
     pub fn width(self) -> usize {
         match self {
             Property::Translation | Property::Scale | Property::Color => 3,
@@ -88,8 +88,8 @@ impl Property {
 }
 
 impl Channel {
-    /// The value at a time, in the first `property.width()` numbers; end values hold outside the keys. `None` where the lists
-    /// do not fit each other.
+    /// The value at a time, in the first `property.width()` numbers; end values hold outside the keys. `None` if the lengths of the lists
+    /// do not match.
     pub fn at(&self, time: Time) -> Option<[f64; 4]> {
         let width = self.property.width();
         let cubic = self.interpolation == Interpolation::CubicSpline;
@@ -144,7 +144,7 @@ impl Channel {
     }
 }
 
-/// The last of these channels that keys a property, at a time.
+/// Value, at a time, of the last of these channels that animates a property.
 pub(crate) fn keyed(channels: &[Channel], property: Property, time: Time) -> Option<[f64; 4]> {
     channels.iter().rev().filter(|c| c.property == property).find_map(|c| c.at(time))
 }

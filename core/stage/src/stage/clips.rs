@@ -12,31 +12,31 @@ use std::sync::Arc;
 pub struct Layer {
     /// One weight for each joint of the actor's skeleton, 0..=1; `None` = all joints.
     pub mask: Option<Arc<Vec<f32>>>,
-    /// Its effect on the layers below.
+    /// Effect on the layers below.
     pub mode: LayerMode,
-    /// Layers are sorted by rank, the base left out. A higher rank lies over a lower one. Those of one rank are equal: their
-    /// order changes nothing but rounding. First those that override are mixed, by weight, over what is below
-    /// ([`choreo_motion::WeightedBlend`]), then the additive ones are summed and laid on top ([`choreo_motion::AdditiveLayers`]).
+    /// Rank of the layer. All layers except the base are sorted by rank; a higher rank lies over a lower one. The order of layers of the
+    /// same rank changes nothing but rounding: first the overriding layers are averaged by weight over the layers below
+    /// ([`choreo_motion::WeightedBlend`]), then the additive layers are summed on top ([`choreo_motion::AdditiveLayers`]).
     pub rank: u32,
-    /// `Property::Weight` over stage time: of the layer as a whole, times its cues'; upper layers only.
+    /// Keyed weight of the layer as a whole over stage time (`Property::Weight`), a factor of its cues' weights; upper layers only.
     pub weight_keys: Option<Arc<Channel>>,
-    /// Sorted by start. A cue fades in over what came before it.
+    /// Cues, sorted by start. A cue fades in over the cues before it.
     pub cues: Vec<Cue>,
 }
 
 /// How a layer changes the layers below it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LayerMode {
-    /// Goes towards the layer's pose, by its weight.
+    /// Blends towards the layer's pose by its weight.
     #[default]
     Override,
-    /// Adds what each of its clips does beyond a reference pose.
+    /// Adds the difference of each of its clips from a reference pose.
     Additive(Reference),
-    /// Takes it away.
+    /// Subtracts the difference of each of its clips from a reference pose.
     Subtractive(Reference),
 }
 
-/// The pose that an additive clip is a difference to.
+/// Reference pose, from which an additive clip is the difference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reference {
     /// The clip where its trim begins.
@@ -51,29 +51,30 @@ described! {
     /// A clip placed on the timeline. By default all of the clip, looped from time zero on, without fades.
     #[derive(Clone, Debug)]
     pub struct Cue(
-        /// Bound to the actor's own skeleton (see `bind_clip`).
+        /// The clip, bound to the actor's own skeleton (see `bind_clip`).
         clip: Arc<Clip>,
     ) {
-        /// Stage time at which it begins.
+        /// Stage time at which the cue begins.
         start: Time = Time::ZERO;
-        /// The base layer holds its last pose from this time on, unless the next cue begins at once: it fades in over the
-        /// clip, which goes on. On upper layers: faded out (over `fade_out`) by then. `None`: until the next cue or for ever.
+        /// Stage time at which the cue ends; `None`: at the next cue, or never. The base layer holds the last pose from then on, unless the
+        /// next cue begins at that time: then it fades in over the clip, which plays on. On an upper layer the cue has faded out by then,
+        /// over `fade_out`.
         end: Option<Time> = None;
-        /// How long it takes to fade in.
+        /// Duration of the fade-in.
         fade_in: Time = Time::ZERO;
-        /// How long it takes to fade out before its end.
+        /// Duration of the fade-out before `end`.
         fade_out: Time = Time::ZERO;
         /// The part of the clip that is played.
         trim: (Time, Time) = (Time::ZERO, clip.duration);
-        /// Course of the fades.
+        /// Easing of the fades.
         ease: Ease = Ease::Linear;
         /// Clip seconds per stage second; negative plays backwards from `trim.1`.
         speed: f64 = 1.0;
         /// Behavior at the end of the clip.
         repeat: Repeat = Repeat::Loop;
-        /// 0 to 1, times the fades. The first cue of the base layer always has all the weight.
+        /// Weight, 0..=1, a factor of the fades. The first cue of the base layer always has full weight.
         weight: f32 = 1.0;
-        /// `Property::Weight` over stage time, in place of `weight`; what a spline overshoots is cut off at 0 and 1.
+        /// Keyed weight over stage time (`Property::Weight`), in place of `weight`; clamped to 0..=1.
         weight_keys: Option<Arc<Channel>> = None;
         /// Clip time keyed over stage time. It replaces |`speed`|; the sign still sets the direction.
         time_remapping: Option<Arc<TimeRemapping>> = None;
@@ -81,8 +82,8 @@ described! {
         freezes: Vec<(Time, Time)> = Vec::new();
         /// Base layer: phase matching with the cue that fades into this one, and with the one that this one fades into.
         in_step: [Option<Arc<PhaseMatchedFade>>; 2] = [None, None];
-        /// Base layer: above zero, the cue begins at once with all its weight, and the offset from the pose before decays in this
-        /// time ([`choreo_motion::Inertialization`]). In place of `fade_in`.
+        /// Base layer: duration of the inertialization, in place of `fade_in`; 0: none. The cue begins at once with full weight, and the
+        /// offset from the pose before decays in this time ([`choreo_motion::Inertialization`]).
         inertialization: Time = Time::ZERO;
         /// Base layer: the root motion that is taken out of the clip.
         root: Option<Arc<CueRootMotion>> = None;
@@ -105,7 +106,7 @@ impl Cue {
         of_fields.chain([("clip_time", Property::ClipTime)])
     }
 
-    /// The keyframes of such an option over stage time.
+    /// Keyframes, over stage time, of one of the [`Cue::keyed_options`]; `None` if it has none.
     pub fn keys(&self, property: Property) -> Option<&Channel> {
         match (property, self.time_remapping.as_deref()) {
             (Property::Weight, _) => self.weight_keys.as_deref(),

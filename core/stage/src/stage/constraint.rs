@@ -15,9 +15,9 @@ use std::sync::Arc;
 pub struct Constraint {
     /// The change.
     pub kind: ConstraintKind,
-    /// Time from which it counts.
+    /// Stage time at which the constraint starts.
     pub start: Time,
-    /// Time at which it has ended; `None`: it goes on.
+    /// Stage time at which the constraint ends; `None`: never.
     pub end: Option<Time>,
     /// Fade-in after `start` and fade-out before `end`, eased.
     pub fade: Time,
@@ -53,7 +53,7 @@ pub enum ConstraintKind {
     Aim(AimConstraint),
     /// Feet on the ground stay where they are.
     FootLock(FootLock),
-    /// Mirrors what its clips do, left to right, before all other constraints. Root motion is not mirrored.
+    /// Mirrors the pose of the clips, left to right, before all other constraints. Root motion is not mirrored.
     Mirror(Arc<Mirroring>),
 }
 
@@ -62,31 +62,31 @@ pub enum ConstraintKind {
 pub struct ReachConstraint {
     /// Joints from the shoulder to the hand, each below the one before; at least two. The last one is moved, the others turn.
     pub joints: Vec<u32>,
-    /// The place to which the last joint comes.
+    /// Target to which the last joint comes.
     pub target: Target,
     /// Offset from the target, in its space: the actor's, the joint's, or the world's of a point. With it an actor's target is its origin,
     /// not its center.
     pub offset: Option<DVec3>,
-    /// Elbows and knees bend towards it.
+    /// Pole target: elbows and knees bend towards it.
     pub pole: Option<Target>,
     /// Direction in which a straight limb bends without a pole, in model space.
     pub hint: DVec3,
     /// See [`choreo_motion::ik::TwoBone::soft`]; for two bones.
     pub soft: f64,
-    /// The hand stays turned as it is animated, instead of turning with the forearm.
+    /// Whether the hand keeps its animated rotation, instead of turning with the forearm.
     pub keep_rotation: bool,
 }
 
 /// Several joints turn until the last one points at a target.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AimConstraint {
-    /// Each below the one before; the last one points with the direction that is the model's front at rest.
+    /// Joints of the chain, each below the one before. The last one points with the direction that is the model's front at rest.
     pub joints: Vec<u32>,
-    /// One a joint, ≥ 0: how much of the turn it takes beside the others.
+    /// Relative share of the turn that each joint takes, ≥ 0, one per joint.
     pub shares: Vec<f64>,
-    /// The place at which the last joint points.
+    /// Target at which the last joint points.
     pub target: Target,
-    /// Radians; see [`choreo_motion::ik::Aim::limit`].
+    /// Largest turn, radians; see [`choreo_motion::ik::Aim::limit`].
     pub limit: f64,
 }
 
@@ -97,12 +97,12 @@ pub struct FootLock {
     pub legs: Vec<Leg>,
     /// Joint that is lowered or raised with the ground: the hips.
     pub hips: Option<u32>,
-    /// Actors on whose surfaces the feet stand, the highest below each foot, as they stand at time 0; else the height at which this
-    /// actor stands.
+    /// Actors on whose surfaces, as they are at time 0, the feet stand: on the highest surface below each foot. Empty: the feet stand at
+    /// the height of this actor's origin.
     pub ground: Vec<usize>,
-    /// If not empty, only feet that stand at any time of one of these spans are locked, from their coming down to their going up.
+    /// If not empty, only contacts that overlap one of these spans are locked; each is then locked as a whole.
     pub only: Vec<(Time, Time)>,
-    /// Fades in which feet take steps to where the standing clip has them; sorted, one after the other.
+    /// Fades in which feet take steps to their positions in the standing clip; sorted, one after the other.
     pub standing_fades: Vec<StandingFade>,
 }
 
@@ -113,16 +113,16 @@ pub struct StandingFade {
     pub from: Time,
     /// Time at which it has ended.
     pub to: Time,
-    /// The standing clip plays at the end, else at the start.
+    /// Whether the standing clip plays at the end of the fade; else it plays at the start.
     pub ends_standing: bool,
 }
 
 impl FootLock {
-    /// Hips come down by this share of a leg at most.
+    /// Largest lowering of the hips, as a share of the leg's length.
     pub(crate) const LOWEST: f64 = 0.25;
 }
 
-/// Joints of a leg, from above.
+/// Joints of a leg, from the hip down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Leg {
     /// The thigh, which turns in the hip.
@@ -173,7 +173,7 @@ impl Constraint {
         if time < self.start || self.end.is_some_and(|end| time >= end) {
             return 0.0;
         }
-        // Feet that stand as the stage begins stand already, and an actor that is mirrored then has always been.
+        // Foot locks and mirroring that begin with the stage do not fade in.
         let begun = self.start <= Time::ZERO
             && matches!(self.kind, ConstraintKind::FootLock(_) | ConstraintKind::Mirror(_));
         let fade_in = if begun { 1.0 } else { eased(Ease::Smooth, fraction(time - self.start, self.fade)) };
@@ -181,7 +181,7 @@ impl Constraint {
         f64::from((self.weight * fade_in * fade_out).clamp(0.0, 1.0))
     }
 
-    /// The highest index among its joints.
+    /// The highest joint index of the constraint; 0 if it has no joints.
     pub(crate) fn last_joint(&self) -> u32 {
         let last = match &self.kind {
             ConstraintKind::Reach(reach) => reach.joints.iter().max().copied(),
@@ -195,7 +195,7 @@ impl Constraint {
         last.unwrap_or(0)
     }
 
-    /// The targets whose places must be known.
+    /// Targets on which the constraint depends.
     pub(crate) fn targets(&self) -> impl Iterator<Item = Target> {
         let (target, pole) = match &self.kind {
             ConstraintKind::Reach(reach) => (Some(reach.target), reach.pole),

@@ -38,7 +38,7 @@ pub enum FieldType {
 /// The value of a field, whatever the type of the member that holds it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FieldValue {
-    /// It has no value.
+    /// There is no value.
     Unset,
     /// A number, in the unit of its type.
     Number(f64),
@@ -66,11 +66,11 @@ pub struct Field<T: 'static> {
     pub of_type: FieldType,
     /// The property and the name of its keyframes, where it can be animated.
     pub keyed: Option<(&'static str, Property)>,
-    /// Why some values of `T` do not have it.
+    /// Reason why a value of `T` does not have the field; `None` if it has it.
     pub lacks: fn(&T) -> Option<&'static str>,
-    /// Reads it.
+    /// Reads the value.
     pub get: fn(&T) -> FieldValue,
-    /// Sets it.
+    /// Sets the value.
     pub set: fn(&mut T, FieldValue),
 }
 
@@ -103,7 +103,7 @@ impl<T> Field<T> {
         self.doc.iter().map(|line| line.trim()).collect::<Vec<_>>().join(" ")
     }
 
-    /// Its value as messages, the reference and the inspector write it.
+    /// The value as messages, the reference and the inspector write it; `None` if it is unset.
     pub fn shown(&self, of: &T) -> Option<String> {
         Some(match ((self.get)(of), self.of_type) {
             (FieldValue::Unset, _) => return None,
@@ -118,7 +118,7 @@ impl<T> Field<T> {
         })
     }
 
-    /// Its value with the unit.
+    /// The value with its unit; `None` if it is unset.
     pub fn shown_with_unit(&self, of: &T) -> Option<String> {
         let shown = self.shown(of)?;
         Some(match self.of_type {
@@ -159,13 +159,13 @@ impl<T> Field<T> {
     }
 }
 
-/// Whether a number is in a range. f32 rounds the ends.
+/// Whether a number is in a range, with a tolerance for ends that f32 has rounded.
 fn within(n: f64, low: f64, high: f64) -> bool {
     let slack = 1e-6 * low.abs().max(high.abs().min(1.0));
     (low - slack..=high * (1.0 + 1e-6)).contains(&n)
 }
 
-/// A number with at most six digits: f32 in f64 has many.
+/// A number with at most six digits: an f32 converted to f64 would show many more.
 fn short(n: f64) -> String {
     let rounded: f64 = format!("{n:.5e}").parse().unwrap_or(n);
     format!("{rounded}")
@@ -248,9 +248,10 @@ impl<T: Holds + Default> Holds for Option<T> {
 ///     }
 /// }
 /// ```
-/// Members in parentheses are arguments of `new`, which takes `&str` for `String => str`; the others have a default there. The content hash is made of all members in
-/// this order, each by [`Hashed`](choreo_asset::hash::Hashed) or by the function after `hash`. A field is a member, or a member of a
-/// member; `get` and `set` give access to values that are neither, and `lacks` gives the reason why some do not have it.
+/// Members in parentheses are arguments of `new`, which takes `&str` for `String => str`; the others have a default there. The content hash
+/// is made of all members in this order, each by [`Hashed`](choreo_asset::hash::Hashed) or by the function after `hash`. A field is a
+/// member, or a member of a member; `get` and `set` give access to values that are neither, and `lacks` gives the reason why some do not
+/// have it.
 macro_rules! described {
     (
         $(#[$attr:meta])*
@@ -266,7 +267,7 @@ macro_rules! described {
         }
 
         impl $name {
-            /// All else as by default.
+            /// A value with these members; all other members have their defaults.
             pub fn new($($required: $crate::stage::described::described!(@from $required_ty $(, $from)?)),*) -> $name {
                 $($(let $required = <$from>::to_owned($required);)?)*
                 $(let $member: $ty = $default;)*

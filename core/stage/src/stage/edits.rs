@@ -1,4 +1,4 @@
-//! The changes of a callback in one frame.
+//! Changes that callbacks make for one frame.
 
 use crate::stage::actor::{Placement, Target};
 use crate::stage::camera::{Camera, Rig};
@@ -20,7 +20,7 @@ pub struct FrameEdits {
     pub lights: Vec<(usize, LightEdit)>,
     /// Parameters of effects.
     pub effects: Vec<EffectEdit>,
-    /// Light from everywhere, from above and from below, in place of that of the settings.
+    /// Ambient light from above and from below, in place of that of the settings.
     pub ambient: Option<(Vec3, Vec3)>,
     /// Change of the sky.
     pub sky: SkyEdit,
@@ -36,27 +36,27 @@ pub enum ActorEdit {
     MoveTo(DVec3),
     /// Adds to the translation.
     MoveBy(DVec3),
-    /// Turns the actor before its own rotation (world axes of the parent).
+    /// Rotates the actor about the axes of its parent, after its own rotation.
     Turn(DQuat),
     /// Multiplies the scale.
     Scale(DVec3),
-    /// Shows or hides it.
+    /// Shows or hides the actor.
     Visible(bool),
     /// Replaces the factor of base colors, linear RGBA.
     Tint(Vec4),
-    /// Replaces the width of its lines and points.
+    /// Replaces the width of the actor's lines and points.
     LineWidth(f32),
-    /// Sets how many copies of its meshes there are.
+    /// Sets the number of copies of the actor's meshes.
     Copies(u32),
     /// Sets the weight of a target of a mesh instance.
     Morph { instance: u32, target: u32, weight: f32 },
     /// Sets the weight of an expression, by its index in `Asset::expressions`.
     Expression { expression: u32, weight: f32 },
-    /// The parent in this frame, whatever parents it has over time.
+    /// Replaces all parents of the actor in this frame.
     Attach(Parenting),
-    /// A joint turned (after its clip) in its own space.
+    /// Rotates a joint in its own space, after its clip.
     TurnJoint { joint: u32, rotation: glam::Quat },
-    /// Speed of the air about an actor's springs, metres a second, in the world.
+    /// Replaces the wind at the actor's springs, metres per second, world space.
     Wind(DVec3),
 }
 
@@ -65,30 +65,30 @@ pub enum ActorEdit {
 pub enum CameraEdit {
     /// Replaces the position; a camera that looks at a target still does.
     MoveTo(DVec3),
-    /// Turns it to a target.
+    /// Turns the camera to a target.
     LookAt(Target),
-    /// Turned by this rotation about world axes, after all else.
+    /// Rotates the camera about world axes, after its looks and the changes before this one.
     Turn(DQuat),
-    /// Perspective with this vertical field of view, radians.
+    /// Makes the projection perspective, with this vertical field of view, radians.
     FieldOfView(f32),
-    /// Orthographic with this height of the image, metres.
+    /// Makes the projection orthographic, with this height of the image, metres.
     Height(f32),
     /// Replaces the near clipping plane, metres.
     Near(f32),
     /// Replaces the far clipping plane, metres.
     Far(f32),
-    /// Moved by this rig in place of its own, for this frame.
+    /// Replaces the rig.
     Rig(Rig),
-    /// Shakes it further, after all else; its times do not count.
+    /// Adds a shake, after all other changes; its start, end and fade do not apply.
     Shake(CameraShake),
 }
 
 /// Change of a light for one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LightEdit {
-    /// Lux or candela.
+    /// Replaces the intensity, lux or candela.
     Intensity(f32),
-    /// Linear RGB.
+    /// Replaces the color, linear RGB.
     Color(Vec3),
     /// Replaces the position, metres.
     MoveTo(DVec3),
@@ -115,7 +115,7 @@ impl FrameEdits {
 }
 
 impl ActorEdit {
-    /// Moves, turns or scales a placement, if that is what it does.
+    /// Applies a change of position, rotation or scale to a placement; other changes do nothing here.
     pub(crate) fn place(&self, placement: &mut Placement) {
         match *self {
             ActorEdit::MoveTo(translation) => placement.translation = translation,

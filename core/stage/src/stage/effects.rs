@@ -13,21 +13,21 @@ use std::sync::Arc;
 pub struct EffectUse {
     /// Name of the plugin.
     pub plugin: String,
-    /// Sorted by name.
+    /// Parameters that the script sets, sorted by name.
     pub parameters: Vec<(String, f64)>,
     /// Images that the script has chosen, sorted by parameter.
     pub images: Vec<EffectImageUse>,
-    /// `Property::Parameter` over stage time, in place of those in `parameters`; sorted by name.
+    /// Keyed parameters over stage time (`Property::Parameter`), in place of those in `parameters`; sorted by name.
     pub keys: Vec<(String, Channel)>,
     /// Parameters that follow a target, such as the focus; in place of those in `parameters` and `keys`.
     pub distances: Vec<EffectDistance>,
-    /// Time from which it draws.
+    /// Stage time at which the effect starts.
     pub start: Time,
-    /// Time at which it has ended; `None`: it goes on.
+    /// Stage time at which the effect ends; `None`: never.
     pub end: Option<Time>,
     /// Actors and materials to which it is limited, sorted; empty: everything.
     pub on: Vec<EffectTarget>,
-    /// If not empty, the effect works only while one of these of `Stage::cameras` is on; sorted.
+    /// If not empty, the effect works only while one of these cameras is active (indices into `Stage::cameras`); sorted.
     pub cameras: Vec<usize>,
     /// The actors outside the image whose poses the plugin reads or changes.
     pub off_screen: OffScreenActors,
@@ -39,13 +39,13 @@ pub enum OffScreenActors {
     /// All of them: the effect reads the whole stage.
     #[default]
     All,
-    /// Actors that the effect is on: it draws farther out than their meshes reach.
+    /// Actors to which the effect applies: it draws beyond their meshes.
     Affected,
     /// None: the effect changes the color of what is in the image.
     None,
 }
 
-/// An image as a parameter.
+/// An image parameter of an effect.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffectImageUse {
     /// Name of the parameter.
@@ -78,19 +78,19 @@ pub struct EffectTarget {
     pub material: Option<u32>,
 }
 
-/// A parameter for one frame, by a callback.
+/// A parameter that a callback sets for one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EffectEdit {
     /// Index into `Stage::effects`.
     pub effect: usize,
     /// Name of the parameter.
     pub parameter: String,
-    /// Its value in this frame.
+    /// Value in this frame.
     pub value: f64,
 }
 
 impl EffectTarget {
-    /// Whether surfaces of this actor and this material of its asset are among these; all are where there are none.
+    /// Whether targets include the surfaces of an actor with a material. An empty list includes everything.
     pub fn among(targets: &[EffectTarget], actor: usize, material: Option<u32>) -> bool {
         let covers = |t: &EffectTarget| t.actor == actor && (t.material.is_none() || t.material == material);
         targets.is_empty() || targets.iter().any(covers)
@@ -98,7 +98,7 @@ impl EffectTarget {
 }
 
 impl EffectUse {
-    /// Whether it can need the pose of an actor outside the image.
+    /// Whether the effect can need the pose of an actor outside the image.
     pub(crate) fn needs_off_screen(&self, actor: usize) -> bool {
         match self.off_screen {
             OffScreenActors::All => true,
@@ -107,7 +107,7 @@ impl EffectUse {
         }
     }
 
-    /// The name of the effect that draws it: the plugin's, and with images of its own a name that equal ones share.
+    /// Name under which the effect is drawn: the plugin's name, extended by the hashes of its images. Uses with equal images share a name.
     pub fn drawn_by(&self) -> Cow<'_, str> {
         if self.images.is_empty() {
             return Cow::Borrowed(&self.plugin);
@@ -125,7 +125,7 @@ impl EffectUse {
         self.start <= time && self.end.is_none_or(|end| time < end)
     }
 
-    /// Its parameters at a time, callbacks left out.
+    /// Parameters at a time, without the changes of callbacks.
     pub fn parameters_at(&self, time: Time) -> Vec<(String, f64)> {
         let mut now = self.parameters.clone();
         for (name, keys) in &self.keys {

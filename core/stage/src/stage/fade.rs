@@ -1,8 +1,8 @@
-//! Fades: eased shares of a span.
+//! Fades: the elapsed share of a time span, and easing.
 
 use choreo_motion::{Ease, Time};
 
-/// `elapsed / span` in 0..=1; 1 where there is no span.
+/// `elapsed / span`, clamped to 0..=1; 1 if the span is zero or negative.
 pub(crate) fn fraction(elapsed: Time, span: Time) -> f32 {
     if span <= Time::ZERO { 1.0 } else { elapsed.fraction(Time::ZERO, span).clamp(0.0, 1.0) }
 }

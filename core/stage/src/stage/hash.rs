@@ -1,4 +1,4 @@
-//! Content hashes: did a script give the same stage again?
+//! Content hashes, which show whether a script gives the same stage again.
 //!
 //! Types of the stage are hashed member by member, in the order of their declaration ([`described!`](crate::stage::described)).
 
@@ -30,7 +30,7 @@ impl Stage {
 }
 
 impl Layer {
-    /// Hash of everything that a pose takes from it.
+    /// Hash of all values of the layer that affect a pose.
     pub fn content_hash(&self) -> ContentHash {
         hash_of(|w| {
             self.mask.hash(w);
@@ -167,7 +167,7 @@ written! {
         (size, fps, length).hash(w);
         (background, ambient_up, ambient_down).hash(w);
         samples.hash(w);
-        // The usual choices write nothing: the hashes of stages before there were others stay.
+        // Default values write nothing, so that hashes from before these options existed stay the same.
         if *cutouts != Cutouts::default() || *transparency != Transparency::default() {
             cutouts.hash(w);
             transparency.hash(w);

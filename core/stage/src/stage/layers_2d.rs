@@ -12,28 +12,28 @@ described! {
     /// A 2D layer, by default in the middle of the image for the whole time.
     #[derive(Clone, Debug, PartialEq)]
     pub struct Layer2d(
-        /// The picture or text.
+        /// Text, image, panel or bars.
         content: Layer2dContent,
     ) {
         /// Position of its anchor, as fractions of the image: x from the left, y from the top.
         at: DVec2 = DVec2::splat(0.5);
-        /// Pixels added to that.
+        /// Offset added to the position, pixels.
         offset: DVec2 = DVec2::ZERO;
-        /// Which point of its box, 0 to 1 from the left and from the top.
+        /// Anchor in the layer's box, 0 to 1 from the left and from the top.
         anchor: DVec2 = DVec2::splat(0.5);
-        /// 0 is invisible, 1 covers what is below.
+        /// Opacity: 0 is invisible, 1 covers everything below.
         opacity: f64 = 1.0;
-        /// Times its size, about its anchor.
+        /// Factor of its size, about its anchor.
         scale: f64 = 1.0;
-        /// Behind the scene, over its background; else over everything, effects included.
+        /// Whether the layer is drawn behind the scene, over its background; else it is drawn over everything, effects included.
         under: bool = false;
-        /// Time from which it is there.
+        /// Stage time at which the layer appears.
         start: Time = Time::ZERO;
-        /// Time at which it has ended; `None`: it stays.
+        /// Stage time at which the layer disappears; `None`: never.
         end: Option<Time> = None;
         /// Duration of the fade-in and of the fade-out.
         fade: Time = Time::ZERO;
-        /// [`Property::Translation`](crate::Property) (x and y as `at`), `Scale` (the first number) and `Opacity`.
+        /// Keyed [`Property::Translation`](crate::Property) (x and y as `at`), `Scale` (the first number) and `Opacity`.
         channels: Vec<Channel> = Vec::new();
     }
     fields {
@@ -50,7 +50,7 @@ described! {
     }
 }
 
-/// Picture or text of a 2D layer.
+/// Content of a 2D layer.
 #[allow(missing_docs, reason = "the documentation of each variant names its fields")]
 #[derive(Clone, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "a stage has few 2D layers, most of them texts")]
@@ -61,16 +61,16 @@ pub enum Layer2dContent {
         font: Font,
         /// Size of the font's em, as a fraction of the image's height.
         size: f64,
-        /// Lines are broken where they would be wider, in shares of the image's width.
+        /// Largest width of a line, as a share of the image's width; longer lines are wrapped.
         width: Option<f64>,
         align: Align,
-        /// Line height in sizes.
+        /// Line height, as a multiple of `size`.
         line_height: f64,
         /// Linear RGBA, not premultiplied.
         color: Vec4,
-        /// Below the letters.
+        /// Outline, drawn below the letters.
         outline: Option<TextOutline>,
-        /// Below both.
+        /// Panel, drawn below letters and outline.
         panel: Option<TextPanel>,
     },
     /// An image.
@@ -82,45 +82,45 @@ pub enum Layer2dContent {
     },
     /// A rectangle of one color; its size in shares of the image.
     Panel { size: DVec2, color: Vec4 },
-    /// Bars that leave an image with this aspect ratio.
+    /// Letterbox bars that leave an image with this aspect ratio (width / height).
     Bars { ratio: f64, color: Vec4 },
 }
 
-/// A line around the letters of a text. Lengths are in sizes of the text.
+/// A line around the letters of a text. Lengths are multiples of the text's size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextOutline {
     /// Linear RGBA, not premultiplied.
     pub color: Vec4,
-    /// How far it reaches beyond the letters.
+    /// Distance by which the outline extends beyond the letters.
     pub width: f64,
 }
 
-/// A rectangle as large as the lines of a text and a margin. Lengths are in sizes of the text.
+/// A rectangle as large as the lines of a text and a margin. Lengths are multiples of the text's size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextPanel {
     /// Linear RGBA, not premultiplied.
     pub color: Vec4,
-    /// Margin at the sides, and at the top and the bottom.
+    /// Margins: at the sides, and at the top and bottom.
     pub padding: DVec2,
-    /// Radius with which it is rounded.
+    /// Radius of the rounded edges.
     pub radius: f64,
 }
 
-/// How large an image is.
+/// Size of an image in the frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fit {
-    /// Share of the image's height.
+    /// Height, as a share of the frame's height.
     Height(f64),
-    /// Share of the image's width.
+    /// Width, as a share of the frame's width.
     Width(f64),
-    /// All of it is seen, as large as can be.
+    /// The largest size at which the whole image is in the frame.
     Contain,
-    /// It covers everything.
+    /// The smallest size at which the image covers the whole frame.
     Cover,
 }
 
 impl Layer2d {
-    /// How much of it is there at a time, by its span and fades.
+    /// Factor of the opacity at a time, by the layer's time span and fades, 0..=1.
     pub(crate) fn presence(&self, time: Time) -> f64 {
         if time < self.start || self.end.is_some_and(|end| time >= end) {
             return 0.0;

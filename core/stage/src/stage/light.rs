@@ -10,7 +10,7 @@ described! {
     /// A light of the stage. By default it stands at the origin and shines downwards, without a shadow.
     #[derive(Clone, Debug, PartialEq)]
     pub struct StageLight(
-        /// Its name in scripts.
+        /// Name in scripts.
         name: String => str,
         /// Kind, color and intensity.
         light: Light,
@@ -19,11 +19,12 @@ described! {
         position: DVec3 = DVec3::ZERO;
         /// Unit vector along which the light shines (directional and spot).
         direction: Vec3 = Vec3::NEG_Y;
-        /// How its shadow is drawn; without one it shines through everything.
+        /// Settings of the shadow; `None`: the light shines through everything.
         shadow: Option<Shadow> = None;
-        /// Falls off by 1 / (constant + linear · d + square · d²) in place of 1 / d²; points and spots.
+        /// Coefficients (constant, linear, square) of the attenuation 1 / (constant + linear · d + square · d²), in place of 1 / d²; point
+        /// and spot lights.
         attenuation: Option<[f32; 3]> = None;
-        /// Moves with an actor or joint: position and direction are then in its space.
+        /// Actor or joint with which the light moves: position and direction are then in its space.
         parent: Option<Attachment> = None;
         /// Keyed properties.
         channels: Vec<Channel> = Vec::new();
@@ -47,13 +48,13 @@ described! {
 }
 
 described! {
-    /// How the shadow of a light is drawn: a map of depths seen from the light, looked up by what is lit.
+    /// Settings of a light's shadow map.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct Shadow {
-        /// The most texels along a side of a map.
+        /// Largest side of the shadow map, texels.
         size: u32 = 2048;
-        /// Metres over which an edge goes from dark to light, wherever it falls. `None`: a sun's edges are as wide as its disc makes them
-        /// ([`SUN_ANGLE`]), those of other lights [`Shadow::LAMP_SOFTNESS`].
+        /// Width of the penumbra in metres, at any distance. `None`: a sun's penumbra follows from the size of its disc ([`SUN_ANGLE`]);
+        /// other lights have [`Shadow::LAMP_SOFTNESS`].
         softness: Option<f32> = None;
     }
     fields {
@@ -68,7 +69,7 @@ described! {
 pub const SUN_ANGLE: f32 = 0.53 * std::f32::consts::PI / 180.0;
 
 impl Shadow {
-    /// Width of the soft edges of point and spot lights that set none, metres.
+    /// Default penumbra width of point and spot lights, metres.
     pub const LAMP_SOFTNESS: f32 = 0.01;
     /// Allowed sizes of a shadow map.
     pub const SIZES: std::ops::RangeInclusive<u32> = 64..=4096;
@@ -97,13 +98,13 @@ fn half_angle(of: &StageLight, index: usize) -> FieldValue {
 }
 
 impl StageLight {
-    /// White, this many lux, along a direction (made unit).
+    /// A white directional light. `direction`: along which it shines, any length; `intensity`: lux.
     pub fn sun(name: &str, direction: Vec3, intensity: f32) -> StageLight {
         let light = Light { kind: LightKind::Directional, color: Vec3::ONE, intensity, range: None };
         StageLight { direction: direction.normalize_or(Vec3::NEG_Y), ..StageLight::new(name, light) }
     }
 
-    /// White, this many candela.
+    /// A white point light. `position`: metres; `intensity`: candela.
     pub fn point(name: &str, position: DVec3, intensity: f32) -> StageLight {
         let light = Light { kind: LightKind::Point, color: Vec3::ONE, intensity, range: None };
         StageLight { position, ..StageLight::new(name, light) }

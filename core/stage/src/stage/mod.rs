@@ -41,17 +41,17 @@ use std::sync::Arc;
 pub struct Stage {
     /// Size, length, background and the like.
     pub settings: Settings,
-    /// Numbers of iterative solvers.
+    /// Settings of the iterative solvers and of the spring simulation.
     pub solvers: SolverSettings,
     /// Assets on stage; the index is their id.
     pub actors: Vec<Actor>,
-    /// Cameras of the script; the first is on until the first cut.
+    /// Cameras of the script; the first is active until the first cut.
     pub cameras: Vec<Camera>,
-    /// The camera that is on from each time, sorted by time. Before the first cut the first camera is on.
+    /// Camera changes, sorted by time. Before the first cut the first camera is active.
     pub cuts: Vec<Cut>,
     /// Lights of the script; those of files belong to actors.
     pub lights: Vec<StageLight>,
-    /// Light from all around; a stage with it and no light of its own has no default sun.
+    /// Sky (image-based lighting). A stage with a sky has no default sun.
     pub sky: Option<Sky>,
     /// 2D layers in painter's order.
     pub layers_2d: Vec<Layer2d>,
@@ -68,25 +68,25 @@ pub struct Stage {
 /// Settings of a stage as a whole.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Pixels, 1..=16384 each.
+    /// Width and height of the image in pixels, 1..=16384 each.
     pub size: [u32; 2],
     /// Frames per second.
     pub fps: FrameRate,
-    /// Stage time at which it ends.
+    /// Stage time at which the stage ends.
     pub length: Time,
     /// The color or gradient behind everything, where no sky is shown.
     pub background: Background,
-    /// Light from everywhere, a hemisphere: its luminance from above, linear, in candela per square metre.
+    /// Ambient hemisphere light: luminance from above, linear, in candela per square metre.
     pub ambient_up: Vec3,
-    /// The same from below.
+    /// Ambient hemisphere light: luminance from below, linear, in candela per square metre.
     pub ambient_down: Vec3,
-    /// Stops: 1 doubles the light that the camera takes in.
+    /// Exposure in stops: 1 more doubles the light that the camera takes in.
     pub exposure: f32,
     /// The curve from scene-linear light to the colors of a display.
     pub view_transform: ViewTransform,
     /// MSAA samples, 1 or 4; `None` leaves it to the command line's default.
     pub samples: Option<u32>,
-    /// Edges where alpha is cut off.
+    /// Edges of surfaces whose alpha is cut off.
     pub cutouts: Cutouts,
     /// Order in which transparent surfaces are blended.
     pub transparency: Transparency,
@@ -94,7 +94,7 @@ pub struct Settings {
     pub pipeline: Pipeline,
     /// Whether vertices are pre-skinned.
     pub skin_once: SkinOnce,
-    /// Small copies may be drawn by simplified meshes.
+    /// Whether small copies may be drawn with simplified meshes (levels of detail).
     pub levels_of_detail: bool,
 }
 
@@ -144,9 +144,9 @@ pub enum Transparency {
     /// Independent of the order where sorting fails, else sorted.
     #[default]
     Auto,
-    /// Meshes back to front, their triangles as they come.
+    /// Meshes are sorted back to front; triangles within a mesh are not sorted.
     Sorted,
-    /// Pixel by pixel back to front.
+    /// Order-independent transparency: back to front in each pixel.
     Independent,
 }
 
@@ -223,11 +223,11 @@ pub trait FrameHook: Send + Sync + std::fmt::Debug {
 pub enum StageError {
     /// A script callback failed; the error's text is complete, with file and line.
     Hook { error: Arc<dyn std::error::Error + Send + Sync>, time: Time },
-    /// An actor and those between it and itself.
+    /// An actor is attached to itself: its name, and the names of the actors in between.
     Cycle(String, String),
-    /// An actor and the one it faces.
+    /// An actor faces another whose position depends on how it is turned: the names of both.
     FacingCycle(String, String),
-    /// A part of the stage of which no frame can be made: NaN, an index out of range, keys out of order.
+    /// An invalid part of the stage: NaN, an index out of range, keys out of order.
     Bad { place: String, what: String },
 }
 

@@ -1,4 +1,4 @@
-//! Parents of an actor, one after the other.
+//! Parents of an actor over time.
 
 use crate::stage::actor::{Attachment, Placement};
 use crate::stage::described::{FieldType, described};
@@ -7,13 +7,13 @@ use choreo_motion::Time;
 /// A parent constraint over time (Blender's Child Of): the actor moves with a parent until its next one starts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parenting {
-    /// `None`: the world; the actor is detached.
+    /// The parent; `None`: the world, the actor is detached.
     pub to: Option<Attachment>,
-    /// [`Time::MIN`]: it has always been so.
+    /// Stage time at which the parent takes effect; [`Time::MIN`]: it always has.
     pub start: Time,
-    /// How long the change from the parent before takes, eased.
+    /// Duration of the change from the parent before, eased.
     pub blend: Time,
-    /// The world transform at the start stays as it is; else the actor's own placement is in the space of the parent.
+    /// Whether the world transform at the start is kept; else the actor's own placement is in the space of the parent.
     pub keep: bool,
     /// Effect of the parent's scale.
     pub scale: ParentScale,
@@ -25,11 +25,11 @@ described! {
     /// The time and the way in which an actor takes another parent, as a script states them.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct ParentChange {
-        /// `None`: it has always been so.
+        /// Stage time of the change; `None`: it has always been in effect.
         from: Option<Time> = None;
-        /// Time at which the parent before counts again.
+        /// Stage time at which the parent before takes effect again.
         until: Option<Time> = None;
-        /// How long the change takes.
+        /// Duration of the change.
         blend: Option<Time> = None;
         /// See [`Parenting::keep`].
         keep: Option<bool> = None;
@@ -72,7 +72,8 @@ impl Parenting {
         Parenting { to, start, blend: Time::ZERO, keep: true, scale: ParentScale::Keep, placement: None }
     }
 
-    /// Whether it counts: a kept transform continues that of the parent before, which still counts at its very start.
+    /// Whether the parent is in effect at a time. With `keep` it is not yet in effect at the very start, where the parent before still
+    /// gives the transform that is kept.
     pub(crate) fn has_begun(&self, time: Time) -> bool {
         if self.keep { self.start < time } else { self.start <= time }
     }

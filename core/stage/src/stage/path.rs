@@ -1,34 +1,34 @@
-//! Paths: a smooth curve through points, gone along by its length.
+//! Paths: smooth curves through points, parameterized by arc length.
 
 use crate::stage::actor::Placement;
 use choreo_motion::{Front, Time};
 use glam::{DQuat, DVec3};
 
-/// Pieces of a stretch whose length is integrated (Gauss–Legendre, 3 points): 1e-9 of a stretch of a turn.
+/// Pieces of a segment for the integration of arc length (Gauss–Legendre, 3 points): an error of 1e-9 of the length of a curved segment.
 const PIECES: usize = 32;
 
 /// A centripetal Catmull–Rom spline (C. Yuksel, S. Schaefer, J. Keyser, "Parameterization and applications of Catmull–Rom
 /// curves", 2011): through all points, without loops or cusps between them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
-    /// Points that it goes through, metres.
+    /// Points that the path goes through, metres.
     pub points: Vec<DVec3>,
-    /// It leads from its last point back to the first.
+    /// Whether the path leads from its last point back to the first.
     pub closed: bool,
-    /// Cubic Hermite stretches: start, end, and the tangents there.
+    /// Cubic Hermite segments: start, end, and the tangents there.
     stretches: Vec<[DVec3; 4]>,
-    /// Metres to the end of each piece.
+    /// Arc length from the start of the path to the end of each piece, metres.
     lengths: Vec<f64>,
 }
 
-/// Points that no path goes through.
+/// Reason why no path goes through some points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathError {
     /// The number of points, fewer than two.
     TooFew(usize),
     /// The point with this index is not finite.
     NotFinite(usize),
-    /// These neighbours are in the same place.
+    /// Two neighboring points, by index, are in the same place.
     SamePlace(usize, usize),
 }
 
@@ -38,16 +38,16 @@ choreo_motion::error_texts! { PathError:
     Self::SamePlace(first, second) => "points {first} and {second} are in the same place";
 }
 
-/// How an actor goes along a path.
+/// Motion of an actor along a path.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PathFollowing {
-    /// The path in the space in which the actor is placed, from where it is placed.
+    /// The path, relative to the position and rotation at which the actor is placed.
     pub path: Path,
-    /// Time at which it sets out.
+    /// Stage time at which the actor sets out.
     pub start: Time,
-    /// How fast it goes.
+    /// Speed along the path.
     pub pace: Pace,
-    /// Turned to where the path leads; else it keeps its own direction.
+    /// Whether the actor turns along the path; else it keeps its own direction.
     pub turns: bool,
 }
 
@@ -61,7 +61,7 @@ pub enum Pace {
 }
 
 impl Path {
-    /// A path through at least two points, neighbours apart.
+    /// A path through at least two points. Neighbors must not be in the same place.
     pub fn new(points: Vec<DVec3>, closed: bool) -> Result<Path, PathError> {
         if points.len() < 2 {
             return Err(PathError::TooFew(points.len()));
@@ -110,7 +110,7 @@ impl Path {
         Ok(path)
     }
 
-    /// Metres.
+    /// Length of the path, metres.
     pub fn length(&self) -> f64 {
         self.lengths.last().copied().unwrap_or(0.0)
     }
@@ -137,7 +137,7 @@ impl Path {
         half * (5.0 * speed(-NODE) + 8.0 * speed(0.0) + 5.0 * speed(NODE)) / 9.0
     }
 
-    /// Place and direction after this many metres; an open path ends at its ends.
+    /// Position and tangent (not normalized) after this many metres. An open path ends at its last point, a closed one goes round again.
     pub fn at(&self, metres: f64) -> (DVec3, DVec3) {
         let length = self.length();
         let s = if self.closed {
@@ -162,7 +162,8 @@ impl Path {
 }
 
 impl PathFollowing {
-    /// The placement at a distance in metres along the path, `front` ahead. `anchor`: where in model space the root stands, which keeps to the path.
+    /// The placement at a distance in metres along the path, with `front` ahead. `anchor`: the point in model space that stays on the path,
+    /// where the root stands.
     pub fn placed(&self, from: Placement, metres: f64, anchor: DVec3, front: Front) -> Placement {
         let (place, way) = self.path.at(metres);
         let yaw = if self.turns && (way.x != 0.0 || way.z != 0.0) {
@@ -179,7 +180,7 @@ impl PathFollowing {
         }
     }
 
-    /// Metres along the path at a time; `forward`: how far the clips' root motion leads, at this time and at the start.
+    /// Metres along the path at a time. `forward`: distance that the clips' root motion has covered at a time, metres.
     pub fn metres(&self, time: Time, mut forward: impl FnMut(Time) -> f64) -> f64 {
         let time = time.max(self.start);
         match self.pace {

@@ -7,6 +7,6 @@ use choreo_motion::RootMotion;
 pub struct CueRootMotion {
     /// How the clip moves its root.
     pub motion: RootMotion,
-    /// Carries the actor; else it is only taken out of the clip, which then plays on the spot.
+    /// Whether the root motion carries the actor; else it is only removed from the clip, which then plays on the spot.
     pub carries: bool,
 }

@@ -1,4 +1,4 @@
-//! Light from all around: a panorama, turned and dimmed over time.
+//! Sky of a stage: image-based lighting by a panorama, turned and dimmed over time.
 
 use crate::stage::channel::Channel;
 use crate::stage::described::{FieldType, described};
@@ -12,13 +12,13 @@ described! {
         /// The light from each direction.
         panorama: Arc<Panorama>,
     ) {
-        /// Radians about +Y, counter-clockwise from above.
+        /// Rotation about +Y, radians, counter-clockwise seen from above.
         turn: f64 = 0.0;
-        /// Times the panorama's radiance.
+        /// Factor of the panorama's radiance.
         strength: f32 = 1.0;
-        /// Seen behind everything, in place of the stage's background.
+        /// Whether the panorama is visible, in place of the stage's background.
         background: bool = false;
-        /// `Property::Turn` and `Property::Intensity`.
+        /// Keyed turn and strength (`Property::Turn` and `Property::Intensity`).
         channels: Vec<Channel> = Vec::new();
     }
     fields {
@@ -33,8 +33,8 @@ described! {
 /// A change of the sky by a callback, for one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SkyEdit {
-    /// Radians about +Y, in place of its own.
+    /// Rotation about +Y in radians, in place of the sky's own.
     pub turn: Option<f64>,
-    /// Factor of the panorama's radiance, in place of its own.
+    /// Factor of the panorama's radiance, in place of the sky's own.
     pub strength: Option<f32>,
 }

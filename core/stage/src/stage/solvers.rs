@@ -1,18 +1,18 @@
-//! Numbers of the iterative solvers and of the spring simulation.
+//! Settings of the iterative solvers and of the spring simulation.
 
 use choreo_motion::Time;
 use choreo_motion::ik::Solver;
 
-/// Scenes run with the defaults, whose errors are in `tests/report`; `choreo measure` compares others with them.
+/// Settings of the solvers. Scenes use the defaults, whose errors are in `tests/report`; `choreo measure` compares others with them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolverSettings {
     /// The method for chains of three bones or more. Two bones have a closed form.
     pub chain_solver: Solver,
     /// Most iterations for a chain of three bones or more.
     pub chain_iterations: usize,
-    /// Metres from its target within which a chain is solved.
+    /// Distance from its target, in metres, at which a chain counts as solved.
     pub chain_tolerance: f64,
-    /// Steps of springs a second, a divisor of [`Time::TICKS_PER_SECOND`].
+    /// Simulation steps of springs per second, a divisor of [`Time::TICKS_PER_SECOND`].
     pub spring_rate: i64,
 }
 

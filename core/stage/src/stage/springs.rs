@@ -11,13 +11,13 @@ described! {
     /// Parameters of spring bones, as a script states them for some joints.
     #[derive(Clone, Copy, Debug, PartialEq)]
     pub struct SpringParameters {
-        /// Oscillations a second.
+        /// Oscillations per second.
         frequency: f64 = 2.0;
         /// Damping ratio.
         damping: f64 = 0.3;
         /// Multiples of Earth's gravity.
         gravity: f64 = 0.0;
-        /// Metres around each bone that collide.
+        /// Collision radius around each bone, metres.
         radius: f64 = 0.0;
     }
     fields {
@@ -36,9 +36,9 @@ described! {
 pub struct ActorSprings {
     /// The bones that swing, and their parameters.
     pub rig: SpringRig,
-    /// Speed of the air, metres a second, in the world.
+    /// Wind velocity, metres per second, world space.
     pub wind: DVec3,
-    /// How long before time 0 the motion begins, at rest.
+    /// Time before time 0 at which the simulation begins, with springs at rest.
     pub pre_roll: Time,
 }
 

@@ -1,16 +1,16 @@
-//! How an actor's surfaces are cut out and mixed, where the actor itself sets it.
+//! Rules of an actor for cutouts and transparency of its surfaces, over the settings of the stage.
 
 use crate::stage::actor::Actor;
 use crate::stage::{Cutouts, Settings, Transparency};
 
-/// Rule for an actor's surfaces, or for those of one material; what it leaves open the stage decides.
+/// Rule for an actor's surfaces, or for those of one material; options that it leaves open follow the stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SurfaceRule {
     /// Index into `Asset::materials`; `None`: all of them.
     pub material: Option<u32>,
-    /// How masked surfaces are cut out; `None`: as the stage has it.
+    /// Edges of alpha-masked surfaces; `None`: as the stage has it.
     pub cutouts: Option<Cutouts>,
-    /// Order in which blended surfaces are mixed; `None`: as the stage has it.
+    /// Order in which transparent surfaces are blended; `None`: as the stage has it.
     pub transparency: Option<Transparency>,
 }
 
@@ -20,7 +20,7 @@ impl Actor {
         self.rules(material).find_map(|rule| rule.cutouts).unwrap_or(settings.cutouts)
     }
 
-    /// The same of the order in which it is mixed.
+    /// Blend order of a surface with a material: the last rule for it, else that of the stage.
     pub fn transparency(&self, material: Option<u32>, settings: &Settings) -> Transparency {
         self.rules(material).find_map(|rule| rule.transparency).unwrap_or(settings.transparency)
     }

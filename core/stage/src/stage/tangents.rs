@@ -1,10 +1,10 @@
-//! Tangents of keys between which values follow cubic Hermite splines.
+//! Tangents of keys for interpolation by cubic Hermite splines.
 
 use choreo_motion::Time;
 
-/// Tangents of [`Tangents::Limited`] are at most this many times the slower change beside them. Up to 3 times a curve through rising values
-/// rises everywhere (Fritsch and Carlson 1980, §2); with 2 a path that turns a corner within a short gap swings less far aside
-/// (0.30 of the step, with 3 0.44).
+/// Largest tangent of [`Tangents::Limited`], as a multiple of the slower change beside the key. Up to 3, a curve through rising values
+/// rises everywhere (Fritsch and Carlson 1980, §2). With 2, a path that turns a corner within a short gap swings less far aside: 0.30 of
+/// the step, instead of 0.44 with 3.
 const MOST_TIMES: f64 = 2.0;
 
 /// How the tangents of keys are chosen.
@@ -12,17 +12,18 @@ const MOST_TIMES: f64 = 2.0;
 pub enum Tangents {
     /// Zero: the value rests at each key.
     Flat,
-    /// The tangents of [`Tangents::CatmullRom`], but nowhere against the change before or after the key, and at most twice
-    /// as fast as the slower of both. A number never leaves the range between two keys (monotone cubics), and neither does a vector on a straight line.
+    /// The tangents of [`Tangents::CatmullRom`], but nowhere against the change before or after the key, and at most twice as fast as the
+    /// slower of both. A number never leaves the range between two keys (monotone cubics), and neither does a vector on a straight line.
     Limited,
-    /// Non-uniform Catmull–Rom: the tangent of the parabola through the key and its neighbors. Where two keys lie close together it overshoots
-    /// as 1 / gap.
+    /// Non-uniform Catmull–Rom: the tangent of the parabola through the key and its neighbors. If two keys lie close together, the
+    /// overshoot grows as 1 / gap.
     CatmullRom,
 }
 
 impl Tangents {
-    /// The tangents per second at all keys, zero at the first and the last one and on both sides of a jump, which is two keys one tick apart.
-    /// `values`: the components of each key. `vector`: they are those of one vector, a position, and are limited together.
+    /// The tangents per second at all keys, zero at the first and the last one and on both sides of a jump, which is two keys one tick
+    /// apart. `values`: the components of each key. `vector`: whether they belong to one vector, such as a position, and are limited
+    /// together.
     pub fn of(self, times: &[Time], values: &[Vec<f64>], vector: bool) -> Vec<Vec<f64>> {
         let flat = |i: usize| vec![0.0; values[i].len()];
         let tangent = |i: usize| {
@@ -56,7 +57,7 @@ fn jump(times: &[Time], key: usize) -> bool {
 }
 
 fn limit(tangent: &mut [f64], before: &[f64], after: &[f64]) {
-    // A tangent between both can point against one of them only.
+    // A tangent between both changes can point against only one of them.
     for side in [before, after] {
         let along = dot(tangent, side);
         if along < 0.0 {

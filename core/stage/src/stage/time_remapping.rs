@@ -3,12 +3,12 @@
 use crate::stage::channel::Channel;
 use choreo_motion::{Interpolation, Time};
 
-/// Clip time that changes its speed: keyed over stage time. Integrals are closed forms; nothing is stepped through.
+/// Time remapping of a clip, keyed over stage time. Integrals have closed forms; nothing is integrated in steps.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TimeRemapping {
-    /// `Property::Speed`: clip seconds a stage second; negative runs backwards.
+    /// Keyed speed (`Property::Speed`): clip seconds per stage second; negative runs backwards.
     Speed(SpeedCurve),
-    /// `Property::ClipTime`: where in the clip, in its seconds.
+    /// Keyed clip time in seconds (`Property::ClipTime`).
     ClipTime(Channel),
 }
 
@@ -17,12 +17,12 @@ pub enum TimeRemapping {
 pub struct SpeedCurve {
     /// Keys of the speed.
     pub keys: Channel,
-    /// Ticks of the clip from the first key to each.
+    /// Clip ticks from the first key to each key.
     areas: Vec<f64>,
 }
 
 impl SpeedCurve {
-    /// A curve of keys that fit each other; see [`Channel::at`].
+    /// A speed curve with these keys, whose lists must match each other; see [`Channel::at`].
     pub fn new(keys: Channel) -> SpeedCurve {
         let mut areas = vec![0.0];
         for i in 1..keys.times.len() {
@@ -32,7 +32,8 @@ impl SpeedCurve {
         SpeedCurve { keys, areas }
     }
 
-    /// Ticks of the clip from the first key to a time; below zero before it. Outside the keys the end speeds hold.
+    /// Clip ticks from the first key to a time. Outside the keys the speeds of the end keys hold, so that the result is negative before the
+    /// first key if its speed is positive.
     pub fn played(&self, time: Time) -> f64 {
         let times = &self.keys.times;
         let (Some(first), Some(last)) = (times.first(), times.last()) else { return 0.0 };
@@ -50,7 +51,7 @@ impl SpeedCurve {
     }
 }
 
-/// The integral of one interval from its start to a share of it, in ticks.
+/// Integral of the speed over one key interval, from its start to a share of it, in clip ticks.
 pub(crate) fn area(keys: &Channel, key: usize, s: f64) -> f64 {
     let span = (keys.times[key + 1] - keys.times[key]).0 as f64;
     let cubic = keys.interpolation == Interpolation::CubicSpline;

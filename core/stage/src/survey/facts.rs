@@ -19,9 +19,9 @@ use choreo_asset::{Asset, DAabb};
 use choreo_motion::Time;
 use glam::{DVec3, Vec3};
 
-/// A head that is turned to within this of its target looks at it.
+/// Largest angle between a joint's forward direction and its target at which a look counts as reached.
 const REACHED_RAD: f64 = 15.0 * std::f64::consts::PI / 180.0;
-/// Characters outside this are files in other units than metres.
+/// Plausible sizes of a character in metres; other sizes suggest a file in other units.
 const PERSON_METRES: std::ops::RangeInclusive<f64> = 0.05..=30.0;
 
 #[derive(Clone, Debug, Default)]
@@ -29,9 +29,9 @@ struct ActorFacts {
     visible: bool,
     posed_by_hook: bool,
     in_picture: bool,
-    /// Pixels of its larger side, at most.
+    /// Longer side of its largest area in the image so far, pixels.
     largest: f64,
-    /// Place where it was instead; `None` once that differs from time to time.
+    /// Side of the image on which it was missed: `Some(None)` once that differs from time to time.
     miss: Option<Option<Miss>>,
 }
 
@@ -60,11 +60,11 @@ pub struct Facts {
     looks: Vec<Vec<LookFacts>>,
     reaches: Reaches,
     lights: Vec<LightFacts>,
-    /// The last one: the framing camera of a stage without any.
+    /// One entry per camera; the last is for the framing camera of a stage without cameras.
     cameras: Vec<CameraFacts>,
     on: Vec<Time>,
     pub times: usize,
-    /// Some frames were left out.
+    /// Whether the survey stopped before it had evaluated all frames.
     pub gave_up: bool,
 }
 
@@ -82,7 +82,7 @@ impl Facts {
         }
     }
 
-    /// Notes one time.
+    /// Records the observations of one time.
     pub fn look(&mut self, stage: &Stage, edits: &FrameEdits, snapshot: &Snapshot, time: Time) {
         self.times += 1;
         let sight = Sight::new(&snapshot.camera, stage.settings.size);
@@ -138,7 +138,7 @@ impl Facts {
     fn look_at_looks(&mut self, stage: &Stage, snapshot: &Snapshot, time: Time) {
         for (index, (actor, state)) in stage.actors.iter().zip(&snapshot.actors).enumerate() {
             for (look, facts) in actor.look_at.iter().zip(&mut self.looks[index]) {
-                // Not at all, or on its way.
+                // The look is off, or still fading.
                 if look.share(time) < 0.999 {
                     continue;
                 }
@@ -164,7 +164,7 @@ impl Facts {
         }
     }
 
-    /// Whether another time could still take something away from the findings.
+    /// Whether another time could still remove a finding.
     pub fn open(&self, stage: &Stage) -> bool {
         let unseen = |(actor, f): (&Actor, &ActorFacts)| {
             has_meshes(&actor.asset) && (!f.in_picture || f.largest < 1.0)
@@ -380,13 +380,13 @@ fn has_meshes(asset: &Asset) -> bool {
     asset.instance_bounds().iter().any(|i| !i.parts.is_empty())
 }
 
-/// A character that could play something and does not.
+/// Whether an actor has a skin and clips, but plays none of them.
 fn still(actor: &Actor) -> bool {
     let plays = actor.layers.iter().any(|l| !l.cues.is_empty());
     !plays && !actor.asset.skins.is_empty() && !actor.asset.clips.is_empty()
 }
 
-/// Whether something else hangs on it, looks at it, reaches for it or is seen from it.
+/// Whether the actor is of use to something else: as a parent, a target or a faced actor, or by its cameras or lights.
 fn is_used(stage: &Stage, index: usize) -> bool {
     let on = |target: &Target| match *target {
         Target::Point(_) => false,
@@ -412,7 +412,7 @@ fn is_used(stage: &Stage, index: usize) -> bool {
         || (stage.actors[index].file_lights && !stage.actors[index].asset.lights.is_empty())
 }
 
-/// The nearest of those that it is attached to that is never visible, where it itself is not hidden.
+/// Name of the first of an actor's parents that is never visible; `None` if the actor itself is hidden.
 fn hidden_parent<'a>(stage: &'a Stage, facts: &[ActorFacts], index: usize) -> Option<&'a str> {
     if !stage.actors[index].visible {
         return None;
@@ -422,7 +422,7 @@ fn hidden_parent<'a>(stage: &'a Stage, facts: &[ActorFacts], index: usize) -> Op
     Some(stage.actors[hidden].name.as_str())
 }
 
-/// Whether light can fall on a box (in the axes of the view); on the safe side.
+/// Whether light can fall on a box in view axes. A box that is just out of reach may count, too.
 fn reaches(light: &LightState, sight: &Sight, bounds: &DAabb) -> bool {
     if light.light.kind.is_directional() {
         return true;
@@ -445,7 +445,7 @@ fn reaches(light: &LightState, sight: &Sight, bounds: &DAabb) -> bool {
     angle <= f64::from(outer) + libm::asin(radius / distance)
 }
 
-/// Whether a camera has keys of its place and looks at something, so that single frames may have both in one point.
+/// Whether a camera has a target and keyed positions, so that both may coincide in single frames.
 fn may_pass_its_target(camera: &Camera) -> bool {
     let looks = matches!(camera.rig, Rig::Fixed { look_at: Some(_), .. });
     looks && camera.channels.iter().any(|channel| channel.property == Property::Translation)

@@ -41,11 +41,11 @@ pub enum Subject {
 pub struct Finding {
     /// A fixed name of the kind of finding: `never_in_picture`.
     pub rule: &'static str,
-    /// Often intended: reported for information, no warning.
+    /// Whether this is often intended, and reported as a note instead of a warning.
     pub note: bool,
-    /// The part of the stage.
+    /// The part of the stage that the finding is about.
     pub subject: Subject,
-    /// The sentence about it.
+    /// The message, one sentence.
     pub text: String,
     /// A remedy, where there is one.
     pub hint: Option<String>,
@@ -56,13 +56,13 @@ const MAX_COST: usize = 3000;
 const HOOK_COST: usize = 20;
 
 impl Stage {
-    /// Everything that never shows, in the order of the stage. Looks at frames spread over the whole length until each thing
-    /// has been seen, at most at as many as `MAX_COST` allows; fails where a callback does.
+    /// Finds everything that never shows, in the order of the stage. Evaluates frames spread over the whole length until each thing has
+    /// been seen, or until `MAX_COST` is reached. Fails if a frame cannot be evaluated.
     pub fn survey(self: &std::sync::Arc<Stage>) -> Result<Vec<Finding>, StageError> {
         self.survey_while(&|| true)
     }
 
-    /// The same for a caller that may need it no longer: it ends, with nothing found, once `goes_on` says no.
+    /// Like [`Stage::survey`], but stops, without findings, once `goes_on` returns false.
     pub fn survey_while(
         self: &std::sync::Arc<Stage>,
         goes_on: &dyn Fn() -> bool,
@@ -96,7 +96,7 @@ impl Stage {
     }
 }
 
-/// All numbers of `0..count`, each once: 0, then always the middle of the largest gaps.
+/// All numbers of `0..count`, each once, in bit-reversed order: 0, then always the middles of the largest gaps.
 fn spread(count: i64) -> impl Iterator<Item = i64> {
     let bits = (count as u64).next_power_of_two().trailing_zeros();
     let reversed = move |i: u64| if bits == 0 { 0 } else { (i.reverse_bits() >> (64 - bits)) as i64 };
@@ -204,7 +204,7 @@ fn property_name(property: Property) -> &'static str {
     }
 }
 
-/// How long each camera is on within the stage's length.
+/// How long each camera is active within the stage's length.
 fn cameras_on(stage: &Stage) -> Vec<Time> {
     let length = stage.settings.length;
     let mut on = vec![Time::ZERO; stage.cameras.len()];

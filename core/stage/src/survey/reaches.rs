@@ -1,4 +1,4 @@
-//! Hands that never come to where they reach.
+//! Findings about hands that never reach their targets.
 
 use crate::constraints::solve::{places, world_place};
 use crate::snapshot::Snapshot;
@@ -9,7 +9,7 @@ use crate::survey::{Finding, Subject};
 use choreo_motion::Time;
 use glam::DAffine3;
 
-/// A hand within this of its target has come to it: a share of the limb's length, which a soft reach leaves, and some metres.
+/// Distance from its target at which a hand has reached it: a share of the limb's length, because a soft reach stops short, plus metres.
 const NEAR_SHARE: f64 = 0.05;
 const NEAR_METRES: f64 = 0.01;
 
@@ -21,7 +21,7 @@ struct Nearest {
     reached: bool,
 }
 
-/// Observations of all constraints, by actor; `None` where a constraint never counted fully, or is no reach.
+/// Nearest approach of all constraints, by actor; `None` for a constraint that was never fully active, or is no reach.
 #[derive(Debug)]
 pub(super) struct Reaches(Vec<Vec<Option<Nearest>>>);
 
@@ -41,14 +41,14 @@ impl Reaches {
         }
     }
 
-    /// Whether another time could still take a finding away.
+    /// Whether another time could still remove a finding.
     pub fn open(&self, stage: &Stage) -> bool {
         let all = stage.actors.iter().zip(&self.0).flat_map(|(a, found)| a.constraints.iter().zip(found));
         all.filter(|(c, _)| matches!(c.kind, ConstraintKind::Reach(_)) && c.weight > FULL)
             .any(|(_, nearest)| nearest.is_none_or(|n| !n.reached))
     }
 
-    /// The findings of one actor; `times_said`: how many times were looked at, if not all.
+    /// The findings of one actor. `times_said`: text that states how many times were evaluated, if not all.
     pub fn findings(&self, stage: &Stage, index: usize, times_said: &str) -> Vec<Finding> {
         let actor = &stage.actors[index];
         let missed = |(number, nearest): (usize, &Option<Nearest>)| {
@@ -70,10 +70,10 @@ impl Reaches {
     }
 }
 
-/// A constraint with a share above this counts fully.
+/// A constraint with a weight above this counts as fully active.
 const FULL: f32 = 0.999;
 
-/// How far the end of a reach is from its target; `None` where it does not count fully, or one of both is nowhere.
+/// How far the end of a reach is from its target; `None` if the constraint is not fully active, or one of the positions is unknown.
 fn miss(
     stage: &Stage,
     snapshot: &Snapshot,
@@ -95,7 +95,7 @@ fn miss(
     metres.is_finite().then_some(Nearest { metres, time, reached: metres <= near })
 }
 
-/// Metres from the first joint of a limb over all others to the last.
+/// Length of a limb along its joints, metres.
 fn length(reach: &ReachConstraint, joints: &[glam::Affine3A], world_from_model: &DAffine3) -> f64 {
     let place = |joint: &u32| joints.get(*joint as usize).map(|joint| world_place(world_from_model, joint));
     let bone = |pair: &[u32]| Some((place(&pair[1])? - place(&pair[0])?).length());

@@ -1,4 +1,4 @@
-//! Whether a box is in a camera's image, and how large.
+//! Tests whether a box is in a camera's image, and how large it appears.
 
 use crate::snapshot::{ActorState, CameraState};
 use choreo_asset::{Aabb, Asset, DAabb, Projection};
@@ -33,7 +33,7 @@ impl Miss {
 pub(crate) struct Sight {
     pub view_from_world: DAffine3,
     projection: Projection,
-    /// Pixels.
+    /// Size of the image, pixels.
     size: [f64; 2],
 }
 
@@ -44,7 +44,7 @@ impl Sight {
         Sight { view_from_world, projection: camera.projection, size }
     }
 
-    /// Around a posed actor, in the axes of the view (right, up, back); empty where it has no meshes or is not posed.
+    /// Bounds of a posed actor in view axes (right, up, back); empty if it has no meshes or is not posed.
     pub fn bounds(&self, asset: &Asset, state: &ActorState) -> DAabb {
         let mut bounds = DAabb::EMPTY;
         let view_from_model = self.view_from_world * state.world_from_model;
@@ -58,8 +58,8 @@ impl Sight {
         bounds
     }
 
-    /// The larger side in pixels of what a box in the axes of the view covers, or where it is instead. Exact for such
-    /// boxes: at its greatest depth the view is widest.
+    /// Longer side, in pixels, of the area that a box in view axes covers, or the reason why the box is not in the image. The test is exact
+    /// for such boxes: the view is widest at their greatest depth.
     pub fn covers(&self, bounds: &DAabb) -> Result<f64, Miss> {
         let (nearest, farthest) = (-bounds.max.z, -bounds.min.z);
         let aspect = self.size[0] / self.size[1];
@@ -120,7 +120,7 @@ mod tests {
             let p = DVec3::new(x, y, z);
             s.covers(&DAabb { min: p - 0.5, max: p + 0.5 })
         };
-        // Its front, 1 m high, is 9.5 m away, where the image is 19 m high: 100 / 19 pixels.
+        // The box's front, 1 m high, is 9.5 m away, where the image is 19 m high: 100 / 19 pixels.
         assert!((at(0.0, 0.0, -10.0).unwrap() - 100.0 / 19.0).abs() < 1e-4);
         assert_eq!(at(0.0, 0.0, 10.0), Err(Miss::Behind));
         assert_eq!(at(0.0, 0.0, 0.2), Err(Miss::TooNear));

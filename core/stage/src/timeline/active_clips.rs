@@ -7,7 +7,7 @@ use crate::stage::fade::fraction;
 use crate::timeline::clip_time::plays_until;
 use choreo_motion::Time;
 
-/// A cue that counts in an actor's pose at a time.
+/// A cue that contributes to an actor's pose at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ActiveClip {
     /// Index into `Actor::layers`.
@@ -16,15 +16,15 @@ pub struct ActiveClip {
     pub cue: usize,
     /// Time in the clip.
     pub clip_time: Time,
-    /// 0 < weight ≤ 1, over what came before it; times the layer's mask.
+    /// Blend weight over the clips before it, above 0, at most 1; the layer's mask is not included.
     pub weight: f32,
-    /// Its layer adds or subtracts: what came before it keeps its share.
+    /// Whether its layer is additive or subtractive, so that the clips before it keep their weights.
     pub additive: bool,
 }
 
 impl Actor {
-    /// The clips that play at a time, in the order in which they are blended: each over those before it, additive ones on top.
-    /// Of layers with the same priority the weights are those from before the layers are averaged.
+    /// The clips that play at a time, in the order in which they are blended: each over those before it, additive ones on top. For layers
+    /// of the same rank the weights are those before the layers are averaged.
     pub fn active_clips(&self, time: Time) -> Vec<ActiveClip> {
         let mut active = Vec::new();
         let mut active_cues = Vec::new();
@@ -45,7 +45,7 @@ impl Actor {
     }
 }
 
-/// A cue that counts now. Blended in order: each over what came before it.
+/// An active cue. Cues are blended in order, each over those before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ActiveCue {
     /// Index into `Layer::cues`.
@@ -55,8 +55,8 @@ pub(crate) struct ActiveCue {
     pub weight: f32,
 }
 
-/// The base layer: a fold over the cues begun by now. What a later cue covers entirely is left out; before the first cue
-/// its first pose stands, and after an `end` with nothing that follows at once the pose reached there is held.
+/// Finds the active cues of a base layer: those begun by now, without those that a later cue covers entirely. Before the first cue its
+/// first pose is held. After an `end` that no cue follows at once, the pose reached there is held.
 pub(crate) fn base_cues(layer: &Layer, time: Time, active_cues: &mut Vec<ActiveCue>) {
     active_cues.clear();
     let cues = &layer.cues;
@@ -85,8 +85,8 @@ pub(crate) fn base_cues(layer: &Layer, time: Time, active_cues: &mut Vec<ActiveC
     active_cues.reverse();
 }
 
-/// An upper layer: cues are active from their start to their end and fade in and out. A cue without an end, or with one where
-/// the next begins, hands over to the next: its share goes down as the next one's goes up, without a dip between.
+/// Finds the active cues of an upper layer: each is active from its start to its end and fades in and out. A cue without an end, or with
+/// one where the next begins, hands over to the next: its share goes down as the next one's goes up, without a dip between.
 pub(crate) fn upper_cues(layer: &Layer, time: Time, active_cues: &mut Vec<ActiveCue>) {
     active_cues.clear();
     let cues = &layer.cues;
@@ -101,7 +101,7 @@ pub(crate) fn upper_cues(layer: &Layer, time: Time, active_cues: &mut Vec<Active
                 if fade >= 1.0 || over >= 1.0 {
                     continue;
                 }
-                // Its share under the next is weight · (1 − over); it must be weight · (1 − fade).
+                // The cue's share under the next one is weight · (1 − over); it must be weight · (1 − fade).
                 weight *= (1.0 - fade) / (1.0 - over);
             }
         } else if let Some(end) = cue.end {
@@ -121,20 +121,20 @@ pub(crate) fn upper_cues(layer: &Layer, time: Time, active_cues: &mut Vec<Active
     }
 }
 
-/// Each cue's share of the layer times a factor below 1, given as weights over what came before again.
+/// Multiplies each cue's share of the layer by a factor below 1, and converts the shares back to weights over the cues before.
 fn scale_shares(active_cues: &mut Vec<ActiveCue>, by: f32) {
     shares(active_cues);
     let mut left = 1.0;
     for active in active_cues.iter_mut().rev() {
         let share = active.weight * by;
-        // `left` is at least what all shares before it come to, and more than nothing while `by` is below 1.
+        // `left` is at least the sum of the remaining shares, and above zero because `by` is below 1.
         active.weight = share / left;
         left -= share;
     }
     active_cues.retain(|active| active.weight > 0.0);
 }
 
-/// Turns weights over what came before into shares of the layer as a whole: w · Π (1 − w of those after).
+/// Converts weights over the cues before into shares of the layer as a whole: w · Π (1 − w of those after).
 pub(crate) fn shares(active_cues: &mut [ActiveCue]) {
     let mut left = 1.0;
     for active in active_cues.iter_mut().rev() {
@@ -145,7 +145,7 @@ pub(crate) fn shares(active_cues: &mut [ActiveCue]) {
 }
 
 impl Cue {
-    /// How much it counts at a time, fades left out, 0..=1.
+    /// Weight at a time without fades, 0..=1.
     fn weight_at(&self, time: Time) -> f32 {
         let keyed = self.weight_keys.as_ref().and_then(|keys| keys.at(time));
         keyed.map_or(self.weight, |v| (v[0] as f32).clamp(0.0, 1.0))

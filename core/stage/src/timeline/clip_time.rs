@@ -1,4 +1,4 @@
-//! Clip time of a cue: a function of the stage time alone, in whole ticks however long it plays.
+//! Clip time of a cue: a function of the stage time alone, in whole ticks, so that long playback does not drift.
 
 use crate::stage::clips::{Cue, Layer};
 use crate::stage::time_remapping::TimeRemapping;
@@ -10,13 +10,13 @@ impl Cue {
         Playback { speed: self.speed, trim: self.trim, repeat: self.repeat }
     }
 
-    /// Whether the clip plays at one speed from its start on: no keys and no freezes say which time of it is shown when.
+    /// Whether the clip plays at one speed from its start on: there is no time remapping and no freeze.
     pub fn is_even(&self) -> bool {
         self.time_remapping.is_none() && self.freezes.is_empty()
     }
 
-    /// Ticks of the clip that have been played at a stage time, whole rounds included; none before the start. Below zero
-    /// where a speed curve runs backwards.
+    /// Ticks of the clip that have been played at a stage time, whole loops included; 0 before the start, negative if a speed curve runs
+    /// backwards.
     pub fn played(&self, time: Time) -> i128 {
         let time = time.max(self.start);
         let mut played = self.unfrozen(time);
@@ -56,18 +56,19 @@ impl Cue {
         }
     }
 
-    /// The time when the part has been played through once, if ever: the first tick at which it is complete.
+    /// Stage time at which the trimmed part has been played once, to the tick; `None` if it never is.
     pub fn played_through(&self) -> Option<Time> {
         self.time_of_played(i128::from((self.trim.1 - self.trim.0).0.max(0)))
     }
 
-    /// The time when this number of ticks of the clip has been played, if ever. For a speed curve that turns back, only its keys count.
+    /// Stage time at which this number of ticks of the clip has been played; `None` if it never is. A speed curve that reverses is tested
+    /// at its keys only.
     pub fn time_of_played(&self, ticks: i128) -> Option<Time> {
         if ticks <= 0 {
             return Some(self.start);
         }
         let done = |time: Time| self.played(time) >= ticks;
-        // Where a curve ends, or a freeze, its last speed goes on.
+        // After the end of a curve or a freeze, playback goes on at its last speed.
         let keys = match self.time_remapping.as_deref() {
             Some(TimeRemapping::Speed(curve)) => &curve.keys.times[..],
             Some(TimeRemapping::ClipTime(keys)) => &keys.times[..],
@@ -94,8 +95,8 @@ impl Cue {
         None
     }
 
-    /// Clip time at a stage time. `held`: the time stays there, and shows the last pose of a round instead of the first pose of a
-    /// round that never comes.
+    /// Clip time at a stage time. `held`: the pose is held from there on, so the end of a loop shows its last pose instead of the first
+    /// pose of the next loop.
     pub(crate) fn clip_time(&self, time: Time, held: bool) -> Time {
         let played = self.played(time);
         let at = self.playback().clip_time_at(played);
@@ -104,7 +105,7 @@ impl Cue {
     }
 }
 
-/// The time up to which a cue of a base layer plays, and whether it stands from then on.
+/// Stage time up to which a cue of a base layer has played, and whether its pose is held since then.
 pub(crate) fn plays_until(layer: &Layer, index: usize, time: Time) -> (Time, bool) {
     let cue = &layer.cues[index];
     // A cue that follows at once takes over a playing clip, not a frozen one.

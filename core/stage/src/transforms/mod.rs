@@ -1,4 +1,4 @@
-//! Places in the world: of actors, joints, targets.
+//! World transforms of actors and joints, and positions of targets.
 
 pub(crate) mod order;
 pub(crate) mod parents;
@@ -11,7 +11,7 @@ use choreo_asset::widen;
 use choreo_motion::Front;
 use glam::{DAffine3, DQuat, DVec3};
 
-/// The turn about +Y of a frame that brings a front towards a world direction; none where that goes straight up or nowhere.
+/// Rotation about a frame's +Y that turns a front towards a world direction; identity if the direction is vertical or zero.
 pub(crate) fn facing(world_from_frame: &DAffine3, world_way: DVec3, front: Front) -> DQuat {
     let way = world_from_frame.matrix3.inverse() * world_way;
     let yaw = libm::atan2(way.x, way.z);
@@ -21,7 +21,7 @@ pub(crate) fn facing(world_from_frame: &DAffine3, world_way: DVec3, front: Front
     DQuat::from_rotation_y(yaw - front.yaw_rad())
 }
 
-/// World from the space of an actor or one of its joints. Of a joint that is not posed: as at rest.
+/// World transform of an actor or of one of its joints. A joint that is not posed counts as at rest.
 pub(crate) fn world_from_attachment(stage: &Stage, actors: &[ActorState], at: &Attachment) -> DAffine3 {
     let Some(state) = actors.get(at.actor) else { return DAffine3::IDENTITY };
     match at.joint {

@@ -1,4 +1,4 @@
-//! The order in which actors can be placed: after those that they are attached to; oriented after those that they face.
+//! The order in which actors are placed: after their parents, and oriented after the actors that they face.
 
 use crate::stage::{Stage, StageError};
 use crate::transforms::parents::ActiveParents;
@@ -16,7 +16,7 @@ pub(crate) enum PlacementStep {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PlacementOrder {
     pub steps: Vec<PlacementStep>,
-    /// 0 not seen, 1 on the stack, 2 done; two entries an actor.
+    /// 0 not seen, 1 on the stack, 2 done; two entries per actor.
     state: Vec<u8>,
     stack: Vec<usize>,
     needs: Vec<usize>,

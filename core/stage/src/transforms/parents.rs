@@ -1,4 +1,4 @@
-//! The parents of actors at a time: which there are, the weight of each, and the space that each gives.
+//! Active parents of actors at a time, with their weights and spaces.
 
 use crate::snapshot::ActorState;
 use crate::stage::Stage;
@@ -12,7 +12,7 @@ use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A parent at a time.
+/// An active parent.
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveParent {
     pub to: Option<Attachment>,
@@ -21,9 +21,9 @@ pub(crate) struct ActiveParent {
     pub offset: DAffine3,
     /// Position and rotation in place of the actor's own.
     placement: Option<Placement>,
-    /// How far it replaces the parents before it; the first one does so wholly.
+    /// Blend weight over the parents before it, 0..=1; 1 for the first parent.
     pub weight: f64,
-    /// World from the space that it gives; written when actors are placed.
+    /// World transform of the space that the parent gives; written when actors are placed.
     pub world_from_parent: DAffine3,
 }
 
@@ -33,7 +33,8 @@ impl ActiveParent {
         ActiveParent { to, scale, offset, placement, weight, world_from_parent: DAffine3::IDENTITY }
     }
 
-    /// The placement in it; `own`: the actor's, keys, edits and root motion included. Edits also move what is placed in the parent.
+    /// Placement of the actor in this parent's space. `own`: the actor's placement with keys, edits and root motion. Edits also apply to a
+    /// placement that the parent sets.
     pub fn local<'e>(&self, own: &Placement, edits: impl Iterator<Item = &'e ActorEdit>) -> Placement {
         let Some(placed) = self.placement else { return *own };
         let mut local = placed;
@@ -56,7 +57,7 @@ pub(crate) struct ActiveParents {
 }
 
 impl ActiveParents {
-    /// Fills the lists. `edits`: those of the frame, of which the last one that attaches an actor counts for it alone.
+    /// Finds the active parents of all actors. `edits`: those of the frame; the last one that attaches an actor replaces all its parents.
     pub fn find(&mut self, stage: &Stage, time: Time, edits: &[(usize, ActorEdit)], kept: &KeptTransforms) {
         self.all.clear();
         self.ends.clear();
@@ -65,7 +66,7 @@ impl ActiveParents {
             let index = self.ends.len();
             let begun = actor.parents.iter().take_while(|p| p.has_begun(time)).count();
             let mut first = begun;
-            // Back to the last one that has replaced all before it; before the first of all there is the world.
+            // Goes back to the last parent with full weight. Before the first parent there is the world.
             while first > 0 && (first == begun || share(&actor.parents[first], time) < 1.0) {
                 first -= 1;
             }
@@ -91,7 +92,7 @@ impl ActiveParents {
         }
     }
 
-    /// Empty for an actor that does not exist.
+    /// Range of an actor's parents in `all`; empty for an actor that does not exist.
     fn range(&self, actor: usize) -> std::ops::Range<usize> {
         let Some(end) = self.ends.get(actor) else { return 0..0 };
         actor.checked_sub(1).map_or(0, |before| self.ends[before])..*end
@@ -119,12 +120,12 @@ impl ActiveParents {
     }
 }
 
-/// How far a parent has replaced the ones before it.
+/// Blend weight of a parent over those before it, 0..=1.
 fn share(parent: &Parenting, time: Time) -> f64 {
     f64::from(eased(Ease::Smooth, fraction(time - parent.start, parent.blend)))
 }
 
-/// Transforms that keep actors where they are when their parents change, by actor and number of the parent; shared by clones.
+/// Transforms that keep actors in place when their parents change, by actor and index of the parent; shared by clones.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct KeptTransforms(Arc<Mutex<BTreeMap<(usize, usize), DAffine3>>>);
 
@@ -137,7 +138,7 @@ impl KeptTransforms {
         self.known().insert((actor, parent), transform);
     }
 
-    /// (start, actor, number of the parent) of those that a time needs and that are not known, sorted.
+    /// Transforms that a time needs and that are not known yet, as (start, actor, index of the parent), sorted.
     pub fn unknown(&self, stage: &Stage, time: Time) -> Vec<(Time, usize, usize)> {
         let mut needed = Vec::new();
         for (index, actor) in stage.actors.iter().enumerate() {
@@ -153,7 +154,7 @@ impl KeptTransforms {
     }
 }
 
-/// The times at which some actor gets another parent, and those after them, sorted; with a time before all.
+/// Times at which an actor changes its parent, and one tick after each, sorted; the first is [`Time::MIN`].
 pub(crate) fn times_of_change(stage: &Stage) -> Vec<Time> {
     let starts = stage.actors.iter().flat_map(|actor| &actor.parents).map(|parent| parent.start);
     let mut times: Vec<Time> = starts.flat_map(|start| [start, start + Time(1)]).collect();
@@ -163,7 +164,7 @@ pub(crate) fn times_of_change(stage: &Stage) -> Vec<Time> {
     times
 }
 
-/// World from the space of a parent, in metres where children keep their size.
+/// World transform of a parent's space, without scale if children keep their size.
 pub(crate) fn world_from_parent(
     stage: &Stage,
     actors: &[ActorState],
@@ -177,7 +178,7 @@ pub(crate) fn world_from_parent(
     }
 }
 
-/// A transform between two: rotations on the shortest way, scale and shear linearly, after a polar decomposition of each.
+/// Interpolates two affine transforms after a polar decomposition of each: rotations by slerp, scale and shear linearly.
 pub(crate) fn mixed(a: &DAffine3, b: &DAffine3, share: f64) -> DAffine3 {
     let parts = |m: DMat3| {
         let turned = orthogonal(m) * m.determinant().signum();
@@ -192,11 +193,11 @@ pub(crate) fn mixed(a: &DAffine3, b: &DAffine3, share: f64) -> DAffine3 {
     }
 }
 
-/// Matrices of joints are f32 products: they are within this of a rotation where nothing is scaled, and are taken as they are.
+/// Tolerance within which a matrix counts as a rotation and is used as it is: matrices of joints are f32 products.
 const ROUNDING: f64 = 1e-5;
 
-/// The nearest rotation, of a mirrored matrix the nearest reflection: its polar factor (N. Higham, "Computing the polar
-/// decomposition", 1986), by Newton's method. Of a matrix without an inverse: a rotation by the axes that it has.
+/// Nearest rotation to a matrix, or nearest reflection if it mirrors: its polar factor (N. Higham, "Computing the polar decomposition",
+/// 1986), by Newton's method. A singular matrix gives a rotation that follows its non-zero axes.
 fn orthogonal(m: DMat3) -> DMat3 {
     let off = m.transpose() * m - DMat3::IDENTITY;
     let far = |v: DVec3| v.abs().max_element();
