@@ -354,9 +354,12 @@ impl Facts {
         let name = &light.name;
         let subject = Subject::Light(index);
         if !facts.shines {
-            let why = match light.light.intensity > 0.0 {
-                true => "its color is black",
-                false => "its intensity is 0",
+            let why = if light.light.color == Vec3::ZERO {
+                "its color is black"
+            } else if light.light.intensity > 0.0 {
+                "its keys or a callback keep it dark"
+            } else {
+                "its intensity is 0"
             };
             let text = format!("light \"{name}\" never shines: {why}{}", self.times_said());
             return Some(Finding { rule: "light_never_shines", note: false, subject, text, hint: None });
