@@ -1,10 +1,11 @@
-//! How much a single import may read into arrays: counted, never measured, so that the same file always ends the same way.
+//! Memory budget of a single import. Bytes are counted, not measured, so that the same file always succeeds or fails the same
+//! way.
 
 use rhai::{EvalAltResult, Position};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Bytes beyond 16 times the file that arrays may take together.
+/// Bytes that the arrays of an import may take in addition to 16 times the size of the file.
 const BASE: u64 = 64 << 20;
 
 #[derive(Clone, Debug)]
@@ -26,7 +27,7 @@ impl Budget {
         Budget { left: Arc::new(AtomicU64::new(all)), all }
     }
 
-    /// Counts an array of this number of bytes before it is made, for the rest of the import.
+    /// Takes bytes from the budget for the rest of the import, before they are allocated. Error: too few are left.
     pub fn take(&self, bytes: usize) -> Result<(), Refused> {
         let taken = self
             .left

@@ -9,13 +9,13 @@ use choreo_sandbox::type_word;
 use glam::Vec4;
 use rhai::{Dynamic, Map};
 
-/// An object map with known names; every error names the function and the field.
+/// An object map whose keys are checked. Every error names the function and the field.
 pub struct Fields<'a> {
     what: &'a str,
     map: &'a Map,
 }
 
-/// A field of an object map that cannot be used.
+/// Error message about an object map: it names the function and the field.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct FieldError(String);
@@ -40,7 +40,7 @@ impl From<FieldError> for Refused {
     }
 }
 
-/// A number as it is, else its type in the words of scripts.
+/// A value as messages show it: a number or flag itself, any other value by its type.
 fn shown(value: &Dynamic) -> String {
     match value.is_int() || value.is_float() || value.is_bool() {
         true => value.to_string(),
@@ -90,7 +90,7 @@ impl<'a> Fields<'a> {
         value.as_bool().map(Some).or_else(|_| self.wrong(name, "true or false", value))
     }
 
-    /// The number of a joint, material or image, as its function returned it.
+    /// Index of a joint, material or image, as `joint(…)`, `material(…)` or `image(…)` returned it.
     pub fn index(&self, name: &str) -> Result<Option<u32>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         match value.as_int().ok().and_then(|i| u32::try_from(i).ok()) {
@@ -99,7 +99,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// [`Fields::index`]; a negative number is none, as files write it.
+    /// Like [`Fields::index`], but a negative number means "none", as many formats write it.
     pub fn reference(&self, name: &str) -> Result<Option<u32>> {
         match self.value(name).and_then(|value| value.as_int().ok()) {
             Some(negative) if negative < 0 => Ok(None),
@@ -107,7 +107,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// Flat: `Numbers`, or an array of numbers, or of arrays of numbers.
+    /// Flat list of the numbers of a `Numbers`, an array of numbers, or an array of arrays of numbers; empty without the field.
     pub fn numbers(&self, name: &str) -> Result<Vec<f64>> {
         let Some(value) = self.value(name) else { return Ok(Vec::new()) };
         if let Some(numbers) = numbers::read(value) {
@@ -125,7 +125,7 @@ impl<'a> Fields<'a> {
         Ok(self.numbers(name)?.into_iter().map(|v| v as f32).collect())
     }
 
-    /// Red, green, blue and alpha, linear: 3 or 4 numbers, or a CSS name or hexadecimal color as text.
+    /// Linear RGBA color from 3 or 4 linear numbers, a CSS name or a hexadecimal color.
     pub fn color(&self, name: &str) -> Result<Option<Vec4>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         if let Ok(text) = value.clone().into_string() {
@@ -148,7 +148,7 @@ impl<'a> Fields<'a> {
         numbers.iter().enumerate().map(whole).collect()
     }
 
-    /// An array of object maps with these fields, each as a value.
+    /// Converts an array of object maps, each with the keys `known`, by `read`. Empty without the field.
     pub fn maps<T>(
         &self,
         name: &str,

@@ -1,4 +1,4 @@
-//! Importers and exporters in one file: `NAME.importer.rhai` reads a format of your own, with nothing but the program, and
+//! Importers and exporters in one file: `NAME.importer.rhai` reads a format of your own without a compiler, and
 //! `NAME.exporter.rhai` writes scenes.
 //!
 //! ```text
@@ -27,5 +27,5 @@ pub use importer::{ENDING, RhaiImporter};
 pub use on_use::ImporterOnUse;
 pub use script_error::ScriptError;
 
-/// The page of the documentation.
+/// The README of this crate, which is the user documentation.
 pub const README: &str = include_str!("../README.md");
