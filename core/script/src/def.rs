@@ -2,8 +2,8 @@
 
 use crate::value::HandleKind;
 
-/// A function or method of the script API as it is described. Registration, messages and API.md are made from the tables
-/// of these, which [`api!`](crate::call::api) declares.
+/// Description of a function or method of the script API. Registration, messages and API.md are made from tables of these, which
+/// [`api!`](crate::call::api) declares.
 pub(crate) struct Def {
     pub on: HandleKind,
     pub name: &'static str,
@@ -12,22 +12,22 @@ pub(crate) struct Def {
     pub gives: Gives,
     /// The lines of its documentation comment.
     pub doc: &'static [&'static str],
-    /// Documents its options in place of `{}`.
+    /// Returns the text that replaces `{}` in the documentation.
     pub options: Option<fn() -> String>,
-    /// Whether it can also be called inside `on_frame`.
+    /// Whether the function can also be called inside `on_frame`.
     pub frame: bool,
-    /// Whether it can be called only inside a test section.
+    /// Whether the function can be called only inside a test section.
     pub tests: bool,
 }
 
-/// Type of a call's result, also of the value that replaces the result of a failed call.
+/// Type of a call's result. A failed call returns a placeholder of the same type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gives {
     Nothing,
     /// The receiver, for chaining.
     Itself,
     A(HandleKind),
-    /// A number, text or list: nothing can stand in for it, so an error ends the script.
+    /// A number, text or list, which has no placeholder, so that a failed call ends the statement.
     Value(&'static str),
 }
 

@@ -1,4 +1,4 @@
-//! One call of a script function: its arguments with checks, its errors.
+//! One call of a script function: reads and checks its arguments, and makes its errors.
 
 pub mod fields;
 mod read;
@@ -32,8 +32,9 @@ use std::sync::{Arc, MutexGuard, PoisonError};
 /// /// Returns the start time.
 /// Cue.start("") -> "float" = start;
 /// ```
-/// Without an arrow a method returns its receiver; `()` is nothing, and a text is the type of a plain value. The documentation
-/// begins with what the function does; each paragraph that begins with `- ` describes a group of options or one aspect.
+/// Without an arrow a method returns its receiver; `-> ()` returns nothing, and a text is the type of a plain value. The
+/// documentation begins with what the function does; each paragraph that begins with `- ` describes a group of options or one
+/// aspect.
 macro_rules! api {
     ($($(#[doc = $doc:literal])+ $on:ident $(. $name:ident)? ($args:literal) $(-> $gives:tt)? = $run:expr $(, $mark:ident $(($mark_arg:expr))?)*;)*) => {
         pub(crate) const DEFS: &[$crate::call::Function] = &[$($crate::call::Function {
@@ -61,7 +62,7 @@ macro_rules! api {
 }
 pub(crate) use api;
 
-/// A function or method, and what runs it.
+/// A function or method of scripts: its description and its implementation.
 pub struct Function {
     pub def: Def,
     pub run: fn(&mut Call) -> Reply,
@@ -69,7 +70,7 @@ pub struct Function {
 
 pub(crate) type Reply = Result<Dynamic, ApiError>;
 
-/// `; did you mean "bloom"?` for `glow` and for `blom`, or nothing.
+/// The text `; did you mean "bloom"?` for the synonym `glow` and the misspelling `blom`; empty without a suggestion.
 fn meant<'a>(name: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
     match synonyms::of_value(name, known.clone()) {
         Some(known) => format!("; did you mean \"{known}\"?"),
@@ -77,7 +78,7 @@ fn meant<'a>(name: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> St
     }
 }
 
-/// `unknown WHAT "NAME"PLACE; did you mean "…"?`, with the known names as a hint.
+/// The error `unknown WHAT "NAME"PLACE; did you mean "…"?`, with the known names as a hint.
 pub fn unknown<'a>(
     what: &str,
     name: &str,
@@ -87,7 +88,7 @@ pub fn unknown<'a>(
     unknown_of(what, name, place, known.clone(), known)
 }
 
-/// The same, with all names that are taken, of which `known` are shown.
+/// Like [`unknown`], with further accepted names for the suggestion; the hint lists only `known`.
 pub(crate) fn unknown_of<'a>(
     what: &str,
     name: &str,
@@ -118,7 +119,7 @@ impl Call<'_, '_> {
         usize::from(self.def.on != HandleKind::None)
     }
 
-    /// Arguments without the receiver.
+    /// Number of arguments without the receiver.
     pub fn len(&self) -> usize {
         self.args.len() - self.offset()
     }
@@ -134,7 +135,7 @@ impl Call<'_, '_> {
             .ok_or_else(|| ApiError::new(format!("{} is a method of {}", self.def.name, self.def.on.name())))
     }
 
-    /// The asset of the receiver, waited for where it is still being imported.
+    /// The asset of the receiver. Waits while it is still being imported.
     pub(crate) fn this_asset(&self) -> Result<Arc<Asset>, ApiError> {
         self.shared.asset(&self.this::<AssetRef>()?.from)
     }
@@ -148,14 +149,14 @@ impl Call<'_, '_> {
         self.args[i + self.offset()].flatten_clone()
     }
 
-    /// `turn: degrees`.
+    /// The label of an argument in messages, such as `turn: degrees`.
     pub fn label(&self, i: usize) -> String {
         let len = self.len();
         let name = self.def.forms().into_iter().find(|f| f.len() == len).and_then(|f| f.get(i).copied());
         format!("{}: {}", self.def.name, name.unwrap_or("argument"))
     }
 
-    /// `turn: degrees must be ALLOWED, got …`.
+    /// The error `turn: degrees must be ALLOWED, got …` about argument `i`.
     pub fn wrong(&self, i: usize, allowed: &str) -> ApiError {
         wrong(&self.value(i), &self.label(i), allowed)
     }
@@ -207,7 +208,7 @@ impl Call<'_, '_> {
         point(&self.value(i), &self.label(i))
     }
 
-    /// The option map at `i`, or an empty one where it was left out; unknown keys are an error.
+    /// The option map in argument `i`, empty if left out. Unknown keys are an error.
     pub fn options(&self, i: usize, known: &[&str]) -> Result<Options, ApiError> {
         if i >= self.len() {
             return Ok(Options { function: self.def.name.to_string(), map: Map::new() });
@@ -229,7 +230,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// Gives options that are written by an alias their names.
+    /// Renames options that are written by an alias.
     fn rename_aliases(&mut self) -> Result<(), ApiError> {
         let option = |text: &'static str| text.strip_prefix(&*self.function)?.strip_prefix(": ");
         let aliases =

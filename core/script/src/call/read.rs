@@ -1,4 +1,4 @@
-//! Values of a script as the requested type: `LABEL must be ALLOWED, got …`.
+//! Conversion of script values to a requested type. Errors read `LABEL must be ALLOWED, got …`.
 
 use super::{ApiError, meant};
 use crate::color;
@@ -21,7 +21,7 @@ pub fn one_of(v: &Dynamic, label: &str, allowed: &[&'static str]) -> Result<&'st
     })
 }
 
-/// `LABEL must be ALLOWED, got …`.
+/// The error `LABEL must be ALLOWED, got …`.
 pub fn wrong(v: &Dynamic, label: &str, allowed: &str) -> ApiError {
     let mut error = ApiError::new(format!("{label} must be {allowed}, got {}", describe(v)));
     error.focus = v.clone().into_string().ok();
@@ -31,7 +31,7 @@ pub fn wrong(v: &Dynamic, label: &str, allowed: &str) -> ApiError {
     error
 }
 
-/// A value in a message.
+/// A value as messages show it.
 pub fn describe(v: &Dynamic) -> String {
     let v = v.flatten_clone();
     if v.is_unit() {
@@ -99,7 +99,7 @@ pub(crate) fn number_in(v: &Dynamic, label: &str, min: f64, max: f64) -> Result<
     Err(ApiError::new(format!("{label} must be from {min} to {max}, got {}", describe(v))))
 }
 
-/// ±1 000 000 s, 11 days: far from where integer time or f64 seconds lose anything.
+/// Largest time, ±1 000 000 s (11 days): far below where integer time or f64 seconds lose precision.
 const LONGEST_SECS: f64 = 1e6;
 
 pub fn time(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
@@ -133,7 +133,7 @@ pub fn numbers(v: &Dynamic) -> Option<Vec<f64>> {
     array.iter().map(|n| number(n, "").ok()).collect()
 }
 
-/// Metres: as far as the middle of the galaxy would lose all sense, so a slip is refused.
+/// Largest coordinate in metres. Larger ones are refused as mistakes.
 const FARTHEST: f64 = 1e15;
 
 pub fn point(v: &Dynamic, label: &str) -> Result<DVec3, ApiError> {
