@@ -227,7 +227,7 @@ pub(crate) struct Build {
     pub sky_at: Option<Place>,
     /// The script sets the ambient light.
     pub ambient_given: bool,
-    /// Place of the last call of `ambient(…)`.
+    /// Place of the call of `ambient(…)` in effect; `None` if an option of `stage` sets the ambient light.
     pub ambient_at: Option<Place>,
     pub effects: Vec<EffectUse>,
     pub effect_places: Vec<Place>,

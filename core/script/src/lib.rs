@@ -4,7 +4,7 @@
 //! script.rhai ─► engine (sandbox) ─► api (tables of functions) ─► build (drafts) ─► resolve ─► Stage
 //!                                     └ loader ─► importer plugins                    └ check ─► warnings
 //! ```
-//! Scenes are run by Rhai in this crate alone. What a script can call is listed in `API.md`, made from the tables in `api`.
+//! No other crate runs scene scripts. All script functions are listed in `API.md`, which is generated from the tables in `api`.
 
 mod api;
 mod api_error;
@@ -66,7 +66,7 @@ pub use loader::{BUILT_IN, ImportChoice, Loader, PlayedClips, built_in_assets};
 pub use reference::reference;
 pub use run::{NO_THREAD, Script, ScriptOptions, Touched, run_file, run_file_touching, run_text};
 pub use tokens::{InnerCode, comments, is_name, token_ranges, tokens_with_inner};
-// The same words for a slip of the hand everywhere.
+// Misspellings get suggestions in the same words everywhere.
 pub use api::clip::{NothingFollows, mapping_lines};
 pub use api::cue::mask_problem;
 pub use api::easing::easing_names;

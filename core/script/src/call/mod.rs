@@ -88,7 +88,7 @@ pub fn unknown<'a>(
     unknown_of(what, name, place, known.clone(), known)
 }
 
-/// Like [`unknown`], with further accepted names for the suggestion; the hint lists only `known`.
+/// Like [`unknown`], but suggests any accepted name of `taken`; the hint lists `known`.
 pub(crate) fn unknown_of<'a>(
     what: &str,
     name: &str,

@@ -1,4 +1,4 @@
-//! The tokens and comments of a text in order, with the role that each token has for the blanks around it.
+//! Tokens and comments of a text in order, with the role of each, which decides about blanks around it.
 
 use super::FormatError;
 use crate::tokens::{TokenKind, comments, tokens};
@@ -59,7 +59,7 @@ const KEYWORDS: [&str; 24] = [
     "continue", "switch", "import", "export", "as", "private", "throw", "try", "catch", "case", "default",
 ];
 
-/// The tokens and comments of a text; an error where it is no sequence of tokens.
+/// The tokens and comments of a text. Error: a part of the text is not a token.
 pub fn pieces(text: &str) -> Result<Vec<Piece<'_>>, FormatError> {
     let mut found: Vec<Piece> = Vec::new();
     let mut behind = 0;
