@@ -392,7 +392,6 @@ fn angles(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
     }
 }
 
-/// Reads a quaternion [x, y, z, w] and normalizes it.
 /// The arguments of `rotate`: three angles about x, then y, then z, or a quaternion.
 pub(crate) fn angles_or_quaternion(c: &mut Call) -> Result<DQuat, ApiError> {
     if c.len() > 1 {
@@ -406,6 +405,7 @@ pub(crate) fn angles_or_quaternion(c: &mut Call) -> Result<DQuat, ApiError> {
     })
 }
 
+/// Reads a quaternion [x, y, z, w] and normalizes it. Error: its length is zero or not finite.
 pub fn quaternion(v: &Dynamic, label: &str) -> Result<DQuat, ApiError> {
     let four = numbers(v).filter(|n| n.len() == 4).map(|n| DQuat::from_xyzw(n[0], n[1], n[2], n[3]));
     let unit = four.filter(|q| q.is_finite() && q.length() > 1e-6).map(DQuat::normalize);

@@ -1,4 +1,4 @@
-//! The state of the tests of one run, filled by its calls.
+//! State of the tests during one run of a script.
 
 use super::{Expectation, SectionInfo};
 use crate::api_error::Place;
@@ -15,9 +15,9 @@ pub(crate) struct TestState {
     pub calls: Vec<(usize, usize)>,
     /// A call of `test` was wrong.
     pub refused: bool,
-    /// The section to be run, where all of the file are known: the calls for others are passed over.
+    /// The section to be run, if the sections of the file are known. Calls of `test` for other sections are skipped.
     pub wanted: Option<SectionInfo>,
-    /// The requested section is being run.
+    /// The function of the requested section is running.
     pub running: bool,
     pub ran: bool,
     pub expectations: Vec<Expectation>,
@@ -37,7 +37,7 @@ pub(crate) struct TestState {
 }
 
 impl TestState {
-    /// Notes a comparison of a call of `expect`, or one that was refused.
+    /// Counts a comparison for a call of `expect`, also one that was refused.
     pub fn compared(&mut self, expect: usize) {
         if let Some(asked) = self.asked.get_mut(expect) {
             asked.comparisons += 1;
