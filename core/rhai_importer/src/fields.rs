@@ -99,7 +99,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// Like [`Fields::index`], but a negative number means "none", as many formats write it.
+    /// [`Fields::index`] for which a negative number means "none", as many formats write it.
     pub fn reference(&self, name: &str) -> Result<Option<u32>> {
         match self.value(name).and_then(|value| value.as_int().ok()) {
             Some(negative) if negative < 0 => Ok(None),

@@ -74,7 +74,7 @@ impl SizeLimits {
     fn count_after_growth(self, scope: &Scope<'_>, counted: &AtomicU64) -> Checked<()> {
         let (now, before) = (memory::in_use(), counted.load(Ordering::Relaxed));
         if now < before.saturating_add(COUNT_EVERY) {
-            // After the memory has shrunk, growth is measured from the lower level.
+            // The memory has shrunk, so growth is measured from the lower level.
             if now + COUNT_EVERY < before {
                 counted.store(now, Ordering::Relaxed);
             }

@@ -57,7 +57,7 @@ pub(crate) struct Shared {
     pub test: Mutex<TestState>,
 }
 
-/// What a run of the script produces.
+/// Result of a run of the script.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// The stage of the script. Test sections are not run.

@@ -96,7 +96,7 @@ fn cues(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
         }
     }
     restarts(build, &times, warn);
-    // Where two chains on the base layer of an actor begin at the same time, the later one hides the earlier.
+    // Two chains on the base layer of an actor that begin at the same time: the later one hides the earlier.
     let mut begins: std::collections::BTreeMap<(usize, Time), usize> = std::collections::BTreeMap::new();
     for (id, draft) in build.cues.iter().enumerate() {
         let chain = &build.chains[draft.chain];

@@ -110,7 +110,7 @@ pub fn printable(text: &str) -> String {
     text.chars().map(|c| if c != '\n' && steers_terminal(c) { '\u{fffd}' } else { c }).collect()
 }
 
-/// Like [`printable`], on one line.
+/// A text made [`printable`], on one line.
 pub fn printable_line(text: &str) -> String {
     printable(text).replace('\n', "\u{fffd}")
 }

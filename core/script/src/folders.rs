@@ -119,8 +119,8 @@ impl Folders {
         self.find_reporting(start, name, &mut |_| ())
     }
 
-    /// Like [`Folders::find`]. `report` receives each path that was looked up in vain or is a link: a change there would change
-    /// the result.
+    /// [`Folders::find`] with a report: `report` receives each path that was looked up in vain or is a link: a change there would
+    /// change the result.
     pub(crate) fn find_reporting(
         &self,
         start: Option<&Path>,

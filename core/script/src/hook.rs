@@ -99,7 +99,7 @@ impl ScriptHook {
         result.map(|_| ())
     }
 
-    /// Like `call`, but returns the callback's value.
+    /// Runs the callback and returns its value; the edits are dropped.
     pub fn value_at(&self, time: Time) -> Result<Dynamic, crate::Diagnostic> {
         #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
         let context = self.context.create_context(&self.engine);

@@ -247,7 +247,7 @@ fn pool() -> MutexGuard<'static, Pool> {
 pub(crate) fn submit(import: &Arc<Import>) {
     /// Stack size in bytes, as for the script's own thread: importers recurse into node trees.
     const STACK: usize = 64 << 20;
-    // At least two, so that one can read while the other computes.
+    // Two workers at least, so that one can read while the other computes.
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).max(2);
     let mut pool = pool();
     pool.queue.push_back(import.clone());

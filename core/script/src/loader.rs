@@ -161,7 +161,7 @@ impl Loader {
         self.state().looked_for.extend(files.iter().cloned());
     }
 
-    /// Like [`Folders::find`], and adds to [`Loader::looked_for`].
+    /// Calls [`Folders::find`] and adds to [`Loader::looked_for`].
     pub(crate) fn find_in(
         &self,
         folders: &Folders,

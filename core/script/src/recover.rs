@@ -130,7 +130,7 @@ impl Missing {
             {
                 true
             }
-            // These errors do not name the type of the value.
+            // Such errors do not name the type of the value.
             EvalAltResult::ErrorFor(_) | EvalAltResult::ErrorDataRace(..) => poisoned,
             _ => error.to_string().contains(POISON),
         }

@@ -107,7 +107,7 @@ impl Touched {
     }
 }
 
-/// Like [`run_file`], but also returns the files that the run depends on, even if it fails.
+/// [`run_file`] that also returns the files on which the run depends, even if it fails.
 pub fn run_file_touching(
     path: &Path,
     registry: &Registry,
@@ -273,7 +273,7 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
     let parsed = Parsed::new(&engine, shared, name, text);
     if let Ok(parsed) = &parsed {
         if shared.played_clips_only {
-            // This is the only place that sets it.
+            // The value is set only here.
             let _ = shared.played_clips.set(crate::clips_only::played(&parsed.ast));
         }
         let declared = crate::lint::declared(&parsed.ast, name, text, shared.defs);

@@ -63,15 +63,15 @@ api! {
     Flat.key("property, keys, how?") = key;
 }
 
-/// Fields that are methods of a 2D layer, not options.
+/// Fields of a 2D layer that are methods, not options.
 const METHODS: [&str; 5] = ["scale", "from", "until", "fade", "under"];
 
-/// The options of a 2D layer: those of all, and more.
+/// Option names of a 2D layer: those of all layers, and `more`.
 fn known<'a>(flat: &Layer2d, more: &[&'a str]) -> Vec<&'a str> {
     [&fields::names(flat, &METHODS)[..], &["anchor"], more].concat()
 }
 
-/// A 2D layer as it is without options.
+/// A 2D layer with default values.
 fn plain() -> Layer2d {
     Layer2d::new(Layer2dContent::Panel { size: DVec2::ONE, color: Vec4::W })
 }
@@ -260,7 +260,7 @@ fn text_panel(c: &mut Call) -> Reply {
     })
 }
 
-/// Changes what only texts have.
+/// Changes the content of a text layer. Error: the layer is no text.
 fn of_text(c: &Call, change_text: impl FnOnce(&mut Layer2dContent)) -> Reply {
     let this: FlatRef = c.this()?;
     if !matches!(c.build().flat(this.0)?.content, Layer2dContent::Text { .. }) {
@@ -269,7 +269,7 @@ fn of_text(c: &Call, change_text: impl FnOnce(&mut Layer2dContent)) -> Reply {
     change(c, |flat| change_text(&mut flat.content))
 }
 
-/// The method of the same name as a field.
+/// Runs the method with the name of a field.
 fn field(c: &mut Call) -> Reply {
     let (field, value) = fields::given::<Layer2d>(c)?;
     change(c, |flat| (field.set)(flat, value))

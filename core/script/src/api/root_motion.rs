@@ -10,8 +10,8 @@ use rhai::{Dynamic, Map};
 use std::sync::Arc;
 
 api! {
-    /// Moves the actor by the root motion of its clips. What the root joint does on the floor moves the actor,
-    /// loops go on where they end, and the next clip starts where the last one ended. A clip that walks in place
+    /// Moves the actor by the root motion of its clips. The motion of the root joint along the floor moves the actor,
+    /// loops continue where they end, and the next clip starts where the last one ended. A clip that walks in place
     /// moves the actor as fast as its feet push the floor back.
     /// - Options: joint (name of the root joint; found automatically by default), horizontal (default true),
     ///   vertical (default false), yaw (default: true if the whole clip turns by 15° or more).

@@ -1,4 +1,4 @@
-//! Alpha masks and transparency of an actor's surfaces: `actor.surfaces(#{ … })`, and the same options of the stage.
+//! Options for alpha masks and transparency: `actor.surfaces(#{ … })`, and the same options of the stage.
 
 use super::effect::named_materials;
 use crate::call::{ApiError, Call, Options, Reply, api};

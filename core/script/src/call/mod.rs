@@ -32,7 +32,7 @@ use std::sync::{Arc, MutexGuard, PoisonError};
 /// /// Returns the start time.
 /// Cue.start("") -> "float" = start;
 /// ```
-/// Without an arrow a method returns its receiver; `-> ()` returns nothing, and a text is the type of a plain value. The
+/// A method without an arrow returns its receiver; `-> ()` returns nothing, and a text is the type of a plain value. The
 /// documentation begins with what the function does; each paragraph that begins with `- ` describes a group of options or one
 /// aspect.
 macro_rules! api {
@@ -88,7 +88,7 @@ pub fn unknown<'a>(
     unknown_of(what, name, place, known.clone(), known)
 }
 
-/// Like [`unknown`], but suggests any accepted name of `taken`; the hint lists `known`.
+/// [`unknown`] that suggests any accepted name of `taken`; the hint lists `known`.
 pub(crate) fn unknown_of<'a>(
     what: &str,
     name: &str,

@@ -27,8 +27,8 @@ struct Frame {
     is_block: bool,
 }
 
-/// For each piece the line that it begins, if any. Line breaks are the author's, except that a closing bracket gets one if its
-/// opening bracket is followed by one.
+/// The line that each piece begins, if any. Line breaks are the author's, except that a closing bracket gets one if its opening
+/// bracket is followed by one.
 pub fn lines(pieces: &[Piece]) -> Vec<Option<Line>> {
     let base = Frame { outer: 0, inner: 0, element: None, control: None, spread: false, is_block: true };
     let mut layout = Layout { pieces, frames: vec![base], depth: 0 };

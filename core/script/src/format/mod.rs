@@ -278,7 +278,8 @@ mod tests {
         }
     }
 
-    /// Every lesson, test and plugin of the project is formatted; without its indentation it keeps its tokens, and nothing is left to do the second time.
+    /// Every lesson, test and plugin of the project is formatted. A copy without indentation keeps its tokens when it is
+    /// formatted, and formatting is idempotent.
     #[test]
     fn scripts_of_the_project_are_formatted() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");

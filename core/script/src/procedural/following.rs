@@ -26,8 +26,8 @@ pub enum Rule {
     Opacity,
     /// The first image (a normal map), with the brightness of the second (a height map) as alpha.
     Heights,
-    /// Like `Heights`, with a normal map computed from the height map; the number is its depth in widths of the texture. The
-    /// first image is not read.
+    /// `Heights` with a normal map computed from the height map; the number is its depth in widths of the texture. The first
+    /// image is not read.
     HeightsAlone(f32),
 }
 

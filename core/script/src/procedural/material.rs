@@ -198,7 +198,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
     let maps = Maps::read(o)?;
     let sequences = maps.sequences(o);
     let cells = maps.cells;
-    // With an image the default color is white, so that the image keeps its colors.
+    // The default color with an image is white, so that the image keeps its colors.
     let plain = if maps.image.is_some() { Vec4::ONE } else { Vec4::new(0.6, 0.6, 0.6, 1.0) };
     let base = o.color("color")?.unwrap_or(plain);
     let mut material = Material {
@@ -326,7 +326,7 @@ fn shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
         let phong = o.flag("phong")?.unwrap_or(false);
         material.shading = if phong { Shading::Phong } else { Shading::BlinnPhong };
         material.shininess = shininess as f32;
-        // With a map the factor is 1, because the map contains the amount.
+        // The default factor with a map is 1, because the map contains the amount.
         let usual = if o.get("specular_map").is_some() { 1.0 } else { 0.04 };
         material.specular_color = specular.map_or(Vec3::splat(usual), rgb);
         if let Some(other) = ["roughness", "metallic", "unlit"].into_iter().find(|name| o.get(name).is_some())

@@ -39,7 +39,7 @@ pub fn reflection(o: &Options, material: &mut Material) -> Result<(), ApiError> 
     if share.is_none() && word == "environment_map" {
         return fail("environment_map says what is mirrored; reflection, how much, is not given".into());
     }
-    // With a map the factor is 1, because the map contains the amount.
+    // The default factor is 1, because a map contains the amount.
     let color = share.unwrap_or(Vec3::ONE);
     material.reflection = Some(Box::new(Reflection { color, texture: None, environment: None }));
     Ok(())

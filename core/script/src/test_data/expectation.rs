@@ -274,7 +274,7 @@ pub enum RotationGoal {
 pub enum Flag {
     Visible(usize),
     OnFloor(Contact),
-    /// This camera is the active one.
+    /// The camera is the active one.
     On(usize),
     /// The effect with this name is active.
     Effect(String),
@@ -321,9 +321,9 @@ pub struct EventPattern {
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum EventsTest {
-    /// These events and no others, in this order. The time is the tolerance.
+    /// Exactly the given events, in this order. The time is the tolerance.
     Exactly(Vec<EventPattern>, Time),
-    /// These events in this order, with others between. The time is the tolerance.
+    /// The given events in this order, with others between. The time is the tolerance.
     InOrder(Vec<EventPattern>, Time),
 }
 
@@ -343,7 +343,7 @@ pub enum TextsTest {
     Empty,
     /// A line contains this text.
     Contains(String),
-    /// A line has this text before its colon.
+    /// A line whose text before `: ` matches this name.
     Names(String),
     Count(usize),
 }
