@@ -55,7 +55,7 @@ pub struct Share {
 }
 
 impl Share {
-    /// Counts further bytes before they are allocated.
+    /// Takes further bytes for the same array before they are allocated. Error: too few are left.
     pub fn grow(&mut self, bytes: usize) -> Result<(), Refused> {
         self.budget.take(bytes)?;
         self.bytes += bytes;

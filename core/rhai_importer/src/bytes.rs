@@ -194,7 +194,7 @@ impl Bytes {
     }
 }
 
-/// `serde_json` refuses more than 128 levels, so that this cannot run out of stack.
+/// Converts a JSON value to a script value. `serde_json` refuses more than 128 levels, so the recursion cannot run out of stack.
 fn script_value(value: serde_json::Value) -> Result<Dynamic, Refused> {
     use serde_json::Value;
     Ok(match value {

@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// File name ending of exporter scripts.
 pub const EXPORTER_ENDING: &str = ".exporter.rhai";
 
-/// Texts are handed over in pieces of this many bytes.
+/// Bytes of buffered text at which it is sent to the writing thread.
 const PIECE: usize = 64 << 10;
 
 /// An exporter read from a script. Every export runs in an interpreter of its own.
@@ -80,7 +80,7 @@ impl SceneExporter for RhaiExporter {
         let notes = Arc::new(Mutex::new(Vec::new()));
         // The channel closes when the script has ended and its only sender is dropped.
         let output = Arc::new(Output { texts: Mutex::default(), notes: notes.clone(), to });
-        // The script runs on a thread with a stack of its own; this one alone may use `files`.
+        // The script runs on a thread with a large stack; this thread is the only one that may use `files`.
         let (ran, written) = std::thread::scope(|scope| {
             let worker = std::thread::Builder::new().name("exporter".into()).stack_size(STACK);
             let worker = worker.spawn_scoped(scope, move || self.run(scene, &output));

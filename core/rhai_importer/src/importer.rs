@@ -64,7 +64,7 @@ impl RhaiImporter {
         self
     }
 
-    /// Limits the steps of one import below the README's number.
+    /// Sets a step limit for one import in place of the one that the README states.
     pub fn with_steps(mut self, steps: u64) -> RhaiImporter {
         self.steps = Some(steps);
         self

@@ -5,7 +5,7 @@
 //! file's bytes ─► importer.rhai (sandbox: bytes, numbers, budget) ─► fields ─► AssetBuilder ─► Asset
 //! scene ─► exporter.rhai (sandbox: posed) ─► SceneFiles
 //! ```
-//! The script sees the bytes handed over and files beside them, and nothing else; steps, seconds and memory are limited.
+//! The script can read its input and files beside the source, and nothing else; steps, seconds and memory are limited.
 
 mod budget;
 mod bytes;

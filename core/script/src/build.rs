@@ -380,7 +380,7 @@ pub struct ParentDraft {
 }
 
 impl ActorDraft {
-    /// An error where `walk_to` has set position and rotation for the whole time.
+    /// Error if `walk_to` sets the position and rotation of the actor, which it does for all times.
     pub(crate) fn not_walking(&self, what: &str) -> Result<(), ApiError> {
         let Some(walk) = self.walks.last() else { return Ok(()) };
         let after = walk.turned.as_secs();
@@ -562,7 +562,7 @@ impl Build {
         load
     }
 
-    /// A handle for a file that is being imported.
+    /// The load of a file that is being imported: an earlier one if the same place has loaded the file before.
     pub fn begun(&mut self, import: Arc<Import>, at: &Place, clips_only: bool) -> Arc<Load> {
         let known = |l: &&LoadDraft| l.load.at == *at && l.load.is_of(&import);
         if let Some(known) = self.loads.iter().find(known) {

@@ -41,12 +41,12 @@ impl FileStamp {
     }
 }
 
-/// Locked while its asset is made.
+/// An entry of the cache, locked while its asset is made.
 pub(crate) type Slot = Arc<Mutex<Option<Made>>>;
 
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Key {
-    /// Canonical, or a built-in name.
+    /// Canonical path, or the name of a built-in asset.
     pub path: PathBuf,
     pub name: String,
     pub importer: String,
@@ -56,7 +56,7 @@ pub(crate) struct Key {
 
 #[derive(Debug)]
 pub(crate) struct Made {
-    /// BLAKE3 of the file.
+    /// BLAKE3 hash of the file.
     pub source: [u8; 32],
     pub side_files: Vec<SideFile>,
     pub asset: Arc<Asset>,
@@ -66,7 +66,7 @@ pub(crate) struct Made {
 #[derive(Debug)]
 pub(crate) struct SideFile {
     pub name: String,
-    /// `None`: it could not be read.
+    /// BLAKE3 hash of the file; `None`: it could not be read.
     pub content: Option<[u8; 32]>,
 }
 

@@ -7,7 +7,7 @@ use crate::value::HandleKind;
 pub(crate) struct Def {
     pub on: HandleKind,
     pub name: &'static str,
-    /// Ways to call it, separated by `|`; arguments ending in `?` may be left out: `x, y, z | point`.
+    /// Forms of the arguments, separated by `|`; arguments ending in `?` may be left out: `x, y, z | point`.
     pub args: &'static str,
     pub gives: Gives,
     /// The lines of its documentation comment.
@@ -66,7 +66,7 @@ impl Def {
         items
     }
 
-    /// The ways to call it, as lists of argument names; optional ones are given in both forms.
+    /// Lists of argument names, one for each number of arguments that a form allows.
     pub fn forms(&self) -> Vec<Vec<&'static str>> {
         let mut forms = Vec::new();
         for form in self.args.split('|') {
@@ -79,22 +79,23 @@ impl Def {
         forms
     }
 
-    /// `turn(degrees)`, `at(x, y, z) or at(point)`.
+    /// Usage without the type of the receiver: `turn(degrees)`, `at(x, y, z) or at(point)`.
     pub fn usage(&self) -> String {
         self.usages(self.name).join(" or ")
     }
 
-    /// `Actor.turn(degrees)`, `Actor.at(x, y, z) or Actor.at(point)`, `load(file, options?)`.
+    /// Usage with the type of the receiver: `Actor.turn(degrees)`, `Actor.at(x, y, z) or Actor.at(point)`, `load(file,
+    /// options?)`.
     pub(crate) fn full_usage(&self) -> String {
         self.usages(&self.full_name()).join(" or ")
     }
 
-    /// The ways to call it under a name.
+    /// Usages under a name, one for each form.
     pub(crate) fn usages(&self, name: &str) -> Vec<String> {
         self.args.split('|').map(|form| format!("{name}({})", form.trim())).collect()
     }
 
-    /// `Actor.turn`, `load`.
+    /// Name with the type of the receiver: `Actor.turn`, `load`.
     pub(crate) fn full_name(&self) -> String {
         match self.on {
             HandleKind::None => self.name.to_string(),
@@ -103,7 +104,7 @@ impl Def {
     }
 }
 
-/// All that a script can call, in the order of the reference.
+/// All functions and methods of scripts, in the order of the reference.
 pub(crate) struct Defs {
     /// Functions and methods with their headings.
     pub all: Vec<(&'static str, &'static Def)>,

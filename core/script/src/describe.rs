@@ -18,7 +18,7 @@ pub struct Entry {
     pub heading: &'static str,
     /// Names of the arguments, one list for each number of arguments.
     pub forms: Vec<Vec<&'static str>>,
-    /// Ways to write it: `Actor.at(x, y, z)`.
+    /// Usages, such as `Actor.at(x, y, z)`.
     pub usages: Vec<String>,
     pub gives: Returns,
     /// The description, then a paragraph for each group of options or aspect.
@@ -50,7 +50,7 @@ pub struct OptionEntry {
     pub about: String,
 }
 
-/// All that a script can call, in the order of the reference; other names of a function follow it.
+/// Entries of all functions, methods and constants, in the order of the reference. Aliases follow their function.
 pub fn entries() -> &'static [Entry] {
     static ENTRIES: LazyLock<Vec<Entry>> = LazyLock::new(|| {
         let mut entries: Vec<Entry> = Vec::new();

@@ -281,7 +281,7 @@ fn same(a: &Dynamic, b: &Dynamic) -> bool {
 mod tests {
     use super::*;
 
-    /// Folds everything; each byte is a place.
+    /// Folds all constant expressions of a text.
     fn folded(text: &str) -> String {
         let places: Vec<usize> = (0..text.len()).collect();
         let mut after = text.to_string();

@@ -28,7 +28,7 @@ struct Share {
     until: Option<Instant>,
 }
 
-/// The limit that the callback on this thread has reached after this number of steps.
+/// Name of the limit that the callback on this thread has exceeded after `steps` steps, if any.
 pub fn over(steps: u64) -> Option<&'static str> {
     let share = SHARE.get();
     if steps > share.steps {

@@ -18,7 +18,7 @@ pub struct Import {
     state: Mutex<ImportState>,
     changed: Condvar,
     bytes: AtomicU64,
-    /// Bits of an f32 from 0 to 1.
+    /// Progress from 0 to 1, as the bits of an f32.
     part: AtomicU32,
     cancelled: AtomicBool,
     all: Weak<Watched>,

@@ -1,4 +1,5 @@
-//! The Rhai API: a script is run once and leaves a [`choreo_stage::Stage`]; its errors say where, what and what to do.
+//! The script API in Rhai: a script runs once and makes a [`choreo_stage::Stage`]. Errors state the place, the problem and what
+//! to do.
 //!
 //! ```text
 //! script.rhai ─► engine (sandbox) ─► api (tables of functions) ─► build (drafts) ─► resolve ─► Stage

@@ -109,7 +109,7 @@ impl Loader {
         self
     }
 
-    /// A loader that imports nothing before a caller waits for it.
+    /// Makes the loader begin an import only when a caller waits for it.
     pub(crate) fn when_waited_for(mut self) -> Loader {
         self.at_once = false;
         self

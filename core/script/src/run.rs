@@ -27,7 +27,7 @@ use std::time::{Duration, Instant};
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScriptOptions {
-    /// Folders besides the script's own in which `load` looks, in order.
+    /// Search paths: folders besides the script's own in which files are looked up, in order.
     pub search_paths: Vec<PathBuf>,
     /// Parameters given with `--set name=value`. The last of equal names counts.
     pub set: Vec<(String, String)>,

@@ -44,11 +44,11 @@ pub(crate) struct WalkPlan {
 #[derive(Clone, Debug)]
 pub(crate) struct Walk {
     pub from: Time,
-    /// Time at which the first step begins to fade in.
+    /// Time at which the acceleration begins and the walk clip begins to fade in.
     pub walks_from: Time,
     /// Time at which the walk has full weight and speed.
     pub walks: Time,
-    /// Time at which the stop begins.
+    /// Time at which the deceleration begins.
     pub stops_from: Time,
     /// Time of arrival.
     pub until: Time,

@@ -22,7 +22,7 @@ pub enum Ask {
     Write(String, Vec<u8>),
 }
 
-/// The caller's answer.
+/// The answer of the calling thread.
 pub enum Answer {
     Bytes(Result<Arc<Vec<u8>>, String>),
     Yes(bool),

@@ -57,8 +57,8 @@ api! {
     /// Sets how many of the copies that Asset.repeat made exist: the first N, from 0. With keyframes or in a
     /// callback the number changes over time.
     Actor.count("number") = count, in_frames;
-    /// Sets the width of its lines or the size of its points, in pixels or metres as in `lines(…)` or `points(…)`.
-    /// At 0 nothing is drawn.
+    /// Sets the width of the actor's lines or the size of its points, in pixels or metres as in `lines(…)` or
+    /// `points(…)`. At 0 nothing is drawn.
     Actor.width("width") = width, in_frames;
     /// Sets the weight of a morph target (blend shape, shape key), by name or by index from 0. It overrides the
     /// weight from clips.

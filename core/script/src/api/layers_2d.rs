@@ -34,7 +34,7 @@ api! {
     /// Adds bars at the edges that leave an image ratio times as wide as high, such as 2.39. With keyframes of
     /// "scale" they slide in. Options: color (default black), opacity (0 to 1, default 1).
     letterbox("ratio, options?") -> Flat = letterbox;
-    /// Sets the position of its anchor, as fractions of the image.
+    /// Sets the position of the layer's anchor, as fractions of the image.
     Flat.at("x, y | point") = at, in_frames;
     /// Sets the opacity: 0 is invisible, 1 hides what is below.
     Flat.opacity("value") = opacity, in_frames;
@@ -48,7 +48,7 @@ api! {
     /// the top and the bottom], default [0.4, 0.15]), radius (of the rounding, in sizes of the text, 0 to 10,
     /// default 0.2).
     Flat.panel("options?") = text_panel;
-    /// Scales it about its anchor.
+    /// Scales the layer about its anchor.
     Flat.scale("factor") = field;
     /// Sets the start time (default 0).
     Flat.from("time") = field;
@@ -56,7 +56,7 @@ api! {
     Flat.until("time") = until;
     /// Sets the duration of the fade-in and of the fade-out in seconds (default 0).
     Flat.fade("seconds") = field;
-    /// Moves it behind the scene, in front of the background. By default it is in front of everything.
+    /// Moves the layer behind the scene, in front of the background. By default it is in front of everything.
     Flat.under("") = field;
     /// Animates a property with keyframes [[time, value], …]: "position" ([x, y] as in Flat.at), "scale" or
     /// "opacity". `how`, easing and tangents as in Actor.key.

@@ -16,7 +16,7 @@ api! {
     /// - Options: joint (name of the root joint; found automatically by default), horizontal (default true),
     ///   vertical (default false), yaw (default: true if the whole clip turns by 15° or more).
     Actor.root_motion("options?") = actor_root;
-    /// Removes root motion from its clips, so that they play in place. Options as in Actor.root_motion.
+    /// Removes root motion from the actor's clips, so that they play in place. Options as in Actor.root_motion.
     Actor.in_place("options?") = actor_in_place;
     /// Moves the actor along a smooth curve (path following) through points [[x, y, z], …], relative to its
     /// position and rotation, facing forwards.

@@ -24,7 +24,7 @@ const MARK: &str = "\u{feff}";
 /// A change of a text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Edit {
-    /// Bytes that are replaced.
+    /// Byte range that is replaced.
     pub range: Range<usize>,
     pub text: String,
 }

@@ -1,4 +1,4 @@
-//! Cues that leave a gap, freeze, hide each other or are cut off.
+//! Finds cues that leave a gap, freeze, hide each other or are cut off.
 
 use super::PlacedFinding;
 use crate::build::{Build, CueDraft};

@@ -214,7 +214,7 @@ fn looks(mut drafts: Vec<(CameraLook, Option<Time>)>) -> Vec<CameraLook> {
     looks
 }
 
-/// Near plane of a camera that sets none, metres.
+/// Default near plane of a camera, metres.
 const NEAR: f32 = 0.05;
 
 fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {

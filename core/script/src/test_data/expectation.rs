@@ -39,7 +39,7 @@ pub enum When {
     During(Time, Time),
 }
 
-/// Something on the stage, by its index there.
+/// An object of the stage, by its index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subject {
     Actor(usize),

@@ -13,7 +13,7 @@ pub(crate) struct TestState {
     pub sections: Vec<SectionInfo>,
     /// Line and column of the call for each of them.
     pub calls: Vec<(usize, usize)>,
-    /// A call of `test` was wrong.
+    /// A call of `test` was refused.
     pub refused: bool,
     /// The section to be run, if the sections of the file are known. Calls of `test` for other sections are skipped.
     pub wanted: Option<SectionInfo>,
@@ -26,7 +26,7 @@ pub(crate) struct TestState {
     pub stages: Vec<Arc<Stage>>,
     /// 0: the section's own stage is being built; n: the n-th of `stages`.
     pub current_stage: usize,
-    /// The other script that is being run.
+    /// The script that a call of `scene` is running, if any.
     pub scene: Option<Scene>,
     /// Other scripts by their names in messages, with the place of the call that ran them.
     pub scenes: Vec<(String, Place)>,
@@ -55,10 +55,10 @@ pub(crate) struct Asked {
     pub unused: Option<(&'static str, Place)>,
 }
 
-/// Another script while it runs.
+/// A script that a call of `scene` runs.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// Canonical.
+    /// Canonical path of the folder of the script.
     pub folder: PathBuf,
     /// Parameters in place of `--set`.
     pub set: Vec<(String, String)>,

@@ -35,7 +35,7 @@ pub struct ExpectedDiagnostic {
     pub met: bool,
 }
 
-/// How tests are run.
+/// Options of test runs.
 #[derive(Clone, Debug, Default)]
 pub struct TestOptions {
     pub script: ScriptOptions,

@@ -57,7 +57,7 @@ api! {
     Expect.length("") -> Expect = length, in_tests;
     /// Selects the distance to an actor, joint or point in metres.
     Expect.distance("target") -> Expect = distance, in_tests;
-    /// Selects the angle between its direction and an actor, joint or point, in degrees.
+    /// Selects the angle in degrees between the direction of the subject and an actor, joint or point.
     Expect.angle_to("target") -> Expect = angle_to, in_tests;
     /// Selects the speed in metres per second, since the frame before.
     Expect.speed("") -> Expect = speed, in_tests;
