@@ -148,7 +148,7 @@ impl<'a> Fields<'a> {
         numbers.iter().enumerate().map(whole).collect()
     }
 
-    /// Converts an array of object maps, each with the keys `known`, by `read`. Empty without the field.
+    /// Converts an array of object maps by `read`. The maps may have the keys `known`. Empty without the field.
     pub fn maps<T>(
         &self,
         name: &str,

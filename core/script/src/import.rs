@@ -36,7 +36,7 @@ enum ImportState {
 pub enum Phase {
     /// No worker has begun the import.
     Queued,
-    /// A worker is reading and importing the file.
+    /// The file is being read and imported.
     Running,
     Done,
     /// The import has failed or was cancelled.
@@ -89,8 +89,8 @@ impl Import {
         self.bytes.store(bytes, Ordering::Relaxed);
     }
 
-    /// Raises the progress; a lower value is ignored, because parallel decoding reports out of order. (Bits of floats from 0 up
-    /// are in the order of the floats.)
+    /// Raises the progress. A lower value is ignored, because images are reported later than data that was decoded at the same
+    /// time. (Bits of floats from 0 up are in the order of the floats.)
     pub(crate) fn set_progress(&self, part: f32) {
         self.part.fetch_max(part.clamp(0.0, 1.0).to_bits(), Ordering::Relaxed);
     }

@@ -8,8 +8,8 @@ use rhai::Dynamic;
 
 /// Default length of a Bézier handle as a share of the span, for which time is linear in the curve parameter.
 const EVEN: f64 = 1.0 / 3.0;
-/// Number of Hermite pieces of a span with weights, evenly spaced in the curve parameter. For weights of 0.8 the
-/// largest error is 1e-5 of the change.
+/// Number of Hermite pieces for each number of a span with weights, evenly spaced in the curve parameter. For weights
+/// of 0.8 the largest error is 1e-5 of the change.
 const PIECES: usize = 32;
 /// Largest tangent of a point, per second: the largest distance from the origin.
 const STEEPEST: f64 = 1e15;

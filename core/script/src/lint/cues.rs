@@ -21,7 +21,7 @@ impl Timed<'_> {
         &self.draft.cue.clip.name
     }
 
-    /// Whether the script asks for the last pose to be held, by `once`.
+    /// Whether the script asks for the clip to play once, so that holding the last pose is intended.
     fn asked_to_hold(&self) -> bool {
         self.draft.repeat == Some(Repeat::Once)
     }
