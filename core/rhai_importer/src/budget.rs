@@ -8,12 +8,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Bytes that the arrays of an import may take in addition to 16 times the size of the file.
 const BASE: u64 = 64 << 20;
 
+/// Bytes that one import may still allocate for arrays. Clones share the count.
 #[derive(Clone, Debug)]
 pub struct Budget {
     left: Arc<AtomicU64>,
     all: u64,
 }
 
+/// Error of a native function that a script calls.
 pub type Refused = Box<EvalAltResult>;
 
 /// An error of a native function: the interpreter adds the place of the call.
@@ -22,6 +24,7 @@ pub fn refuse(text: impl Into<String>) -> Refused {
 }
 
 impl Budget {
+    /// Budget for a source file of this size in bytes: 64 MiB plus 16 times the size.
     pub fn for_file(bytes: usize) -> Budget {
         let all = BASE + 16 * bytes as u64;
         Budget { left: Arc::new(AtomicU64::new(all)), all }

@@ -23,6 +23,7 @@ const MANIFEST_STEPS: u64 = 10_000;
 /// them.
 const SECONDS: u64 = 60;
 
+/// Makes the engine of one import or export. `steps`: step limit, `None` for the default.
 pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
     let mut engine = choreo_sandbox::engine();
     for name in ["eval", "sleep", "timestamp", "import", "export", "**"] {

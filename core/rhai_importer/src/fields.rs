@@ -65,10 +65,12 @@ impl<'a> Fields<'a> {
         Err(format!("{}: {name} must be {expected}, got {}", self.what, shown(got)).into())
     }
 
+    /// Value of a field; `None` if it is missing or `()`.
     pub fn value(&self, name: &str) -> Option<&'a Dynamic> {
         self.map.get(name).filter(|v| !v.is_unit())
     }
 
+    /// Text of a field. Error: another type.
     pub fn text(&self, name: &str) -> Result<Option<String>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         match value.clone().into_string() {
@@ -77,6 +79,7 @@ impl<'a> Fields<'a> {
         }
     }
 
+    /// Number of a field, int or float. Error: another type.
     pub fn number(&self, name: &str) -> Result<Option<f64>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         match value.as_float().or_else(|_| value.as_int().map(|i| i as f64)) {
@@ -85,6 +88,7 @@ impl<'a> Fields<'a> {
         }
     }
 
+    /// Flag of a field. Error: another type.
     pub fn flag(&self, name: &str) -> Result<Option<bool>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         value.as_bool().map(Some).or_else(|_| self.wrong(name, "true or false", value))
@@ -121,6 +125,7 @@ impl<'a> Fields<'a> {
         flat.ok_or(()).or_else(|()| self.wrong(name, "numbers, or an array of numbers", value))
     }
 
+    /// [`Fields::numbers`] as f32.
     pub fn floats(&self, name: &str) -> Result<Vec<f32>> {
         Ok(self.numbers(name)?.into_iter().map(|v| v as f32).collect())
     }
@@ -139,6 +144,7 @@ impl<'a> Fields<'a> {
         }
     }
 
+    /// Flat list of whole numbers from 0, such as vertex indices; empty without the field. Error: a number is not one.
     pub fn indices(&self, name: &str) -> Result<Vec<u32>> {
         let numbers = self.numbers(name)?;
         let whole = |(at, v): (usize, &f64)| match f64::from(*v as u32) == *v {

@@ -119,6 +119,7 @@ impl Shared {
         }
     }
 
+    /// Notes a diagnostic, unless it is silent or a comment allows it.
     pub fn note(&self, severity: Severity, place: &Place, error: &ApiError) {
         self.note_in_order(None, severity, place, error);
     }
@@ -527,6 +528,7 @@ impl Build {
         lines
     }
 
+    /// Notes a diagnostic once. Those beyond the limit are only counted.
     pub fn note(&mut self, diagnostic: Diagnostic) {
         self.note_in_order(self.order, diagnostic);
     }
@@ -575,6 +577,7 @@ impl Build {
         load
     }
 
+    /// Marks all loads of an asset as used.
     pub fn used(&mut self, asset: &Arc<Asset>) {
         let same = |l: &&mut LoadDraft| l.load.ready().is_some_and(|a| Arc::ptr_eq(a, asset));
         self.loads.iter_mut().filter(same).for_each(|l| l.used = true);

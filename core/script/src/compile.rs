@@ -128,6 +128,7 @@ fn compile_within(engine: &Engine, shared: &Shared, text: &str, scope: &Scope) -
     Err(ParseError(Box::new(ParseErrorType::BadInput(why)), place))
 }
 
+/// Whether scripts must not use a name.
 pub fn is_refused(name: &str) -> bool {
     REFUSED.iter().any(|(refused, _)| *refused == name)
 }

@@ -15,6 +15,7 @@ impl CueDraft {
         }
     }
 
+    /// Start and end of the played part of the clip, in clip time.
     pub fn part(&self) -> (Time, Time) {
         self.trim.unwrap_or((Time::ZERO, self.cue.clip.duration))
     }

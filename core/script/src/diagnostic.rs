@@ -5,6 +5,7 @@ use std::fmt;
 
 pub use choreo_plugin::excerpt::steers_terminal;
 
+/// Severity of a diagnostic, the most severe first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
     Error,
@@ -37,6 +38,7 @@ pub struct Diagnostic {
 }
 
 impl Diagnostic {
+    /// An error without a place.
     pub fn error(message: impl Into<String>) -> Diagnostic {
         Diagnostic {
             severity: Severity::Error,
@@ -50,10 +52,12 @@ impl Diagnostic {
         }
     }
 
+    /// A warning without a place.
     pub fn warning(message: impl Into<String>) -> Diagnostic {
         Diagnostic { severity: Severity::Warning, ..Diagnostic::error(message) }
     }
 
+    /// Sets the file.
     pub fn in_file(mut self, file: impl Into<String>) -> Diagnostic {
         self.file = file.into();
         self

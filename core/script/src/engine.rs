@@ -21,6 +21,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
+/// Makes the engine of one run, with the script API and the limits of `shared`.
 pub fn engine(shared: &Arc<Shared>) -> Engine {
     let mut engine = choreo_sandbox::engine();
     engine.register_global_module(BasicBlobPackage::new().as_shared_module());

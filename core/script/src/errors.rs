@@ -24,10 +24,12 @@ pub struct Thrown {
     pub place: Place,
 }
 
+/// Wraps an API error for the interpreter.
 pub fn throw(error: ApiError, place: Place) -> Box<EvalAltResult> {
     Box::new(EvalAltResult::ErrorRuntime(Dynamic::from(Thrown { error, place }), Position::NONE))
 }
 
+/// The error that a script uses a forbidden name.
 pub fn refused(name: &str) -> ApiError {
     let why = REFUSED.iter().find(|(n, _)| *n == name).map_or("", |(_, why)| why);
     ApiError::new(format!("\"{name}\" cannot be used in a script: {why}"))

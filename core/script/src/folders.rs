@@ -30,6 +30,7 @@ impl std::fmt::Display for LoadError {
 
 impl std::error::Error for LoadError {}
 
+/// Folders that a script may read: its own, and the search paths.
 #[derive(Clone, Debug)]
 pub struct Folders {
     roots: Vec<Root>,

@@ -32,6 +32,7 @@ enum ImportState {
     Done(Result<Arc<Asset>, LoadError>),
 }
 
+/// Phase of an import.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// No worker has begun the import.
@@ -197,6 +198,7 @@ impl Imports {
         list.iter().filter_map(Weak::upgrade).collect()
     }
 
+    /// Sums over all imports of the list.
     pub fn progress(&self) -> ImportProgress {
         let mut sum = ImportProgress::default();
         for import in self.all() {

@@ -91,6 +91,7 @@ struct LoaderState {
 }
 
 impl Loader {
+    /// A loader with an empty cache. `needs`: the parts of files that the caller will use.
     pub fn new(registry: &Registry, folders: Folders, needs: ImportScope) -> Loader {
         Loader {
             registry: registry.clone(),

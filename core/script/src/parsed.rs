@@ -27,6 +27,7 @@ pub struct Unreadable {
 }
 
 impl Parsed {
+    /// Parses a script. `name`: its name in messages.
     pub fn new(engine: &Engine, shared: &Shared, name: &str, text: &str) -> Result<Parsed, Unreadable> {
         let (read, unknown) = compile_all(engine, shared, text);
         let mut ast = match read {

@@ -25,6 +25,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
+/// Options of a run of a script.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScriptOptions {
     /// Search paths: folders besides the script's own in which files are looked up, in order.

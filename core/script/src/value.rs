@@ -268,6 +268,7 @@ handles! {
 }
 
 impl HandleKind {
+    /// The kind with a name, such as "Actor".
     pub fn from_name(name: &str) -> Option<HandleKind> {
         HandleKind::HANDLES.iter().copied().find(|k| k.name() == name)
     }

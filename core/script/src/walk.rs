@@ -62,6 +62,7 @@ pub(crate) struct Walk {
 }
 
 impl Walk {
+    /// Computes a walk. Error: the point is nearer than 0.05 m, the arrival is too early, or the point to face is the end.
     pub fn new(plan: WalkPlan) -> Result<Walk, ApiError> {
         let WalkPlan { from, start, rotation, point, ahead, fade, pace, face } = plan;
         let way = (point - start).with_y(0.0);

@@ -58,6 +58,7 @@ impl Plugin {
         Ok(Plugin { engine, module })
     }
 
+    /// Whether the plugin exports a function of this name.
     pub fn exports(&self, function: &str) -> bool {
         self.module.get_export(function).is_some()
     }

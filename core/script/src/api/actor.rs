@@ -301,6 +301,7 @@ fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
     c.itself()
 }
 
+/// Reads argument `i` as a parent: an actor or a joint.
 pub fn attachment(c: &Call, i: usize) -> Result<Attachment, ApiError> {
     let value = c.value(i);
     if let Some(actor) = value.read_lock::<ActorRef>() {

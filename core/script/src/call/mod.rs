@@ -105,6 +105,7 @@ pub(crate) fn unknown_of<'a>(
     error
 }
 
+/// A call in progress: the called function, its arguments (the receiver first), and its place in the script.
 pub struct Call<'a, 'b> {
     pub shared: &'a Arc<Shared>,
     pub def: &'static Def,
@@ -124,10 +125,12 @@ impl Call<'_, '_> {
         self.args.len() - self.offset()
     }
 
+    /// Locks the build. Drop the guard before calling anything that locks the build, too.
     pub fn build(&self) -> MutexGuard<'_, Build> {
         self.shared.build.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// The receiver. Error: it has another type than `T`.
     pub fn this<T: rhai::Variant + Clone>(&self) -> Result<T, ApiError> {
         self.args[0]
             .flatten_clone()
@@ -145,6 +148,7 @@ impl Call<'_, '_> {
         Ok(self.args[0].flatten_clone())
     }
 
+    /// Argument `i`, the receiver not counted.
     pub fn value(&self, i: usize) -> Dynamic {
         self.args[i + self.offset()].flatten_clone()
     }
@@ -244,6 +248,7 @@ impl Options {
         }
         Ok(())
     }
+    /// Error: the map has a key that is not in `known`.
     pub fn check(&self, c: &Call, known: &[&str]) -> Result<(), ApiError> {
         let Some(key) = self.map.keys().find(|k| !known.contains(&k.as_str())) else { return Ok(()) };
         let options = format!("options: {}", list(known.iter().copied(), 30));
@@ -259,12 +264,15 @@ impl Options {
         let what = format!("{}: unknown option \"{key}\"{meant}", self.function);
         Err(ApiError::new(what).focus(key.to_string()).hint(hint))
     }
+    /// Value of an option, if it is given.
     pub fn get(&self, name: &str) -> Option<Dynamic> {
         self.map.get(name).map(Dynamic::flatten_clone)
     }
+    /// Label of an option in messages, such as `sun: color`.
     pub fn label(&self, name: &str) -> String {
         format!("{}: {name}", self.function)
     }
+    /// Converts the value of an option by `reader`, which gets value and label; `None` if it is not given.
     pub fn read<T>(
         &self,
         name: &str,

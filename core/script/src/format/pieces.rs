@@ -4,6 +4,7 @@ use super::FormatError;
 use crate::tokens::{TokenKind, comments, tokens};
 use std::ops::Range;
 
+/// Role of a piece, which decides about the blanks around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// A name, number or text.
@@ -33,6 +34,7 @@ pub enum Role {
     Other,
 }
 
+/// A token or comment of a text.
 #[derive(Clone, Debug)]
 pub struct Piece<'a> {
     pub text: &'a str,

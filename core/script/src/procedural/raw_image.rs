@@ -10,6 +10,7 @@ use std::sync::Arc;
 /// Maximum width and height in pixels, the same as for importers.
 const MOST_A_SIDE: f64 = 16384.0;
 
+/// The image of an `image(width, height, pixels)` or `image(options)` call.
 pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
     let mut known = vec!["name", "filter", "wrap"];
     let sizes_apart = c.len() >= 3;
@@ -59,6 +60,7 @@ pub fn count(c: &Call, texels: u64) -> Result<(), ApiError> {
     Ok(())
 }
 
+/// The sampler of the options `wrap` and `filter`.
 pub fn sampler(o: &Options) -> Result<Sampler, ApiError> {
     let pair = o.get("wrap").and_then(|v| v.read_lock::<Array>().map(|a| a.to_vec()));
     let [wrap_u, wrap_v] = match pair.as_deref() {

@@ -5,6 +5,7 @@ use choreo_asset::{Image, Primitive};
 use glam::{Vec2, Vec3, Vec4};
 use std::collections::BTreeMap;
 
+/// Names of the texture projections.
 pub const PROJECTIONS: &[&str] = &["plane", "box", "sphere", "cylinder", "cone", "triplanar"];
 
 /// Sets texture coordinates by a projection around the center of the shape. Every triangle gets its own vertices.

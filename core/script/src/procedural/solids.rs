@@ -7,6 +7,7 @@ use glam::{Vec2, Vec3};
 const AROUND: u32 = 48;
 const ROWS: u32 = 24;
 
+/// Names of the shapes.
 pub const KINDS: &[&str] = &["plane", "quad", "box", "sphere", "cylinder", "cone", "capsule", "torus"];
 
 /// The mesh of a shape, which stands on the ground (y = 0). `size`: metres along x, y and z.

@@ -295,6 +295,7 @@ impl Call {
     }
 }
 
+/// The entry of a mathematical function.
 pub fn mathematics(name: &str, defs: &Defs) -> Option<Call> {
     let (name, args, about) = defs.maths.iter().find(|(known, ..)| *known == name)?;
     let usage = format!("{name}({args})");

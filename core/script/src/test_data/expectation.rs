@@ -11,6 +11,7 @@ use choreo_stage::{Attachment, Target};
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
+/// A comparison of a test with its place and times.
 #[derive(Clone, Debug)]
 pub struct Expectation {
     /// Place of the call that compares.
@@ -48,6 +49,7 @@ pub enum Subject {
     Light(usize),
 }
 
+/// Comparison of an expectation: the measured property and the test.
 #[derive(Clone, Debug)]
 pub enum Claim {
     /// A number that may change over time.
@@ -141,6 +143,7 @@ pub enum Quantity {
     PlanCount(PlanOptions, PlanCount),
 }
 
+/// Points, vectors and colors of a stage, each a function of time.
 #[derive(Clone, Debug, PartialEq)]
 pub enum VectorQuantity {
     /// Position in the world, or in the space of an actor or joint.
@@ -157,6 +160,7 @@ pub enum VectorQuantity {
     InPicture(Subject, Option<usize>),
 }
 
+/// Rotations of a stage, each a function of time.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RotationQuantity {
     /// Rotation in the world, or in the space of an actor or joint.
@@ -178,6 +182,7 @@ pub struct Contact {
     pub ground: f64,
 }
 
+/// Things that are counted in a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Count {
     Actors,
@@ -202,6 +207,7 @@ pub struct PlanOptions {
     pub samples: Option<u32>,
 }
 
+/// Things that are counted in the render plan of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlanCount {
     /// Render passes, full-screen ones included.
@@ -220,6 +226,7 @@ pub enum PlanCount {
     OverlayTriangles,
 }
 
+/// Comparison of a number.
 #[derive(Clone, Debug)]
 pub enum NumberTest {
     /// The number is within the tolerance of a number or of a function of time.
@@ -232,12 +239,14 @@ pub enum NumberTest {
     Between(f64, f64),
 }
 
+/// Expected number.
 #[derive(Clone, Debug)]
 pub enum NumberGoal {
     Number(f64),
     Formula(Formula),
 }
 
+/// Comparison of a point, vector or color.
 #[derive(Clone, Debug)]
 pub enum VectorTest {
     Near {
@@ -251,6 +260,7 @@ pub enum VectorTest {
     },
 }
 
+/// Expected point, vector or color.
 #[derive(Clone, Debug)]
 pub enum VectorGoal {
     Point(DVec3),
@@ -261,6 +271,7 @@ pub enum VectorGoal {
     Formula(Formula),
 }
 
+/// Expected rotation.
 #[derive(Clone, Debug)]
 pub enum RotationGoal {
     Rotation(DQuat),
@@ -270,6 +281,7 @@ pub enum RotationGoal {
     Formula(Formula),
 }
 
+/// Property that is true or false.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Flag {
     Visible(usize),
@@ -280,6 +292,7 @@ pub enum Flag {
     Effect(String),
 }
 
+/// Requirements on an actor that must be inside the image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InFrame {
     pub actor: usize,
@@ -293,6 +306,7 @@ pub struct InFrame {
     pub upright: Option<f64>,
 }
 
+/// Object whose bits are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SameWhat {
     /// The whole stage, or its snapshot at a time.
@@ -301,6 +315,7 @@ pub enum SameWhat {
     Pose(usize),
 }
 
+/// Object that must be equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SameOther {
     /// The same object at another time.
@@ -319,6 +334,7 @@ pub struct EventPattern {
     pub text: String,
 }
 
+/// Comparison of the events of a stage.
 #[derive(Clone, Debug, PartialEq)]
 pub enum EventsTest {
     /// Exactly the given events, in this order. The time is the tolerance.
@@ -327,6 +343,7 @@ pub enum EventsTest {
     InOrder(Vec<EventPattern>, Time),
 }
 
+/// Lists of texts of a stage or plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TextsQuantity {
     /// Warnings about the script and the assets on stage.
@@ -338,6 +355,7 @@ pub enum TextsQuantity {
     Effects,
 }
 
+/// Comparison of a list of texts.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TextsTest {
     Empty,
@@ -361,6 +379,7 @@ pub enum Value {
     Map(Vec<(String, Value)>),
 }
 
+/// Comparison of a plain value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ValueTest {
     Equals(Value),

@@ -189,6 +189,7 @@ impl TestFiles {
 }
 
 impl TestFile {
+    /// The sections of the file, if they are known.
     pub fn listing(&self) -> Option<&Arc<Listing>> {
         self.listing.get()
     }

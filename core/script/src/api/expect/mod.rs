@@ -145,6 +145,7 @@ fn expect(c: &mut Call) -> Reply {
     }))
 }
 
+/// The subject that a handle refers to; `None` for values other than actors, joints, cameras and lights.
 pub fn subject(v: &Dynamic) -> Option<Subject> {
     if let Some(actor) = v.read_lock::<ActorRef>() {
         Some(Subject::Actor(actor.id))
