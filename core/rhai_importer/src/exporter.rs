@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// File name ending of exporter scripts.
 pub const EXPORTER_ENDING: &str = ".exporter.rhai";
 
-/// Bytes of buffered text at which it is sent to the writing thread.
+/// Number of buffered bytes at which text is sent to the writing thread.
 const PIECE: usize = 64 << 10;
 
 /// An exporter read from a script. Every export runs in an interpreter of its own.

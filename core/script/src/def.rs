@@ -84,8 +84,8 @@ impl Def {
         self.usages(self.name).join(" or ")
     }
 
-    /// Usage with the type of the receiver: `Actor.turn(degrees)`, `Actor.at(x, y, z) or Actor.at(point)`, `load(file,
-    /// options?)`.
+    /// Usage with the type of the receiver: `Actor.turn(degrees)`, `Actor.at(x, y, z) or Actor.at(point)`,
+    /// `load(file, options?)`.
     pub(crate) fn full_usage(&self) -> String {
         self.usages(&self.full_name()).join(" or ")
     }

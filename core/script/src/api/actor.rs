@@ -83,8 +83,8 @@ api! {
     ///   (a smooth curve through the keyframes: a number never leaves the range between two keyframes, monotone cubic;
     ///   a position keeps its direction through a keyframe, so that a path that bends swings out beside it) or
     ///   "catmull_rom" (a Catmull-Rom spline, which overshoots where keyframes of different speed lie close together).
-    ///   Or an easing into every keyframe: a name such as "in_out_sine" (see Cue.ease) or a Bézier curve [x1, y1, x2,
-    ///   y2].
+    ///   Or an easing into every keyframe: a name such as "in_out_sine" (see Cue.ease) or a Bézier curve
+    ///   [x1, y1, x2, y2].
     /// - Two keyframes at the same time are a jump from the first value to the second.
     /// - A keyframe [time, value, ease] has its own easing, into that keyframe only; `how` is then "linear".
     /// - A keyframe [time, value, #{ tangent: … }] has its own tangent for a cubic Hermite spline: the change per

@@ -174,8 +174,8 @@ fn spot(c: &mut Call) -> Reply {
     add(c, &o, light)
 }
 
-/// Reads ambient light from above and from below, linear: a color, a strength of white light, or `#{ up, down, strength
-/// }`.
+/// Reads ambient light from above and from below, linear: a color, a strength of white light, or
+/// `#{ up, down, strength }`.
 pub(crate) fn read_ambient(c: &Call, v: &Dynamic, label: &str) -> Result<(Vec3, Vec3), ApiError> {
     if let Some(map) = v.read_lock::<Map>() {
         let o = Options { function: label.to_string(), map: map.clone() };

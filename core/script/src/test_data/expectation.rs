@@ -25,7 +25,7 @@ pub struct Expectation {
     pub step: Option<Time>,
     /// The claim must fail at every tested time.
     pub negated: bool,
-    /// The claim must hold (negated: fail) at one tested time only.
+    /// One tested time at which the claim holds (negated: fails) is enough.
     pub sometime: bool,
     pub claim: Claim,
 }
