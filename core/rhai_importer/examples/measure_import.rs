@@ -1,5 +1,5 @@
-//! How long importers in a script take: 5 MB of binary vertices and indices, and an ASCII PLY of a million vertices, with the peak
-//! of the process's memory: `cargo run --release -p choreo-rhai-importer --example measure_import`.
+//! Benchmark of script importers: 5 MB of binary vertices and indices, and an ASCII PLY of a million vertices. Prints import
+//! times and the peak memory of the process: `cargo run --release -p choreo-rhai-importer --example measure_import`.
 
 use choreo_plugin::{Files, ImportOptions, ImportScope, Importer, Source};
 use choreo_rhai_importer::RhaiImporter;
@@ -57,7 +57,7 @@ impl Files for None {
     }
 }
 
-/// Two triangles of each square of a grid.
+/// Vertex indices of the triangles of a square grid, two per cell.
 fn triangles(side: u32) -> impl Iterator<Item = [u32; 3]> {
     (0..side - 1).flat_map(move |z| {
         (0..side - 1).flat_map(move |x| {
@@ -122,7 +122,7 @@ fn measure(name: &str, importer: &str, bytes: Vec<u8>, vertices: u32) {
     );
 }
 
-/// The most memory that the process has held (Linux), files of the test included.
+/// Peak resident memory of the process in MB (Linux; 0 elsewhere), the test files included.
 fn peak_mb() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));

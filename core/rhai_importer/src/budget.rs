@@ -1,18 +1,21 @@
-//! How much a single import may read into arrays: counted, never measured, so that the same file always ends the same way.
+//! Memory budget of a single import. Bytes are counted, not measured, so that the same file always succeeds or fails the same
+//! way.
 
 use rhai::{EvalAltResult, Position};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Bytes beyond 16 times the file that arrays may take together.
+/// Bytes that the arrays of an import may take in addition to 16 times the size of the file.
 const BASE: u64 = 64 << 20;
 
+/// Bytes that one import may still allocate for arrays. Clones share the count.
 #[derive(Clone, Debug)]
 pub struct Budget {
     left: Arc<AtomicU64>,
     all: u64,
 }
 
+/// Error of a native function that a script calls.
 pub type Refused = Box<EvalAltResult>;
 
 /// An error of a native function: the interpreter adds the place of the call.
@@ -21,12 +24,13 @@ pub fn refuse(text: impl Into<String>) -> Refused {
 }
 
 impl Budget {
+    /// Budget for a source file of this size in bytes: 64 MiB plus 16 times the size.
     pub fn for_file(bytes: usize) -> Budget {
         let all = BASE + 16 * bytes as u64;
         Budget { left: Arc::new(AtomicU64::new(all)), all }
     }
 
-    /// Counts an array of this number of bytes before it is made, for the rest of the import.
+    /// Takes bytes from the budget for the rest of the import, before they are allocated. Error: too few are left.
     pub fn take(&self, bytes: usize) -> Result<(), Refused> {
         let taken = self
             .left
@@ -54,7 +58,7 @@ pub struct Share {
 }
 
 impl Share {
-    /// Counts further bytes before they are allocated.
+    /// Takes further bytes for the same array before they are allocated. Error: too few are left.
     pub fn grow(&mut self, bytes: usize) -> Result<(), Refused> {
         self.budget.take(bytes)?;
         self.bytes += bytes;

@@ -18,17 +18,17 @@ pub struct Bytes {
     pub budget: Budget,
 }
 
-/// A number's layout, and how it becomes an f64 (exactly, but for 64-bit integers beyond 2^53).
+/// Layout of a number type and its conversion to f64, which is exact except for 64-bit integers beyond 2^53.
 #[derive(Clone, Copy)]
 struct NumberType {
     name: &'static str,
     size: usize,
     read: fn([u8; 8]) -> f64,
-    /// The value that means 1 where a file stores fractions as integers; 0 for floats.
+    /// Integer that stands for 1.0 in normalized integers; 0 for floats.
     one: f64,
 }
 
-/// `read` gets the number's bytes little-endian, at the front of eight.
+/// `read` receives eight bytes that begin with the number in little-endian order.
 macro_rules! kind {
     ($name:literal, $type:ty, $one:expr) => {
         NumberType {
@@ -66,7 +66,7 @@ impl Bytes {
         &self.all[self.range.clone()]
     }
 
-    /// The bytes `offset..offset + count`, or an error that names them as the file counts them.
+    /// The bytes `offset..offset + count` of this part. The error states offsets from the start of the file.
     fn take(&self, offset: i64, count: i64, what: &str) -> Result<&[u8], Refused> {
         let range = usize::try_from(offset).ok().zip(usize::try_from(count).ok());
         let range = range.and_then(|(o, c)| Some(o..o.checked_add(c)?));
@@ -83,7 +83,7 @@ impl Bytes {
 
     pub fn part(&self, offset: i64, count: i64) -> Result<Bytes, Refused> {
         self.take(offset, count, "part")?;
-        // `take` has shown that both are in range.
+        // `take` has checked both numbers.
         let start = self.range.start + offset as usize;
         Ok(Bytes { range: start..start + count as usize, ..self.clone() })
     }
@@ -136,7 +136,7 @@ impl Bytes {
                 )));
             }
         };
-        // The last row need not be followed by the rest of its stride.
+        // The last row may lack the padding up to the stride.
         let span = match count {
             1.. => (count - 1).checked_mul(stride).and_then(|b| b.checked_add(packed)),
             0 => Some(0),
@@ -160,7 +160,7 @@ impl Bytes {
             .map_err(|e| refuse(format!("byte {} is no UTF-8 text", self.range.start + e.valid_up_to())))
     }
 
-    /// Up to `count` bytes as text, ending at a zero byte: names in fixed fields.
+    /// Text of at most `count` bytes that ends at the first zero byte, such as a name in a field of fixed size.
     fn name(&self, offset: i64, count: i64) -> Result<String, Refused> {
         let bytes = self.take(offset, count, "text")?;
         let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
@@ -194,7 +194,7 @@ impl Bytes {
     }
 }
 
-/// `serde_json` refuses more than 128 levels, so that this cannot run out of stack.
+/// Converts a JSON value to a script value. `serde_json` refuses more than 128 levels, so the recursion cannot run out of stack.
 fn script_value(value: serde_json::Value) -> Result<Dynamic, Refused> {
     use serde_json::Value;
     Ok(match value {

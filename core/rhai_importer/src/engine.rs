@@ -6,26 +6,30 @@ use choreo_sandbox::SizeLimits;
 use rhai::{Engine, OptimizationLevel};
 use std::time::{Duration, Instant};
 
-/// Elements of a script's own array or map, those inside included. Numbers in bulk are no script values and do not count.
+/// Maximum elements of a script's own array or map, nested ones included. Native `Numbers` are not script values and do not
+/// count.
 pub(crate) const MOST_IN_ARRAY: usize = 1_000_000;
 
-/// Calls within one another, and bytes of a text.
+/// Maximum depth of nested calls.
 pub(crate) const MOST_CALLS: usize = 48;
+/// Maximum bytes of a text.
 pub const MOST_TEXT: usize = 64 << 20;
 
-/// Steps of the interpreter for one file: some seconds.
+/// Interpreter steps for one file, which take some seconds.
 const STEPS: u64 = 50_000_000;
 /// Steps that `manifest` may take.
 const MANIFEST_STEPS: u64 = 10_000;
-/// Beyond this a run is ended even within its steps, which a busy machine needs many times as long for.
+/// Time limit in seconds for a run that is still within its steps: generous, because a busy machine takes many times as long for
+/// them.
 const SECONDS: u64 = 60;
 
+/// Makes the engine of one import or export. `steps`: step limit, `None` for the default.
 pub fn engine(budget: &Budget, steps: Option<u64>) -> Engine {
     let mut engine = choreo_sandbox::engine();
     for name in ["eval", "sleep", "timestamp", "import", "export", "**"] {
         engine.disable_symbol(name);
     }
-    // Function pointers reach functions whose names are disabled.
+    // Function pointers can call functions whose names are disabled, so `sleep` is replaced, too.
     engine.register_fn("sleep", |_: i64| {});
     engine.register_fn("sleep", |_: f64| {});
     engine.set_optimization_level(OptimizationLevel::Simple);
@@ -63,12 +67,12 @@ pub(crate) fn manifest_engine() -> Engine {
     engine
 }
 
-/// A number at the whole of a text, spaces around it allowed.
+/// Parses a whole text as one number. Spaces around it are allowed.
 fn parse<T: std::str::FromStr>(name: &str, kind: &str, text: &str) -> Result<T, Refused> {
     text.trim().parse().map_err(|_| not_a(kind, name, text))
 }
 
-/// A whole number with a radix of 2 to 36.
+/// Parses a whole number in a radix of 2 to 36.
 fn parse_radix(text: &str, radix: i64) -> Result<i64, Refused> {
     let radix = u32::try_from(radix).ok().filter(|radix| (2..=36).contains(radix));
     let number = radix.and_then(|radix| i64::from_str_radix(text.trim(), radix).ok());

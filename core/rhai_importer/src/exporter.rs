@@ -11,10 +11,10 @@ use std::collections::BTreeMap;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Names of exporter files end so.
+/// File name ending of exporter scripts.
 pub const EXPORTER_ENDING: &str = ".exporter.rhai";
 
-/// Texts are handed over in pieces of this many bytes.
+/// Number of buffered bytes at which text is sent to the writing thread.
 const PIECE: usize = 64 << 10;
 
 /// An exporter read from a script. Every export runs in an interpreter of its own.
@@ -78,9 +78,9 @@ impl SceneExporter for RhaiExporter {
     fn export(&self, scene: &ExportedScene, files: &mut dyn SceneFiles) -> Result<Vec<String>, ExportError> {
         let (to, pieces) = sync_channel::<Piece>(16);
         let notes = Arc::new(Mutex::new(Vec::new()));
-        // The pieces end when the script and with it the only sender is gone.
+        // The channel closes when the script has ended and its only sender is dropped.
         let output = Arc::new(Output { texts: Mutex::default(), notes: notes.clone(), to });
-        // The script runs on a thread with a stack of its own; this one alone may use `files`.
+        // The script runs on a thread with a large stack; this thread is the only one that may use `files`.
         let (ran, written) = std::thread::scope(|scope| {
             let worker = std::thread::Builder::new().name("exporter".into()).stack_size(STACK);
             let worker = worker.spawn_scoped(scope, move || self.run(scene, &output));
@@ -88,7 +88,7 @@ impl SceneExporter for RhaiExporter {
                 return (Err(self.error(refuse("cannot start a thread"), &Known::default())), Ok(()));
             };
             let written = receive(&pieces, files);
-            // A script that goes on writing after an error of the file ends.
+            // Dropping the receiver ends a script that keeps writing after a file error.
             drop(pieces);
             match worker.join() {
                 Ok(ran) => (ran, written),
@@ -102,10 +102,10 @@ impl SceneExporter for RhaiExporter {
     }
 }
 
-/// The ending of a file beside the main one, empty for the main one itself, and a text for it.
+/// Name ending of the file (empty for the main file), and text to append to that file.
 type Piece = (String, String);
 
-/// Writes the pieces to their files until the last.
+/// Writes received pieces to their files until the channel closes.
 fn receive(pieces: &Receiver<Piece>, files: &mut dyn SceneFiles) -> Result<(), ExportError> {
     for (name, text) in pieces {
         let file = if name.is_empty() { files.main() } else { files.beside(&name)? };
@@ -114,7 +114,7 @@ fn receive(pieces: &Receiver<Piece>, files: &mut dyn SceneFiles) -> Result<(), E
     Ok(())
 }
 
-/// Text that a script has written and not yet handed over, by file, and its notes.
+/// Text that a script has written but not yet sent, by file ending, and the notes of the script.
 struct Output {
     texts: Mutex<BTreeMap<String, String>>,
     notes: Arc<Mutex<Vec<String>>>,
@@ -143,7 +143,7 @@ impl Output {
     }
 }
 
-/// Most notes kept; a loop over joints must not fill the memory.
+/// Maximum number of notes kept, so that a loop over joints cannot fill the memory.
 const MOST_NOTES: usize = 1000;
 
 fn register(engine: &mut Engine, output: &Arc<Output>) {

@@ -9,13 +9,13 @@ use choreo_sandbox::type_word;
 use glam::Vec4;
 use rhai::{Dynamic, Map};
 
-/// An object map with known names; every error names the function and the field.
+/// An object map whose keys are checked. Every error names the function and the field.
 pub struct Fields<'a> {
     what: &'a str,
     map: &'a Map,
 }
 
-/// A field of an object map that cannot be used.
+/// Error message about an object map: it names the function and the field.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct FieldError(String);
@@ -40,7 +40,7 @@ impl From<FieldError> for Refused {
     }
 }
 
-/// A number as it is, else its type in the words of scripts.
+/// A value as messages show it: a number or flag itself, any other value by its type.
 fn shown(value: &Dynamic) -> String {
     match value.is_int() || value.is_float() || value.is_bool() {
         true => value.to_string(),
@@ -65,10 +65,12 @@ impl<'a> Fields<'a> {
         Err(format!("{}: {name} must be {expected}, got {}", self.what, shown(got)).into())
     }
 
+    /// Value of a field; `None` if it is missing or `()`.
     pub fn value(&self, name: &str) -> Option<&'a Dynamic> {
         self.map.get(name).filter(|v| !v.is_unit())
     }
 
+    /// Text of a field. Error: another type.
     pub fn text(&self, name: &str) -> Result<Option<String>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         match value.clone().into_string() {
@@ -77,6 +79,7 @@ impl<'a> Fields<'a> {
         }
     }
 
+    /// Number of a field, int or float. Error: another type.
     pub fn number(&self, name: &str) -> Result<Option<f64>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         match value.as_float().or_else(|_| value.as_int().map(|i| i as f64)) {
@@ -85,12 +88,13 @@ impl<'a> Fields<'a> {
         }
     }
 
+    /// Flag of a field. Error: another type.
     pub fn flag(&self, name: &str) -> Result<Option<bool>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         value.as_bool().map(Some).or_else(|_| self.wrong(name, "true or false", value))
     }
 
-    /// The number of a joint, material or image, as its function returned it.
+    /// Index of a joint, material or image, as `joint(…)`, `material(…)` or `image(…)` returned it.
     pub fn index(&self, name: &str) -> Result<Option<u32>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         match value.as_int().ok().and_then(|i| u32::try_from(i).ok()) {
@@ -99,7 +103,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// [`Fields::index`]; a negative number is none, as files write it.
+    /// [`Fields::index`] for which a negative number means "none", as many formats write it.
     pub fn reference(&self, name: &str) -> Result<Option<u32>> {
         match self.value(name).and_then(|value| value.as_int().ok()) {
             Some(negative) if negative < 0 => Ok(None),
@@ -107,7 +111,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// Flat: `Numbers`, or an array of numbers, or of arrays of numbers.
+    /// Flat list of the numbers of a `Numbers`, an array of numbers, or an array of arrays of numbers; empty without the field.
     pub fn numbers(&self, name: &str) -> Result<Vec<f64>> {
         let Some(value) = self.value(name) else { return Ok(Vec::new()) };
         if let Some(numbers) = numbers::read(value) {
@@ -121,11 +125,12 @@ impl<'a> Fields<'a> {
         flat.ok_or(()).or_else(|()| self.wrong(name, "numbers, or an array of numbers", value))
     }
 
+    /// [`Fields::numbers`] as f32.
     pub fn floats(&self, name: &str) -> Result<Vec<f32>> {
         Ok(self.numbers(name)?.into_iter().map(|v| v as f32).collect())
     }
 
-    /// Red, green, blue and alpha, linear: 3 or 4 numbers, or a CSS name or hexadecimal color as text.
+    /// Linear RGBA color from 3 or 4 linear numbers, a CSS name or a hexadecimal color.
     pub fn color(&self, name: &str) -> Result<Option<Vec4>> {
         let Some(value) = self.value(name) else { return Ok(None) };
         if let Ok(text) = value.clone().into_string() {
@@ -139,6 +144,7 @@ impl<'a> Fields<'a> {
         }
     }
 
+    /// Flat list of whole numbers from 0, such as vertex indices; empty without the field. Error: a number is not one.
     pub fn indices(&self, name: &str) -> Result<Vec<u32>> {
         let numbers = self.numbers(name)?;
         let whole = |(at, v): (usize, &f64)| match f64::from(*v as u32) == *v {
@@ -148,7 +154,7 @@ impl<'a> Fields<'a> {
         numbers.iter().enumerate().map(whole).collect()
     }
 
-    /// An array of object maps with these fields, each as a value.
+    /// Converts an array of object maps by `read`. The maps may have the keys `known`. Empty without the field.
     pub fn maps<T>(
         &self,
         name: &str,

@@ -1,4 +1,4 @@
-//! `NAME.importer.rhai`: a script with `fn manifest()`, `fn load(file)` and, where it likes, `fn claim(file)`.
+//! `NAME.importer.rhai`: a script with `fn manifest()`, `fn load(file)` and optionally `fn claim(file)`.
 
 use crate::budget::{Budget, refuse};
 use crate::bytes::Bytes;
@@ -14,13 +14,13 @@ use choreo_plugin::{
 use rhai::{AST, Dynamic, Engine, EvalAltResult, Map, Scope};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 
-/// Names of importer files end so.
+/// File name ending of importer scripts.
 pub const ENDING: &str = ".importer.rhai";
 
-/// Deep enough for the call levels and expressions that the engine allows, in builds without optimisation too.
+/// Stack size in bytes: enough for the nesting of calls and expressions that the engine allows, also in unoptimized builds.
 pub const STACK: usize = 64 << 20;
 
-/// Steps that `claim` may take: it runs for files that are none of the importer's.
+/// Interpreter steps that `claim` may take: few, because it also runs for files of other formats.
 const FEW_STEPS: u64 = 100_000;
 
 /// An importer read from a script. Every import runs in an interpreter of its own.
@@ -34,7 +34,7 @@ pub struct RhaiImporter {
     origin: Option<PluginFile>,
     /// Line of `fn load`, from 1.
     load_line: usize,
-    /// Step limit of one import; `None` = the limit of the README.
+    /// Step limit of one import; `None`: the limit that the README states.
     steps: Option<u64>,
 }
 
@@ -64,7 +64,7 @@ impl RhaiImporter {
         self
     }
 
-    /// Limits the steps of one import below the README's number.
+    /// Sets a step limit for one import in place of the one that the README states.
     pub fn with_steps(mut self, steps: u64) -> RhaiImporter {
         self.steps = Some(steps);
         self
@@ -123,7 +123,8 @@ impl Importer for RhaiImporter {
         self.origin.as_ref()
     }
 
-    /// `fn claim(file)` answers true, false or a score from 0 to 100; one that fails claims nothing.
+    /// Calls `fn claim(file)`, which returns true, false or a score from 1 to 100; any other value claims nothing. If the call
+    /// fails, the manifest decides, and claims by extension at most.
     fn claim(&self, source: &Source) -> Claim {
         let plain = self.manifest.claim(source);
         if !self.has_claim {
@@ -153,14 +154,14 @@ impl Importer for RhaiImporter {
     ) -> Result<Asset, ImportError> {
         let budget = Budget::for_file(source.bytes.len());
         let (ask, asked) = mpsc::channel::<Request>();
-        // The script runs on a thread of its own, whose stack is known to hold the deepest calls that the limits allow; the files beside
-        // the source are read on this one, which alone may use `files`.
+        // The script runs on a thread of its own, whose stack is known to hold the deepest calls that the limits allow; the files
+        // beside the source are read on this thread, the only one that may use `files`.
         let built = std::thread::scope(|scope| {
             let worker = std::thread::Builder::new().name("importer".into()).stack_size(STACK);
             let budget = &budget;
             let worker = worker.spawn_scoped(scope, move || self.run(source, needs, options, budget, ask));
             for (name, answer) in asked {
-                // A script that has ended by now waits for no answer.
+                // The send fails if the script has ended by now, which is no error.
                 let _ = answer.send(files.read(&name));
             }
             match worker.map(|w| w.join()) {
@@ -184,7 +185,8 @@ impl Importer for RhaiImporter {
     }
 }
 
-/// The functions of a plugin's script. `needed`: name, number of parameters and declaration of those that it must have.
+/// Compiles a plugin's script and keeps its functions. `needed`: name, number of parameters and declaration of each function that
+/// the script must define.
 pub(crate) fn compiled(
     script: &Script,
     what: &str,
@@ -204,11 +206,11 @@ pub(crate) fn compiled(
     ast.set_source(file);
     if let Some((_, _, shown)) = needed.iter().find(|(name, parameters, _)| !has(&ast, name, *parameters)) {
         let message = format!("{what} needs {shown}");
-        // No line is the place of what is missing.
+        // A missing function has no line to show.
         let source_line = String::new();
         return Err(ScriptError { file: file.into(), line: 1, column: 1, message, source_line });
     }
-    // Statements outside functions are not run: a plugin is its functions.
+    // Statements outside functions are dropped: a plugin consists of functions only.
     Ok(ast.clone_functions_only())
 }
 
@@ -231,10 +233,10 @@ pub fn without_mark(text: &str) -> &str {
     text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
-/// Start of a comment without an end in a text that compiles: Rhai takes it for the end of the script, without a message. A
-/// bracket too many is an error everywhere else.
+/// Byte offset of an unclosed block comment in a text that compiles: Rhai silently takes such a comment for the end of the
+/// script. To detect it, a closing bracket is appended, which is an error everywhere except inside a comment.
 fn open_comment(engine: &Engine, text: &str) -> Option<usize> {
-    /// Openings inside the comment that are looked at.
+    /// Maximum number of `/*` that are tried, from the end of the text.
     const MOST: usize = 64;
     let inside = |text: &str| engine.compile(format!("{text}\n)")).is_ok();
     if !text.contains("/*") || !inside(text) {

@@ -1,11 +1,11 @@
-//! Importers and exporters in one file: `NAME.importer.rhai` reads a format of your own, with nothing but the program, and
+//! Importers and exporters in one file: `NAME.importer.rhai` reads a format of your own without a compiler, and
 //! `NAME.exporter.rhai` writes scenes.
 //!
 //! ```text
 //! file's bytes ─► importer.rhai (sandbox: bytes, numbers, budget) ─► fields ─► AssetBuilder ─► Asset
 //! scene ─► exporter.rhai (sandbox: posed) ─► SceneFiles
 //! ```
-//! The script sees the bytes handed over and files beside them, and nothing else; steps, seconds and memory are limited.
+//! The script can read its input and files beside the source, and nothing else; steps, seconds and memory are limited.
 
 mod budget;
 mod bytes;
@@ -27,5 +27,5 @@ pub use importer::{ENDING, RhaiImporter};
 pub use on_use::ImporterOnUse;
 pub use script_error::ScriptError;
 
-/// The page of the documentation.
+/// The README of this crate, which is the user documentation.
 pub const README: &str = include_str!("../README.md");

@@ -1,4 +1,4 @@
-//! The lines of a text file as places in its bytes: a line becomes a script value only when the script reads it.
+//! The lines of a text file as byte ranges: a line becomes a script value only when the script reads it.
 
 use crate::budget::{Refused, Share, refuse};
 use crate::bytes::Bytes;
@@ -8,19 +8,19 @@ use rhai::{Array, Dynamic, Engine, ImmutableString};
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Bytes of the file that each line takes, without its line break, and their share of the budget.
+/// Byte range of each line in the file, without its line break, and the share of the budget that the list takes.
 #[derive(Debug)]
 struct Places {
     places: Vec<Range<usize>>,
     _share: Share,
 }
 
-/// Lines of a text in UTF-8, in their order. Copies share the places.
+/// Lines of a UTF-8 text in order. Copies share the byte ranges.
 #[derive(Clone, Debug)]
 pub struct Lines {
     bytes: Bytes,
     places: Arc<Places>,
-    /// Which of the places.
+    /// The part of `places` that this value covers.
     range: Range<usize>,
 }
 
@@ -43,7 +43,7 @@ impl Lines {
         let mut places = Vec::new();
         for place in lines {
             if places.len() == places.capacity() {
-                // The vector will allocate as many again.
+                // The vector doubles its capacity.
                 let more = places.len().max(64);
                 share.grow(EACH * more)?;
                 places.reserve_exact(more);
@@ -67,7 +67,7 @@ impl Lines {
         let place = usize::try_from(index).ok().and_then(|i| self.places().get(i));
         let place =
             place.ok_or_else(|| refuse(format!("line {index} of {}, counted from 0", self.range.len())))?;
-        // The whole text was UTF-8.
+        // The whole text has been checked to be UTF-8.
         Ok(String::from_utf8_lossy(&self.bytes.slice()[place.clone()]).as_ref().into())
     }
 
@@ -90,10 +90,10 @@ impl Lines {
         Lines::new(&self.bytes, both.filter(|(line, _)| is_data(line)).map(|(_, place)| place.clone()))
     }
 
-    /// All numbers of the lines: one array, from the first line on.
+    /// All numbers of the lines in one array, in the order of the lines.
     fn numbers(&self) -> Result<Numbers, Refused> {
         match (self.places().first(), self.places().last()) {
-            // Lines that follow each other are one text.
+            // Adjacent lines are parsed as one text.
             (Some(first), Some(last)) if self.is_whole() => {
                 numbers::parse(&self.bytes.text()?[first.start..last.end], &self.bytes.budget)
             }

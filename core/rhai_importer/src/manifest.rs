@@ -1,9 +1,10 @@
-//! The result of `fn manifest()`, as the manifest that every plugin has.
+//! Converts the result of `fn manifest()` to a [`Manifest`].
 
 use crate::fields::{Fields, Result};
 use choreo_plugin::Manifest;
 use rhai::{Array, Dynamic, Map};
 
+/// Reads the manifest. Error: the value is no object map, or a field is missing or wrong.
 pub fn read(value: &Dynamic) -> Result<Manifest> {
     let map = value.read_lock::<Map>().ok_or("manifest() must return an object map #{ name: …, … }")?;
     let f = Fields::new("manifest", &map, &["name", "version", "about", "extensions", "magic", "options"])?;
@@ -41,7 +42,7 @@ fn texts(f: &Fields<'_>, name: &str) -> Result<Vec<String>> {
     Ok(f.text(name)?.into_iter().collect())
 }
 
-/// Texts stand for bytes: `"\x89PNG"`. A letter beyond 255 is no byte.
+/// Bytes of a text such as `"\x89PNG"`, one per character. A character beyond U+00FF is an error.
 fn latin(text: &str) -> Result<Vec<u8>> {
     text.chars()
         .map(|c| {
@@ -51,7 +52,7 @@ fn latin(text: &str) -> Result<Vec<u8>> {
         .collect()
 }
 
-/// The kind of an option is that of its value where none is given.
+/// Adds an option to the manifest. The type of its default value is the type of the option.
 fn option(manifest: Manifest, name: &str, spec: &Dynamic) -> Result<Manifest> {
     let what = format!("manifest: option {name}");
     let map = spec.read_lock::<Map>().ok_or_else(|| format!("{what} must be #{{ value: …, about: … }}"))?;

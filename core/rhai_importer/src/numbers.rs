@@ -12,7 +12,7 @@ struct Values {
     share: Share,
 }
 
-/// An array of f64. Copies share the values; only `append` changes them, after a copy of its own where others share them.
+/// An array of f64. Copies share the values. Only `append` changes values; it copies them first if they are shared.
 #[derive(Clone, Debug)]
 pub struct Numbers(Arc<Values>);
 
@@ -51,7 +51,7 @@ impl Numbers {
         Ok(Numbers::new(self.iter().zip(other.iter()).map(|(a, b)| f(*a, *b)).collect(), share))
     }
 
-    /// Each row with a short array, one number for each column: `* [1, 1, -1]` mirrors rows of x y z.
+    /// Applies an operation to each row and a short array that has one number per column: `* [1, 1, -1]` mirrors rows of x y z.
     fn with_row(&self, row: Array, what: &str, f: impl Fn(f64, f64) -> f64) -> Result<Numbers, Refused> {
         let row = read(&row.into()).filter(|row| !row.is_empty());
         let row = row.ok_or_else(|| refuse(format!("{what}: an array of numbers is needed")))?;
@@ -66,7 +66,7 @@ impl Numbers {
             let share = self.budget().share(8 * self.len())?;
             *self = Numbers::new(self.to_vec(), share);
         }
-        // Nobody else holds the values now.
+        // The values are not shared any more.
         let Some(own) = Arc::get_mut(&mut self.0) else { return Ok(()) };
         own.share.grow(8 * more.len())?;
         own.values.extend_from_slice(more);
@@ -81,7 +81,7 @@ impl Numbers {
             .ok_or_else(|| refuse(format!("number {index} of an array of {}, counted from 0", self.len())))
     }
 
-    /// `count` numbers from `start` on.
+    /// A copy of `count` numbers from index `start` on.
     fn part(&self, start: i64, count: i64) -> Result<Numbers, Refused> {
         let range = usize::try_from(start).ok().zip(usize::try_from(count).ok());
         let part = range.and_then(|(s, c)| self.get(s..s.checked_add(c)?));
@@ -110,7 +110,7 @@ impl Numbers {
         Ok(Numbers::new(picked, share))
     }
 
-    /// The rows of `width` numbers with these numbers, in their order: vertices that faces share, one by one.
+    /// Gathers rows of `width` numbers by index: expands shared vertices to one per index.
     fn rows(&self, width: i64, rows: &Numbers) -> Result<Numbers, Refused> {
         let width = usize::try_from(width).ok().filter(|w| (1..=4096).contains(w));
         let width = width.ok_or_else(|| refuse("rows(width, numbers): width is from 1 to 4096"))?;
@@ -119,7 +119,7 @@ impl Numbers {
         let share = self.budget().share(8 * rows.len().saturating_mul(width))?;
         let mut picked = Vec::with_capacity(rows.len() * width);
         for (i, row) in rows.iter().enumerate() {
-            // A fraction or a negative number is no row.
+            // A fraction or a negative number is not an index.
             let at = *row as usize;
             if at as f64 != *row || at >= count {
                 return Err(refuse(format!(
@@ -182,7 +182,7 @@ pub fn read(value: &Dynamic) -> Option<Vec<f64>> {
     array.iter().map(|v| v.as_float().ok().or_else(|| v.as_int().ok().map(|i| i as f64))).collect()
 }
 
-/// Numbers in a text, apart by anything that is no part of a number: `1 2/3,4e-5`.
+/// Parses the numbers of a text. Any character that cannot be part of a number separates: `1 2/3,4e-5`.
 pub fn parse(text: &str, budget: &Budget) -> Result<Numbers, Refused> {
     let mut share = budget.share(0)?;
     let mut values = Vec::new();
@@ -197,7 +197,7 @@ pub fn parse(text: &str, budget: &Budget) -> Result<Numbers, Refused> {
             refuse(format!("numbers: \"{shown}\" is no number"))
         })?;
         if values.len() == values.capacity() {
-            // The vector will allocate as many again.
+            // The vector doubles its capacity.
             let more = values.len().max(64);
             share.grow(8 * more)?;
             values.reserve_exact(more);
@@ -208,7 +208,7 @@ pub fn parse(text: &str, budget: &Budget) -> Result<Numbers, Refused> {
     Ok(Numbers::new(values, share))
 }
 
-/// Triangles of polygons that are written as a count and that many vertices each, as in PLY and OFF: fans around the first vertex.
+/// Triangulates polygons, each written as a count and that many vertices as in PLY and OFF, into fans around the first vertex.
 fn fans(polygons: &Numbers) -> Result<Numbers, Refused> {
     let mut triangles = Vec::new();
     let mut share = polygons.budget().share(0)?;
@@ -237,7 +237,7 @@ impl IntoIterator for Numbers {
     }
 }
 
-/// The values in order, without a copy of all.
+/// Iterator over the values, which are not copied.
 pub struct Iter {
     numbers: Numbers,
     next: usize,

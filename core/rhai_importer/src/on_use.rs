@@ -1,5 +1,5 @@
-//! An importer file of which only the manifest is read from the start; the rest is compiled when a file is loaded that it
-//! might claim.
+//! An importer script whose manifest alone is read at first; the rest is compiled when a file is loaded that the importer might
+//! claim.
 
 use crate::engine::manifest_engine;
 use crate::importer::{RhaiImporter, manifest_of, without_mark};
@@ -11,17 +11,17 @@ use choreo_plugin::{
 };
 use rhai::{Engine, Position, Token};
 
-/// An importer that is compiled when it is used first.
+/// An importer that is compiled at its first use.
 pub struct ImporterOnUse {
     manifest: Manifest,
-    /// Its text may define `fn claim(file)`, which is asked about every file.
+    /// The text may define `fn claim(file)`, which is called for every file.
     may_have_claim: bool,
     made: LazyPlugin<RhaiImporter>,
 }
 
 impl ImporterOnUse {
-    /// Runs `fn manifest()` of the text alone; the whole text is compiled for it only where it calls other functions. `file` is
-    /// the text's name in messages, `make` reads the file again and compiles all of it.
+    /// Compiles and runs `fn manifest()` of the text alone, or compiles the whole text if that fails, for example because the
+    /// function calls others. `file` is the name in messages; `make` reads the file again and compiles all of it.
     pub fn new(
         file: &str,
         text: &str,
@@ -40,7 +40,7 @@ impl ImporterOnUse {
         Ok(ImporterOnUse { manifest, may_have_claim, made: LazyPlugin::new(make) })
     }
 
-    /// The importer, compiled now where it was not compiled before; other threads that use it wait.
+    /// The importer, compiled now unless it is compiled already. Other threads that need it wait.
     pub fn get(&self) -> Result<&RhaiImporter, &PluginError> {
         self.made.get()
     }
@@ -55,7 +55,7 @@ impl Importer for ImporterOnUse {
         self.get().ok()?.file()
     }
 
-    /// One that cannot be compiled claims by its manifest, and by extension at most: `import` reports what is wrong with it.
+    /// A script that cannot be compiled claims by its manifest, and by extension at most; `import` then reports the error.
     fn claim(&self, source: &Source) -> Claim {
         let plain = self.manifest.claim(source);
         if !self.may_have_claim {
@@ -75,7 +75,7 @@ impl Importer for ImporterOnUse {
             |what: String| ImportError { file: source.name.clone(), place: String::new(), what, hint: None };
         let importer = self.get().map_err(|fault| error(fault.text.clone()))?;
         if *importer.manifest() != self.manifest {
-            // The options were checked by the manifest.
+            // The options were checked against the old manifest.
             let name = &self.manifest.name;
             return Err(error(format!("the importer \"{name}\" was changed while it was read; try again")));
         }
@@ -83,8 +83,8 @@ impl Importer for ImporterOnUse {
     }
 }
 
-/// The text of `fn manifest()` alone, with blanks in place of what stands before it, so that lines and columns stay. `None`
-/// where the text does not begin as Rhai does.
+/// The text of `fn manifest()` alone. Everything before it becomes blanks, so that lines and columns stay the same. `None` if the
+/// tokens up to its end contain an error or an interpolated string, or define no such function.
 fn manifest_function(text: &str) -> Option<String> {
     let engine = Engine::new_raw();
     let texts = [text];
@@ -92,7 +92,7 @@ fn manifest_function(text: &str) -> Option<String> {
     let (mut start, mut named, mut depth) = (None, false, 0u32);
     for (token, at) in tokens {
         match &token {
-            // Its inside is tokens again only where the parser says so.
+            // The lexer alone cannot tell the code of an interpolated string from its text.
             Token::LexError(_) | Token::InterpolatedString(_) => return None,
             Token::Fn if !named => start = Some(at),
             Token::Identifier(name) if start.is_some() && !named => match name.as_str() {
@@ -137,7 +137,7 @@ mod tests {
         Source { name: name.into(), bytes: Arc::default() }
     }
 
-    /// The importer, and how often it was compiled.
+    /// The importer, and the number of times it was compiled.
     fn on_use(text: &str) -> (Result<ImporterOnUse, ScriptError>, Arc<AtomicUsize>) {
         let made = Arc::new(AtomicUsize::new(0));
         let (count, all) = (made.clone(), text.to_string());
@@ -154,7 +154,7 @@ mod tests {
         let function = manifest_function(TEXT).unwrap();
         assert_eq!(function.lines().nth(2).unwrap(), TEXT.lines().nth(2).unwrap());
         assert!(!function.contains("load") && !function.contains("after"));
-        // The text behind it is not parsed.
+        // The text after `fn manifest()` is not parsed.
         let (importer, made) = on_use(&format!("\u{feff}{TEXT} fn broken( {{ ) ` ${{"));
         let mut registry = Registry::default();
         registry.add_importer(importer.unwrap());
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(importer.claim(&source("a.other")), Claim::Content(90));
         assert_eq!(importer.claim(&source("a.third")), Claim::NotMine);
         assert_eq!(made.load(Ordering::Relaxed), 1);
-        // A fault is no claim.
+        // A script with a fault claims by extension only.
         let (importer, _) = on_use(&format!("{TEXT} fn claim(file) {{"));
         assert_eq!(importer.unwrap().claim(&source("a.dots")), Claim::Extension);
     }

@@ -1,4 +1,4 @@
-//! `pose(seconds)` of an exporter: the actors of a scene at one time, with their joints in the world.
+//! `pose(seconds)` of exporter scripts: the actors of a scene at one time, with the transforms of their joints in world space.
 
 use crate::budget::{Refused, refuse};
 use choreo_plugin::ExportedScene;
@@ -9,7 +9,7 @@ use glam::{DAffine3, DMat4};
 use rhai::{Array, Dynamic, Engine, Map};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// The stage at one time.
+/// The evaluated stage at one time.
 #[derive(Clone)]
 struct Pose {
     stage: Arc<Stage>,
@@ -23,7 +23,7 @@ struct PosedActor {
     actor: usize,
 }
 
-/// One joint of a posed actor, with its transform in the world.
+/// One joint of a posed actor, with its transform in world space.
 #[derive(Clone)]
 struct PosedJoint {
     of: PosedActor,
@@ -31,7 +31,7 @@ struct PosedJoint {
     world_from_joint: DAffine3,
 }
 
-/// An object map of these fields.
+/// Makes an object map from fields.
 pub fn map<const N: usize>(fields: [(&str, Dynamic); N]) -> Map {
     fields.into_iter().map(|(name, value)| (name.into(), value)).collect()
 }
@@ -40,7 +40,7 @@ fn numbers(values: impl IntoIterator<Item = f64>) -> Dynamic {
     values.into_iter().map(Dynamic::from_float).collect::<Array>().into()
 }
 
-/// `position`, `rotation` and `matrix` of everything that is placed in the world.
+/// The property `position`, `rotation` or `matrix` of an object with a transform in world space.
 fn place(name: &str, world_from_it: DAffine3) -> Dynamic {
     match name {
         "position" => numbers(world_from_it.translation.to_array()),

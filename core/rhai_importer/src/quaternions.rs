@@ -1,11 +1,12 @@
-//! Rotations for importers: quaternions x y z w from axes and angles, products, and turned vectors, many at a time. Angles are radians.
+//! Rotations for importers, many at a time: quaternions x y z w from axes and angles, products, inverses and rotated vectors.
+//! Angles are in radians.
 
 use crate::budget::{Budget, Refused, refuse};
 use crate::numbers::{self, Numbers};
 use glam::{DQuat, DVec3};
 use rhai::{Array, Dynamic, Engine};
 
-/// Rows of numbers, all of them or one for all.
+/// Rows of `N` numbers. A single row is used for every index.
 struct Rows<const N: usize>(Vec<[f64; N]>);
 
 impl<const N: usize> Rows<N> {
@@ -28,7 +29,7 @@ impl Rows<4> {
     }
 }
 
-/// Numbers of the rows of two lists together; one row counts for all of the other list.
+/// Number of rows of an operation on two lists, where a list of one row is repeated. Error: other lengths differ.
 fn common(a: usize, b: usize, what: &str) -> Result<usize, Refused> {
     match a == b || a == 1 || b == 1 {
         true => Ok(a.max(b)),
@@ -45,14 +46,14 @@ fn made<const N: usize>(
     Ok(Numbers::new((0..count).flat_map(row).collect(), share))
 }
 
-/// A turn about a unit axis.
+/// Rotation about a unit axis.
 fn about(axis: DVec3, radians: f64) -> DQuat {
     let (sin, cos) = libm::sincos(0.5 * radians);
     let v = axis * sin;
     DQuat::from_xyzw(v.x, v.y, v.z, cos)
 }
 
-/// A turn about an axis of any length.
+/// Rotation about an axis of any length. Error: the axis is zero, or a number is not finite.
 fn about_axis(budget: &Budget, axis: Array, radians: f64) -> Result<Numbers, Refused> {
     let axis = DVec3::from_array(Rows::<3>::read(&axis.into(), "quaternion")?.row(0));
     let length = axis.length();
@@ -62,7 +63,7 @@ fn about_axis(budget: &Budget, axis: Array, radians: f64) -> Result<Numbers, Ref
     made(budget, 1, |_| about(axis / length, radians).to_array())
 }
 
-/// Turns about fixed axes, in the order of the letters; `angles` are x y z, whatever the order is.
+/// Rotations about fixed axes, applied in the order of the letters. Each row of `angles` is x y z in any order of rotation.
 fn euler(budget: &Budget, order: &str, angles: &Dynamic) -> Result<Numbers, Refused> {
     let axis = |letter: char| "xyz".find(letter);
     let axes: Option<Vec<usize>> = order.chars().map(axis).collect();
@@ -82,20 +83,20 @@ fn euler(budget: &Budget, order: &str, angles: &Dynamic) -> Result<Numbers, Refu
     })
 }
 
-/// The turns `b` followed by the turns `a`: a joint in its parent's space, then its parent.
+/// Quaternion products a · b: rotation `b`, then rotation `a`, such as a joint in its parent's space, then the parent.
 fn product(budget: &Budget, a: &Dynamic, b: &Dynamic) -> Result<Numbers, Refused> {
     let (a, b) = (Rows::<4>::read(a, "product")?, Rows::<4>::read(b, "product")?);
     let count = common(a.0.len(), b.0.len(), "product")?;
     made(budget, count, |number| (a.quaternion(number) * b.quaternion(number)).to_array())
 }
 
-/// The turns backwards, of unit quaternions.
+/// Inverses (conjugates) of unit quaternions.
 fn inverse(budget: &Budget, turns: &Dynamic) -> Result<Numbers, Refused> {
     let turns = Rows::<4>::read(turns, "inverse")?;
     made(budget, turns.0.len(), |number| turns.quaternion(number).conjugate().to_array())
 }
 
-/// Vectors, turned by unit quaternions.
+/// Vectors rotated by unit quaternions.
 fn turned(budget: &Budget, turns: &Dynamic, vectors: &Dynamic) -> Result<Numbers, Refused> {
     let (turns, vectors) = (Rows::<4>::read(turns, "turned")?, Rows::<3>::read(vectors, "turned")?);
     let count = common(turns.0.len(), vectors.0.len(), "turned")?;

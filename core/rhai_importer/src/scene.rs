@@ -1,4 +1,5 @@
-//! `joint`, `mesh`, `lines`, `points`, `material`, `image`, `camera`, `light`, `clip`, `warn` and `read`: how an importer makes the asset.
+//! `joint`, `mesh`, `lines`, `points`, `material`, `image`, `camera`, `light`, `clip`, `warn` and `read`: the script functions
+//! that build the asset.
 
 use crate::budget::{Budget, Refused, refuse};
 use crate::bytes::Bytes;
@@ -19,11 +20,11 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 pub struct BuildInProgress {
     pub builder: AssetBuilder,
     pub needs: ImportScope,
-    /// Channel on which a file beside the source is requested: another thread reads it.
+    /// Requests for files beside the source, which another thread reads.
     pub ask: mpsc::Sender<Request>,
 }
 
-/// A file's name, and where its bytes or the reason why not are awaited.
+/// Name of a requested file, and the channel for its bytes or the error message.
 pub type Request = (String, mpsc::Sender<Result<Arc<Vec<u8>>, String>>);
 
 pub type Shared = Arc<Mutex<BuildInProgress>>;
@@ -32,7 +33,7 @@ fn lock(scene: &Shared) -> MutexGuard<'_, BuildInProgress> {
     scene.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Most warnings kept; a loop over vertices must not fill the memory.
+/// Maximum number of warnings kept, so that a loop over vertices cannot fill the memory.
 const MOST_WARNINGS: usize = 1000;
 
 pub fn register(engine: &mut Engine, scene: &Shared, budget: &Budget) {
@@ -56,7 +57,7 @@ pub fn register(engine: &mut Engine, scene: &Shared, budget: &Budget) {
     let (s, b) = (scene.clone(), budget.clone());
     engine.register_fn("image", move |map: Map| image(&s, &b, &map));
     let (s, b) = (scene.clone(), budget.clone());
-    // The same words as in scene scripts.
+    // The same call as in scene scripts.
     engine.register_fn("image", move |width: i64, height: i64, pixels: Dynamic| {
         let fields = [("width", width.into()), ("height", height.into()), ("pixels", pixels)];
         image(&s, &b, &fields.into_iter().map(|(name, value)| (name.into(), value)).collect())
@@ -92,7 +93,7 @@ fn warn(scene: &Shared, place: &str, text: &str) {
 
 fn joint(scene: &Shared, name: &str, parent: Option<i64>, map: &Map) -> Result<i64, Refused> {
     let parent = match parent {
-        // The -1 that many formats write for a root.
+        // Many formats write -1 for the parent of a root.
         None | Some(-1) => None,
         Some(p) => {
             Some(u32::try_from(p).map_err(|_| refuse(format!("joint \"{name}\": no joint has number {p}")))?)
@@ -122,7 +123,7 @@ fn rest(what: &str, map: &Map) -> fields::Result<Transform> {
     })
 }
 
-/// Returns the mesh's number; nothing is read of the arrays where the caller needs no geometry.
+/// Adds a mesh and returns its index. Without a need for geometry the arrays are not read, and the result is -1.
 fn mesh(scene: &Shared, name: &str, topology: Topology, map: &Map) -> Result<i64, Refused> {
     let f = Fields::new(name, map, MESH)?;
     let mut scene = lock(scene);
@@ -207,7 +208,7 @@ fn read_material(map: &Map, textures: bool) -> fields::Result<Material> {
     Ok(material)
 }
 
-/// `fov` in degrees, or `height` in metres for an orthographic camera.
+/// Adds a camera: `fov` in degrees, or `height` in metres for an orthographic camera.
 fn camera(scene: &Shared, map: &Map) -> Result<i64, Refused> {
     let f = Fields::new("camera", map, &["name", "joint", "fov", "height", "near", "far"])?;
     let near = f.number("near")?.unwrap_or(0.05) as f32;
@@ -238,7 +239,7 @@ fn camera(scene: &Shared, map: &Map) -> Result<i64, Refused> {
     lock(scene).builder.camera(&name, joint, projection).map(i64::from).map_err(|e| refuse(e.to_string()))
 }
 
-/// Angles in degrees, from the axis; intensity in lux for a sun, else in candela.
+/// Adds a light. The cone angles are in degrees from the axis; intensity is in lux for a sun, else in candela.
 fn light(scene: &Shared, map: &Map) -> Result<i64, Refused> {
     let known = ["name", "joint", "kind", "color", "intensity", "range", "inner", "outer"];
     let f = Fields::new("light", map, &known)?;
@@ -262,7 +263,8 @@ fn light(scene: &Shared, map: &Map) -> Result<i64, Refused> {
     lock(scene).builder.light(&name, joint, light).map(i64::from).map_err(|e| refuse(e.to_string()))
 }
 
-/// Pixels as bytes or numbers from 0 to 255, or a whole PNG, JPEG or WebP file.
+/// Adds an image from pixels (bytes, or numbers from 0 to 255) or from a whole PNG, JPEG or WebP file. Returns its index, 0
+/// without a need for textures.
 fn image(scene: &Shared, budget: &Budget, map: &Map) -> Result<i64, Refused> {
     let f = Fields::new("image", map, &["name", "width", "height", "pixels", "file"])?;
     let mut scene = lock(scene);
@@ -291,7 +293,8 @@ fn image(scene: &Shared, budget: &Budget, map: &Map) -> Result<i64, Refused> {
     }
 }
 
-/// The pixels of a whole PNG, JPEG or WebP file, with the file where an export may write it unchanged.
+/// Decodes a whole PNG, JPEG or WebP file. Its bytes are kept where `needs.image_files` asks for them, so that an export can
+/// write the file unchanged.
 fn decode(name: &str, file: &[u8], needs: ImportScope, budget: &Budget) -> Result<Arc<Image>, Refused> {
     let refused = |problem: Problem| refuse(format!("image: {}", problem.what));
     let encoded = Encoded::examine("image".into(), name.into(), file, Formats::Web).map_err(refused)?;
@@ -306,7 +309,7 @@ fn clip(scene: &Shared, name: &str, curves: &Array) -> Result<(), Refused> {
         return Ok(());
     }
     let mut all = Vec::with_capacity(curves.len());
-    // Files often have one list of times for all joints: it is kept once.
+    // Files often have one list of times for all joints, which is then shared.
     let mut times: BTreeMap<Vec<Time>, Arc<[Time]>> = BTreeMap::new();
     for (i, value) in curves.iter().enumerate() {
         let what = format!("clip \"{name}\", curve {i}");

@@ -1,4 +1,4 @@
-//! Errors of a plugin's script in the words of this crate, with their place and what was probably meant.
+//! Error messages about a plugin's script, with the place and a suggestion.
 
 use crate::engine::{MOST_CALLS, MOST_IN_ARRAY, MOST_TEXT};
 use choreo_plugin::excerpt;
@@ -8,7 +8,7 @@ use rhai::{Engine, EvalAltResult, ParseErrorType};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-/// Error of a plugin's script. Shown with the line and a caret below the place:
+/// Error of a plugin's script, displayed with the source line and a caret below the place:
 /// ```text
 /// my.importer.rhai:9:24: unknown function f32ss; did you mean "f32s"?
 ///     let positions = b.f32ss(8, count);
@@ -22,7 +22,7 @@ pub struct ScriptError {
     /// Column in characters, from 1.
     pub column: usize,
     pub message: String,
-    /// The line as its author wrote it.
+    /// The source line; empty if there is none.
     pub source_line: String,
 }
 
@@ -32,7 +32,7 @@ impl ScriptError {
         ScriptError { file: script.file.to_string(), line, column, message, source_line }
     }
 
-    /// The message with the line and the caret, without the place.
+    /// The message with the source line and the caret, without file name and line number.
     pub fn what(&self) -> String {
         format!("{}{}", self.message, excerpt::below(&self.source_line, self.column))
     }
@@ -47,7 +47,7 @@ impl fmt::Display for ScriptError {
 
 impl std::error::Error for ScriptError {}
 
-/// Forms of a function that a message lists.
+/// Maximum number of signatures of a function that a message lists.
 const MOST_FORMS: usize = 4;
 
 /// A plugin's text, and its name in messages.
@@ -57,12 +57,12 @@ pub(crate) struct Script<'a> {
     pub text: &'a str,
 }
 
-/// Names that a script could have meant.
+/// Names for suggestions.
 #[derive(Default)]
 pub(crate) struct Known {
-    /// Functions by name, with the types of arguments that each takes.
+    /// Argument types of each signature, by function name.
     functions: BTreeMap<String, BTreeSet<String>>,
-    /// Properties of values that are no object maps.
+    /// Properties of native types.
     properties: BTreeSet<String>,
 }
 
@@ -84,7 +84,7 @@ impl Known {
     }
 }
 
-/// The types of a signature's arguments in the words of scripts: `Bytes, int` of `u8(_: &mut Bytes, _: i64) -> i64`.
+/// Argument types of a signature by their names in scripts: `Bytes, int` for `u8(_: &mut Bytes, _: i64) -> i64`.
 fn arguments(signature: &str) -> String {
     let inside = signature.split_once('(').map_or("", |(_, rest)| rest);
     let inside = inside.split(')').next().unwrap_or_default();
@@ -100,7 +100,7 @@ fn arguments(signature: &str) -> String {
     inside.split(',').filter(|argument| !argument.trim().is_empty()).map(word).collect::<Vec<_>>().join(", ")
 }
 
-/// The names after each dot and before each colon of a text: properties, and keys of object maps.
+/// Names of properties (after a dot) and keys of object maps (before a colon) in a text.
 fn keys(text: &str) -> BTreeSet<String> {
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     let mut names = BTreeSet::new();
@@ -113,14 +113,14 @@ fn keys(text: &str) -> BTreeSet<String> {
     names
 }
 
-/// Keys of the maps that plugins get.
+/// Keys of the object maps that plugins receive.
 const KEYS: [&str; 16] = [
     "bytes", "name", "options", "needs", "geometry", "clips", "textures", "stem", "fps", "times", "actors",
     "cameras", "joints", "parents", "asset", "len",
 ];
 
-/// The innermost place and reason. `line` is for limits reached, of which the interpreter forgets the place on its way out of the
-/// function.
+/// Error with the innermost place and reason. `line` is used for exceeded limits, whose place the interpreter loses when it
+/// leaves the function.
 pub(crate) fn script_error(
     script: &Script,
     error: Box<EvalAltResult>,
@@ -180,7 +180,7 @@ fn unknown_function(script: &Script, signature: &str, known: &Known) -> String {
         let shown: Vec<String> =
             forms.clone().take(MOST_FORMS).map(|form| format!("{name}({form})")).collect();
         let there = if shown.is_empty() { String::new() } else { format!("; there is {}", shown.join(", ")) };
-        // Elements of native arrays are floats.
+        // Elements of native arrays are floats, where an int may be needed.
         let is_rounded = forms.clone().any(|form| *form == types.replace("float", "int"));
         let whole = if is_rounded { "; x.to_int() makes a whole number of a float" } else { "" };
         return format!("wrong arguments: there is no {name}({types}){there}{whole}");

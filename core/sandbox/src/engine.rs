@@ -1,4 +1,4 @@
-//! Rhai without what a script of strangers must not have.
+//! The Rhai engine without the packages that untrusted scripts must not use.
 
 use rhai::Engine;
 use rhai::packages::{
@@ -6,7 +6,8 @@ use rhai::packages::{
     Package,
 };
 
-/// An engine with Rhai's standard packages except mathematics, which is ours, time, which scripts must not read, and blobs.
+/// An engine with Rhai's standard packages except mathematics (choreo registers its own), time (scripts must not read the clock)
+/// and blobs.
 pub fn engine() -> Engine {
     let mut engine = Engine::new_raw();
     for package in [

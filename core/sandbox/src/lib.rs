@@ -1,5 +1,5 @@
-//! Limits on what a script of strangers may use up, for scene scripts and for importers in Rhai: memory in use, and sizes of values;
-//! and the words for types in their messages.
+//! Resource limits for untrusted scripts, which scene scripts and Rhai importers share: memory in use and sizes of values. Also
+//! the names of types in messages.
 
 mod engine;
 pub mod memory;

@@ -1,5 +1,5 @@
-//! The memory that the program has in use, measured by a thread of its own, so that looking costs two loads. The thread sleeps
-//! while nobody looks: a viewer that shows a still image costs nothing.
+//! The memory that the process has in use. A watcher thread measures it, so that a query costs two atomic loads. The thread
+//! sleeps while nobody queries, so that a viewer of a still image costs nothing.
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -7,25 +7,25 @@ use std::thread::Thread;
 use std::time::Duration;
 
 static IN_USE: AtomicU64 = AtomicU64::new(0);
-/// Somebody has looked since the thread last asked.
+/// Set by a query since the last measurement.
 static LOOKED: AtomicBool = AtomicBool::new(false);
 static ASLEEP: AtomicBool = AtomicBool::new(false);
 
-/// Time between two measurements: a program writes a few megabytes in it at most.
+/// Interval between two measurements: short enough that a program writes only a few megabytes in it.
 const EVERY: Duration = Duration::from_millis(5);
-/// Number of times in a row without a look: the thread goes to sleep.
+/// Number of measurements without a query after which the thread goes to sleep.
 const UNWATCHED: u32 = 20;
 
-/// Bytes in use a few milliseconds ago; 0 where the system does not tell.
+/// Resident bytes of the process a few milliseconds ago; 0 where the system does not report them.
 pub fn in_use() -> u64 {
     static WATCHER: OnceLock<Option<Thread>> = OnceLock::new();
     let watcher = WATCHER.get_or_init(|| {
         IN_USE.store(ask()?, Ordering::Relaxed);
-        // If the thread cannot start, the first answer stays: better no limit than no script.
+        // If the thread cannot start, the first measurement is kept: a script without this limit is better than none.
         let started = std::thread::Builder::new().name("memory".into()).stack_size(64 << 10).spawn(watch);
         started.ok().map(|handle| handle.thread().clone())
     });
-    // Loaded first: a line that is only read stays in every core's cache.
+    // The flag is loaded before it is stored: a cache line that is only read stays in the cache of every core.
     if !LOOKED.load(Ordering::Relaxed) {
         LOOKED.store(true, Ordering::SeqCst);
         if ASLEEP.swap(false, Ordering::SeqCst) {
@@ -47,7 +47,7 @@ fn watch() {
             continue;
         }
         ASLEEP.store(true, Ordering::SeqCst);
-        // A thread that looked between the two has not seen that it sleeps.
+        // A query before the store of `ASLEEP` does not wake this thread, so `LOOKED` is checked as well.
         while ASLEEP.load(Ordering::SeqCst) && !LOOKED.load(Ordering::SeqCst) {
             std::thread::park();
         }
@@ -56,11 +56,12 @@ fn watch() {
     }
 }
 
-/// Asks the system for the memory in use, where that costs little (Linux).
+/// Reads the resident memory from the system, in bytes. `None` where that is not possible at little cost (all but Linux).
 fn ask() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/self/statm").ok()?;
     let pages: u64 = text.split(' ').nth(1)?.parse().ok()?;
-    // 4 KiB is the smallest page: where pages are larger, the limit comes late rather than early.
+    // 4 KiB is the smallest page size. Where pages are larger, the result is too low, so that a limit is noticed late rather than
+    // early.
     Some(pages * 4096)
 }
 
@@ -74,7 +75,7 @@ mod tests {
             println!("SKIP 1: this system does not tell how much memory is in use");
             return;
         }
-        // Compared with nothing that other tests of this process hold: with these bytes in memory it is never less.
+        // Other tests of this process may hold memory, too; with these bytes in memory the total is never less.
         const TAKEN: u64 = 200 << 20;
         for _ in 0..2 {
             std::thread::sleep(EVERY * (UNWATCHED + 20));

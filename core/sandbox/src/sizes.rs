@@ -1,21 +1,21 @@
-//! Limits on the sizes of texts, arrays and object maps in place of Rhai's own, which count all elements of a value after each call
-//! that may change it, so that `push` in a loop takes quadratic time.
+//! Limits on the sizes of texts, arrays and object maps. They replace Rhai's own limits, which count all elements of a value
+//! after each call that may change it, so that `push` in a loop takes quadratic time.
 //!
-//! The length of a value is compared whenever a variable is read, which precedes each growth; functions that take a length compare
-//! it before they allocate. Elements of nested values are counted only after the program's memory has grown by [`COUNT_EVERY`], so
-//! that counting costs a share of what filling that memory cost.
+//! The length of a value is checked whenever its variable is read, which happens before each growth. Functions that take a length
+//! check it before they allocate. Elements of nested values are counted only after the memory of the process has grown by
+//! [`COUNT_EVERY`], so that counting takes a small share of the time in which the memory was filled.
 
 use crate::memory;
 use rhai::{Array, Blob, Dynamic, Engine, EvalAltResult, ImmutableString, Position, Scope};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Growth of the program's memory in bytes after which the elements of all visible variables are counted.
+/// Growth of the process's memory in bytes after which the elements of all visible variables are counted.
 const COUNT_EVERY: u64 = 64 << 20;
 
-/// Values nested deeper than this are refused where elements are counted: the count is recursive.
+/// Maximum nesting of a value, because the count is recursive. Deeper values are refused when they are counted.
 const DEEPEST: usize = 256;
 
-/// The names of the limits in [`EvalAltResult::ErrorDataTooLarge`], as Rhai has them.
+/// Rhai's names of the limits in [`EvalAltResult::ErrorDataTooLarge`].
 const STRING: &str = "Length of string";
 const ARRAY: &str = "Size of array/BLOB";
 const MAP: &str = "Size of object map";
@@ -42,7 +42,8 @@ struct Sizes {
 }
 
 impl SizeLimits {
-    /// Lets `engine` refuse larger values with [`EvalAltResult::ErrorDataTooLarge`], which scripts cannot catch. Replaces `on_var`.
+    /// Makes `engine` refuse larger values with [`EvalAltResult::ErrorDataTooLarge`], which scripts cannot catch. Replaces the
+    /// `on_var` callback of the engine.
     pub fn install(self, engine: &mut Engine) {
         engine.set_max_string_size(0);
         engine.set_max_array_size(0);
@@ -73,7 +74,7 @@ impl SizeLimits {
     fn count_after_growth(self, scope: &Scope<'_>, counted: &AtomicU64) -> Checked<()> {
         let (now, before) = (memory::in_use(), counted.load(Ordering::Relaxed));
         if now < before.saturating_add(COUNT_EVERY) {
-            // After a fall the next growth counts from there.
+            // The memory has shrunk, so growth is measured from the lower level.
             if now + COUNT_EVERY < before {
                 counted.store(now, Ordering::Relaxed);
             }
@@ -103,7 +104,7 @@ impl SizeLimits {
         Ok(())
     }
 
-    /// Rhai's functions whose result can be many times as large as their arguments.
+    /// Replaces the functions of Rhai whose result can be many times as large as their arguments.
     fn register_growing(self, engine: &mut Engine) {
         engine.register_fn("pad", move |array: &mut Array, len: i64, item: Dynamic| {
             let len = usize::try_from(len).unwrap_or(0);
@@ -143,7 +144,7 @@ impl SizeLimits {
         });
     }
 
-    /// A blob's length.
+    /// Checks the length of a blob to be made.
     fn blob(self, len: i64) -> Checked<usize> {
         let array = usize::try_from(len).unwrap_or(0);
         self.check(Sizes { array, ..Sizes::default() })?;
@@ -173,7 +174,8 @@ impl SizeLimits {
     }
 }
 
-/// Sizes without those of nested values. A value that a call is changing right now has none: waiting for it would never end.
+/// Sizes of a value without its nested values. A locked value, which a call is changing right now, counts as empty, because
+/// waiting for the lock would never end.
 fn own_size(value: &Dynamic) -> Sizes {
     if value.is_shared() && value.is_locked() {
         Sizes::default()
@@ -199,7 +201,7 @@ mod tests {
     fn run(script: &str) -> Result<(), Box<EvalAltResult>> {
         let mut engine = Engine::new();
         LIMITS.install(&mut engine);
-        // A failure of a limit must not fill the memory.
+        // A limit that fails must not fill the memory.
         engine.set_max_operations(1_000_000);
         engine.run(script)
     }
@@ -242,7 +244,7 @@ mod tests {
         }
     }
 
-    /// The functions in place of Rhai's give what Rhai's give.
+    /// The replaced functions return the same results as those of Rhai.
     #[test]
     fn padding_and_replacing_are_those_of_rhai() {
         for script in [

@@ -1,8 +1,8 @@
-//! Types of Rhai in the words of scripts, and names that a script declares.
+//! Names of Rhai's types as scripts know them, and names that a script declares.
 
 use std::collections::BTreeSet;
 
-/// A type as scripts call it: `i64` is "int", `&str` is "text".
+/// The name of a type in messages to script authors: "int" for `i64`, "text" for `&str`.
 pub fn type_word(rust: &str) -> &str {
     match rust {
         "i64" | "int" => "int",
@@ -23,7 +23,7 @@ pub fn signature_parts(signature: &str) -> (&str, Vec<&str>) {
     (name, types.map(|t| if t.starts_with("&str |") { "text" } else { t }).collect())
 }
 
-/// `cannot compute text - int`, where the signature is an operator's.
+/// The message `cannot compute text - int` if the signature is that of an operator.
 pub fn operator_error(signature: &str) -> Option<String> {
     let (name, types) = signature_parts(signature);
     if name.starts_with(|c: char| c.is_alphabetic() || c == '_') {
@@ -43,7 +43,7 @@ pub fn operator_error(signature: &str) -> Option<String> {
     })
 }
 
-/// Names that the lines up to `line` declare: a rough reading of the text, for suggestions only.
+/// Variables and parameters that the lines up to `line` declare. The text is read roughly, for suggestions only.
 pub fn declared_names(text: &str, line: usize) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
     for row in text.lines().take(line) {

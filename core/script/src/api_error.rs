@@ -16,11 +16,11 @@ pub struct Place {
 pub(crate) struct ApiError {
     pub message: String,
     pub hint: Option<String>,
-    /// The string literal to point at, where one argument is to blame.
+    /// The string literal that the caret points at, where one argument is at fault.
     pub focus: Option<String>,
-    /// Follows from an error already noted: not shown.
+    /// The error follows from one that is already noted, so it is not shown.
     pub silent: bool,
-    /// Ends the script at once, where going on would only repeat it.
+    /// Ends the script at once, because going on would only repeat the error.
     pub fatal: bool,
     /// Name of a warning that `// allow: NAME` silences; empty for others.
     pub rule: &'static str,
@@ -30,7 +30,7 @@ impl ApiError {
     pub fn new(message: impl Into<String>) -> ApiError {
         ApiError { message: message.into(), hint: None, focus: None, silent: false, fatal: false, rule: "" }
     }
-    /// Follows from an error already noted.
+    /// An error that follows from one already noted, so it is not shown.
     pub fn silent() -> ApiError {
         ApiError { silent: true, ..ApiError::new("") }
     }
@@ -38,7 +38,7 @@ impl ApiError {
         self.hint = Some(hint.into());
         self
     }
-    /// Makes it a warning that a comment can allow; the hint says how.
+    /// Names the warning that a comment can allow; the hint says how.
     pub fn rule(mut self, rule: &'static str) -> ApiError {
         let how = format!("where it is meant, // allow: {rule} above the line silences this");
         self.hint = Some(self.hint.map_or(how.clone(), |hint| format!("{hint}; {how}")));

@@ -1,4 +1,4 @@
-//! The stage while the script runs: drafts, whose references and times are settled at the end.
+//! The stage while the script runs, as drafts. References and times are resolved at the end.
 
 use crate::api_error::{ApiError, Place};
 use crate::def::Defs;
@@ -29,13 +29,13 @@ pub(crate) struct Shared {
     pub build: Mutex<Build>,
     pub defs: &'static Defs,
     pub loader: Arc<Loader>,
-    /// Places that load files of which only clips are used.
+    /// Places of `load` calls whose file is used for its clips only.
     pub clips_only: Mutex<BTreeSet<Place>>,
     pub played_clips_only: bool,
-    /// The clips that `load` requests; unset: all clips.
+    /// The clips that importers decode; unset: all clips.
     pub played_clips: OnceLock<PlayedClips>,
     pub limits: Limits,
-    /// `--set`, in order.
+    /// Names and values given with `--set`, in order.
     pub set: Vec<(String, String)>,
     /// Texts of scripts that are not saved, by canonical path.
     pub unsaved: Arc<BTreeMap<PathBuf, Arc<str>>>,
@@ -43,28 +43,28 @@ pub(crate) struct Shared {
     pub sources: Mutex<BTreeMap<String, Arc<str>>>,
     /// Functions that the script defines, with their number of arguments.
     pub functions: Mutex<Arc<Vec<(String, usize)>>>,
-    /// Names of variables that are unknown at some place of the script or a module; that is reported.
+    /// Names of unknown variables in the script and its modules, which are reported already.
     pub unknown: Mutex<BTreeSet<String>>,
     /// Line and column of the token read last.
     pub last_token: Mutex<(usize, usize)>,
-    /// Time to stop; moved on by what loading takes.
+    /// Time at which the script must end. Moved later by the time that loading files takes.
     pub deadline: Mutex<Option<Instant>>,
-    /// Set once the engine is made: what runs later, callbacks and formulas, keeps it alive.
+    /// Set once the engine is made. Callbacks and formulas, which run later, keep the engine alive.
     pub engine: Mutex<Weak<rhai::Engine>>,
     pub mode: Mode,
-    /// The time at which the section that is being run must be over, files being loaded counted too.
+    /// Time limit of the test section that is being run, which includes loading files.
     pub timeout: Option<Timeout>,
     pub test: Mutex<TestState>,
 }
 
-/// Purpose of a run.
+/// Result of a run of the script.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// Its stage. Test sections are not run.
+    /// The stage of the script. Test sections are not run.
     Stage,
-    /// The names of its sections.
+    /// The list of test sections.
     List,
-    /// The section with this index.
+    /// The run of the test section with this index.
     Section(usize),
 }
 
@@ -94,7 +94,7 @@ impl Shared {
         lines.into_iter().any(|line| allows(&self.source_line(&place.file, line), rule))
     }
 
-    /// A diagnostic at a place; the column moves to the string literal that is to blame, where the line has it.
+    /// A diagnostic at a place. The column is that of the string literal at fault, if the line contains it.
     pub(crate) fn diagnose(&self, severity: Severity, place: &Place, error: &ApiError) -> Diagnostic {
         let source_line = self.source_line(&place.file, place.line);
         let mut column = place.column;
@@ -119,11 +119,12 @@ impl Shared {
         }
     }
 
+    /// Notes a diagnostic, unless it is silent or a comment allows it.
     pub fn note(&self, severity: Severity, place: &Place, error: &ApiError) {
         self.note_in_order(None, severity, place, error);
     }
 
-    /// `order`: among the messages of the script, where it is not the latest.
+    /// Notes a diagnostic. `order`: its position among the messages of the script, `None` for the present one.
     fn note_in_order(&self, order: Option<u64>, severity: Severity, place: &Place, error: &ApiError) {
         if error.silent || error.message.contains(crate::value::POISON) {
             return;
@@ -137,29 +138,29 @@ impl Shared {
         build.note_in_order(order, diagnostic);
     }
 
-    /// Looks through a script's text, before it runs, for files of which it uses the clips alone.
+    /// Finds, before a script runs, the `load` calls whose file is used for its clips only.
     pub(crate) fn of_clips_only(&self, ast: &rhai::AST, source: &str) {
         let found = crate::clips_only::find(ast, source);
         self.clips_only.lock().unwrap_or_else(PoisonError::into_inner).extend(found);
     }
 
-    /// Waits for all that was begun to load: what is wrong with a file is reported whether or not it is used.
+    /// Waits for all files that are being loaded, so that errors of unused files are reported, too.
     pub fn settle(&self) {
         let loads: Vec<Arc<Load>> = {
             let build = self.build.lock().unwrap_or_else(PoisonError::into_inner);
             build.loads.iter().map(|l| l.load.clone()).collect()
         };
         for load in loads {
-            // A failure is reported there.
+            // `asset` reports a failure.
             let _ = self.asset(&load);
         }
     }
 
-    /// Waits for what a call has loaded. A failed import is reported at the place of that call, once; a call that uses it gets a
-    /// silent error.
+    /// Waits for the asset of a `load` call. A failed import is reported once, at the place of that call; calls that use the
+    /// asset get a silent error.
     pub fn asset(&self, load: &Load) -> Result<Arc<Asset>, ApiError> {
-        // Loading takes as long as the files are large: the script's own time stands still, but not for what fails or is there
-        // already, which could be requested without end.
+        // Time spent loading is added to the script's deadline. Failed and finished loads add none, because a script could
+        // request them without end.
         let before = Instant::now();
         let result = load.wait();
         let taken = before.elapsed();
@@ -196,7 +197,7 @@ impl Shared {
     }
 }
 
-/// Start of `word` in `text` where it is not part of a longer word: a key of an object map.
+/// Byte offset of `word` in `text` where it is not part of a longer word, such as a key of an object map.
 fn find_word(text: &str, word: &str) -> Option<usize> {
     let part = |c: char| c.is_alphanumeric() || c == '_';
     text.match_indices(word).map(|(i, _)| i).find(|i| {
@@ -210,7 +211,7 @@ pub(crate) struct Build {
     pub settings: Settings,
     /// Place of the call of `stage(…)`.
     pub settings_at: Option<Place>,
-    /// Place at which a frame number was first turned into a time, how often that was done, and the last such frame and time.
+    /// Place of the first call of `f(frame)`, the number of calls, and the frame number and time (seconds) of the last one.
     pub frames_used: Option<(Place, u64, f64, f64)>,
     pub actors: Vec<ActorDraft>,
     pub chains: Vec<Chain>,
@@ -227,7 +228,7 @@ pub(crate) struct Build {
     pub sky_at: Option<Place>,
     /// The script sets the ambient light.
     pub ambient_given: bool,
-    /// Place of the call of `ambient(…)` that counts.
+    /// Place of the call of `ambient(…)` in effect; `None` if an option of `stage` sets the ambient light.
     pub ambient_at: Option<Place>,
     pub effects: Vec<EffectUse>,
     pub effect_places: Vec<Place>,
@@ -237,25 +238,25 @@ pub(crate) struct Build {
     pub declared: Vec<Declared>,
     pub hooks: Vec<HookDraft>,
     pub keys: u64,
-    /// Keys of clips that the script has made.
+    /// Number of keyframes in the clips that the script has made.
     pub clip_keys: u64,
     pub parameters: Vec<Parameter>,
     pub printed: Vec<String>,
     pub printed_bytes: u64,
-    /// Lines beyond the limit.
+    /// Number of printed lines beyond the limit.
     pub unprinted: u64,
     pub diagnostics: Vec<Diagnostic>,
-    /// Order of each of them, rising: an import that fails late is reported where it was begun.
+    /// Sort key of each diagnostic, ascending: a failed import is reported where it was begun, although it fails later.
     orders: Vec<u64>,
-    /// Order of what is noted now.
+    /// Sort key of diagnostics that are noted now.
     pub order: u64,
-    /// Diagnostics beyond the most that are kept.
+    /// Number of diagnostics beyond the limit.
     pub more: usize,
     /// Clips bound to another skeleton, by the addresses of clip and asset.
     pub bound: BTreeMap<(usize, usize), Bound>,
     pub shapes: BTreeMap<String, Arc<Asset>>,
     pub made: Made,
-    /// Stage time of the start of what is being performed.
+    /// Stage time at which the present `perform` sequence starts; times in calls are relative to it.
     pub offset: Time,
     /// Notes by the address of the clip, which is kept alive.
     pub clip_notes: BTreeMap<usize, ClipNotes>,
@@ -272,7 +273,7 @@ pub(crate) struct ClipNotes {
     pub steps: Option<Vec<Time>>,
 }
 
-/// Root motion as the script requests it.
+/// Root motion options of the script.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct RootDraft {
     pub joint: Option<u32>,
@@ -289,15 +290,15 @@ pub(crate) enum RootUse {
 /// The result of a `load` or `shape` call.
 pub(crate) struct LoadDraft {
     pub load: Arc<Load>,
-    /// No file was read for it.
+    /// The asset is procedural: no file was read.
     pub made: bool,
-    /// Whether it is loaded for its clips only, since the script uses no more of it.
+    /// Only the clips are imported, because the script uses nothing else of the file.
     pub clips_only: bool,
-    /// Cast, or a clip of it played, or the script asked what is in it.
+    /// The script casts the asset, plays one of its clips or queries its contents.
     pub used: bool,
 }
 
-/// How much there is so far of what counts against limits.
+/// Counts of procedural data so far, which are compared with limits.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Made {
     pub meshes: usize,
@@ -319,7 +320,7 @@ pub(crate) struct HookDraft {
     pub at: Place,
 }
 
-/// A bound clip, and what it was made of: kept alive, so that the addresses stay theirs.
+/// A bound clip. Its source clip and asset are kept alive, so that their addresses, the key, stay valid.
 pub struct Bound {
     pub clip: Arc<Clip>,
     pub _from: Arc<Clip>,
@@ -341,7 +342,7 @@ pub struct Parameter {
 pub(crate) struct ActorDraft {
     pub actor: Actor,
     pub at: Place,
-    /// Placed by `.at`, `.attach` or a key.
+    /// The script places the actor by `.at`, `.attach` or a keyframe.
     pub placed: bool,
     /// Places of the calls of `actor.look_at`.
     pub looks: Vec<Place>,
@@ -349,13 +350,13 @@ pub(crate) struct ActorDraft {
     pub constraints: Vec<Place>,
     /// Root motion of its clips on the base layer.
     pub root: Option<RootDraft>,
-    /// Keys of its joints, over what its clips do.
+    /// Keyframes of joints, added on top of the clips.
     pub joint_keys: Vec<(Curve, Place)>,
     /// Calls of `walk_to`, one after the other.
     pub walks: Vec<Walk>,
     /// Parents in the order of the calls.
     pub parents: Vec<ParentDraft>,
-    /// Turned to this point at the end, when the position is known.
+    /// Point that the actor faces. The rotation is computed at the end of the script, when the position is known.
     pub face_point: Option<DVec3>,
     /// Mesh instances that are not drawn.
     pub hidden_parts: BTreeSet<u32>,
@@ -366,7 +367,7 @@ pub(crate) struct ActorDraft {
 pub struct FadeDraft {
     /// Index of its panel among the 2D layers.
     pub layer: usize,
-    /// Whether it fades to the color.
+    /// True for a fade to the color, false for one from the color.
     pub out: bool,
     /// Start of a fade from the color, end of a fade to it.
     pub at: Time,
@@ -380,7 +381,7 @@ pub struct ParentDraft {
 }
 
 impl ActorDraft {
-    /// An error where `walk_to` has set position and rotation for the whole time.
+    /// Error if `walk_to` sets the position and rotation of the actor, which it does for all times.
     pub(crate) fn not_walking(&self, what: &str) -> Result<(), ApiError> {
         let Some(walk) = self.walks.last() else { return Ok(()) };
         let after = walk.turned.as_secs();
@@ -390,7 +391,8 @@ impl ActorDraft {
         )))
     }
 
-    /// The placement that `.at` and its like change: in the parent that was given last from a time on, else the actor's own.
+    /// The placement that `.at`, `.move_by`, `.turn` and `.rotate` change: in the last parent with a start time, else the actor's
+    /// own.
     pub fn placement(&mut self) -> &mut Placement {
         match self.parents.last_mut().map(|draft| &mut draft.parent) {
             Some(parent) if parent.start > Time::MIN && parent.to.is_some() => {
@@ -402,10 +404,10 @@ impl ActorDraft {
     }
 }
 
-/// A `play` and what follows it by `then`.
+/// The cues of a `play` call and of the `then` calls that follow it.
 pub struct Chain {
     pub actor: usize,
-    /// Joint weights.
+    /// Weight of each joint, 0 to 1; `None`: no mask.
     pub mask: Option<Vec<f32>>,
     pub mode: LayerMode,
     pub priority: Option<u32>,
@@ -418,7 +420,7 @@ impl Chain {
         Chain { actor, mask: None, mode: LayerMode::Override, priority: None, weight_keys: None }
     }
 
-    /// Whether it lies over the base layer.
+    /// Whether the chain is a layer above the base layer.
     pub(crate) fn is_layer(&self) -> bool {
         self.mask.is_some() || self.mode != LayerMode::Override || self.priority.is_some()
     }
@@ -441,17 +443,17 @@ pub(crate) struct CueDraft {
     pub repeat: Option<Repeat>,
     /// Stage time at which the local time of the cue is 0.
     pub origin: Time,
-    /// A layer played once keeps its last pose.
+    /// Holds the last pose after playing once, also on a layer.
     pub hold: bool,
-    /// Matches the phase of the cue before while it fades in.
+    /// Phase matching with the cue before during the crossfade.
     pub in_step: bool,
     pub root: Option<RootDraft>,
-    /// Another cue follows: without a repeat mode of its own it plays once.
+    /// Another cue follows in the chain, so this one plays once unless it has its own repeat mode.
     pub followed: bool,
 }
 
 impl CueDraft {
-    /// A cue of a chain for which the script sets nothing else.
+    /// A cue of a chain with default options.
     pub fn new(chain: usize, clip: Arc<Clip>, at: Place) -> CueDraft {
         CueDraft {
             cue: Cue::new(clip),
@@ -472,7 +474,7 @@ impl CueDraft {
         }
     }
 
-    /// Whether its weight is ever above 0.
+    /// Whether the weight is above 0 at any time.
     pub fn counts(&self) -> bool {
         match &self.cue.weight_keys {
             Some(keys) => keys.values.iter().any(|v| *v > 0.0),
@@ -493,7 +495,7 @@ pub(crate) struct CameraDraft {
     pub position: Option<DVec3>,
     pub rotation: DQuat,
     pub look_at: Option<Target>,
-    /// Calls of `look_at` with a time, and when they end.
+    /// Calls of `look_at` with a start time, and their end times.
     pub looks: Vec<(CameraLook, Option<Time>)>,
 }
 
@@ -505,7 +507,7 @@ impl Build {
         self.clip_notes.get(&key(clip)).or_else(|| self.clip_notes.get(&key(&from()?._from)))
     }
 
-    /// Keeps a printed line while the limit allows; what is beyond it is counted.
+    /// Keeps a printed line. Lines beyond the limit (in bytes) are only counted.
     pub fn print(&mut self, line: &str, limit: u64) {
         let bytes = line.len() as u64 + 1;
         if self.unprinted > 0 || self.printed_bytes + bytes > limit {
@@ -516,7 +518,7 @@ impl Build {
         self.printed.push(crate::diagnostic::printable(line));
     }
 
-    /// The printed lines, with a last one that gives the number of those left out.
+    /// The printed lines. A last line states how many were left out.
     pub(crate) fn take_printed(&mut self, limit: u64) -> Vec<String> {
         let mut lines = std::mem::take(&mut self.printed);
         if self.unprinted > 0 {
@@ -526,6 +528,7 @@ impl Build {
         lines
     }
 
+    /// Notes a diagnostic once. Those beyond the limit are only counted.
     pub fn note(&mut self, diagnostic: Diagnostic) {
         self.note_in_order(self.order, diagnostic);
     }
@@ -548,9 +551,9 @@ impl Build {
         self.diagnostics.iter().any(|d| d.severity == Severity::Error)
     }
 
-    /// A handle for an asset that the script has made.
+    /// The load of a procedural asset: an earlier one if the same place has made the same asset before.
     pub fn made(&mut self, asset: &Arc<Asset>, at: &Place) -> Arc<Load> {
-        // A loop makes many from one place.
+        // A loop makes the same asset many times at one place.
         let known =
             |l: &&LoadDraft| l.load.at == *at && l.load.ready().is_some_and(|a| Arc::ptr_eq(a, asset));
         if let Some(known) = self.loads.iter().find(known) {
@@ -561,27 +564,28 @@ impl Build {
         load
     }
 
-    /// A handle for a file that is being imported.
+    /// The load of a file that is being imported: an earlier one if the same place has loaded the file before.
     pub fn begun(&mut self, import: Arc<Import>, at: &Place, clips_only: bool) -> Arc<Load> {
         let known = |l: &&LoadDraft| l.load.at == *at && l.load.is_of(&import);
         if let Some(known) = self.loads.iter().find(known) {
             return known.load.clone();
         }
-        // Before all that is noted from now on.
+        // The load gets a sort key before all diagnostics that are noted from now on.
         self.order += 2;
         let load = Arc::new(Load::begun(import, at, self.order - 1));
         self.loads.push(LoadDraft { load: load.clone(), made: false, clips_only, used: false });
         load
     }
 
+    /// Marks all loads of an asset as used.
     pub fn used(&mut self, asset: &Arc<Asset>) {
         let same = |l: &&mut LoadDraft| l.load.ready().is_some_and(|a| Arc::ptr_eq(a, asset));
         self.loads.iter_mut().filter(same).for_each(|l| l.used = true);
     }
 
-    /// Joint mask etc. are looked up in the actor's own asset.
+    /// The draft of the actor with this index.
     pub fn actor(&mut self, id: usize) -> Result<&mut ActorDraft, ApiError> {
-        // Handles of another run cannot get here; checked all the same, so that nothing can panic.
+        // Handles of another stage should not get here. The index is checked all the same, so that nothing can panic.
         self.actors.get_mut(id).ok_or_else(|| ApiError::new("this actor is not on this stage"))
     }
 
@@ -610,7 +614,7 @@ impl Build {
     }
 }
 
-/// Refuses one more than the limit allows.
+/// Refuses a further object where `count` has reached the limit.
 pub fn room(count: usize, what: &str, limits: &Limits) -> Result<(), ApiError> {
     let (name, limit) = match what {
         "actors" => ("actors", limits.actors),

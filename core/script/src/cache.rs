@@ -1,4 +1,4 @@
-//! Assets shared between runs: a file that two hundred sections load is read anew by each, but imported once.
+//! Cache of assets shared between runs: two hundred test sections may read the same file, but it is imported once.
 
 use choreo_asset::Asset;
 use std::collections::BTreeMap;
@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::SystemTime;
 
-/// Assets by what they were made of. Clones share one store. An entry is used while the bytes of its file, and of all that the
-/// importer requested beside it, are the same, and is replaced when they are not.
+/// Cache of imported assets. Clones share one store. An entry is reused while its file and all files that the importer requested
+/// have the same bytes, and is replaced otherwise.
 #[derive(Clone, Debug, Default)]
 pub struct AssetCache(Arc<Store>);
 
@@ -16,7 +16,7 @@ pub struct AssetCache(Arc<Store>);
 struct Store {
     slots: Mutex<BTreeMap<Key, Slot>>,
     imports: AtomicU64,
-    /// Assets whose files are taken to be unchanged by size and time of change; `None`: every file is read each time.
+    /// Assets whose files count as unchanged while size and modification time are the same; `None`: every file is read each time.
     remembered: Option<Mutex<BTreeMap<(PathBuf, String), Remembered>>>,
 }
 
@@ -27,7 +27,7 @@ pub(crate) struct Remembered {
     pub asset: Arc<Asset>,
 }
 
-/// Size and time of change of a file.
+/// Size and modification time of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct FileStamp {
     size: u64,
@@ -41,12 +41,12 @@ impl FileStamp {
     }
 }
 
-/// Locked while its asset is made.
+/// An entry of the cache, locked while its asset is made.
 pub(crate) type Slot = Arc<Mutex<Option<Made>>>;
 
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Key {
-    /// Canonical, or a built-in name.
+    /// Canonical path, or the name of a built-in asset.
     pub path: PathBuf,
     pub name: String,
     pub importer: String,
@@ -56,7 +56,7 @@ pub(crate) struct Key {
 
 #[derive(Debug)]
 pub(crate) struct Made {
-    /// BLAKE3 of the file.
+    /// BLAKE3 hash of the file.
     pub source: [u8; 32],
     pub side_files: Vec<SideFile>,
     pub asset: Arc<Asset>,
@@ -66,12 +66,13 @@ pub(crate) struct Made {
 #[derive(Debug)]
 pub(crate) struct SideFile {
     pub name: String,
-    /// `None`: it could not be read.
+    /// BLAKE3 hash of the file; `None`: it could not be read.
     pub content: Option<[u8; 32]>,
 }
 
 impl AssetCache {
-    /// A cache that takes files of the same size and time of change for the same, for editors, which check a script at every key.
+    /// A cache that compares files by size and modification time instead of content, for editors, which check a script after
+    /// every keystroke.
     pub fn by_times() -> AssetCache {
         AssetCache(Arc::new(Store { remembered: Some(Mutex::default()), ..Store::default() }))
     }
@@ -83,7 +84,7 @@ impl AssetCache {
         known.files.iter().all(|(path, stamp, _)| FileStamp::of(path) == Some(*stamp)).then_some(known)
     }
 
-    /// Whether anything is remembered by times of change.
+    /// Whether the cache compares files by size and modification time.
     pub(crate) fn remembers(&self) -> bool {
         self.0.remembered.is_some()
     }
@@ -107,28 +108,28 @@ impl AssetCache {
         self.0.imports.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// How many assets were imported into it so far.
+    /// Number of imports so far.
     pub fn imports(&self) -> u64 {
         self.0.imports.load(Ordering::Relaxed)
     }
 
-    /// Drops the assets that nothing else holds, for callers that run a changing script again and again.
+    /// Drops assets that nothing outside the cache holds, for callers that run an edited script again and again.
     pub fn drop_unused(&self) {
         if let Some(remembered) = &self.0.remembered {
-            // Held by its slot and here.
+            // One reference is held here and one by the slot.
             let is_used = |made: &Remembered| Arc::strong_count(&made.asset) > 2;
             remembered.lock().unwrap_or_else(PoisonError::into_inner).retain(|_, made| is_used(made));
         }
         let mut slots = self.0.slots.lock().unwrap_or_else(PoisonError::into_inner);
         slots.retain(|_, slot| match slot.try_lock() {
             Ok(made) => made.as_ref().is_some_and(|made| Arc::strong_count(&made.asset) > 1),
-            // Being made.
+            // The asset is being made.
             Err(_) => true,
         });
     }
 }
 
-/// The same store.
+/// Caches are equal if they share one store.
 impl PartialEq for AssetCache {
     fn eq(&self, other: &AssetCache) -> bool {
         Arc::ptr_eq(&self.0, &other.0)

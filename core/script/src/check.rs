@@ -1,4 +1,5 @@
-//! Warnings of every run: what is valid, but probably not intended. Each has a rule, by whose name a comment allows it.
+//! Warnings of every run about things that are valid but probably not intended. Each has a rule, by whose name a comment allows
+//! it.
 
 use crate::api_error::{ApiError, Place};
 use crate::build::{ActorDraft, Build, LoadDraft};
@@ -8,7 +9,7 @@ use choreo_motion::Time;
 use choreo_stage::{Cut, Repeat};
 use std::sync::Arc;
 
-/// Looks through the drafts.
+/// Adds warnings about the drafts to `notes`.
 pub fn before(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
     let mut warn = |rule: &'static str, place: &Place, text: String| {
         notes.push((Severity::Warning, place.clone(), ApiError { rule, ..ApiError::new(text) }));
@@ -35,14 +36,14 @@ pub fn before(build: &Build, notes: &mut Vec<(Severity, Place, ApiError)>) {
     }
 }
 
-/// Seconds to the millisecond.
+/// A time in seconds, rounded to milliseconds for messages.
 pub(crate) fn shown(time: Time) -> f64 {
     libm::round(time.as_secs() * 1000.0) / 1000.0
 }
 
 fn cues(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
     let times = all_times(build);
-    // A pose that is held for less shows in no frame; lengths of clips are often no whole milliseconds.
+    // A pose that is held for less than a frame is not visible; clip lengths are often not whole milliseconds.
     let frame = build.settings.fps.time_of(1);
     for (id, draft) in build.cues.iter().enumerate() {
         let name = &draft.cue.clip.name;
@@ -95,7 +96,7 @@ fn cues(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
         }
     }
     restarts(build, &times, warn);
-    // Two chains of one actor on the base layer that begin together: the later one hides the earlier.
+    // Two chains on the base layer of an actor that begin at the same time: the later one hides the earlier.
     let mut begins: std::collections::BTreeMap<(usize, Time), usize> = std::collections::BTreeMap::new();
     for (id, draft) in build.cues.iter().enumerate() {
         let chain = &build.chains[draft.chain];
@@ -103,7 +104,7 @@ fn cues(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
             continue;
         }
         let first = begins.insert((chain.actor, times[id].0), id);
-        // While it fades in, the one below is seen.
+        // While the later one fades in, the earlier one is visible.
         if let Some(first) = first.filter(|_| draft.cue.fade_in == Time::ZERO) {
             let hidden = &build.cues[first];
             let text = format!(
@@ -117,8 +118,8 @@ fn cues(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
     }
 }
 
-/// Warns about a part of a clip that repeats with a jump, since its ends do not match; while the next clip fades in over it this is
-/// probably not intended. (Whole clips are taken to be made for repeating.)
+/// Warns about a trimmed part of a clip that restarts with a jump while the next clip fades in over it, which is probably not
+/// intended. (Whole clips are assumed to loop.)
 fn restarts(
     build: &Build,
     times: &[(Time, Option<Time>)],
@@ -134,7 +135,7 @@ fn restarts(
         }
         let from = (times[id].0 - times[before].0).as_secs();
         let to = from + next.cue.fade_in.as_secs();
-        // Seconds to which a start over at either end of the fade does not count.
+        // Tolerance in seconds: a restart at either end of the fade does not count.
         const SLACK: f64 = 1e-3;
         let restart = libm::ceil((from - SLACK) / length).max(1.0) * length;
         if restart < to - SLACK {
@@ -151,15 +152,15 @@ fn restarts(
     }
 }
 
-/// Warns about several actors in one place, which is probably not intended; a flat ground below them is.
+/// Warns about several actors in one place, which is probably not intended. A flat ground below them is not counted.
 fn unplaced(build: &Build, warn: &mut impl FnMut(&'static str, &Place, String)) {
     let flat = |a: &ActorDraft| a.actor.asset.name == "shape plane";
-    // The position of an actor made of vertices is in its vertices.
+    // The vertices of a mesh from arrays can contain its position.
     let of_vertices = |a: &ActorDraft| {
         let own = |l: &&LoadDraft| l.load.ready().is_some_and(|made| Arc::ptr_eq(made, &a.actor.asset));
         !a.actor.asset.name.starts_with("shape ") && build.loads.iter().any(|l| l.made && own(&l))
     };
-    // A file without meshes brings its cameras and lights.
+    // A file without meshes is cast for its cameras and lights.
     let brings = |a: &ActorDraft| {
         let asset = &a.actor.asset;
         asset.instances.is_empty() && !(asset.cameras.is_empty() && asset.lights.is_empty())

@@ -9,7 +9,7 @@ use choreo_stage::{Cue, CueRootMotion, Pace, Repeat, StandingFade};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A range of a clip on a skeleton, by address: the build keeps both alive.
+/// Key for a range of a clip on a skeleton: the addresses of skeleton and clip (the build keeps both alive), start and end.
 type ClipRange = (usize, usize, Time, Time);
 
 /// A request for the root motion of a clip's range, and the result.
@@ -32,16 +32,16 @@ pub enum Gait {
     Other,
 }
 
-/// Slowest walk, in leg lengths per second.
+/// Speed in leg lengths per second above which a character walks.
 const SLOWEST: f64 = 0.15;
-/// Feet are on the ground for this share of a clip in which a character stands.
+/// Share of a clip for which every foot must be on the ground so that the character stands.
 const STANDS: f64 = 0.9;
 
 fn part(asset: &Asset, clip: &Arc<Clip>, trim: (Time, Time)) -> ClipRange {
     (Arc::as_ptr(&asset.skeleton) as usize, Arc::as_ptr(clip) as usize, trim.0, trim.1)
 }
 
-/// The root motion of a cue on the base layer, as it or its actor requests it.
+/// The root motion of a cue on the base layer, if the cue or its actor requests it.
 pub fn root(build: &Build, draft: &CueDraft, found: &mut AnalyzedClips) -> Option<Arc<CueRootMotion>> {
     let actor = &build.actors[build.chains[draft.chain].actor];
     // An actor on a path that moves as fast as the clips walk has root motion without asking.
@@ -80,7 +80,7 @@ fn steps(build: &Build, draft: &CueDraft, found: &mut AnalyzedClips) -> Option<A
     entry.or_insert_with(find).clone()
 }
 
-/// The fade in which two clips keep step, or why they cannot.
+/// The crossfade of two clips with matched phases. Error: the clips cannot be matched.
 pub fn in_step(
     build: &Build,
     drafts: [usize; 2],
@@ -139,7 +139,7 @@ pub fn gait(asset: &Asset, cue: &Cue, found: &mut AnalyzedClips) -> Gait {
     *entry.or_insert_with(|| find().unwrap_or(Gait::Other))
 }
 
-/// The fades of a base layer between a clip that walks and one that stands.
+/// The fades of a base layer between a walking and a standing clip.
 pub fn standing_fades(asset: &Asset, cues: &[Cue], found: &mut AnalyzedClips) -> Vec<StandingFade> {
     let mut fades: Vec<StandingFade> = Vec::new();
     for pair in cues.windows(2) {

@@ -1,7 +1,8 @@
-//! The parts of its files that a script uses, found in its text before it runs.
+//! Static analysis of a script: the parts of files that it uses, found before it runs.
 //!
-//! Files of which it uses the clips alone: no mesh and no image of them is made. A file is taken for one only where that is certain: the asset stands in a variable of a name that is used for nothing but `.clip(…)` and its
-//! like, in the whole file, or `load(…).clip(…)` uses it on the spot. Any other use is treated as if the asset were cast.
+//! No mesh or image is imported from a file that the script uses for its clips only. That must be certain: either the asset is in
+//! a variable whose name the whole script uses for nothing but `.clip(…)`, `.clips()` and `.joints()`, or `load(…).clip(…)` uses
+//! it directly. Any other use counts as if the asset were cast.
 
 use crate::api_error::Place;
 use crate::loader::PlayedClips;
@@ -11,14 +12,14 @@ use std::collections::BTreeSet;
 /// Methods of an asset that need no geometry.
 const OF_CLIPS: [&str; 3] = ["clip", "clips", "joints"];
 
-/// Places of such `load(…)` calls.
+/// Places of `load(…)` calls whose file is used for its clips only.
 pub fn find(ast: &AST, source: &str) -> Vec<Place> {
-    // A function of the script by one of these names could do anything with its asset.
+    // A function that the script defines by one of these names could use the asset in any way.
     if ast.iter_functions().any(|f| OF_CLIPS.contains(&f.name) || f.name == "load") {
         return Vec::new();
     }
     let mut loads: Vec<(Position, Option<String>, String)> = Vec::new();
-    // Names of variables, and of files, that are used for more.
+    // Names of variables and files that are used for more than clips.
     let mut variables: BTreeSet<String> = BTreeSet::new();
     let mut files: BTreeSet<String> = BTreeSet::new();
     ast.walk(&mut |path| {
@@ -57,7 +58,7 @@ pub fn find(ast: &AST, source: &str) -> Vec<Place> {
                     Some(ASTNode::Expr(Expr::Dot(dot, ..))) => {
                         std::ptr::from_ref(&dot.lhs).cast() == address(node) && of_clips(&dot.rhs)
                     }
-                    // A closure takes it along; what it does with it stands in its body, under the same name.
+                    // A closure captures the variable; the uses in its body have the same name and are visited as well.
                     Some(ASTNode::Expr(Expr::FnCall(call, _)) | ASTNode::Stmt(Stmt::FnCall(call, _))) => {
                         call.name == "curry"
                     }
@@ -87,8 +88,8 @@ pub fn find(ast: &AST, source: &str) -> Vec<Place> {
     loads.iter().filter(only).map(|(at, ..)| place(at)).collect()
 }
 
-/// The clips that a script can get: those named in its calls of `clip`. All, where one is not written out, where a list of clips
-/// is requested, and where modules or pointers to functions could call `clip`.
+/// The clips that a script can play: those named in its calls of `clip`. All clips if a name is not a literal, if the script
+/// calls `clips`, or if modules or function pointers could call `clip`.
 pub fn played(ast: &AST) -> PlayedClips {
     let mut names = BTreeSet::new();
     let mut all = ast.iter_functions().any(|f| f.name == "clip");
@@ -103,7 +104,7 @@ pub fn played(ast: &AST) -> PlayedClips {
             Some(ASTNode::Expr(Expr::FnCall(c, _) | Expr::MethodCall(c, _))) => call(c),
             Some(ASTNode::Stmt(Stmt::FnCall(c, _))) => call(c),
             Some(ASTNode::Stmt(Stmt::Import(..))) => others = true,
-            // Pointers to functions that are written out are constants.
+            // Literal function pointers are constants in the syntax tree.
             Some(ASTNode::Expr(Expr::DynamicConstant(value, _))) => {
                 others |= format!("{value:?}").contains("clip");
             }
@@ -122,7 +123,7 @@ fn address(node: &ASTNode<'_>) -> *const () {
     }
 }
 
-/// Whether the first thing called in a chain of methods needs the clips only.
+/// Whether the first method in a chain of calls needs only clips.
 fn of_clips(right: &Expr) -> bool {
     match right {
         Expr::MethodCall(call, _) => OF_CLIPS.contains(&call.name.as_str()),

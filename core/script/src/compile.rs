@@ -1,4 +1,4 @@
-//! Reading of a script: text to syntax tree, without what scripts cannot use.
+//! Parses a script to a syntax tree and refuses functions that scripts must not use.
 
 use crate::build::Shared;
 use crate::value::Poison;
@@ -24,24 +24,24 @@ pub fn constants() -> Scope<'static> {
 pub(crate) const CONSTANTS: &[(&str, &str)] =
     &[("PI", "Is π, 3.14159…: half a turn in radians."), ("TAU", "Is 2 π: a turn in radians.")];
 
-/// Reads a script. Rhai takes a comment that is never closed for the end of the script, without a word: the last
-/// statement of the script as read would be missing from the same script with one more at its end.
+/// Parses a script. Rhai silently takes an unclosed comment for the end of the script. To detect that, the script is parsed again
+/// with a `;` appended: the last token stays the same only inside a comment.
 pub fn compile(engine: &Engine, shared: &Shared, text: &str) -> Result<AST, ParseError> {
     compile_within(engine, shared, text, &constants())
 }
 
-/// A variable that is not declared above its place.
+/// A variable that is used without being declared before.
 #[derive(Clone, Debug)]
 pub struct UnknownVariable {
     pub name: String,
     pub at: Position,
 }
 
-/// Unknown variables of different names that are looked for: each takes a reading of the text.
+/// Maximum number of unknown variable names to find, because each takes another parse of the text.
 const MOST_UNKNOWN: usize = 20;
 
-/// Reads a script as [`compile`] does, and finds all its unknown variables: each name counts as known once it is found. In a text that cannot
-/// be read for another reason they are found up to there.
+/// Parses a script as [`compile`] does and finds all unknown variables: each name counts as known once it is found. If the text
+/// has another error, the variables before that error are found.
 pub(crate) fn compile_all(
     engine: &Engine,
     shared: &Shared,
@@ -67,7 +67,7 @@ pub(crate) fn compile_all(
     (read, unknown)
 }
 
-/// Puts values of failed statements in the place of unknown variables.
+/// Declares unknown variables as [`Poison`].
 pub(crate) fn stand_in(unknown: &[UnknownVariable], scope: &mut Scope) {
     for variable in unknown {
         if !scope.contains(&variable.name) {
@@ -76,12 +76,13 @@ pub(crate) fn stand_in(unknown: &[UnknownVariable], scope: &mut Scope) {
     }
 }
 
-/// Adds the other places of variables that are unknown at one.
+/// Adds the further places at which the unknown variables are used.
 fn more_places(ast: &AST, unknown: &mut Vec<UnknownVariable>) {
     if unknown.is_empty() {
         return;
     }
-    // The captured variables of a closure stand beside it, with the first place in it; in its body all of them look unknown.
+    // Captured variables are listed at the closure with their first place in it; in its body, which is left out here, all of them
+    // look unknown.
     let mut functions = ast.clone_functions_only();
     functions.retain_functions(|_, _, name, _| !name.starts_with("anon$"));
     for part in [ast.clone_statements_only(), functions] {
@@ -127,12 +128,13 @@ fn compile_within(engine: &Engine, shared: &Shared, text: &str, scope: &Scope) -
     Err(ParseError(Box::new(ParseErrorType::BadInput(why)), place))
 }
 
+/// Whether scripts must not use a name.
 pub fn is_refused(name: &str) -> bool {
     REFUSED.iter().any(|(refused, _)| *refused == name)
 }
 
-/// Methods that are refused, and calls of too many arguments: Rhai looks for a function in time that grows with their number
-/// and with 2 to the power of up to 16 of them, in one step that no limit interrupts.
+/// Refuses forbidden methods and calls with too many arguments. Rhai's search for a function takes time that grows with the
+/// number of arguments and with 2 to the power of up to 16 of them, in a single step that no limit interrupts.
 fn check_calls(ast: &AST) -> Result<(), ParseError> {
     let mut wrong = None;
     ast.walk(&mut |path| {
@@ -157,7 +159,7 @@ fn check_calls(ast: &AST) -> Result<(), ParseError> {
     }
 }
 
-/// Arguments of one call at most.
+/// Maximum number of arguments of one call.
 pub(crate) const MOST_ARGUMENTS: usize = 64;
 
 /// The end of the message for a call with more arguments; `errors` recognizes it.

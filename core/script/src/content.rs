@@ -1,10 +1,10 @@
-//! Whether a file is still the same.
+//! Content hashes of files.
 
 use std::io::Read;
 use std::path::Path;
 
-/// BLAKE3 of a regular file's content, read in pieces; `None` where there is none or it cannot be read. A pipe is not waited
-/// for.
+/// BLAKE3 hash of a regular file, read in pieces. `None` if the file is missing, unreadable or not a regular file; a pipe does
+/// not block.
 pub fn content_of(path: &Path) -> Option<[u8; 32]> {
     let mut file = choreo_files::open_file(path).ok()?;
     let mut hasher = blake3::Hasher::new();

@@ -15,6 +15,7 @@ impl CueDraft {
         }
     }
 
+    /// Start and end of the played part of the clip, in clip time.
     pub fn part(&self) -> (Time, Time) {
         self.trim.unwrap_or((Time::ZERO, self.cue.clip.duration))
     }
@@ -25,7 +26,8 @@ impl CueDraft {
         (end - start).scaled(1.0 / self.cue.speed)
     }
 
-    /// The repeat mode of the script. By default layers and cues that another follows play once; others loop.
+    /// The repeat mode that the script sets. By default a layer plays once, and so does a cue without `until` that another cue
+    /// follows; all other cues loop.
     pub fn repeats(&self, layer: bool) -> Repeat {
         let once = layer || (self.followed && self.until.is_none());
         self.repeat.unwrap_or(if once { Repeat::Once } else { Repeat::Loop })
@@ -35,7 +37,7 @@ impl CueDraft {
 /// Start and end of every cue; `None` for one that repeats without end.
 pub(crate) fn all_times(build: &Build) -> Vec<(Time, Option<Time>)> {
     let mut times: Vec<(Time, Option<Time>)> = Vec::with_capacity(build.cues.len());
-    // A cue comes later in the list than the one it follows.
+    // A cue comes later in the list than its predecessor.
     for cue in &build.cues {
         let follows = cue.after.map(|before| (&build.cues[before], times[before]));
         times.push(cue_times(build, cue, follows));
@@ -43,7 +45,7 @@ pub(crate) fn all_times(build: &Build) -> Vec<(Time, Option<Time>)> {
     times
 }
 
-/// Start and end of one cue, given the one before it in its chain and that one's times.
+/// Start and end of one cue. `follows`: its predecessor in the chain, with start and end.
 fn cue_times(
     build: &Build,
     cue: &CueDraft,
@@ -53,7 +55,7 @@ fn cue_times(
         None => cue.origin,
         Some((_, (start, None))) => start,
         Some((before, (_, Some(end)))) => {
-            // Where the one before is not cut off but ends by itself, this one comes in while it still moves.
+            // If the clip of the predecessor plays to its end, this cue fades in before that end.
             let natural = before.until.is_none();
             end - if natural { cue.cue.fade_in.min(before.length()) } else { Time::ZERO }
         }
@@ -70,7 +72,7 @@ fn cue_times(
 
 /// Start and end of the cue with this index.
 pub fn times(build: &Build, id: usize) -> (Time, Option<Time>) {
-    // Walks to the front of the chain and back again, without recursion.
+    // Goes to the front of the chain and back without recursion, because chains can be long.
     let mut walk = vec![id];
     while let Some(before) = walk.last().and_then(|id| build.cues[*id].after) {
         walk.push(before);

@@ -2,32 +2,32 @@
 
 use crate::value::HandleKind;
 
-/// A function or method of the script API as it is described. Registration, messages and API.md are made from the tables
-/// of these, which [`api!`](crate::call::api) declares.
+/// Description of a function or method of the script API. Registration, messages and API.md are made from tables of these, which
+/// [`api!`](crate::call::api) declares.
 pub(crate) struct Def {
     pub on: HandleKind,
     pub name: &'static str,
-    /// Ways to call it, separated by `|`; arguments ending in `?` may be left out: `x, y, z | point`.
+    /// Forms of the arguments, separated by `|`; arguments ending in `?` may be left out: `x, y, z | point`.
     pub args: &'static str,
     pub gives: Gives,
     /// The lines of its documentation comment.
     pub doc: &'static [&'static str],
-    /// Documents its options in place of `{}`.
+    /// Returns the text that replaces `{}` in the documentation.
     pub options: Option<fn() -> String>,
-    /// Whether it can also be called inside `on_frame`.
+    /// Whether the function can also be called inside `on_frame`.
     pub frame: bool,
-    /// Whether it can be called only inside a test section.
+    /// Whether the function can be called only inside a test section.
     pub tests: bool,
 }
 
-/// Type of a call's result, also of the value that replaces the result of a failed call.
+/// Type of a call's result. A failed call returns a placeholder of the same type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Gives {
     Nothing,
     /// The receiver, for chaining.
     Itself,
     A(HandleKind),
-    /// A number, text or list: nothing can stand in for it, so an error ends the script.
+    /// A number, text or list, which has no placeholder, so that a failed call ends the statement.
     Value(&'static str),
 }
 
@@ -66,7 +66,7 @@ impl Def {
         items
     }
 
-    /// The ways to call it, as lists of argument names; optional ones are given in both forms.
+    /// Lists of argument names, one for each number of arguments that a form allows.
     pub fn forms(&self) -> Vec<Vec<&'static str>> {
         let mut forms = Vec::new();
         for form in self.args.split('|') {
@@ -79,22 +79,23 @@ impl Def {
         forms
     }
 
-    /// `turn(degrees)`, `at(x, y, z) or at(point)`.
+    /// Usage without the type of the receiver: `turn(degrees)`, `at(x, y, z) or at(point)`.
     pub fn usage(&self) -> String {
         self.usages(self.name).join(" or ")
     }
 
-    /// `Actor.turn(degrees)`, `Actor.at(x, y, z) or Actor.at(point)`, `load(file, options?)`.
+    /// Usage with the type of the receiver: `Actor.turn(degrees)`, `Actor.at(x, y, z) or Actor.at(point)`,
+    /// `load(file, options?)`.
     pub(crate) fn full_usage(&self) -> String {
         self.usages(&self.full_name()).join(" or ")
     }
 
-    /// The ways to call it under a name.
+    /// Usages under a name, one for each form.
     pub(crate) fn usages(&self, name: &str) -> Vec<String> {
         self.args.split('|').map(|form| format!("{name}({})", form.trim())).collect()
     }
 
-    /// `Actor.turn`, `load`.
+    /// Name with the type of the receiver: `Actor.turn`, `load`.
     pub(crate) fn full_name(&self) -> String {
         match self.on {
             HandleKind::None => self.name.to_string(),
@@ -103,7 +104,7 @@ impl Def {
     }
 }
 
-/// All that a script can call, in the order of the reference.
+/// All functions and methods of scripts, in the order of the reference.
 pub(crate) struct Defs {
     /// Functions and methods with their headings.
     pub all: Vec<(&'static str, &'static Def)>,

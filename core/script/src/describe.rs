@@ -18,7 +18,7 @@ pub struct Entry {
     pub heading: &'static str,
     /// Names of the arguments, one list for each number of arguments.
     pub forms: Vec<Vec<&'static str>>,
-    /// Ways to write it: `Actor.at(x, y, z)`.
+    /// Usages, such as `Actor.at(x, y, z)`.
     pub usages: Vec<String>,
     pub gives: Returns,
     /// The description, then a paragraph for each group of options or aspect.
@@ -50,7 +50,7 @@ pub struct OptionEntry {
     pub about: String,
 }
 
-/// All that a script can call, in the order of the reference; other names of a function follow it.
+/// Entries of all functions, methods and constants, in the order of the reference. Aliases follow their function.
 pub fn entries() -> &'static [Entry] {
     static ENTRIES: LazyLock<Vec<Entry>> = LazyLock::new(|| {
         let mut entries: Vec<Entry> = Vec::new();
@@ -127,7 +127,7 @@ impl Entry {
         if self.on.is_empty() { self.name.to_string() } else { format!("{}.{}", self.on, self.name) }
     }
 
-    /// The options of its object map, those of calls that the description refers to included.
+    /// The options of the call's object map, including those of calls that the description refers to.
     pub fn options(&self) -> Vec<OptionEntry> {
         let mut found = Vec::new();
         self.add_options(&mut found, 0);
@@ -168,7 +168,7 @@ impl Entry {
         }
     }
 
-    /// The texts that are allowed as an argument or as an option.
+    /// The quoted texts that an argument or option accepts.
     pub fn values(&self, argument: &str) -> Vec<String> {
         if let Some(option) = self.options().iter().find(|option| option.name == argument) {
             return quoted(&option.about);
@@ -214,7 +214,7 @@ fn option_list(paragraph: &str, is_first: bool) -> Option<&str> {
         return Some(paragraph);
     }
     let (heading, list) = paragraph.split_once(": ").filter(|_| !is_first)?;
-    // The options of a callback are among those described before; the text about it names no others.
+    // The options of a call in a callback are a subset of the options described before.
     let is_heading = heading.len() < 100
         && heading != "In a callback"
         && heading.starts_with(char::is_uppercase)
@@ -222,7 +222,8 @@ fn option_list(paragraph: &str, is_first: bool) -> Option<&str> {
     is_heading.then_some(list)
 }
 
-/// The options that a list names: `name (about), name and name (about)`. After its first sentence, only words with parentheses are.
+/// The options that a list names: `name (about), name and name (about)`. After the first sentence, only words with parentheses
+/// count as options.
 fn items(list: &str) -> Vec<OptionEntry> {
     let mut found = Vec::new();
     let mut is_list = !list.starts_with('`');
@@ -320,7 +321,7 @@ fn quoted(text: &str) -> Vec<String> {
     found
 }
 
-/// The rules of `check` are named in its messages; this is the comment that silences one.
+/// The comment that silences a rule of `check`.
 pub fn allow_comment(rule: &str) -> String {
     format!("// allow: {rule}")
 }

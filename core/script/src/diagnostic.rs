@@ -1,19 +1,20 @@
-//! Errors and warnings about a script: what, where, and how to resolve it.
+//! Errors and warnings about a script, with place, source line and hint.
 
 use choreo_plugin::excerpt;
 use std::fmt;
 
 pub use choreo_plugin::excerpt::steers_terminal;
 
+/// Severity of a diagnostic, the most severe first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Severity {
     Error,
     Warning,
-    /// Often intended; `check` prints it on demand.
+    /// A finding that is often intended; `check` prints it on demand.
     Note,
 }
 
-/// Printed as
+/// An error, warning or note. It is printed as
 /// ```text
 /// walk.rhai:12:9: unknown joint "LeftHnd" in skeleton "hero"; did you mean "LeftHand"?
 ///     anna.look_at(boris.joint("LeftHnd"));
@@ -23,7 +24,7 @@ pub enum Severity {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
     pub severity: Severity,
-    /// A fixed name of the kind of finding, for `// allow: …` and machines; empty for what has none.
+    /// Fixed name of the kind of finding, for `// allow: …` comments and tools; empty for errors without one.
     pub rule: &'static str,
     /// The path as the user wrote it; empty where no file is the cause (the command line).
     pub file: String,
@@ -37,6 +38,7 @@ pub struct Diagnostic {
 }
 
 impl Diagnostic {
+    /// An error without a place.
     pub fn error(message: impl Into<String>) -> Diagnostic {
         Diagnostic {
             severity: Severity::Error,
@@ -50,10 +52,12 @@ impl Diagnostic {
         }
     }
 
+    /// A warning without a place.
     pub fn warning(message: impl Into<String>) -> Diagnostic {
         Diagnostic { severity: Severity::Warning, ..Diagnostic::error(message) }
     }
 
+    /// Sets the file.
     pub fn in_file(mut self, file: impl Into<String>) -> Diagnostic {
         self.file = file.into();
         self
@@ -110,12 +114,12 @@ pub fn printable(text: &str) -> String {
     text.chars().map(|c| if c != '\n' && steers_terminal(c) { '\u{fffd}' } else { c }).collect()
 }
 
-/// Like [`printable`], on one line.
+/// A text made [`printable`], on one line.
 pub fn printable_line(text: &str) -> String {
     printable(text).replace('\n', "\u{fffd}")
 }
 
-/// Printable, of a readable length, and with its further lines set in: none can pass for a message of its own.
+/// A printable text of limited length. Further lines are indented, so that none looks like a separate message.
 fn one_message(text: &str) -> String {
     const MOST: usize = 2_000;
     let mut shown: String = printable(text).chars().take(MOST).collect::<String>().replace('\n', "\n    ");

@@ -1,4 +1,4 @@
-//! The sandbox: an interpreter with the API registered, every limit set and nothing that waits or reads the clock.
+//! The sandbox: a Rhai engine with the script API and all limits, without functions that wait or read the clock.
 
 use crate::api;
 use crate::api_error::{ApiError, Place};
@@ -21,6 +21,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, AtomicU32, Ordering};
 
+/// Makes the engine of one run, with the script API and the limits of `shared`.
 pub fn engine(shared: &Arc<Shared>) -> Engine {
     let mut engine = choreo_sandbox::engine();
     engine.register_global_module(BasicBlobPackage::new().as_shared_module());
@@ -49,14 +50,14 @@ fn restrict(engine: &mut Engine, shared: &Arc<Shared>) {
     for (name, _) in REFUSED {
         engine.disable_symbol(*name);
     }
-    // Function pointers reach functions whose names are disabled: `Fn("sleep").call(9e9)`.
+    // Function pointers can call functions whose names are disabled, as in `Fn("sleep").call(9e9)`.
     let refuse = |name: &str| throw(crate::errors::refused(name), Place::default());
     engine.register_fn("sleep", move |_: i64| -> Result<(), Box<EvalAltResult>> { Err(refuse("sleep")) });
     engine.register_fn("sleep", move |_: f64| -> Result<(), Box<EvalAltResult>> { Err(refuse("sleep")) });
     engine.set_strict_variables(true);
     engine.set_allow_shadowing(true);
     let size = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
-    // Steps are counted by `on_progress`, which knows whether a frame is being made.
+    // Steps are counted by `on_progress`, which distinguishes callbacks of a frame from the script itself.
     engine.set_max_operations(0);
     engine.set_max_call_levels(size(limits.call_levels.min(Limits::DEEPEST)));
     SizeLimits { string: size(limits.string), array: size(limits.array), map: size(limits.map) }
@@ -101,13 +102,14 @@ fn capture_output(engine: &mut Engine, shared: &Arc<Shared>) {
     });
 }
 
-/// After a dot, Rhai's keywords are method names: `.loop()`, `.until(3.0)`; and `until` is a key of object maps.
-/// And past the time limit nothing more is read: Rhai takes quadratic time for a file with many variables.
+/// Adapts the tokenizer. After a dot, Rhai's keywords are method names: `.loop()`, `.until(3.0)`; and `until` can be a key of an
+/// object map. Past the time limit every token is an error, because Rhai takes quadratic time to parse a file with many
+/// variables.
 fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
     const OTHER: u8 = 0;
     const DOT: u8 = 1;
     const LIST: u8 = 2;
-    // A keyword that became a name. Rhai takes a minus behind it for a sign, as behind keywords.
+    // The token before was a keyword that became a name. Rhai reads a minus after it as a sign, as after keywords.
     const RENAMED: u8 = 3;
     let before = AtomicU8::new(OTHER);
     let watched = Arc::downgrade(shared);
@@ -142,7 +144,7 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
                 token => token,
             };
         }
-        // `until` only ends a `do { … }`, so after a comma it is a key: `#{ fade: 0.4, until: 3.0 }`.
+        // The keyword `until` only ends a `do { … }`, so after a comma the word is a key: `#{ fade: 0.4, until: 3.0 }`.
         if was == LIST && token == Token::Until {
             return renamed("until");
         }
@@ -155,7 +157,7 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
                 LexError::ImproperSymbol(word, _) => word.clone(),
                 _ => return token,
             },
-            // `call` and its like keep their meaning; literals and symbols have no letters.
+            // Only standard keywords are renamed: `call` and other keyword functions keep their meaning.
             token if token.is_standard_keyword() => token.literal_syntax().to_string(),
             _ => return token,
         };
@@ -166,7 +168,7 @@ fn watch_tokens(engine: &mut Engine, shared: &Arc<Shared>) {
     });
 }
 
-/// The tokenizer has made one token of a minus and a number, which cannot be parted here.
+/// The error for a minus and a number that the tokenizer has merged to one token, which cannot be split here.
 fn sign_of_number() -> Token {
     let text = "write a space between the minus and the number: after this name, a keyword of Rhai, they are read as one number";
     Token::LexError(Box::new(LexError::Runtime(text.into())))
@@ -181,7 +183,7 @@ fn register(engine: &mut Engine, shared: &Arc<Shared>, name: &str, function: &'s
             types.push(def.on.type_id());
         }
         types.extend(std::iter::repeat_n(TypeId::of::<Dynamic>(), count));
-        // The engine lives as long as the hooks on the stage, which hold what is shared.
+        // A weak reference, because hooks on the stage keep both the engine and `shared` alive.
         let shared = Arc::downgrade(shared);
         engine.register_raw_fn(name, types, move |context, args| match shared.upgrade() {
             Some(shared) => dispatch(&shared, function, &context, args),

@@ -1,4 +1,4 @@
-//! The interpreter's errors in the words of this program.
+//! Translates errors of the Rhai interpreter to messages of this program.
 
 use crate::api_error::{ApiError, Place};
 use crate::build::Shared;
@@ -17,23 +17,25 @@ use choreo_sandbox::{declared_names, operator_error, signature_parts, type_word}
 use rhai::{Dynamic, EvalAltResult, LexError, ParseErrorType, Position};
 use std::sync::PoisonError;
 
-/// An API error as the interpreter carries it.
+/// An API error with its place, as a value that the interpreter throws.
 #[derive(Clone, Debug)]
 pub struct Thrown {
     pub error: ApiError,
     pub place: Place,
 }
 
+/// Wraps an API error for the interpreter.
 pub fn throw(error: ApiError, place: Place) -> Box<EvalAltResult> {
     Box::new(EvalAltResult::ErrorRuntime(Dynamic::from(Thrown { error, place }), Position::NONE))
 }
 
+/// The error that a script uses a forbidden name.
 pub fn refused(name: &str) -> ApiError {
     let why = REFUSED.iter().find(|(n, _)| *n == name).map_or("", |(_, why)| why);
     ApiError::new(format!("\"{name}\" cannot be used in a script: {why}"))
 }
 
-/// The place and the text of an interpreter's error. `file`: the script that ran.
+/// Place and message of an error of the interpreter. `file`: the script that was run.
 pub fn explain(error: &EvalAltResult, file: &str, shared: &Shared) -> (Place, ApiError) {
     let place = |at: Position| Place {
         file: file.to_string(),
@@ -70,7 +72,7 @@ pub fn explain(error: &EvalAltResult, file: &str, shared: &Shared) -> (Place, Ap
     }
 }
 
-/// A parser's error that has another cause than where the parser stops, with its place.
+/// Place and message of a parser error whose cause lies before the place at which the parser stops.
 fn misread(kind: &ParseErrorType, place: &Place, shared: &Shared) -> Option<(Place, ApiError)> {
     let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
     let text = sources.get(&place.file).cloned()?;
@@ -79,7 +81,7 @@ fn misread(kind: &ParseErrorType, place: &Place, shared: &Shared) -> Option<(Pla
     Some((Place { line, column, ..place.clone() }, error))
 }
 
-/// The text and the hint of an error that comes from the interpreter itself.
+/// Message and hint of an error of the interpreter itself.
 fn described(error: &EvalAltResult, place: &Place, shared: &Shared) -> ApiError {
     let limits = &shared.limits;
     match error {
@@ -221,7 +223,7 @@ fn parsing(kind: &ParseErrorType, place: &Place, shared: &Shared) -> ApiError {
         ParseErrorType::Reserved(word) => {
             ApiError::new(format!("\"{word}\" is a reserved word and cannot be a name"))
         }
-        // Rhai reports this for a keyword in the place of a key, wherever it stands.
+        // Rhai reports this for any keyword that stands in place of a key.
         ParseErrorType::PropertyExpected => ApiError::new("expected the name of a property")
             .hint("words of the language, like if or loop, are none unless quoted: #{ \"loop\": 1 }"),
         ParseErrorType::UnexpectedEOF => ApiError::new("the script ends too early; is a bracket left open?"),
@@ -266,13 +268,13 @@ pub(crate) fn note_unknown(unknown: &[UnknownVariable], file: &str, shared: &Sha
     }
 }
 
-/// Errors that these variables cause at run time are reported already.
+/// Marks unknown variables as reported, so that errors that they cause at run time are not shown.
 pub(crate) fn take_as_known(unknown: &[UnknownVariable], shared: &Shared) {
     let names = unknown.iter().map(|variable| variable.name.clone());
     shared.unknown.lock().unwrap_or_else(PoisonError::into_inner).extend(names);
 }
 
-/// Whether a message is that of an error which another one has caused.
+/// Whether a message belongs to an error that another error has caused.
 pub(crate) fn is_follow_up(message: &str) -> bool {
     message.is_empty() || message.contains(POISON)
 }
@@ -306,7 +308,7 @@ fn unknown_variable(name: &str, place: &Place, shared: &Shared) -> ApiError {
     }
 }
 
-/// `signature`: `name (type, type)`.
+/// The error about an unknown function. `signature`: `name (type, type)`.
 fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
     let (name, types) = signature_parts(signature);
     let got = || types.iter().map(|t| type_word(t)).collect::<Vec<_>>().join(", ");
@@ -337,7 +339,7 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
         return ApiError::new(format!("write {name}({args}) with numbers, not {name}({})", got()))
             .hint(format!("{name}: {about}"));
     }
-    // Functions of tests are no good suggestions: many of their names are everyday words.
+    // Functions of tests are not suggested: many of their names are everyday words.
     let plain: Vec<&Def> = same.iter().filter(|d| !d.tests).copied().collect();
     if let Some(def) = plain.first() {
         let kinds: Vec<&str> = plain.iter().map(|d| d.on.name()).collect();
@@ -362,7 +364,7 @@ fn unknown_function(signature: &str, shared: &Shared) -> ApiError {
         .chain(synonyms::ALIASES.iter().map(|(alias, _)| *alias))
         .collect();
     let unknown = format!("unknown function \"{name}\"");
-    // A call on a number or a text is no method of a handle, so functions come first.
+    // The receiver may be a number or a text, so functions are suggested first.
     if let Some(synonym) = synonyms::of_function(shared.defs, name, HandleKind::None) {
         return ApiError::new(format!("{unknown}{}", meaning(&synonym.name))).hint(synonym.hint);
     }

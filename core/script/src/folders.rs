@@ -1,11 +1,11 @@
-//! The files that a script may reach: those under its own folder and the search paths given, and no others.
+//! Access to files for scripts: only those in the script's own folder and in the search paths.
 
 use crate::suggest::{closest, list};
 use choreo_files::{FileError, Folder};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A refusal or failure: what, and what to do.
+/// Why a file cannot be read, with a hint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LoadError {
     pub message: String,
@@ -30,10 +30,11 @@ impl std::fmt::Display for LoadError {
 
 impl std::error::Error for LoadError {}
 
+/// Folders that a script may read: its own, and the search paths.
 #[derive(Clone, Debug)]
 pub struct Folders {
     roots: Vec<Root>,
-    /// How many of them are the script's own: modules come from these only.
+    /// Number of leading roots that are the script's own; modules are read from these only.
     own: usize,
     max_bytes: u64,
 }
@@ -44,8 +45,8 @@ struct Root {
     /// The path as the caller named it, for messages.
     given: PathBuf,
     canonical: PathBuf,
-    /// Files are opened relative to it, so that nothing can be put in their place after they were found. `None`: it may be
-    /// entered and not be opened.
+    /// Open handle of the folder. Files are opened relative to it, so that they cannot be exchanged after they were found.
+    /// `None`: the folder can be entered but not opened.
     open: Option<Arc<Folder>>,
 }
 
@@ -60,14 +61,14 @@ impl Root {
 /// A file found within the folders.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct FoundFile {
-    /// Canonical.
+    /// Canonical path.
     pub path: PathBuf,
 }
 
 const LINK_OUT: &str = "it is a link that leads out of the folders this script may read";
 
 impl Folders {
-    /// The script's folder first, then the search paths in order.
+    /// Opens the script's folder, then the search paths in order. `max_bytes`: the largest file that may be read.
     pub fn new(base: &Path, search: &[PathBuf], max_bytes: u64) -> Result<Folders, LoadError> {
         let mut roots = Vec::new();
         for (i, given) in std::iter::once(base).chain(search.iter().map(PathBuf::as_path)).enumerate() {
@@ -86,8 +87,8 @@ impl Folders {
         Ok(Folders { roots, own: 1, max_bytes })
     }
 
-    /// Sets the root for tests: everything in `root`, which holds the script's folder, counts as the script's own, and a name is searched
-    /// for from the script's folder upwards to there.
+    /// Adds a root folder for tests. It must contain the script's folder; everything in it counts as the script's own, and names
+    /// are looked up in the script's folder, then in `root`.
     pub fn with_root(mut self, root: &Path) -> Result<Folders, LoadError> {
         let outer = Root::new(root)
             .map_err(|e| LoadError::new(format!("cannot use folder \"{}\": {e}", root.display())))?;
@@ -105,7 +106,7 @@ impl Folders {
         Ok(self)
     }
 
-    /// Reads the script's own folder alone, for modules.
+    /// The same access, restricted to the script's own folders, for modules.
     pub(crate) fn base_only(&self) -> Folders {
         Folders { roots: self.roots[..self.own].to_vec(), own: self.own, max_bytes: self.max_bytes }
     }
@@ -119,7 +120,8 @@ impl Folders {
         self.find_reporting(start, name, &mut |_| ())
     }
 
-    /// The same; `report` gets each path at which something, appearing or being pointed elsewhere, would be found instead.
+    /// [`Folders::find`] with a report: `report` receives each path that was looked up in vain or is a link: a change there would
+    /// change the result.
     pub(crate) fn find_reporting(
         &self,
         start: Option<&Path>,
@@ -187,7 +189,7 @@ impl Folders {
         let within = |root: &Root| {
             Some((root.open.clone()?, found.path.strip_prefix(&root.canonical).ok()?.to_path_buf()))
         };
-        // The script itself may lie elsewhere: the user named it.
+        // The script itself may lie outside the roots, because the user named it.
         let read = match self.roots.iter().find_map(within) {
             Some((folder, inside)) => folder.read(&inside, self.max_bytes),
             None => choreo_files::read(&found.path, self.max_bytes),
@@ -200,7 +202,7 @@ impl Folders {
         })
     }
 
-    /// Folders to start from, as (parts below the root, canonical root).
+    /// Folders in which a name is looked up, each as (path components below the root, canonical root).
     fn starts(&self, start: Option<&Path>) -> Vec<(Vec<String>, PathBuf)> {
         let mut starts = Vec::new();
         if let Some(start) = start.or((self.own > 1).then(|| self.base())) {
@@ -223,14 +225,14 @@ impl Folders {
     }
 
     fn missing(&self, start: Option<&Path>, name: &str, name_slashes: &str) -> LoadError {
-        // Names of one folder, enough to find a slip of the hand, not enough to hang on a folder of millions.
+        // Maximum number of names read from a folder to suggest one: a folder can have millions.
         const MOST: usize = 2000;
         let (folder, file) = name_slashes.rsplit_once('/').unwrap_or(("", name_slashes));
         let mut names = Vec::new();
         for (prefix, root) in self.starts(start) {
             let Some(parts) = flatten(&prefix, folder) else { continue };
             let dir = parts.iter().fold(root, |p, part| p.join(part));
-            // A link out of the folders must not be listed either.
+            // A folder outside the roots that a link leads to must not be listed, either.
             let inside =
                 dir.canonicalize().is_ok_and(|d| self.roots.iter().any(|r| d.starts_with(&r.canonical)));
             if let (true, Ok(entries)) = (inside, std::fs::read_dir(&dir)) {
@@ -258,7 +260,7 @@ impl Folders {
     }
 }
 
-/// A name in a message, where it must not take pages.
+/// A name shortened for messages.
 fn cut(name: &str) -> String {
     name.chars().take(200).collect()
 }

@@ -4,12 +4,13 @@ use crate::tokens::{ScriptToken, TokenKind, Tokens, lexed};
 use rhai::{Dynamic, Engine};
 use std::ops::Range;
 
-/// Letters of a number at most; a longer one is easier to read as the expression that it comes from.
+/// Maximum characters of a folded number; a longer one is harder to read than the expression that it replaces.
 const LONGEST_NUMBER: usize = 32;
 
-/// The constant expressions of a part of a script that contain one of some bytes, in order, with literals in their place: `"post 1"` for
-/// `"post " + 1`. An expression is what stands between brackets, commas and other separators. One with names or calls stays, but for those
-/// within its brackets and interpolations; one that fails stays, too. Rhai itself evaluates them.
+/// Byte ranges of constant expressions that contain one of the byte offsets `places`, in order, with the literals that replace
+/// them: `"post 1"` for `"post " + 1`. An expression is the text between brackets, commas and other separators. If it has names
+/// or calls, only the expressions within its brackets and interpolations are folded; one that fails to evaluate is not folded.
+/// Rhai itself evaluates.
 pub fn constant_expressions(text: &str, places: &[usize]) -> Vec<(Range<usize>, String)> {
     let Tokens { all, inner } = lexed(text);
     let interpolations = inner.into_iter().map(|code| code.range).collect();
@@ -31,7 +32,7 @@ struct Folding<'t> {
 }
 
 impl Folding<'_> {
-    /// Folds the expressions of a row of tokens, given by their numbers.
+    /// Folds the expressions in a range of tokens.
     fn region(&mut self, row: Range<usize>) {
         let (mut start, mut at) = (row.start, row.start);
         while at < row.end {
@@ -41,7 +42,7 @@ impl Folding<'_> {
                 start = last + 1;
             }
             if self.token(at) == "{" {
-                // The left side of an operator may be the block.
+                // The block may be the left side of an operator.
                 let is_side =
                     last + 1 < row.end && self.is_operator(last + 1) && !separates(self.token(last + 1));
                 match is_side {
@@ -76,7 +77,7 @@ impl Folding<'_> {
         }
     }
 
-    /// Folds the inside of brackets; those that only group a number or string go, where they are of no use.
+    /// Folds the inside of brackets. Parentheses that only group a literal are removed where they have no effect.
     fn brackets(&mut self, row: &Range<usize>, open: usize, close: usize) {
         let is_group =
             self.token(open) == "(" && close < row.end && (open == row.start || self.is_operator(open - 1));
@@ -94,7 +95,7 @@ impl Folding<'_> {
         }
     }
 
-    /// Folds a string with interpolations, or those of them that are constant: `${1}` becomes text.
+    /// Folds a string with interpolations, or only its constant interpolations: `${1}` becomes text.
     fn string(&mut self, at: usize) {
         let string = self.tokens[at].range.clone();
         if let Some(literal) = constant(self.engine, &self.text[string.clone()]) {
@@ -133,7 +134,7 @@ impl Folding<'_> {
         is_symbol && !is_close(self.token(at))
     }
 
-    /// The number of the token that closes a bracket, or `end`.
+    /// Index of the token that closes a bracket, or `end`.
     fn closing(&self, open: usize, end: usize) -> usize {
         let mut depth = 0usize;
         for at in open..end {
@@ -146,7 +147,7 @@ impl Folding<'_> {
         end
     }
 
-    /// The bytes from the first of these tokens to the last.
+    /// Byte range from the first to the last of some tokens.
     fn bytes(&self, row: &Range<usize>) -> Range<usize> {
         match self.tokens.get(row.start..row.end) {
             Some([first, .., last]) => first.range.start..last.range.end,
@@ -168,7 +169,7 @@ fn is_close(token: &str) -> bool {
     matches!(token, ")" | "]" | "}")
 }
 
-/// Whether an expression ends before a token and another begins behind it.
+/// Whether a token separates two expressions.
 fn separates(token: &str) -> bool {
     matches!(
         token,
@@ -192,7 +193,7 @@ fn separates(token: &str) -> bool {
     )
 }
 
-/// The literal that an expression of literals evaluates to; `None` where it is a literal already, names something or fails.
+/// The literal that a constant expression evaluates to. `None` if it is a literal already, has names, or fails.
 fn constant(engine: &Engine, expression: &str) -> Option<String> {
     if is_literal(expression) || !is_constant(expression) {
         return None;
@@ -203,7 +204,7 @@ fn constant(engine: &Engine, expression: &str) -> Option<String> {
     same(&value, &read).then_some(literal)
 }
 
-/// Whether a text is one number, with its sign, or one string.
+/// Whether a text is one number (a sign may precede it) or one string.
 fn is_literal(text: &str) -> bool {
     match lexed(text).all.as_slice() {
         [only] => {
@@ -214,7 +215,7 @@ fn is_literal(text: &str) -> bool {
     }
 }
 
-/// Whether an expression consists of numbers, strings, the arithmetic that scripts may use and brackets around it alone, without comments.
+/// Whether an expression consists only of numbers, strings, allowed arithmetic operators and parentheses, without comments.
 fn is_constant(expression: &str) -> bool {
     let Tokens { all, inner } = lexed(expression);
     let gap = |from: usize, to: usize| expression[from..to].trim().is_empty();
@@ -237,7 +238,7 @@ fn is_constant(expression: &str) -> bool {
         && inner.iter().all(|code| is_code(&code.range))
 }
 
-/// A number or string as it is written in a script.
+/// The literal of a number or string.
 fn literal(value: &Dynamic) -> Option<String> {
     if let Ok(number) = value.as_int() {
         return Some(number.to_string());
@@ -280,7 +281,7 @@ fn same(a: &Dynamic, b: &Dynamic) -> bool {
 mod tests {
     use super::*;
 
-    /// Folds everything; each byte is a place.
+    /// Folds all constant expressions of a text.
     fn folded(text: &str) -> String {
         let places: Vec<usize> = (0..text.len()).collect();
         let mut after = text.to_string();
@@ -326,7 +327,7 @@ mod tests {
             "f(1.0 / 0.0)",
             "f(1e300 * 10)",
             "f(x + 1 + 2)",
-            // Scripts may not use it.
+            // Scripts may not use `**`.
             "f(2 ** 3)",
             "f(\"a\")",
             "f(-1, `a`, 1.50)",

@@ -8,7 +8,7 @@ use choreo_stage::Font;
 use choreo_text::{fallbacks, needs_shaping};
 use std::collections::BTreeMap;
 
-/// Names the characters that are drawn in a font of this system, in no font, or without the shaping that their script needs.
+/// Warns about characters that are drawn in a system font, in no font, or without the shaping that their writing system needs.
 pub fn warn(c: &Call, font: &Font, words: &str) {
     let missing = font.missing(words);
     let mut of_system: BTreeMap<String, Vec<String>> = BTreeMap::new();

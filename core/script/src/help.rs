@@ -1,4 +1,4 @@
-//! The text of `choreo help TERM`: the calls that answer a word of the field or of another program.
+//! The answers of `choreo help TERM`: the calls for a term of the field or of another program.
 
 use crate::api::defs;
 use crate::def::Def;
@@ -6,12 +6,12 @@ use crate::suggest::distance;
 use crate::synonyms::{self, letters, mathematics, of_topic, of_words, terms};
 pub use crate::synonyms::{Answer, Call, examples, is_about, is_in};
 
-/// Each topic of the table of synonyms: its terms, and what answers them.
+/// Each topic of the table of synonyms: its terms, and the answer.
 pub fn topics() -> impl Iterator<Item = (&'static [&'static str], Answer)> {
     synonyms::topics(defs())
 }
 
-/// The calls for a term: those of its topic, and the entries of that name. Empty where there are none.
+/// The calls for a term: those of its topic, and the entries of that name. Empty for an unknown term.
 pub fn answer(term: &str) -> Answer {
     let defs = defs();
     let mut answer = of_topic(term, defs);
@@ -28,8 +28,8 @@ pub fn answer(term: &str) -> Answer {
     answer
 }
 
-/// Finds all words of a term, in any order: the topic whose terms have them, else the entries whose names, else those whose
-/// descriptions do.
+/// Searches for all words of a term in any order: a topic by its terms, else entries by their names, else entries by their
+/// descriptions.
 pub fn search(term: &str) -> Answer {
     let defs = defs();
     let answer = of_words(term, defs);
@@ -47,7 +47,7 @@ pub fn search(term: &str) -> Answer {
     Answer { calls, ..Answer::default() }
 }
 
-/// The known terms and names that are spelled most like this one.
+/// The known terms and names that are spelled most like `term`, at most `most` of them.
 pub fn nearest(term: &str, most: usize) -> Vec<&'static str> {
     let wanted = letters(term);
     let defs = defs();

@@ -1,18 +1,18 @@
-//! Assets without the parts that a script hides.
+//! Copies of assets without the parts that a script hides.
 
 use choreo_asset::{Asset, Mesh};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Actors of the same asset that hide the same parts share one asset.
+/// Cache of such copies: actors of the same asset that hide the same parts share one.
 #[derive(Default)]
 pub(crate) struct HiddenParts {
-    /// Pairs of the whole asset, kept alive, and the one without parts, by the address of the whole.
+    /// The whole asset (kept alive) and the copy without parts, by the address of the whole and the hidden instances.
     made: BTreeMap<(usize, BTreeSet<u32>), [Arc<Asset>; 2]>,
 }
 
 impl HiddenParts {
-    /// The asset with empty meshes in the place of some instances: their indices, weights and joints stay what they are.
+    /// The asset with an empty mesh for each mesh instance in `hidden`. Instance indices, morph weights and joints stay the same.
     pub fn without(&mut self, whole: &Arc<Asset>, hidden: BTreeSet<u32>) -> Arc<Asset> {
         if hidden.is_empty() {
             return whole.clone();

@@ -1,4 +1,4 @@
-//! `on_frame` callbacks: closures of the script run as pure functions of the time.
+//! `on_frame` callbacks: closures of the script, run as pure functions of time.
 
 use crate::api_error::{ApiError, Place};
 use crate::build::{HookDraft, Shared};
@@ -21,14 +21,14 @@ thread_local! {
     static SHARE: Cell<Share> = const { Cell::new(Share { steps: 0, until: None }) };
 }
 
-/// One callback's part of what the callbacks of a frame may use up.
+/// One callback's share of the limits of a frame.
 #[derive(Clone, Copy)]
 struct Share {
     steps: u64,
     until: Option<Instant>,
 }
 
-/// The limit that the callback on this thread has reached after this number of steps.
+/// Name of the limit that the callback on this thread has exceeded after `steps` steps, if any.
 pub fn over(steps: u64) -> Option<&'static str> {
     let share = SHARE.get();
     if steps > share.steps {
@@ -52,7 +52,7 @@ pub fn edit(change: impl FnOnce(&mut FrameEdits)) {
     });
 }
 
-/// A callback and where it was given.
+/// An `on_frame` callback or a function of time, with its place in the script.
 #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
 pub(crate) struct ScriptHook {
     engine: Arc<Engine>,
@@ -61,7 +61,7 @@ pub(crate) struct ScriptHook {
     at: Place,
     shared: Arc<Shared>,
     identity: String,
-    /// Callbacks of the stage.
+    /// Number of callbacks of the stage.
     all: u64,
 }
 
@@ -72,7 +72,7 @@ impl std::fmt::Debug for ScriptHook {
 }
 
 impl ScriptHook {
-    /// `script`: distinguishes this script, its parameters and files from others.
+    /// `script`: hash that identifies the script with its parameters and files.
     pub fn new(
         engine: Arc<Engine>,
         shared: Arc<Shared>,
@@ -81,12 +81,12 @@ impl ScriptHook {
         all: usize,
     ) -> ScriptHook {
         let HookDraft { callback, context, at } = draft;
-        // Captured values follow from the script too, unless they are its own constants: all are in its hash.
+        // Captured values need no hash of their own, because they follow from the script, whose hash covers everything.
         let identity = format!("{script} {}:{}", at.line, at.column);
         ScriptHook { engine, callback, context, at, shared, identity, all: all as u64 }
     }
 
-    /// Runs the callback; the error as an interpreter error.
+    /// Runs the callback, which changes `edits`.
     fn call(&self, time: Time, edits: &mut FrameEdits) -> Result<(), Box<rhai::EvalAltResult>> {
         #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
         let context = self.context.create_context(&self.engine);
@@ -99,12 +99,12 @@ impl ScriptHook {
         result.map(|_| ())
     }
 
-    /// Like `call`, with the callback's return value.
+    /// Runs the callback and returns its value; the edits are dropped.
     pub fn value_at(&self, time: Time) -> Result<Dynamic, crate::Diagnostic> {
         #[allow(deprecated, reason = "volatile, not deprecated, says Rhai")]
         let context = self.context.create_context(&self.engine);
         SHARE.set(self.share());
-        // Inside a frame nothing can be added to the stage, and a call may take as many steps as a frame's.
+        // The call runs as if in a frame: it cannot add to the stage, and has the limits of a frame.
         FRAME.with_borrow_mut(|frame| *frame = Some(FrameEdits::default()));
         let result = self.callback.call_raw(&context, None, [Dynamic::from_float(time.as_secs())]);
         FRAME.with_borrow_mut(|frame| *frame = None);
@@ -115,9 +115,9 @@ impl ScriptHook {
         self.shared.diagnose(Severity::Error, &self.at, error)
     }
 
-    /// Equal parts for all callbacks of the stage, so that many small ones take no longer than one large one.
+    /// The limits of a frame divided equally among all callbacks, so that many of them take no longer than one.
     fn share(&self) -> Share {
-        /// A smaller share would fail on a machine that is busy with something else.
+        /// Shortest time share: a shorter one would be exceeded on a busy machine.
         const LEAST: Duration = Duration::from_millis(100);
         let limits = &self.shared.limits;
         let all = self.all.max(1);
@@ -151,8 +151,8 @@ impl FrameHook for ScriptHook {
     }
 }
 
-/// The callback with everything that it captured made its own: a captured variable is shared between its calls, and
-/// one that a call changed would make the next frame depend on this one.
+/// The callback with copies of its captured values. A captured variable is shared between calls, so a call that changed it would
+/// make the next frame depend on this one.
 pub(crate) fn own_captures(callback: &FnPtr) -> Result<FnPtr, ApiError> {
     let mut own = callback.clone();
     let mut left = MOST_CAPTURED;
@@ -164,7 +164,7 @@ pub(crate) fn own_captures(callback: &FnPtr) -> Result<FnPtr, ApiError> {
 const MOST_CAPTURED: usize = 100_000;
 
 fn deep(value: &Dynamic, depth: usize, left: &mut usize) -> Result<Dynamic, ApiError> {
-    // A closure that captures the variable it is stored in would never end.
+    // A closure that captures the variable that it is stored in would be copied without end.
     const DEEPEST: usize = 32;
     *left = left.saturating_sub(1);
     if depth > DEEPEST || *left == 0 {

@@ -1,4 +1,4 @@
-//! Imports on worker threads: a script that loads four files waits for each only where it uses what is in it.
+//! Imports on worker threads: a script that loads four files waits for each only when it uses the contents.
 //!
 //! ```text
 //! Loader::start ─► Import (queued) ─► a worker of the pool, or whoever waits for it first ─► Arc<Asset> or LoadError
@@ -12,13 +12,13 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 
-/// A file on its way to an asset: a handle for any thread.
+/// Handle of a running import, usable on any thread.
 pub struct Import {
     name: String,
     state: Mutex<ImportState>,
     changed: Condvar,
     bytes: AtomicU64,
-    /// Bits of an f32 from 0 to 1.
+    /// Progress from 0 to 1, as the bits of an f32.
     part: AtomicU32,
     cancelled: AtomicBool,
     all: Weak<Watched>,
@@ -32,14 +32,15 @@ enum ImportState {
     Done(Result<Arc<Asset>, LoadError>),
 }
 
+/// Phase of an import.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// No worker has taken it yet.
+    /// No worker has begun the import.
     Queued,
-    /// It is read and imported.
+    /// The file is being read and imported.
     Running,
     Done,
-    /// It is set where the import was cancelled, too.
+    /// The import has failed or was cancelled.
     Failed,
 }
 
@@ -72,12 +73,12 @@ impl Import {
         }
     }
 
-    /// Size of the file; 0 until it has been looked at, and for what is no file.
+    /// Size of the file in bytes; 0 until it is known, and for built-in assets.
     pub fn bytes(&self) -> u64 {
         self.bytes.load(Ordering::Relaxed)
     }
 
-    /// Progress from 0 to 1, as far as the importer reports it; 1 once it is done.
+    /// Progress from 0 to 1, as reported by the importer; 1 once it is done or has failed.
     pub fn progress(&self) -> f32 {
         match self.phase() {
             Phase::Done | Phase::Failed => 1.0,
@@ -89,12 +90,13 @@ impl Import {
         self.bytes.store(bytes, Ordering::Relaxed);
     }
 
-    /// A bar never runs back: images are reported after what was decoded beside them. (Bits of floats above 0 are in their order.)
+    /// Raises the progress. A lower value is ignored, because images are reported later than data that was decoded at the same
+    /// time. (Bits of floats from 0 up are in the order of the floats.)
     pub(crate) fn set_progress(&self, part: f32) {
         self.part.fetch_max(part.clamp(0.0, 1.0).to_bits(), Ordering::Relaxed);
     }
 
-    /// Gives it up: an importer that is at work ends at the next file or step that it reports.
+    /// Cancels the import. A running importer ends at the next file or progress step that it reports.
     pub fn cancel(&self) {
         self.cancelled.store(true, Ordering::Relaxed);
     }
@@ -104,7 +106,7 @@ impl Import {
         self.cancelled.load(Ordering::Relaxed) || all()
     }
 
-    /// The asset, or why there is none, where it is settled.
+    /// The asset or the error; `None` until the import has ended.
     pub fn settled(&self) -> Option<Result<Arc<Asset>, LoadError>> {
         match &*self.state() {
             ImportState::Done(result) => Some(result.clone()),
@@ -127,7 +129,7 @@ impl Import {
         }
     }
 
-    /// Does the work where nobody does it yet.
+    /// Runs the import on this thread if nobody has begun it.
     fn run(&self) {
         let job = {
             let mut state = self.state();
@@ -141,7 +143,7 @@ impl Import {
         };
         let result = match self.is_cancelled() {
             true => Err(self.given_up()),
-            // Waiting must end.
+            // A panic becomes an error, so that waiting threads wake up.
             false => catch_unwind(AssertUnwindSafe(|| job(self))).unwrap_or_else(|_| {
                 Err(LoadError::new(format!("cannot read \"{}\": its importer has failed", self.name)))
             }),
@@ -160,7 +162,7 @@ impl Import {
     }
 }
 
-/// All imports that were begun with clones of this, for whoever shows how far they are or calls them off.
+/// List of imports, shared by clones, to show their progress and to cancel them.
 #[derive(Clone, Default)]
 pub struct Imports(Arc<Watched>);
 
@@ -170,7 +172,7 @@ struct Watched {
     cancelled: AtomicBool,
 }
 
-/// How far imports are.
+/// Progress of a list of imports.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportProgress {
     pub files: usize,
@@ -185,7 +187,7 @@ pub struct ImportProgress {
 impl Imports {
     fn watch(&self, import: &Arc<Import>) {
         let mut list = self.0.list.lock().unwrap_or_else(PoisonError::into_inner);
-        // Runs that are over are no longer of interest.
+        // Imports of past runs are removed.
         list.retain(|i| i.strong_count() > 0);
         list.push(Arc::downgrade(import));
     }
@@ -196,6 +198,7 @@ impl Imports {
         list.iter().filter_map(Weak::upgrade).collect()
     }
 
+    /// Sums over all imports of the list.
     pub fn progress(&self) -> ImportProgress {
         let mut sum = ImportProgress::default();
         for import in self.all() {
@@ -211,7 +214,7 @@ impl Imports {
         sum
     }
 
-    /// Gives all of them up, and those that are still to come.
+    /// Cancels all imports, future ones included.
     pub fn cancel(&self) {
         self.0.cancelled.store(true, Ordering::Relaxed);
     }
@@ -223,7 +226,7 @@ impl std::fmt::Debug for Imports {
     }
 }
 
-/// The same list.
+/// Lists are equal if they are the same one.
 impl PartialEq for Imports {
     fn eq(&self, other: &Imports) -> bool {
         Arc::ptr_eq(&self.0, &other.0)
@@ -242,11 +245,11 @@ fn pool() -> MutexGuard<'static, Pool> {
     POOL.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Hands an import to the workers of the process, one for each core at most; they end when there is nothing to do.
+/// Queues an import for the workers of the process: one per core, at least two. Workers end when the queue is empty.
 pub(crate) fn submit(import: &Arc<Import>) {
-    /// Stack size, as for a script's own thread: importers walk down trees of nodes.
+    /// Stack size in bytes, as for the script's own thread: importers recurse into node trees.
     const STACK: usize = 64 << 20;
-    // One reads while another computes.
+    // Two workers at least, so that one can read while the other computes.
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).max(2);
     let mut pool = pool();
     pool.queue.push_back(import.clone());

@@ -5,7 +5,7 @@ use choreo_asset::Asset;
 use choreo_motion::{HumanBone, HumanoidJoints, Skeleton};
 use choreo_stage::{Leg, find_legs};
 
-/// The legs found by joint names, else those above the feet that the file declares.
+/// The legs found by joint names, else those that end in the feet that the file declares.
 pub fn legs(asset: &Asset) -> Vec<Leg> {
     let found = find_legs(&asset.skeleton);
     if !found.is_empty() {
@@ -16,7 +16,8 @@ pub fn legs(asset: &Asset) -> Vec<Leg> {
     feet.filter_map(|foot| leg_above(&asset.skeleton, foot).ok()).collect()
 }
 
-/// The hips if they are above all legs, else the lowest joint that is. Legs may hang on the spine, and the pelvis beside it.
+/// The hips if they are an ancestor of all legs, else the lowest joint that is. In some skeletons the legs are children of the
+/// spine, with the pelvis beside them.
 pub fn hips(asset: &Asset, legs: &[Leg]) -> Option<u32> {
     let parents = asset.skeleton.parents();
     let above = |leg: &Leg| std::iter::successors(parents[leg.hip as usize], |j| parents[*j as usize]);

@@ -1,10 +1,11 @@
-//! The Rhai API: a script is run once and leaves a [`choreo_stage::Stage`]; its errors say where, what and what to do.
+//! The script API in Rhai: a script runs once and makes a [`choreo_stage::Stage`]. Errors state the place, the problem and what
+//! to do.
 //!
 //! ```text
 //! script.rhai ─► engine (sandbox) ─► api (tables of functions) ─► build (drafts) ─► resolve ─► Stage
 //!                                     └ loader ─► importer plugins                    └ check ─► warnings
 //! ```
-//! Scenes are run by Rhai in this crate alone. What a script can call is listed in `API.md`, made from the tables in `api`.
+//! No other crate runs scene scripts. All script functions are listed in `API.md`, which is generated from the tables in `api`.
 
 mod api;
 mod api_error;
@@ -67,7 +68,7 @@ pub use loader::{BUILT_IN, ImportChoice, Loader, PlayedClips, built_in_assets};
 pub use reference::reference;
 pub use run::{NO_THREAD, Script, ScriptOptions, Touched, run_file, run_file_touching, run_text};
 pub use tokens::{InnerCode, comments, is_name, token_ranges, tokens_with_inner};
-// The same words for a slip of the hand everywhere.
+// Misspellings get suggestions in the same words everywhere.
 pub use api::clip::{NothingFollows, mapping_lines};
 pub use api::cue::mask_problem;
 pub use api::easing::easing_names;

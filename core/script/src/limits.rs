@@ -1,8 +1,8 @@
-//! Limits of the resources of a script. Every limit has a name, and the message that it is reached states how to raise it.
+//! Resource limits of a script. Every limit has a name, and its error message states how to raise it.
 
 use crate::suggest::{did_you_mean, list};
 
-/// A limit's value of either kind, by reference.
+/// A mutable reference to a limit's value of either type.
 enum Slot<'a> {
     Whole(&'a mut u64),
     Secs(&'a mut f64),
@@ -20,7 +20,7 @@ impl<'a> From<&'a mut f64> for Slot<'a> {
     }
 }
 
-/// The struct, its defaults and the table of names from one list.
+/// Declares the struct, its defaults and the table of names from one list.
 macro_rules! limits {
     ($($name:ident: $kind:ty = $default:expr, $about:literal;)*) => {
         #[derive(Clone, Debug, PartialEq)]
@@ -35,7 +35,7 @@ macro_rules! limits {
         }
 
         impl Limits {
-            /// Name, default and what it holds back, of every limit.
+            /// Name, default and description of every limit.
             pub const ALL: &[(&str, f64, &str)] = &[$((
                 stringify!($name),
                 {
@@ -93,7 +93,8 @@ limits! {
 }
 
 impl Limits {
-    /// Most call levels: callbacks run on threads with 2 MiB of stack, which 48 levels of deeply nested expressions fit with room.
+    /// Largest value of `call_levels`. Callbacks run on threads with 2 MiB of stack, which is ample for 48 levels of deeply
+    /// nested expressions.
     pub const DEEPEST: u64 = 64;
 
     /// The names that [`Limits::set`] knows.
@@ -123,7 +124,7 @@ impl Limits {
         Ok(())
     }
 
-    /// All limits with their defaults, a line each, for `--help` and API.md.
+    /// All limits with their defaults, one per line, for `--help` and API.md.
     pub fn table() -> String {
         let width = Limits::names().map(str::len).max().unwrap_or(0);
         let row = |(name, default, about): &(&str, f64, &str)| {
@@ -132,7 +133,7 @@ impl Limits {
         Limits::ALL.iter().map(row).collect()
     }
 
-    /// A default as it is typed; whole KiB, MiB and GiB also in that unit.
+    /// A default as text: the number, and whole KiB, MiB or GiB also in that unit.
     pub fn shown(default: f64, about: &str) -> String {
         let units = [(30, "GiB"), (20, "MiB"), (10, "KiB")].map(|(bits, unit)| ((1u64 << bits) as f64, unit));
         match units.iter().find(|(size, _)| about.starts_with("bytes") && default % size == 0.0) {
@@ -142,7 +143,7 @@ impl Limits {
     }
 }
 
-/// A limit that cannot be set, and what is allowed.
+/// Why a limit cannot be set, and what is allowed.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LimitError {
     #[error("a limit is written NAME=NUMBER, not \"{0}\"")]

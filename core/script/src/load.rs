@@ -6,15 +6,15 @@ use crate::import::Import;
 use choreo_asset::Asset;
 use std::sync::{Arc, OnceLock};
 
-/// One call, wherever its handle goes.
+/// One call of `load` or of a function that makes an asset. All copies of its handle share this.
 pub struct Load {
     import: Option<Arc<Import>>,
-    /// Settled: the asset, or nothing where the import has failed and that is reported.
+    /// Set when the load has ended: the asset, or `None` if the import has failed.
     asset: OnceLock<Option<Arc<Asset>>>,
     /// The path as the script wrote it.
     pub name: String,
     pub at: Place,
-    /// Its place among the messages of the script.
+    /// Sort key of its error among the messages of the script.
     pub order: u64,
 }
 
@@ -50,12 +50,12 @@ impl Load {
         self.import.as_ref().is_some_and(|own| Arc::ptr_eq(own, import))
     }
 
-    /// The asset where it is there already.
+    /// The asset, if it is available already.
     pub fn ready(&self) -> Option<&Arc<Asset>> {
         self.asset.get().and_then(Option::as_ref)
     }
 
-    /// Waits for the asset. Where the import has failed, the first call gets the error, and others get nothing more.
+    /// Waits for the asset. If the import has failed, the first call returns the error, and later ones `Err(None)`.
     pub fn wait(&self) -> Result<Arc<Asset>, Option<LoadError>> {
         if let Some(settled) = self.asset.get() {
             return settled.clone().ok_or(None);

@@ -1,4 +1,4 @@
-//! `load(…)`: from a name to an asset, through the importer plugins, each file once.
+//! The loader behind `load(…)`: finds a file by its name and imports it by a plugin, each pair of file and options once.
 
 use crate::cache::{AssetCache, FileStamp, Key, Made, Remembered, SideFile};
 use crate::folders::{Folders, FoundFile, LoadError};
@@ -15,22 +15,22 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// Names that begin so are made by the program: `choreo:mannequin` is made by the importer "mannequin".
+/// Prefix of built-in assets: the importer "mannequin" makes `choreo:mannequin`.
 pub const BUILT_IN: &str = "choreo:";
 
-/// The importer that reads a file, whatever its bytes look like, and its options. Which options there are is known only
-/// once the importer is.
+/// How a file is to be imported. The importer's options are checked later, when the importer is known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportChoice {
     pub importer: Option<String>,
     pub options: ImportOptions,
-    /// Restriction of the loader's own needs: a file for its clips alone decodes no mesh and no image.
+    /// Requested parts of the file, a restriction of the loader's own: a file used for its clips only decodes no mesh and no
+    /// image.
     pub needs: Option<ImportScope>,
-    /// Clips of the file that are played; of the others an importer may give the name alone.
+    /// Clips of the file that are played. An importer may return other clips by name only.
     pub clips: PlayedClips,
-    /// Clips are compressed within this tolerance in metres, as [`choreo_motion::Clip::compressed`] does it.
+    /// Tolerance in metres within which clips are compressed by [`choreo_motion::Clip::compressed`].
     pub compress: Option<f64>,
-    /// The model's front, where its skeleton and clips do not show it.
+    /// The front of the model, in place of the one found from its skeleton and clips.
     pub front: Option<Front>,
     /// Options as typed on the command line.
     pub texts: Vec<(String, String)>,
@@ -41,9 +41,9 @@ pub struct ImportChoice {
 pub enum PlayedClips {
     #[default]
     All,
-    /// The first, of a model alone.
+    /// The first clip, for a model without a script.
     First,
-    /// The one of this name, of a model alone.
+    /// The clip of this name, for a model without a script.
     One(String),
     /// The clips of these names, in a script.
     Named(BTreeSet<String>),
@@ -54,7 +54,7 @@ impl ImportChoice {
         let mut options = self.options.clone();
         for (name, value) in &mut options.0 {
             let is_color = |o: &OptionSpec| o.name == *name && matches!(o.kind, OptionKind::Color { .. });
-            // Scripts write colors as sRGB.
+            // Scripts write colors in sRGB; importers expect linear ones.
             if let OptionValue::Numbers(numbers) = value
                 && manifest.options.iter().any(is_color)
             {
@@ -75,7 +75,7 @@ pub struct Loader {
     needs: ImportScope,
     cache: AssetCache,
     imports: Imports,
-    /// Begun by the workers, and not only when a caller waits.
+    /// Workers begin an import at once. Otherwise it begins when a caller waits.
     at_once: bool,
     state: Mutex<LoaderState>,
 }
@@ -84,13 +84,14 @@ pub struct Loader {
 struct LoaderState {
     /// Imports by path and choice.
     imports: BTreeMap<(PathBuf, String), Arc<Import>>,
-    /// Canonical path and hash of everything read.
+    /// Canonical paths and hashes of all files read.
     used: BTreeMap<PathBuf, [u8; 32]>,
-    /// Paths at which something was searched that is not there, or is a link.
+    /// Paths that were looked up in vain or are links.
     looked_for: BTreeSet<PathBuf>,
 }
 
 impl Loader {
+    /// A loader with an empty cache. `needs`: the parts of files that the caller will use.
     pub fn new(registry: &Registry, folders: Folders, needs: ImportScope) -> Loader {
         Loader {
             registry: registry.clone(),
@@ -103,25 +104,25 @@ impl Loader {
         }
     }
 
-    /// Progress of what is imported, and a way to cancel it, for holders of a clone of this.
+    /// Adds the imports of this loader to `imports`, whose clones show the progress and can cancel it.
     pub fn watched_by(mut self, imports: &Imports) -> Loader {
         self.imports = imports.clone();
         self
     }
 
-    /// A loader that imports nothing before a caller waits for it.
+    /// Makes the loader begin an import only when a caller waits for it.
     pub(crate) fn when_waited_for(mut self) -> Loader {
         self.at_once = false;
         self
     }
 
-    /// Assets that other runs have made are taken from there, where their files are still the same.
+    /// Reuses assets that other runs have put into `cache`, while their files are the same.
     pub fn with_cache(mut self, cache: &AssetCache) -> Loader {
         self.cache = cache.clone();
         self
     }
 
-    /// A loader for a model file in place of a script: its own folder and the search paths.
+    /// A loader for a model file without a script, which reads the folder of that file and the search paths.
     pub fn for_file(
         path: &Path,
         search: &[PathBuf],
@@ -151,17 +152,17 @@ impl Loader {
         self.state().used.clone()
     }
 
-    /// Paths at which files were searched so far and not found, and links on the way to those found.
+    /// Paths that were looked up in vain so far, and links on the way to files that were found.
     pub fn looked_for(&self) -> BTreeSet<PathBuf> {
         self.state().looked_for.clone()
     }
 
-    /// Remembers files on which something depends that failed.
+    /// Adds paths to [`Loader::looked_for`] on which a failure depends.
     pub(crate) fn note_looked_for(&self, files: &[PathBuf]) {
         self.state().looked_for.extend(files.iter().cloned());
     }
 
-    /// [`Folders::find`], remembering where it looked.
+    /// Calls [`Folders::find`] and adds to [`Loader::looked_for`].
     pub(crate) fn find_in(
         &self,
         folders: &Folders,
@@ -174,7 +175,7 @@ impl Loader {
         found
     }
 
-    /// How many imports were begun so far, each pair of file and options once.
+    /// Number of imports begun so far. Each pair of file and options counts once.
     pub fn loaded(&self) -> usize {
         self.state().imports.len()
     }
@@ -188,7 +189,7 @@ impl Loader {
         self.state().used.insert(path.to_path_buf(), hash);
     }
 
-    /// Begins and waits.
+    /// Starts an import and waits for the asset.
     ///
     /// # Errors
     /// Fails as [`Loader::start`] and [`Import::wait`] do.
@@ -196,11 +197,11 @@ impl Loader {
         self.start(None, name, choice)?.wait()
     }
 
-    /// Begins to read and import a file on a worker thread; a file that was begun with the same choice is not begun again.
-    /// `start`: a canonical folder within the roots in which the name is looked for first.
+    /// Starts to import a file on a worker thread, or returns the import that was started with the same choice. `start`: a
+    /// canonical folder within the roots in which the name is looked up first.
     ///
     /// # Errors
-    /// There is no such file, or it must not be read. The handle reports everything else.
+    /// Fails if there is no such file or it must not be read. The handle reports all other errors.
     pub fn start(
         self: &Arc<Self>,
         start: Option<&Path>,
@@ -222,7 +223,7 @@ impl Loader {
         if let Some(import) = state.imports.get(&key) {
             return Ok(import.clone());
         }
-        // The loader keeps its imports: one of them must not keep the loader.
+        // A weak reference, because the loader keeps its imports alive.
         let (loader, choice, own_name) = (Arc::downgrade(self), choice.clone(), name.to_string());
         let import = Import::new(
             name,
@@ -284,7 +285,7 @@ impl Loader {
         Ok(asset)
     }
 
-    /// Remembers an asset by the times of its files, where all of them are there and did not change meanwhile.
+    /// Remembers an asset by the modification times of its files, if all of them exist and have not changed meanwhile.
     fn remember(&self, key: (PathBuf, String), stamp: FileStamp, beside: &[String], asset: &Arc<Asset>) {
         let start = key.0.parent();
         let found =
@@ -301,8 +302,8 @@ impl Loader {
         }
     }
 
-    /// Takes the asset from the cache if it is there; two threads that want the same asset make it once. The names of the files beside
-    /// it come along.
+    /// Imports an asset or takes it from the cache. Two threads that need the same asset import it once. Also returns the names
+    /// of the files that the importer requested beside it.
     fn import(
         &self,
         source: &Source,
@@ -316,12 +317,12 @@ impl Loader {
         let mut importer_name = importer.manifest().name.to_string();
         if let Some(file) = importer.file() {
             self.note_used(&file.path, &file.bytes);
-            // A plugin whose text has changed makes something else of the same bytes.
+            // A changed plugin makes another asset of the same bytes, so its hash is part of the key.
             importer_name.push_str(&blake3::hash(&file.bytes).to_hex());
         }
         let key = |needs: ImportScope| Key {
             path: found.map_or_else(|| PathBuf::from(&source.name), |f| f.path.clone()),
-            // The asset bears the name that it was loaded by.
+            // The asset contains the name that it was loaded by.
             name: source.name.clone(),
             importer: importer_name.clone(),
             options: format!("{options:?} {compress:?} {clips:?} {front:?}"),
@@ -336,7 +337,7 @@ impl Loader {
             read: Mutex::default(),
             watch,
         };
-        // Made of the same bytes, with the same files beside them.
+        // Whether an asset was made of the same bytes, with the same files beside them.
         let same = |made: &Made| {
             let files = files(clips);
             let unchanged = |side: &SideFile| {
@@ -345,7 +346,7 @@ impl Loader {
             };
             made.source == content && made.side_files.iter().all(unchanged)
         };
-        // One with its images also serves requests without images.
+        // An asset with decoded images also serves requests without them.
         if !needs.pixels
             && let Some(more) = self.cache.made(&key(ImportScope { pixels: true, ..needs }))
         {
@@ -366,7 +367,7 @@ impl Loader {
             |asset: &Asset| front.is_some() || !Facing::of(&asset.skeleton, &[]).evidence.is_empty();
         let in_script = matches!(clips, PlayedClips::Named(_)) && needs.geometry;
         if in_script && near.left_out.load(Ordering::Relaxed) && !shows_front(&asset) {
-            // Its front shows in the clips alone, in all of them. A model without a script turns to nothing.
+            // The front can be found from all clips only, so all are imported. Without a script the front is not needed.
             near = files(&PlayedClips::All);
             asset = importer.import(source, &near, needs, options).map_err(from_import)?;
         }
@@ -400,7 +401,7 @@ impl Loader {
     }
 }
 
-/// The built-in assets: their names, as `load` takes them, and the importers that make them.
+/// The built-in assets: names for `load`, and the importers that make them.
 pub fn built_in_assets(registry: &Registry) -> impl Iterator<Item = (String, &Arc<dyn Importer>)> {
     registry.importers().iter().filter_map(|importer| {
         let name = format!("{BUILT_IN}{}", importer.manifest().name);
@@ -409,7 +410,7 @@ pub fn built_in_assets(registry: &Registry) -> impl Iterator<Item = (String, &Ar
     })
 }
 
-/// How a file's asset is made.
+/// Inputs that determine the asset made of a file.
 #[derive(Clone, Copy)]
 struct Making<'a> {
     importer: &'a Arc<dyn Importer>,
@@ -450,12 +451,12 @@ fn from_import(e: ImportError) -> LoadError {
     LoadError { message: e.to_string(), hint: e.hint.clone() }
 }
 
-/// The files beside a source, for its importer.
+/// Access of an importer to the files beside its source.
 struct NearFiles<'a> {
     loader: &'a Loader,
     start: Option<&'a Path>,
     clips: &'a PlayedClips,
-    /// Some clip is not played.
+    /// Set once a clip was refused by `wants_clip`.
     left_out: AtomicBool,
     watch: &'a Import,
     /// The files that the importer requested, found or not.

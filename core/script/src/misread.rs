@@ -1,5 +1,5 @@
-//! The causes of the parser's errors, where they lie before the place at which it stops: a bracket that is not closed, an object map
-//! without `#`, a reserved word as a key. They are found by the tokens around that place.
+//! Finds causes of parser errors that lie before the place at which the parser stops, from the tokens around it: a bracket that
+//! is not closed, an object map without `#`, a reserved word as a key.
 
 use crate::api_error::ApiError;
 use crate::tokens::{ScriptToken, TokenKind, tokens};
@@ -64,7 +64,7 @@ impl Brackets<'_> {
                 open.push(index);
             }
             let own = brackets.get(index);
-            // A bracket that is not closed ends with the one around it.
+            // An unclosed bracket ends with the one around it.
             let Some(depth) = open.iter().rposition(|o| brackets.closing(*o) == Some(own)) else { continue };
             brackets.partner[open[depth]] = Some(index);
             open.truncate(depth);
@@ -84,7 +84,7 @@ impl Brackets<'_> {
         self.tokens.get(index).map(|token| token.kind)
     }
 
-    /// The bracket that closes an opening one.
+    /// The closing bracket for an opening one; `None` for other tokens.
     fn closing(&self, index: usize) -> Option<&'static str> {
         match self.get(index) {
             "(" => Some(")"),
@@ -94,7 +94,7 @@ impl Brackets<'_> {
         }
     }
 
-    /// The first token that begins at a line and column or behind.
+    /// Index of the first token that begins at a line and column or after it.
     fn token_at(&self, (line, column): (usize, usize)) -> usize {
         let start: usize = self.text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
         let rest = self.text[start..].chars().take(column.saturating_sub(1));
@@ -116,7 +116,7 @@ impl Brackets<'_> {
         (0..index.min(self.tokens.len())).rev().find(is_open)
     }
 
-    /// The word or text before a colon at which the parser stops: at either, or behind both.
+    /// Index of a key (a word or text before a colon) if the parser stops at the key or at the colon.
     fn key_near(&self, stop: usize) -> Option<usize> {
         let is_key = |index: &usize| {
             matches!(self.kind(*index), Some(TokenKind::Word | TokenKind::Text)) && self.get(index + 1) == ":"
@@ -129,7 +129,7 @@ impl Brackets<'_> {
         Misread { line, column, error: ApiError::new(text).hint(hint) }
     }
 
-    /// `KEY:` where the bracket around it is one that has no keys, or the key is a word of the language.
+    /// The error about `KEY:` inside a bracket that has no keys, or with a reserved word as the key.
     fn of_key(&self, key: usize, open: usize) -> Option<Misread> {
         let name = self.get(key);
         let begins_entry = matches!(self.before(key, 1), "#{" | ",");
@@ -173,7 +173,7 @@ impl Brackets<'_> {
     }
 }
 
-/// Whether the parser stops at a word that begins a statement, as it does in a list that is not closed.
+/// Whether the parser stops at a word that begins a statement, as in an unclosed list.
 fn begins_statement(kind: &ParseErrorType, stop: &str) -> bool {
     let is_word = matches!(stop, "let" | "const" | "fn" | "for" | "while" | "import" | "export" | "return");
     is_word && matches!(kind, ParseErrorType::BadInput(LexError::UnexpectedInput(_)))

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
-/// The name of a module without anything, which is no file's.
+/// Name of the empty module, which cannot be that of a file.
 pub(crate) const EMPTY: &str = "\0";
 
 pub struct Modules {
@@ -21,15 +21,15 @@ pub struct Modules {
 #[derive(Default)]
 struct LoadedModules {
     loaded: BTreeMap<PathBuf, RhaiShared<Module>>,
-    /// Being evaluated now, outermost first: importing one of these again would never end.
+    /// Modules being evaluated, outermost first. Importing one of these again would never end.
     open: Vec<(PathBuf, String)>,
-    /// Canonical folder of each module by the name in messages.
+    /// Canonical folder of each module, by its name in messages.
     folders: BTreeMap<String, PathBuf>,
 }
 
 impl Modules {
     pub fn new(shared: Arc<Shared>) -> Modules {
-        // Weak: the engine belongs to what is shared by way of the hooks' contexts.
+        // A weak reference, because `shared` keeps the engine alive through the contexts of hooks.
         Modules { shared: Arc::downgrade(&shared), state: Mutex::default() }
     }
 
@@ -73,7 +73,7 @@ impl ModuleResolver for Modules {
             error.hint = e.hint.map(|_| "modules are imported from the script's own folder only".to_string());
             fail(error)
         })?;
-        // The lock is given back before each use: a guard in an `if let` would live through its body.
+        // A separate statement releases the lock: a guard in an `if let` would live through its body.
         let loaded = self.state().loaded.get(&found.path).cloned();
         if let Some(module) = loaded {
             return Ok(module);
@@ -87,7 +87,7 @@ impl ModuleResolver for Modules {
                 chain.join(" → ")
             ))));
         }
-        // Rhai counts only those of one file, not those that modules import in turn.
+        // Rhai counts only the imports of one file, not those that modules make in turn.
         let (count, most) = (self.state().loaded.len() + open.len(), shared.limits.modules);
         if count as u64 >= most {
             return Err(fail(ApiError::new("too many imported files").hint(raise_hint("modules", most))));
@@ -119,7 +119,7 @@ impl ModuleResolver for Modules {
     }
 }
 
-/// Reads a script: UTF-8, of a size that a person could have written.
+/// Reads a script or an unsaved text. Error: it is not UTF-8, or larger than 4 MiB.
 pub(crate) fn read_text(
     shared: &Shared,
     found: &crate::folders::FoundFile,

@@ -1,4 +1,4 @@
-//! The text of a script as it was read: what all its runs have in common.
+//! A parsed script, which all its runs share.
 
 use crate::api_error::Place;
 use crate::build::Shared;
@@ -11,15 +11,15 @@ pub struct Parsed {
     pub ast: AST,
     /// Functions that the script defines, with their number of arguments.
     pub functions: Arc<Vec<(String, usize)>>,
-    /// Last line of each of them.
+    /// Last line of each function.
     pub ends: Arc<BTreeMap<String, usize>>,
-    /// Places that load files of which only clips are used.
+    /// Places of `load` calls whose file is used for its clips only.
     pub clips_only: Vec<Place>,
-    /// Unknown variables, which are errors; other errors are found beside them.
+    /// Unknown variables. They are errors, but the script runs to find further ones.
     pub unknown: Vec<UnknownVariable>,
 }
 
-/// Why a text cannot be read, and the unknown variables before that place.
+/// Why a text cannot be parsed, and the unknown variables before that place.
 #[derive(Clone, Debug)]
 pub struct Unreadable {
     pub error: ParseError,
@@ -27,12 +27,13 @@ pub struct Unreadable {
 }
 
 impl Parsed {
+    /// Parses a script. `name`: its name in messages.
     pub fn new(engine: &Engine, shared: &Shared, name: &str, text: &str) -> Result<Parsed, Unreadable> {
         let (read, unknown) = compile_all(engine, shared, text);
         let mut ast = match read {
             Ok(ast) => ast,
             Err(error) => {
-                // Names of options without their map look like variables.
+                // Options without an object map look like unknown variables, so those on the line of the error are left out.
                 let (line, mut unknown) = (error.1.line(), unknown);
                 unknown.retain(|variable| variable.at.line() != line);
                 return Err(Unreadable { error, unknown });

@@ -1,9 +1,10 @@
-//! Goes on after a statement that failed, so that independent errors are reported together.
+//! Runs a script past failed statements, so that independent errors are reported together.
 //!
-//! Calls of the API note their errors themselves and give a stand-in. An error of the interpreter (an unknown function, a wrong
-//! type) ends a statement: what the statement would have set holds a [`Poison`] from then on, and errors that a poison causes are not
-//! reported. Unknown variables are found before anything runs, and hold a poison from the beginning. What a loop or a condition sets
-//! anywhere is missing after it; of an import that failed, all that is called in its module.
+//! Calls of the API note their errors themselves and return a placeholder. An error of the interpreter (an unknown function, a
+//! wrong type) ends a statement: variables that the statement would have set hold a [`Poison`] from then on, and errors that a
+//! poison causes are not reported. Unknown variables are found before anything runs, and hold a poison from the beginning. After
+//! a failed loop or condition, all variables that it sets anywhere are poisoned; after a failed import, errors of calls into that
+//! module are not reported.
 
 use crate::build::{Mode, Shared};
 use crate::compile::{UnknownVariable, constants, stand_in};
@@ -14,10 +15,10 @@ use crate::value::{HandleKind, POISON, Poison, kind_of};
 use rhai::{AST, ASTNode, Dynamic, Engine, EvalAltResult, Expr, Position, Scope, Stmt};
 use std::collections::BTreeSet;
 
-/// Statements that may fail before the script ends.
+/// Number of failed statements after which the script ends.
 const MOST: usize = 20;
 
-/// Runs the statements of a script and notes what is wrong with them. True if there was no error.
+/// Runs the statements of a script and notes errors. Returns true if there were none.
 pub(crate) fn run(
     engine: &Engine,
     name: &str,
@@ -34,7 +35,7 @@ pub(crate) fn run(
         let (first, part) = rest.as_ref().map_or((0, ast), |(first, part)| (*first, part));
         let Err(error) = engine.run_ast_with_scope(&mut scope, part) else { return failed == 0 };
         let (place, explained) = errors::explain(&error, name, shared);
-        // An import that fails has no position of its own.
+        // The error of a failed import has no position, so that of the explanation is used.
         let of_import = (place.file == name).then_some((place.line, place.column));
         let position = key(error.position()).or(of_import);
         let at = position.and_then(|position| statement_at(statements, first, position));
@@ -45,7 +46,7 @@ pub(crate) fn run(
         let goes_on = failed < MOST && shared.mode == Mode::Stage && may_go_on(&error);
         let at = at.filter(|at| goes_on && missing.after(&statements[*at], &mut scope));
         let Some(at) = at else { return false };
-        // Modules are known to the run that imports them alone, by their number; what is imported again is not read again.
+        // Modules are known only to the run that imports them, so earlier imports are repeated; they are not read again.
         let imports = statements[..=at].iter().filter_map(|statement| missing.again(statement));
         let part = imports.chain(statements[at + 1..].iter().cloned());
         let mut part = AST::new(part, ast.shared_lib().clone());
@@ -55,7 +56,7 @@ pub(crate) fn run(
     false
 }
 
-/// Whether an error says nothing about what follows: no limit, no `throw` of the script's own.
+/// Whether the script can go on after an error: not after an exceeded limit or a `throw` of the script.
 fn may_go_on(error: &EvalAltResult) -> bool {
     match error {
         EvalAltResult::ErrorInFunctionCall(_, _, inner, _) | EvalAltResult::ErrorInModule(_, inner, _) => {
@@ -80,7 +81,7 @@ fn may_go_on(error: &EvalAltResult) -> bool {
     }
 }
 
-/// The error in which the calls of functions ended.
+/// The error inside the function calls and modules that it has passed through.
 fn innermost(error: &EvalAltResult) -> &EvalAltResult {
     match error {
         EvalAltResult::ErrorInFunctionCall(_, _, inner, _) | EvalAltResult::ErrorInModule(_, inner, _) => {
@@ -121,7 +122,7 @@ struct Missing {
 }
 
 impl Missing {
-    /// Whether another error has caused this one. `poisoned`: its statement has a poison.
+    /// Whether another error has caused this one. `poisoned`: the statement uses a poison.
     fn caused(&self, error: &EvalAltResult, poisoned: bool) -> bool {
         match innermost(error) {
             EvalAltResult::ErrorFunctionNotFound(name, _) | EvalAltResult::ErrorVariableNotFound(name, _)
@@ -129,13 +130,13 @@ impl Missing {
             {
                 true
             }
-            // These calls do not say of what type the value is.
+            // Such errors do not name the type of the value.
             EvalAltResult::ErrorFor(_) | EvalAltResult::ErrorDataRace(..) => poisoned,
             _ => error.to_string().contains(POISON),
         }
     }
 
-    /// A statement that imports, with an empty module in the place of one that is missing.
+    /// An `import` statement to repeat, with an empty module in place of a missing one; `None` for other statements.
     fn again(&self, statement: &Stmt) -> Option<Stmt> {
         let Stmt::Import(import, at) = statement else { return None };
         let mut import = import.clone();
@@ -145,7 +146,7 @@ impl Missing {
         Some(Stmt::Import(import, *at))
     }
 
-    /// Puts poison where a statement would have put a value; false where that is unknown.
+    /// Poisons the variables that a failed statement would have set. False if these are unknown.
     fn after(&mut self, statement: &Stmt, scope: &mut Scope) -> bool {
         let poison = || Dynamic::from(Poison);
         match statement {
@@ -183,7 +184,7 @@ impl Missing {
     }
 }
 
-/// Poisons all variables outside a block that its statements set or call methods of.
+/// Poisons all variables outside a block that its statements assign or call methods of.
 fn replace_all(block: &Stmt, scope: &mut Scope) {
     block.walk(&mut Vec::new(), &mut |path| {
         match path.last() {
@@ -195,7 +196,7 @@ fn replace_all(block: &Stmt, scope: &mut Scope) {
     });
 }
 
-/// Poisons the variable that an expression begins with, unless it is a handle, which a failed call leaves as it is.
+/// Poisons the variable that an expression begins with, unless it is a handle, which a failed call does not change.
 fn replace(expr: &Expr, scope: &mut Scope) -> bool {
     match expr {
         Expr::Dot(both, ..) | Expr::Index(both, ..) => match &both.lhs {

@@ -1,4 +1,4 @@
-//! The script reference, `API.md`, generated from the tables that also register the functions.
+//! Generates the script reference, `API.md`, from the tables that also register the functions.
 
 use crate::api::{TABLES, defs};
 use crate::compile::{CONSTANTS, REFUSED};

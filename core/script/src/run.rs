@@ -25,25 +25,25 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
+/// Options of a run of a script.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScriptOptions {
-    /// Folders besides the script's own in which `load` looks, in order.
+    /// Search paths: folders besides the script's own in which files are looked up, in order.
     pub search_paths: Vec<PathBuf>,
-    /// `--set name=value`; of equal names the last counts.
+    /// Parameters given with `--set name=value`. The last of equal names counts.
     pub set: Vec<(String, String)>,
     pub limits: Limits,
     /// The parts of the assets that the caller will use.
     pub needs: ImportScope,
-    /// Assets of earlier runs with clones of this.
+    /// Cache of assets, shared with other runs by clones.
     pub assets: AssetCache,
-    /// Decodes the clips that the text names and no others, where it names all that it uses. For callers that show no clip that is
-    /// not played.
+    /// Decodes only the clips that the script names, if it names all that it uses. For callers that list no other clips.
     pub played_clips_only: bool,
-    /// Reports the progress of the files that the script loads, on any thread, and calls them off.
+    /// Shows the progress of the script's imports and cancels them, on any thread.
     pub imports: Imports,
-    /// A folder that holds the script and in all of which it may read, as its tests may.
+    /// A folder that contains the script and that it may read completely, as tests may.
     pub root: Option<PathBuf>,
-    /// Texts of scripts and modules that an editor has not saved, by canonical path. They are read in place of the files; a script among
+    /// Unsaved texts of scripts and modules in an editor, by canonical path. They are read in place of the files; a script among
     /// them need not exist as a file.
     pub unsaved: Arc<BTreeMap<PathBuf, Arc<str>>>,
 }
@@ -68,7 +68,7 @@ impl Default for ScriptOptions {
 #[derive(Clone, Debug)]
 pub struct Script {
     pub stage: Stage,
-    /// Canonical paths of all that was read, the script included; sorted.
+    /// Canonical paths of all files read, the script included; sorted.
     pub files_used: Vec<PathBuf>,
     /// Hash of the script's text, its parameters and the content of all files used.
     pub script_hash: [u8; 32],
@@ -77,11 +77,11 @@ pub struct Script {
     pub parameters: Vec<Parameter>,
     /// Lines of `print` and `debug`.
     pub printed: Vec<String>,
-    /// Places in the script that created what is on stage, and what `check` reports beyond the warnings.
+    /// Places of the calls that created the objects of the stage, and the findings of `check`.
     pub places: Places,
 }
 
-/// Runs a script file. The errors are all that could be found in one run, in the order of their finding.
+/// Runs a script file. Returns all errors that one run can find, in the order in which they were found.
 pub fn run_file(
     path: &Path,
     registry: &Registry,
@@ -92,12 +92,12 @@ pub fn run_file(
     on_own_thread(move || run_here(&opened.name, &opened.text, &opened.shared))
 }
 
-/// The files that a run touched, whether it succeeded or not: for those who wait for them to change.
+/// The files that the result of a run depends on, whether it succeeded or not, for callers that watch for changes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Touched {
-    /// Canonical paths of all that was read, with the BLAKE3 of what was read there.
+    /// Canonical paths of all files read, with the BLAKE3 hash of their content.
     pub read: BTreeMap<PathBuf, [u8; 32]>,
-    /// Paths at which something was searched that was not there, and links on the way to what was.
+    /// Paths that were looked up in vain, and links on the way to files that were found.
     pub looked_for: BTreeSet<PathBuf>,
 }
 
@@ -108,7 +108,7 @@ impl Touched {
     }
 }
 
-/// Like [`run_file`]; reports the files that the run depends on, also if it fails.
+/// [`run_file`] that also returns the files on which the run depends, even if it fails.
 pub fn run_file_touching(
     path: &Path,
     registry: &Registry,
@@ -125,7 +125,7 @@ pub fn run_file_touching(
     let loader = opened.shared.loader.clone();
     let result = on_own_thread(move || run_here(&opened.name, &opened.text, &opened.shared));
     let mut touched = Touched::by(&loader);
-    // A link to the script can be pointed elsewhere.
+    // A link to the script can change its target.
     let named = std::path::absolute(path).ok().filter(|named| !touched.read.contains_key(named));
     touched.looked_for.extend(named);
     (result, touched)
@@ -139,7 +139,7 @@ pub(crate) struct Opened {
     pub shared: Arc<Shared>,
 }
 
-/// `root`: see [`Folders::with_root`].
+/// Finds and reads a script file. `root`: see [`Folders::with_root`].
 pub fn open(
     path: &Path,
     root: Option<&Path>,
@@ -158,10 +158,10 @@ pub fn open(
         folders = folders.with_root(root).map_err(fail)?;
     }
     let canonical = match path.canonicalize() {
-        // The script itself may be a link to elsewhere: the user named it. What it loads may not.
+        // The script itself may be a link to any place, because the user named it; files that it loads may not.
         Ok(canonical) if canonical.is_file() => canonical,
         Ok(_) => return Err(Diagnostic::error(format!("cannot read script \"{shown}\": it is not a file"))),
-        // A text that was never saved has a path and no file.
+        // A text that was never saved has a path but no file.
         Err(_) if options.unsaved.contains_key(path) => path.to_path_buf(),
         Err(e) => return Err(Diagnostic::error(format!("cannot read script \"{shown}\": {e}"))),
     };
@@ -171,7 +171,7 @@ pub fn open(
     Ok(Opened { name: shown, text, shared })
 }
 
-/// Runs a script given as text; files are looked for in `base_dir`.
+/// Runs a script given as text. Its files are looked up in `base_dir`.
 pub fn run_text(
     name: &str,
     text: &str,
@@ -214,11 +214,10 @@ fn new_shared(folders: Folders, mode: Mode, registry: &Registry, options: &Scrip
     })
 }
 
-/// How the message begins where the system gives a script no thread.
+/// Start of the message if the system cannot start a thread for a script.
 pub const NO_THREAD: &str = "cannot start a thread for the script: ";
 
-/// Runs on a thread of its own: its stack is known to hold the deepest calls and expressions that the limits allow,
-/// whatever thread this is called on.
+/// Runs `work` on a new thread, whose stack is large enough for the deepest calls and expressions that the limits allow.
 pub(crate) fn on_own_thread<T: Send + 'static>(
     work: impl FnOnce() -> Result<T, Vec<Diagnostic>> + Send + 'static,
 ) -> Result<T, Vec<Diagnostic>> {
@@ -231,7 +230,7 @@ pub(crate) fn on_own_thread<T: Send + 'static>(
     }
 }
 
-/// The engine of a run, whose time begins now.
+/// Makes the engine of a run and starts its time limit.
 pub fn begin(name: &str, text: &str, shared: &Arc<Shared>) -> Arc<Engine> {
     shared.sources.lock().unwrap_or_else(PoisonError::into_inner).insert(name.to_string(), text.into());
     let engine = Arc::new(engine::engine(shared));
@@ -241,7 +240,7 @@ pub fn begin(name: &str, text: &str, shared: &Arc<Shared>) -> Arc<Engine> {
     engine
 }
 
-/// Runs the statements of a script, or what is wrong with its text; all that is wrong is noted among the build's diagnostics.
+/// Runs the statements of a parsed script. Errors, those of parsing included, are noted among the build's diagnostics.
 pub fn execute(engine: &Engine, name: &str, shared: &Shared, script: Result<(&Parsed, &AST), Unreadable>) {
     match script {
         Err(Unreadable { error, unknown }) => {
@@ -251,7 +250,7 @@ pub fn execute(engine: &Engine, name: &str, shared: &Shared, script: Result<(&Pa
         }
         Ok((parsed, ast)) => {
             errors::take_as_known(&parsed.unknown, shared);
-            // The run of a section reports those in it.
+            // A run of one section reports only the unknown variables in it.
             if !matches!(shared.mode, Mode::Section(_)) {
                 errors::note_unknown(&parsed.unknown, name, shared);
             }
@@ -275,7 +274,7 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
     let parsed = Parsed::new(&engine, shared, name, text);
     if let Ok(parsed) = &parsed {
         if shared.played_clips_only {
-            // Set here only.
+            // The value is set only here.
             let _ = shared.played_clips.set(crate::clips_only::played(&parsed.ast));
         }
         let declared = crate::lint::declared(&parsed.ast, name, text, shared.defs);
@@ -285,7 +284,7 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
     let script_hash = hash(text, shared);
     let identity = hex(&script_hash);
     let (stage, mut places) = resolve(shared, &engine, &|_| identity.clone());
-    // A file of tests alone puts nothing on stage.
+    // A file that only has tests puts nothing on stage.
     if stage.actors.is_empty() && shared.test().sections.is_empty() {
         let error = ApiError::new("nothing is on stage: no actor is cast")
             .hint("let hero = cast(\"hero\", load(\"hero.glb\")); puts one there");
@@ -315,7 +314,7 @@ fn run_here(name: &str, text: &str, shared: &Arc<Shared>) -> Result<Script, Vec<
     })
 }
 
-/// Names given with `--set` that no `param` requested.
+/// Reports names given with `--set` that no `param` declares.
 fn unknown_set_names(shared: &Shared) {
     let known: Vec<String> = {
         let build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
@@ -352,7 +351,7 @@ fn hash(text: &str, shared: &Shared) -> [u8; 32] {
             add(p.value.as_bytes());
         }
     }
-    // Sorted by content: where the files lie does not matter.
+    // Sorted by hash, so that the paths of the files do not matter.
     let mut files: Vec<[u8; 32]> = shared.loader.used().into_values().collect();
     files.sort_unstable();
     for file in files {

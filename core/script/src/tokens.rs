@@ -3,7 +3,7 @@
 use rhai::{Engine, LexError, Position, Token};
 use std::ops::Range;
 
-/// A token of a script; comments and blanks are none.
+/// A token of a script. Comments and blanks are not tokens.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ScriptToken {
     pub range: Range<usize>,
@@ -15,13 +15,13 @@ pub(crate) enum TokenKind {
     /// A name or keyword.
     Word,
     Number,
-    /// A string or character. A string with interpolations is one token, and so is the rest of a text whose last string is not closed.
+    /// A string or character. A string with interpolations is one token, and so is an unclosed string up to the end of the text.
     Text,
-    /// An operator before its only operand: `-x`, `!x`.
+    /// A unary operator before its operand: `-x`, `!x`.
     Prefix,
     /// Another operator, a bracket or a separator.
     Symbol,
-    /// Text that is no token of the language.
+    /// Text that is not a token of the language.
     Error,
 }
 
@@ -43,9 +43,9 @@ impl TokenKind {
 /// Code inside an interpolated string: `${…}`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InnerCode {
-    /// The code with its opening brace and its closing one.
+    /// Byte range of the code with its braces.
     pub range: Range<usize>,
-    /// The tokens of the code, the braces among them. Letters of strings inside of it are none.
+    /// Byte ranges of the tokens of the code, braces included. The text of strings inside the code is not included.
     pub tokens: Vec<Range<usize>>,
 }
 
@@ -67,7 +67,7 @@ pub fn tokens_with_inner(text: &str) -> (Vec<Range<usize>>, Vec<InnerCode>) {
     (all.into_iter().map(|token| token.range).collect(), inner)
 }
 
-/// Whether a text is a name that a variable can have: one word, and no keyword of Rhai.
+/// Whether a text can be the name of a variable: one word that is not a keyword of Rhai.
 pub fn is_name(text: &str) -> bool {
     let (engine, texts) = (Engine::new_raw(), [text]);
     let mut tokens = engine.lex(&texts).0.map(|(token, _)| token);
@@ -87,7 +87,7 @@ pub(crate) fn lexed(text: &str) -> Tokens {
     let (mut tokens, control) = engine.lex(&texts);
     let mut cursor = Cursor { text, line: 1, column: 0, byte: 0 };
     let Tokens { all: mut found, mut inner } = Tokens::default();
-    // Interpolated strings that are open: the first byte, and the braces open inside.
+    // Stack of open interpolated strings: first byte, and number of open braces inside.
     let mut strings: Vec<(usize, usize)> = Vec::new();
     let mut is_text = false;
     let string = |range: Range<usize>| ScriptToken { range, kind: TokenKind::Text };
@@ -103,7 +103,7 @@ pub(crate) fn lexed(text: &str) -> Tokens {
                 strings.push((start, 0));
                 break;
             }
-            // The text is documentation of a function.
+            // A documentation comment of a function.
             Token::Comment(_) => {}
             Token::InterpolatedString(_) if !resumed => strings.push((start, 0)),
             Token::InterpolatedString(_) => {}
@@ -150,7 +150,7 @@ pub struct CommentRange {
     pub is_closed: bool,
 }
 
-/// The comments between two tokens of a text, where there is nothing else but blanks; they begin and end without blanks.
+/// The comments in a gap between two tokens, which contains only comments and blanks. Their ranges have no blanks at either end.
 pub fn comments(text: &str, gap: Range<usize>) -> Vec<CommentRange> {
     let mut found = Vec::new();
     let mut at = gap.start;
@@ -177,7 +177,7 @@ pub fn comments(text: &str, gap: Range<usize>) -> Vec<CommentRange> {
     found
 }
 
-/// Bytes of the block comment that a text begins with, up to its end; comments nest.
+/// Length in bytes of the block comment at the start of a text. Comments nest.
 fn block_length(text: &str) -> Option<usize> {
     let (mut depth, mut at) = (0usize, 0);
     while let Some(c) = text[at..].chars().next() {
@@ -192,17 +192,17 @@ fn block_length(text: &str) -> Option<usize> {
     None
 }
 
-/// Follows Rhai's positions, whose columns count characters, through a text.
+/// Converts ascending Rhai positions, whose columns count characters, to byte offsets.
 struct Cursor<'a> {
     text: &'a str,
     line: usize,
-    /// Characters of the line that lie behind.
+    /// Number of characters before the cursor in its line.
     column: usize,
     byte: usize,
 }
 
 impl Cursor<'_> {
-    /// The byte at a position that does not lie behind.
+    /// The byte offset of a position, which must not lie before the cursor.
     fn advance_to(&mut self, at: Position) -> usize {
         let wanted = (at.line().unwrap_or(1), at.position().unwrap_or(0));
         for c in self.text[self.byte..].chars() {

@@ -1,4 +1,4 @@
-//! Totals of all actors: the sums that no single call can see.
+//! Limits on totals over all actors, which no single call can check.
 
 use crate::api_error::{ApiError, Place};
 use crate::build::Build;
@@ -7,7 +7,7 @@ use choreo_asset::{Asset, Image};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// The first actor with which a sum is too much, and which sum.
+/// The error that a total exceeds its limit, at the place of the first actor that makes it too large.
 pub fn too_much(build: &Build, limits: &Limits) -> Option<(Place, ApiError)> {
     let mut sums = [
         ("joints", limits.joints, 0u64),

@@ -1,7 +1,7 @@
-//! The values of a script's variables: handles onto the stage being built.
+//! Handles: values of script variables that refer to objects of the stage being built.
 //!
-//! A handle made by a call that failed is dead: whatever is done with it is skipped without a word, so that one
-//! wrong name is one message and the script goes on to its next mistake.
+//! A handle returned by a failed call is dead: calls on it are skipped silently, so that one wrong name gives one message and the
+//! script goes on to its next mistake.
 
 use crate::api_error::{ApiError, Place};
 use crate::load::Load;
@@ -52,7 +52,7 @@ pub(crate) struct LookRef {
     pub index: usize,
 }
 
-/// A reach, an aim or planted feet.
+/// Handle of a constraint: reach, aim, foot lock or mirroring.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GoalRef {
     pub actor: usize,
@@ -65,37 +65,37 @@ pub(crate) struct CameraRef(pub usize);
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LightRef(pub usize);
 
-/// A text, image, panel or letterbox.
+/// Handle of a 2D layer: text, image, panel or letterbox.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FlatRef(pub usize);
 
-/// Handle of the one sky of a stage.
+/// Handle of the sky, of which a stage has one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SkyRef(pub usize);
 
 #[derive(Clone, Debug)]
 pub(crate) struct EffectRef {
     pub id: usize,
-    /// Callbacks run when the list of effects has left the script.
+    /// Name of the plugin, because the list of effects has moved to the stage when callbacks run.
     pub plugin: Arc<str>,
 }
 
-/// A stage in a test: the section's own or one of `stage_of`.
+/// Handle of a stage in a test: the section's own or one of `stage_of`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StageRef(pub usize);
 
-/// The plan of a frame, in a test.
+/// Handle of the render plan of a frame, in a test.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PlanRef {
     pub options: PlanOptions,
     pub dead: bool,
 }
 
-/// Everything that another script has put on the stage of a test.
+/// Handle of everything that another script has put on the stage of a test.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SceneRef(pub usize);
 
-/// Images of one size that follow each other.
+/// Image sequence; all images have the same size.
 #[derive(Clone, Debug)]
 pub struct Following {
     pub pictures: Arc<dyn ImageSource>,
@@ -104,16 +104,16 @@ pub struct Following {
     pub alpha: AlphaMode,
 }
 
-/// An image and how it is looked up.
+/// An image with its sampler.
 #[derive(Clone, Debug)]
 pub(crate) struct ImageRef {
-    /// Opaque and without pixels where [`ImageRef::file`] holds them.
+    /// The image. If [`ImageRef::file`] holds its pixels, it is opaque and has none itself.
     pub image: Arc<Image>,
-    /// The file, where its pixels are decoded only for who calls [`ImageRef::decoded`].
+    /// The encoded file, if its pixels are decoded only on demand by [`ImageRef::decoded`].
     pub file: Option<Arc<Encoded<Vec<u8>>>>,
     pub sampler: Sampler,
     pub dead: bool,
-    /// All of them, where several follow each other; `image` is the first.
+    /// The image sequence, if there is one; `image` is its first image.
     pub files: Option<Following>,
 }
 
@@ -128,14 +128,14 @@ impl ImageRef {
         }
     }
 
-    /// The image with its pixels.
+    /// The image with its pixels, decoded if needed.
     pub fn decoded(&self) -> Result<Arc<Image>, ApiError> {
         let Some(file) = &self.file else { return Ok(self.image.clone()) };
         file.decode().map_err(|problem| undecodable("image", &file.name, problem))
     }
 }
 
-/// `what`: the word before the error.
+/// The error that an image file cannot be decoded. It begins with `what`.
 pub(crate) fn undecodable(what: &str, name: &str, p: Problem) -> ApiError {
     let error = ApiError::new(format!("{what}: \"{name}\": {}", p.what)).focus(name);
     match p.hint {
@@ -144,14 +144,14 @@ pub(crate) fn undecodable(what: &str, name: &str, p: Problem) -> ApiError {
     }
 }
 
-/// Stands for a value that a statement failed to make; see [`recover`](crate::recover).
+/// Placeholder for a value that a failed statement would have made; see [`recover`](crate::recover).
 #[derive(Clone, Debug)]
 pub(crate) struct Poison;
 
-/// Name of [`Poison`] as a type, by which errors that it causes are known.
+/// Type name of [`Poison`], by which errors that it causes are recognized.
 pub(crate) const POISON: &str = "value of a failed statement";
 
-/// An `expect(…)` on its way to a comparison.
+/// Handle of an `expect(…)` before its comparison.
 #[derive(Clone, Debug)]
 pub(crate) struct ExpectRef {
     /// Index into `TestState::asked`.
@@ -177,7 +177,7 @@ impl ExpectRef {
         }
     }
 
-    /// The expectation as recorded; `source` is the line of the script.
+    /// The expectation with its claim. `source`: the line of the script.
     pub fn expectation(&self, claim: Claim, place: Place, source: String) -> Expectation {
         Expectation {
             place,
@@ -192,7 +192,7 @@ impl ExpectRef {
     }
 }
 
-/// Declares the types of handles: the name that scripts and messages use, the type, when one is dead, and a dead one.
+/// Declares the types of handles: name in scripts and messages, type, test for a dead handle, and a dead handle.
 macro_rules! handles {
     ($($name:ident: $handle:ty, $is_dead:expr, $dead:expr;)*) => {
         /// The types of handles, by the names that scripts and messages use.
@@ -237,7 +237,7 @@ macro_rules! handles {
             }
         }
 
-        /// A value that stands for the result of a call that failed.
+        /// The result of a failed call: a dead handle of a kind.
         pub fn dead(kind: HandleKind) -> Dynamic {
             match kind {
                 HandleKind::None => Dynamic::UNIT,
@@ -268,12 +268,13 @@ handles! {
 }
 
 impl HandleKind {
+    /// The kind with a name, such as "Actor".
     pub fn from_name(name: &str) -> Option<HandleKind> {
         HandleKind::HANDLES.iter().copied().find(|k| k.name() == name)
     }
 }
 
-/// The type of handle that a value is; [`HandleKind::None`] for any other value.
+/// The handle type of a value; [`HandleKind::None`] for other values.
 pub fn kind_of(v: &Dynamic) -> HandleKind {
     let id = v.type_id();
     HandleKind::HANDLES.iter().copied().find(|k| k.type_id() == id).unwrap_or(HandleKind::None)

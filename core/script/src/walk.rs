@@ -1,19 +1,19 @@
-//! A walk from a place to a point as keyframes: a turn on the spot, an even start, a straight way, an even stop, and where one is wanted
-//! another turn.
+//! Keyframes of a walk to a point: a turn on the spot, uniform acceleration, a straight path, uniform deceleration, and
+//! optionally a second turn.
 
 use crate::api_error::ApiError;
 use choreo_motion::{Interpolation, Time};
 use choreo_stage::{Channel, Property};
 use glam::{DQuat, DVec3};
 
-/// Radians per second of a turn on the spot, on average: 150° per second.
+/// Average speed of a turn on the spot in radians per second: 150° per second.
 const TURN_SPEED: f64 = 2.618;
 /// Shortest distance of a walk, metres.
 const NEAREST: f64 = 0.05;
 /// Keyframes of a turn per second.
 const TURN_KEYS: f64 = 60.0;
 
-/// How fast a walk is.
+/// Pace of a walk.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum WalkPace {
     /// Metres per second between start and stop.
@@ -33,26 +33,26 @@ pub(crate) struct WalkPlan {
     pub point: DVec3,
     /// The model's front, model space.
     pub ahead: DVec3,
-    /// How long it takes to start, and to stop.
+    /// Duration of the acceleration, and of the deceleration.
     pub fade: Time,
     pub pace: WalkPace,
     /// The point to turn to on arrival.
     pub face: Option<DVec3>,
 }
 
-/// A walk with its times.
+/// A computed walk.
 #[derive(Clone, Debug)]
 pub(crate) struct Walk {
     pub from: Time,
-    /// Time at which the first step begins to fade in.
+    /// Time at which the acceleration begins and the walk clip begins to fade in.
     pub walks_from: Time,
-    /// Time at which it has full weight.
+    /// Time at which the walk has full weight and speed.
     pub walks: Time,
-    /// Time at which the stop begins.
+    /// Time at which the deceleration begins.
     pub stops_from: Time,
-    /// Arrival.
+    /// Time of arrival.
     pub until: Time,
-    /// End of the turn on arrival, without one the arrival.
+    /// End of the turn on arrival; the time of arrival without such a turn.
     pub turned: Time,
     /// Metres per second between start and stop.
     pub speed: f64,
@@ -62,6 +62,7 @@ pub(crate) struct Walk {
 }
 
 impl Walk {
+    /// Computes a walk. Error: the point is nearer than 0.05 m, the arrival is too early, or the point to face is the end.
     pub fn new(plan: WalkPlan) -> Result<Walk, ApiError> {
         let WalkPlan { from, start, rotation, point, ahead, fade, pace, face } = plan;
         let way = (point - start).with_y(0.0);
@@ -73,10 +74,11 @@ impl Walk {
         }
         let angle = angle_between(rotation * ahead, way);
         let turn_secs = angle.abs() / TURN_SPEED;
-        // The turn ends halfway through the start, when the actor has hardly moved.
+        // The turn ends halfway through the acceleration, when the actor has hardly moved.
         let walks_from = from + Time::from_secs((turn_secs - 0.5 * fade.as_secs()).max(0.0));
         let walks = walks_from + fade;
-        // Start and stop take as long as half of the time at full speed would.
+        // Acceleration and deceleration each cover half the distance of full speed in the same time, so the walk takes metres /
+        // speed from `walks` on.
         let shortest = walks + fade;
         let until = match pace {
             WalkPace::Speed(speed) => (walks + Time::from_secs(metres / speed)).max(shortest),
@@ -97,7 +99,7 @@ impl Walk {
             if sight.length() < NEAREST {
                 return Err(ApiError::new("walk_to: face: the target is the point where it stops"));
             }
-            // The turn begins halfway through the stop, as the first one ends halfway through the start.
+            // The second turn begins halfway through the deceleration.
             let begins = (until - Time::from_secs(0.5 * fade.as_secs())).max(walks);
             let along = DQuat::from_rotation_y(angle) * rotation;
             rotations.extend(turn(begins, along, angle_between(way, sight)));
@@ -107,12 +109,13 @@ impl Walk {
         Ok(Walk { from, walks_from, walks, stops_from, until, turned, speed, start, point, rotations })
     }
 
-    /// The rotation at the end.
+    /// The rotation of the actor at the end.
     pub fn rotation(&self) -> DQuat {
         self.rotations.last().map_or(DQuat::IDENTITY, |(_, rotation)| *rotation)
     }
 
-    /// Keyframes of the position with their tangents, metres per second: the speed rises and falls evenly, which cubic Hermite splines hit exactly.
+    /// Keyframes of the position with tangents in metres per second. Cubic Hermite splines reproduce uniform acceleration
+    /// exactly.
     fn positions(&self) -> [(Time, DVec3, DVec3); 4] {
         let metres = (self.point - self.start).with_y(0.0).length();
         let velocity = (self.point - self.start) * (self.speed / metres);
@@ -126,12 +129,12 @@ impl Walk {
     }
 }
 
-/// Radians about the vertical axis from one direction to another, the shorter way.
+/// Angle in radians about the vertical axis from one direction to another, the shorter way.
 fn angle_between(from: DVec3, to: DVec3) -> f64 {
     libm::remainder(libm::atan2(to.x, to.z) - libm::atan2(from.x, from.z), std::f64::consts::TAU)
 }
 
-/// Keyframes of a turn by an angle in radians, which starts and ends softly.
+/// Keyframes of a turn by an angle in radians, with smooth start and end.
 fn turn(from: Time, rotation: DQuat, angle: f64) -> Vec<(Time, DQuat)> {
     let secs = angle.abs() / TURN_SPEED;
     let count = libm::ceil(secs * TURN_KEYS).max(1.0) as i32;
@@ -143,7 +146,7 @@ fn turn(from: Time, rotation: DQuat, angle: f64) -> Vec<(Time, DQuat)> {
     (0..=count).map(key).collect()
 }
 
-/// Keyframes of position and rotation of walks one after another.
+/// Position and rotation channels of consecutive walks.
 pub(crate) fn channels(walks: &[Walk]) -> [Channel; 2] {
     let mut position = Channel {
         property: Property::Translation,
@@ -159,7 +162,7 @@ pub(crate) fn channels(walks: &[Walk]) -> [Channel; 2] {
     };
     for walk in walks {
         for (time, at, tangent) in walk.positions() {
-            // Where a walk begins as the one before ends, or has no way between start and stop, the key is there already.
+            // The key exists already if a walk begins where and when the one before ends, or if it has no way at full speed.
             if position.times.last().is_none_or(|last| *last < time) {
                 position.times.push(time);
                 position.values.extend([tangent, at, tangent].iter().flat_map(|v| v.to_array()));
@@ -206,7 +209,7 @@ mod tests {
             assert!(
                 (at(walk.from) - walk.start).length() < 1e-12 && (at(walk.until) - point).length() < 1e-12
             );
-            // The speed rises evenly, stays, and falls evenly; integrated independently.
+            // Reference: uniform acceleration, constant speed and uniform deceleration, integrated numerically.
             let (mut metres, steps) = (0.0, 20_000);
             for i in 0..steps {
                 let secs = (f64::from(i) + 0.5) / f64::from(steps) * (walk.until - walk.walks_from).as_secs();

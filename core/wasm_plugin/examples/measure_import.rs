@@ -1,5 +1,6 @@
-//! Processor time of an importer in WebAssembly and compiled into the program, on a PLY of a million vertices, ASCII and binary; the
-//! argument is the plugin: `cargo run --release -p choreo-wasm-plugin --features engine --example measure_import import_ply.wasm`.
+//! Benchmark of CPU time: the same importer as a WebAssembly plugin and compiled into the program, on ASCII and binary PLY files
+//! of a million vertices. The argument is the plugin: `cargo run --release -p choreo-wasm-plugin --features engine --example
+//! measure_import import_ply.wasm`.
 
 #[path = "../tests/import-ply/src/lib.rs"]
 mod import_ply;
@@ -35,7 +36,7 @@ fn vertex(i: u32, side: u32) -> [f32; 6] {
     [x as f32, (libm::sin(x) * libm::cos(z)) as f32, z as f32, 0.0, 1.0, 0.0]
 }
 
-/// Two triangles of each square of a grid.
+/// Vertex indices of the triangles of a square grid, two per cell.
 fn triangles(side: u32) -> impl Iterator<Item = [u32; 3]> {
     let square = move |i: u32| {
         let a = i / (side - 1) * side + i % (side - 1);
@@ -66,14 +67,14 @@ fn binary(side: u32) -> Vec<u8> {
     bytes
 }
 
-/// Milliseconds of the processors, of all threads together.
+/// CPU time of all threads of the process in milliseconds.
 fn cpu_ms() -> f64 {
     let usage = getrusage(UsageWho::RUSAGE_SELF).unwrap_or_else(|e| panic!("{e}"));
     let ms = |time: TimeVal| time.num_microseconds() as f64 / 1e3;
     ms(usage.user_time()) + ms(usage.system_time())
 }
 
-/// Milliseconds of the processors of imports in turn by each of two importers, sorted: neither has the quieter machine.
+/// CPU milliseconds of each import by two importers, sorted. The importers take turns, so that neither has the quieter machine.
 fn measure(importers: [&dyn Importer; 2], source: &Source) -> [Vec<f64>; 2] {
     let mut times = [Vec::new(), Vec::new()];
     for _ in 0..7 {

@@ -1,4 +1,4 @@
-//! One call of a plugin, in a memory of its own and with limits.
+//! One call of a plugin function, in a fresh instance with its own memory and limits.
 
 use crate::WasmError;
 use crate::host::{self, Host};
@@ -17,14 +17,14 @@ type Result<T> = std::result::Result<T, WasmError>;
 /// Limits of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Bytes of the plugin's memory.
+    /// Maximum bytes of the plugin's memory.
     pub memory: usize,
-    /// Time on the clock, without that of the program's answers.
+    /// Wall-clock time, without the time that the host takes to answer.
     pub time: Duration,
 }
 
 impl Limits {
-    /// Limits for a file of that many bytes: 256 MiB and 32 times the file, at most 4 GiB; a minute.
+    /// Limits for a file of `bytes` bytes: memory of 256 MiB plus 32 times the file, at most 4 GiB; one minute.
     pub fn for_file(bytes: usize) -> Limits {
         let memory = bytes.saturating_mul(32).saturating_add(256 << 20).min(4 << 30);
         Limits { memory, time: Duration::from_secs(60) }
@@ -34,7 +34,7 @@ impl Limits {
     pub const FEW: Limits = Limits { memory: 64 << 20, time: Duration::from_secs(2) };
 }
 
-/// Time between two looks at the clock.
+/// Interval at which a running plugin is interrupted to check the clock.
 const TICK: Duration = Duration::from_millis(20);
 
 /// A compiled plugin.
@@ -45,10 +45,10 @@ pub struct Plugin {
 }
 
 impl Plugin {
-    /// Compiles a plugin, whatever it exports.
+    /// Compiles a plugin. Its exports are not checked.
     pub fn compile(bytes: &[u8]) -> Result<Plugin> {
         let mut config = Config::new();
-        // Relaxed vectors give results that depend on the machine; so do the bits of NaN.
+        // Relaxed SIMD and the bits of NaN depend on the machine, so the first is off and the second are made canonical.
         config.wasm_relaxed_simd(false).cranelift_nan_canonicalization(true);
         config.epoch_interruption(true).cranelift_opt_level(OptLevel::Speed);
         let wrong =
@@ -58,11 +58,12 @@ impl Plugin {
         Ok(Plugin { engine, module })
     }
 
+    /// Whether the plugin exports a function of this name.
     pub fn exports(&self, function: &str) -> bool {
         self.module.get_export(function).is_some()
     }
 
-    /// Calls a function of the plugin with an argument, and reads its result.
+    /// Calls an exported function of the plugin with an argument and decodes the result.
     pub fn call<T: Transfer>(
         &self,
         function: &str,
@@ -149,7 +150,7 @@ fn function<P: WasmParams, R: WasmResults>(
     instance.get_typed_func(store, name).map_err(missing)
 }
 
-/// Memory, place and length of the result.
+/// Calls function `name`. Returns the plugin's memory, and place and length of the result in it.
 fn run(
     store: &mut Store<Host>,
     instance: &Instance,
@@ -177,7 +178,7 @@ fn run(
     Ok((memory, (result >> 32) as usize, result as u32 as usize))
 }
 
-/// Lets running calls of an engine look at the clock, until it is dropped.
+/// Thread that advances the engine's epoch every [`TICK`], so that running calls check their time limit. Ends when dropped.
 struct Clock(Option<(Sender<()>, std::thread::JoinHandle<()>)>);
 
 impl Clock {

@@ -1,4 +1,4 @@
-//! `NAME.exporter.wasm`, as an exporter of scenes like every other.
+//! `NAME.exporter.wasm` as a [`SceneExporter`].
 
 use crate::WasmError;
 use crate::call::{Limits, Plugin};

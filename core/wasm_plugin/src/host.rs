@@ -1,5 +1,5 @@
-//! The functions of the program that a plugin may call. A call runs on a thread of its own; the thread that called the plugin answers
-//! meanwhile, because `Files` and `SceneFiles` belong to it.
+//! The host functions that a plugin may call. The plugin runs on its own thread; meanwhile the calling thread answers its
+//! requests, because `Files` and `SceneFiles` belong to that thread.
 
 use crate::WasmError;
 use crate::call::{Limits, Plugin};
@@ -10,19 +10,19 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 use wasmtime::{Caller, Extern, Linker, Memory};
 
-/// A question of a plugin to its caller.
+/// A request of a plugin to the calling thread.
 pub enum Ask {
     Read(String),
     Progress(f32),
     WantsClip(usize, String),
     Snapshot(Time),
-    /// A file beside the main one, by the ending of its name.
+    /// Opens a file beside the main one, by the ending of its name.
     Beside(String),
-    /// Bytes for the file of that ending; that of the main one is empty.
+    /// Appends bytes to the file with this name ending; the main file has an empty one.
     Write(String, Vec<u8>),
 }
 
-/// The caller's answer.
+/// The answer of the calling thread.
 pub enum Answer {
     Bytes(Result<Arc<Vec<u8>>, String>),
     Yes(bool),
@@ -32,20 +32,20 @@ pub enum Answer {
 #[derive(Default)]
 pub struct Host {
     pub limits: wasmtime::StoreLimits,
-    /// Absent for a manifest or a claim: then there are no further files.
+    /// Channels to the calling thread; `None` for a manifest or a claim, which may request nothing.
     caller: Option<(Sender<Ask>, Receiver<Answer>)>,
-    /// Bytes that `take` copies.
+    /// Bytes of the last answer, which the host function `take` copies into the plugin's memory.
     ready: Arc<Vec<u8>>,
-    /// Endings of the files beside, from number 1 on.
+    /// Name endings of the files beside the main one; the plugin counts them from 1.
     beside: Vec<String>,
-    /// Time that the caller took to answer.
+    /// Time that the calling thread has taken to answer so far.
     pub answering: Duration,
-    /// The text of a panic.
+    /// Message of the plugin's panic.
     pub panic: Option<String>,
 }
 
 impl Host {
-    /// A call without a caller that answers.
+    /// The state of a call that may read `ready` and request nothing else.
     pub fn with_file(ready: Arc<Vec<u8>>) -> Host {
         Host { ready, ..Host::default() }
     }
@@ -62,7 +62,7 @@ impl Host {
         answer
     }
 
-    /// Makes the bytes of an answer ready, or the text that says why there are none.
+    /// Stores the bytes of an answer, or its error text, for `take`. Returns the length.
     fn receive(&mut self, answer: Answer) -> Result<usize, usize> {
         let bytes = match answer {
             Answer::Bytes(bytes) => bytes,
@@ -74,10 +74,10 @@ impl Host {
     }
 }
 
-/// Stack of the thread that a plugin runs on.
+/// Stack size in bytes of the thread that a plugin runs on.
 const STACK: usize = 8 << 20;
 
-/// Runs a call on a thread, and answers on this one what it asks until it has ended. An error of `answer` ends the call.
+/// Runs a call on a new thread and answers its requests on this thread until the call ends. An error of `answer` ends the call.
 pub fn serve<T: Transfer + Send, E>(
     plugin: &Plugin,
     function: &str,
@@ -95,7 +95,7 @@ pub fn serve<T: Transfer + Send, E>(
             return Ok(Err(WasmError("it cannot start a thread".into())));
         };
         let served = asked.into_iter().try_for_each(|ask| {
-            // Nobody waits for it where the call has been ended.
+            // The send fails if the call has ended, which is no error.
             answer(ask).map(|answer| drop(answers.send(answer)))
         });
         drop(answers);
@@ -104,10 +104,10 @@ pub fn serve<T: Transfer + Send, E>(
     })
 }
 
-/// Bytes of the longest name or text.
+/// Maximum bytes of a name or text.
 const MOST_TEXT: usize = 64 << 10;
 
-/// Files beside the main one of an export.
+/// Maximum number of files beside the main one of an export.
 const MOST_FILES: usize = 10_000;
 
 fn memory(caller: &mut Caller<'_, Host>) -> Result<Memory, wasmtime::Error> {
@@ -131,7 +131,7 @@ fn text(caller: &mut Caller<'_, Host>, place: u32, length: u32) -> Result<String
     }
 }
 
-/// Makes the functions known to a plugin.
+/// Registers the host functions.
 pub fn link(linker: &mut Linker<Host>) -> Result<(), WasmError> {
     let wrong = |e: wasmtime::Error| WasmError(e.to_string());
     linker.func_wrap("choreo", "read", read).map_err(wrong)?;
@@ -160,10 +160,10 @@ fn take(mut caller: Caller<'_, Host>, place: u32) -> Result<(), wasmtime::Error>
     written.map_err(|_| wasmtime::Error::msg("a place outside of the plugin's memory"))
 }
 
-/// Numbers that are read at a time, at most.
+/// Maximum count of numbers that one call reads.
 const MOST_NUMBERS: usize = 1024;
 
-/// Numbers of a text, for `choreo_plugin::TextNumbers`.
+/// Host function that parses numbers of a text, for `choreo_plugin::TextNumbers`.
 fn numbers(
     mut caller: Caller<'_, Host>,
     kind: u32,
@@ -212,7 +212,7 @@ fn snapshot(mut caller: Caller<'_, Host>, time: i64) -> Result<u32, wasmtime::Er
     }
 }
 
-/// An answer other than yes ends the call.
+/// Ends the call with an error unless the answer is yes.
 fn allowed(answer: Answer) -> Result<(), wasmtime::Error> {
     match answer {
         Answer::Yes(true) => Ok(()),

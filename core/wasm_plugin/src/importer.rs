@@ -1,4 +1,4 @@
-//! `NAME.importer.wasm`, as an importer like every other.
+//! `NAME.importer.wasm` as an [`Importer`].
 
 use crate::WasmError;
 use crate::call::{Limits, Plugin};
@@ -17,7 +17,7 @@ pub struct WasmImporter {
     manifest: Manifest,
     has_claim: bool,
     origin: Option<PluginFile>,
-    /// Instead of those for the file's size.
+    /// Limits in place of those for the size of the file.
     limits: Option<Limits>,
 }
 
@@ -36,7 +36,7 @@ impl WasmImporter {
         self
     }
 
-    /// Sets other limits than those for the file's size.
+    /// Sets limits in place of those for the size of the file.
     pub fn with_limits(mut self, limits: Limits) -> WasmImporter {
         self.limits = Some(limits);
         self
@@ -57,7 +57,7 @@ impl Importer for WasmImporter {
         self.origin.as_ref()
     }
 
-    /// One that fails claims nothing.
+    /// A plugin whose claim fails claims nothing.
     fn claim(&self, source: &Source) -> Claim {
         self.checked_claim(source).unwrap_or(Claim::NotMine)
     }

@@ -5,8 +5,8 @@
 //! file's bytes ─► importer.wasm (a memory of its own; limits of time and memory) ─► bytes of an asset ─► Asset
 //! ExportedScene ─► bytes ─► exporter.wasm ─► bytes of files; asks for the snapshot at a time
 //! ```
-//! The plugin sees what is handed to it and files beside the source, and nothing else: no clock, no randomness, no network, no other file.
-//! Without the feature `engine` there is nothing to run plugins with, and an error says so.
+//! The plugin can read its input and files beside the source, and nothing else: no clock, no randomness, no network, no other
+//! file. Without the feature `engine` plugins cannot run, and every use is an error.
 //!
 //! | exported by the plugin | |
 //! |---|---|
@@ -18,7 +18,8 @@
 //! | `choreo_import() → place and length` | of an `ImportRequest`, an `ImportReply` |
 //! | `choreo_export() → place and length` | of an `ExportRequest`, an `ExportReply` |
 //!
-//! The calls that it may make are in `choreo_plugin::guest`, the form of the bytes in `choreo_plugin::transfer`.
+//! The host functions that a plugin may call are declared in `choreo_plugin::guest`, the encoding of the bytes in
+//! `choreo_plugin::transfer`.
 
 #[cfg(feature = "engine")]
 mod call;
@@ -43,18 +44,18 @@ use choreo_plugin::{Importer, Manifest, PluginFile, SceneExporter};
 use std::sync::Arc;
 use thiserror::Error;
 
-/// Names of importer files end so.
+/// File name ending of importer plugins.
 pub const IMPORTER_ENDING: &str = ".importer.wasm";
 
-/// Names of exporter files end so.
+/// File name ending of exporter plugins.
 pub const EXPORTER_ENDING: &str = ".exporter.wasm";
 
-/// Why a plugin in WebAssembly cannot be used, without its name.
+/// Why a WebAssembly plugin cannot be used. The message does not name the plugin.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("{0}")]
 pub struct WasmError(pub String);
 
-/// Whether this program can run plugins in WebAssembly.
+/// Checks that this program can run WebAssembly plugins. Error: it was built without the feature `engine`.
 pub fn check() -> Result<(), WasmError> {
     match cfg!(feature = "engine") {
         true => Ok(()),
@@ -65,37 +66,37 @@ pub fn check() -> Result<(), WasmError> {
 const WITHOUT: &str =
     "this choreo was built without WebAssembly; build it with: cargo build --release --features wasm";
 
-/// The manifest of a plugin, which is compiled for it.
+/// Compiles a plugin and returns its manifest.
 #[cfg(feature = "engine")]
 pub fn manifest(bytes: &[u8]) -> Result<Manifest, WasmError> {
     Ok(importer::WasmImporter::from_bytes(bytes)?.manifest().clone())
 }
 
-/// The importer of a file.
+/// Compiles the importer in a plugin file.
 #[cfg(feature = "engine")]
 pub fn importer(file: PluginFile) -> Result<Arc<dyn Importer>, WasmError> {
     Ok(Arc::new(WasmImporter::from_bytes(&file.bytes)?.with_file(file)))
 }
 
-/// The exporter of scenes of a file.
+/// Compiles the scene exporter in a plugin file.
 #[cfg(feature = "engine")]
 pub fn exporter(file: PluginFile) -> Result<Arc<dyn SceneExporter>, WasmError> {
     Ok(Arc::new(WasmExporter::from_bytes(&file.bytes)?.with_file(file)))
 }
 
-/// Fails: nothing runs it.
+/// Always an error, because this build cannot run plugins.
 #[cfg(not(feature = "engine"))]
 pub fn manifest(_: &[u8]) -> Result<Manifest, WasmError> {
     Err(WasmError(WITHOUT.into()))
 }
 
-/// Fails: nothing runs it.
+/// Always an error, because this build cannot run plugins.
 #[cfg(not(feature = "engine"))]
 pub fn importer(_: PluginFile) -> Result<Arc<dyn Importer>, WasmError> {
     Err(WasmError(WITHOUT.into()))
 }
 
-/// Fails: nothing runs it.
+/// Always an error, because this build cannot run plugins.
 #[cfg(not(feature = "engine"))]
 pub fn exporter(_: PluginFile) -> Result<Arc<dyn SceneExporter>, WasmError> {
     Err(WasmError(WITHOUT.into()))

@@ -1,4 +1,4 @@
-//! A plugin file of which only the manifest is known from the start; it is compiled when something uses it.
+//! A plugin file whose manifest is known from the start and which is compiled at its first use.
 
 use crate::WasmError;
 use choreo_asset::Asset;
@@ -8,7 +8,7 @@ use choreo_plugin::{
 };
 use std::sync::Arc;
 
-/// A plugin in WebAssembly that is compiled when it is used first.
+/// A WebAssembly plugin that is compiled at its first use.
 pub struct OnUse<P: ?Sized> {
     manifest: Manifest,
     file: PluginFile,
@@ -35,7 +35,7 @@ impl<P: ?Sized + 'static> OnUse<P> {
         OnUse { manifest, file, made: LazyPlugin::new(make) }
     }
 
-    /// The plugin, compiled now where it was not before.
+    /// The plugin, compiled now unless it is compiled already.
     pub fn get(&self) -> Result<&Arc<P>, &PluginError> {
         self.made.get()
     }
@@ -64,7 +64,7 @@ impl Importer for OnUse<dyn Importer> {
         Some(&self.file)
     }
 
-    /// Files that do not look like the plugin's by its manifest are none of its own: it is not compiled to be asked about them.
+    /// The plugin is compiled and asked only about files that its manifest matches; it claims no others.
     fn claim(&self, source: &Source) -> Claim {
         self.checked_claim(source).unwrap_or(Claim::NotMine)
     }

@@ -30,7 +30,7 @@ api! {
     Actor.rotate("x, y, z | quaternion") = rotate, in_frames;
     /// Sets the scale: one factor, or one per axis. Negative factors mirror.
     Actor.scale("factor | x, y, z") = scale, in_frames;
-    /// Rotates the actor about the vertical axis so that it faces a point, or another actor wherever that is.
+    /// Rotates the actor about the vertical axis so that it faces a point, or another actor even while that one moves.
     Actor.face("actor_or_point") = face;
     /// Makes the actor a child of another actor or of one of its joints (parent constraint, "Child Of"), such as a
     /// sword in a hand. Its position is then in the space of the parent, in metres.
@@ -57,8 +57,8 @@ api! {
     /// Sets how many of the copies that Asset.repeat made exist: the first N, from 0. With keyframes or in a
     /// callback the number changes over time.
     Actor.count("number") = count, in_frames;
-    /// Sets the width of its lines or the size of its points, in pixels or metres as in `lines(…)` or `points(…)`.
-    /// At 0 nothing is drawn.
+    /// Sets the width of the actor's lines or the size of its points, in pixels or metres as in `lines(…)` or
+    /// `points(…)`. At 0 nothing is drawn.
     Actor.width("width") = width, in_frames;
     /// Sets the weight of a morph target (blend shape, shape key), by name or by index from 0. It overrides the
     /// weight from clips.
@@ -79,18 +79,20 @@ api! {
     ///   "scale" (a factor or [x, y, z]), "visible" (true or false, changes at the keyframe), "tint" (a color),
     ///   "width" (of lines and points), "count" (of copies, rounded down), and "morph" or "expression" with its
     ///   name as second argument.
-    /// - `how`, the interpolation: "linear" (the default), "step", "smooth" (zero velocity at each keyframe) or
-    ///   "cubic" (a smooth curve through the keyframes: a number never leaves the range between two keyframes,
-    ///   monotone cubic; a position keeps its direction through a keyframe, so that a path that bends swings out beside it) or "catmull_rom" (a Catmull-Rom spline,
-    ///   which overshoots where keyframes of different speed lie close together). Or an easing into every keyframe: a
-    ///   name such as "in_out_sine" (see Cue.ease) or a Bézier curve [x1, y1, x2, y2].
+    /// - `how`, the interpolation: "linear" (the default), "step", "smooth" (zero velocity at each keyframe) or "cubic"
+    ///   (a smooth curve through the keyframes: a number never leaves the range between two keyframes, monotone cubic;
+    ///   a position keeps its direction through a keyframe, so that a path that bends swings out beside it) or
+    ///   "catmull_rom" (a Catmull-Rom spline, which overshoots where keyframes of different speed lie close together).
+    ///   Or an easing into every keyframe: a name such as "in_out_sine" (see Cue.ease) or a Bézier curve
+    ///   [x1, y1, x2, y2].
     /// - Two keyframes at the same time are a jump from the first value to the second.
     /// - A keyframe [time, value, ease] has its own easing, into that keyframe only; `how` is then "linear".
-    /// - A keyframe [time, value, #{ tangent: … }] has its own tangent: the change a second, one number for all or one
-    ///   each, through which a cubic Hermite spline goes (tangent: 0 rests). A tangent that breaks has two sides, in_tangent and
-    ///   out_tangent. The other ends of such spans are as `how` says: straight for "linear". weight, in_weight and out_weight
-    ///   (0 to 1, default 1/3) set how far the handles of a Bézier curve reach into the spans. ease sets an
-    ///   easing, which then forms the whole span before the keyframe.
+    /// - A keyframe [time, value, #{ tangent: … }] has its own tangent for a cubic Hermite spline: the change per
+    ///   second, one number for all components or one for each (0 is at rest). A broken tangent has two sides,
+    ///   in_tangent and out_tangent. At an end of a span without a tangent of its own, `how` sets the tangent: a
+    ///   straight line for "linear". weight, in_weight and out_weight (0 to 1, default 1/3) set the length of the
+    ///   handles of a Bézier curve, as a share of the span. ease sets an easing, which then forms the whole span before
+    ///   the keyframe.
     Actor.key("property, keys, how? | property, name, keys, how?") = key;
     /// Plays a clip on the actor and returns its cue (an NLA strip), from time 0 or from Cue.from on. A clip of
     /// another asset is retargeted. Options as in Cue.then (from, until, fade, trim, speed, repeat and more).
@@ -157,7 +159,7 @@ pub(super) fn change(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDra
     c.itself()
 }
 
-/// The same for a change of position or rotation.
+/// [`change`] for position and rotation. Error: `walk_to` sets them already.
 fn place(c: &Call, edit: ActorEdit, draft: impl FnOnce(&mut ActorDraft)) -> Reply {
     let this: ActorRef = c.this()?;
     if !c.in_frame {
@@ -263,7 +265,8 @@ fn detach(c: &mut Call) -> Reply {
     add_parent(c, ParentDraft { parent, until: None, at: c.place.clone() })
 }
 
-/// A parent with the options `blend` and `keep`; what has no start has always been so, and keeps nothing.
+/// A parent with the options `blend` and `keep`. Without a start time the parent holds from the beginning, so `keep` is
+/// off.
 fn timed(o: &Options, to: Option<Attachment>, change: ParentChange) -> Result<Parenting, ApiError> {
     let ParentChange { from: start, blend, keep, .. } = change;
     if start.is_none() && (blend.is_some() || keep == Some(true)) {
@@ -271,7 +274,7 @@ fn timed(o: &Options, to: Option<Attachment>, change: ParentChange) -> Result<Pa
         return Err(error.hint("give it: from"));
     }
     let parent = Parenting::from(to, start.unwrap_or(Time::MIN));
-    // At the beginning of the stage there is no place that was seen before.
+    // There is no earlier placement to keep at the beginning of the stage.
     let keep = start.is_some_and(|start| keep.unwrap_or(start > Time::ZERO));
     Ok(Parenting { blend: blend.unwrap_or_default(), keep, ..parent })
 }
@@ -298,6 +301,7 @@ fn add_parent(c: &Call, draft: ParentDraft) -> Reply {
     c.itself()
 }
 
+/// Reads argument `i` as a parent: an actor or a joint.
 pub fn attachment(c: &Call, i: usize) -> Result<Attachment, ApiError> {
     let value = c.value(i);
     if let Some(actor) = value.read_lock::<ActorRef>() {
@@ -340,7 +344,7 @@ fn count(c: &mut Call) -> Reply {
     change(c, ActorEdit::Copies(count), |d| d.actor.copies = Some(count))
 }
 
-/// Refuses an asset without copies (instances), whose number could be set.
+/// Refuses an asset without copies (instances), which has no count to set.
 pub fn has_copies(asset: &Asset, function: &str) -> Result<(), ApiError> {
     if asset.has_copies() {
         return Ok(());
@@ -358,7 +362,7 @@ fn has_pen(asset: &Asset, function: &str) -> Result<(), ApiError> {
     Err(ApiError::new(text).hint("give lines(…) a width, points(…) a size, or either metres"))
 }
 
-/// Every (mesh instance, target) with this name, or the one target with this number in every instance.
+/// (Mesh instance, morph target) pairs of all targets with a name, or of the target with an index in every instance.
 pub fn morph_targets(asset: &Asset, wanted: &Dynamic, label: &str) -> Result<Vec<(u32, u32)>, ApiError> {
     let mesh = |i: &MeshInstance| asset.meshes.get(i.mesh as usize);
     let mut found = Vec::new();

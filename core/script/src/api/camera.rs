@@ -17,16 +17,17 @@ api! {
     camera("name") -> Camera = camera;
     /// Sets the position in metres.
     Camera.at("x, y, z | point") = at, in_frames;
-    /// Points the camera at an actor, a joint or a point, and keeps it pointed there as that moves.
+    /// Points the camera at an actor, a joint or a point, and keeps it pointed at the target while that moves.
     /// - Options: from and until (times; several targets may follow each other, and before and after them the camera
     ///   looks where it did without them), blend (seconds that it takes to turn to the target, and back at `until`,
     ///   default 0.5; 0 is a jump). With `from`, also for cameras that follow, orbit or belong to a file.
     /// - In a callback: without options, the target for this frame.
     Camera.look_at("target, options?") = look_at, in_frames;
-    /// Rotates the camera about the vertical axis, in degrees counter-clockwise. Without rotation it looks along
-    /// -z. In a callback it rotates on top of all else.
+    /// Rotates the camera about the vertical axis, in degrees counter-clockwise. Without rotation it looks along -z. In
+    /// a callback the rotation is added to all others.
     Camera.turn("degrees") = turn, in_frames;
-    /// Rotates the camera about x, then y, then z, in degrees, or by a quaternion [x, y, z, w]. In a callback it rotates on top of all else.
+    /// Rotates the camera about x, then y, then z, in degrees, or by a quaternion [x, y, z, w]. In a callback the
+    /// rotation is added to all others.
     Camera.rotate("x, y, z | quaternion") = rotate, in_frames;
     /// Shakes the camera by smooth noise, as a handheld camera or in a collision; further calls add to it.
     /// - Options: from (time, default 0), until (time, default none), fade (seconds that it takes to begin and to
@@ -58,8 +59,8 @@ api! {
     Camera.near("metres") = near, in_frames;
     /// Sets the far clipping plane in metres (default: none; 10000 for an orthographic camera).
     Camera.far("metres") = far, in_frames;
-    /// Cuts to this camera at a time: from then on it is the active camera. Options: dissolve (seconds from this
-    /// time on in which the image goes over from that of the camera before, a cross dissolve, default 0).
+    /// Cuts to this camera at a time: from then on it is the active camera. Options: dissolve (seconds, from this time
+    /// on, of a cross dissolve from the camera before, default 0).
     Camera.cut("time, options?") = cut;
     /// Animates a property with keyframes [[time, value], …]: "position" (dolly, crane), "rotation" (pan, tilt,
     /// roll), or "fov" in degrees or "focal_length" in millimetres (zoom). Values, `how`, easing and
@@ -232,7 +233,7 @@ fn orbit(c: &mut Call) -> Reply {
     let [distance, elevation, azimuth, speed] = &Rig::ORBIT;
     let all = Rig::ORBIT.map(|option| option.name);
     let o = c.options(1, if c.in_frame { &all[..3] } else { &all[..] })?;
-    // The azimuth of a frame is that of its time.
+    // The azimuth in a callback is that of the frame, so there is no speed.
     let speed = if c.in_frame { 0.0 } else { number(&o, speed)? };
     let orbit = Rig::Orbit {
         target,
@@ -251,7 +252,7 @@ fn frame(c: &mut Call) -> Reply {
     rig(c, Rig::Frame { azimuth: radians(azimuth), elevation: elevation.to_radians() })
 }
 
-/// The number that an option states, or its default.
+/// The value of a number option, or its default.
 fn number(options: &Options, of: &RigOption) -> Result<f64, ApiError> {
     let [least, most] = of.range;
     Ok(options.number_in(of.name, least, most)?.unwrap_or(of.default))
@@ -308,7 +309,7 @@ fn cut(c: &mut Call) -> Reply {
 }
 
 fn key(c: &mut Call) -> Reply {
-    // Whether its rig can be keyed is known once the script has ended.
+    // Whether the rig allows keyframes is known only at the end of the script.
     let channel = keys::channel(c, keys::property(c, &keys::keyed::<Camera>())?, 1)?;
     change(c, |k| {
         if k.position.is_none() && channel.property == Property::Translation {

@@ -43,7 +43,7 @@ api! {
     Clip.mapping("asset, options?") -> "array of texts" = mapping;
 }
 
-/// Handle of a clip that a script has made. Its keyframes count against the limit.
+/// Makes a handle of a clip that a script has made, and counts its keyframes against the limit.
 pub fn made(c: &Call, clip: Clip, asset: Arc<Asset>) -> Reply {
     count(c, &clip)?;
     Ok(Dynamic::from(ClipRef { clip: Arc::new(clip), asset, dead: false }))
@@ -93,7 +93,7 @@ fn mirror(c: &mut Call) -> Reply {
     made(c, clip, this.asset)
 }
 
-/// The options of a retarget from asset `of` to asset `on`.
+/// Retarget options for a clip of asset `of` on asset `on`.
 fn fitting(c: &Call, of: &Asset, on: &Asset) -> Result<Fit, ApiError> {
     let o = c.options(1, &["joints", "scale", "translations", "floor", "align"])?;
     let mut fit = Fit { joints: joints(&o, of, on)?, ..Fit::default() };
@@ -142,7 +142,7 @@ fn other(c: &Call) -> Result<Arc<Asset>, ApiError> {
 fn retarget(c: &mut Call) -> Reply {
     let (this, on): (ClipRef, _) = (c.this()?, other(c)?);
     c.build().used(&this.asset);
-    // Without options as an actor plays it: onto the character that a clip was made for it goes as it is.
+    // The result without options is the same as of Actor.play: a clip made for this character stays unchanged.
     let fitted = match c.len() {
         1 => bind_or_retarget(&this.clip, &this.asset.skeleton, &on.skeleton),
         _ => {
@@ -178,7 +178,7 @@ fn bind_raw(c: &mut Call) -> Reply {
     made(c, clip, on)
 }
 
-/// A clip on another body; what gets lost is reported, and it is an error if nothing is left.
+/// Checks a clip bound or retargeted to another skeleton. Reports joints that are lost. Error: no joint is left.
 fn checked(
     c: &Call,
     of: &ClipRef,
@@ -192,14 +192,15 @@ fn checked(
         note(c, of, on, report);
         not_standing(c, of, on, report);
     }
-    // Between characters, joints beyond the parts that a body has, as twist joints, are expected to be left out.
+    // Retargeting between characters leaves out joints outside the known body parts, such as twist joints, without a
+    // warning.
     if !coverage.parts.is_empty() || (report.is_none() && !coverage.left_out.is_empty()) {
         c.shared.note(Severity::Warning, &c.place, &partial(of, on, &coverage).rule("retarget_partial"));
     }
     Ok(clip)
 }
 
-/// The error that parts of a body stay at rest; if no parts are known, it lists joints.
+/// The warning that body parts stay at rest. If no parts are known, it lists joints.
 fn partial(of: &ClipRef, on: &Asset, coverage: &Coverage) -> ApiError {
     let clip = format!("clip \"{}\" of \"{}\" on \"{}\"", of.clip.name, of.asset.name, on.name);
     if coverage.parts.is_empty() {
@@ -214,7 +215,7 @@ fn partial(of: &ClipRef, on: &Asset, coverage: &Coverage) -> ApiError {
     )
 }
 
-/// "9 of 61 animated joints have a partner; these parts of the body do not follow: left arm, head".
+/// A summary such as "9 of 61 animated joints have a partner; these parts of the body do not follow: left arm, head".
 fn coverage_line(coverage: &Coverage) -> String {
     let parts = match coverage.parts.is_empty() {
         true => String::new(),
@@ -223,7 +224,7 @@ fn coverage_line(coverage: &Coverage) -> String {
     format!("{} of {} animated joints have a partner{parts}", coverage.followed(), coverage.moved)
 }
 
-/// No joint of a body follows one that the clip moves.
+/// Error of a retarget: no joint of the target follows a joint that the clip animates.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NothingFollows {
     pub message: String,
@@ -287,7 +288,8 @@ fn mapping(c: &mut Call) -> Reply {
     Ok(Dynamic::from_array(lines.into_iter().map(Dynamic::from).collect()))
 }
 
-/// How a clip goes on another body, a line a joint: "upperarm.l ← LeftArm (by body, turned 43° at rest)".
+/// Report of a retarget, one line per joint: "upperarm.l ← LeftArm (by body, turned 43° at rest)". Error: no joint
+/// follows.
 pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Result<Vec<String>, NothingFollows> {
     let retarget = Retarget::new(&of.skeleton, &on.skeleton, fit);
     let coverage = retarget.coverage(clip);
@@ -333,7 +335,8 @@ pub fn mapping_lines(of: &Asset, on: &Asset, clip: &Clip, fit: Fit) -> Result<Ve
     Ok(lines)
 }
 
-/// A clip on an actor's own skeleton: as it is where joints mean the same there, else retargeted. What gets lost is reported.
+/// A clip on an actor's skeleton: bound unchanged if the joints match, else retargeted. Joints that are lost are
+/// reported.
 pub fn fit(c: &Call, given: &ClipRef, asset: &Asset) -> Result<Clip, ApiError> {
     let fitted = bind_or_retarget(&given.clip, &given.asset.skeleton, &asset.skeleton);
     let retargeted = fitted.2.is_some();

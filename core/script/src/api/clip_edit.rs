@@ -38,15 +38,14 @@ api! {
     Clip.smooth("seconds") -> Clip = smooth;
     /// Returns the clip with keyframes at a constant frame rate in place of its own (baking).
     Clip.resample("fps") -> Clip = resample;
-    /// Returns the clip with fewer keyframes. The tolerance is the largest error of any joint in metres, in model
-    /// space (0 to 1). Options: keep ("fewest", the default: curves keep keyframes of their own, the same ones or all,
-    /// whatever takes the fewest bytes; "shared": curves keep the same keyframes, which is the fastest to sample).
+    /// Returns the clip with fewer keyframes. The tolerance is the largest error of any joint in metres, in model space
+    /// (0 to 1). Options: keep ("fewest", the default: curves keep their own keyframes, common ones or all of them,
+    /// whichever takes the fewest bytes; "shared": curves keep common keyframes, which are the fastest to sample).
     Clip.reduce("tolerance, options?") -> Clip = reduce;
     /// Returns the clip compressed, in fewer bytes and as fast to sample. The tolerance is the largest error of any
     /// joint in metres, in model space (0.000001 to 0.1; 0.0001 is a good value). What would not become smaller
     /// stays as it is.
-    /// - Clip.lost returns the error that was made. Compress last: editing and retargeting decompress the
-    ///   keyframes.
+    /// - Clip.lost returns the resulting error. Compress last: editing and retargeting decompress the keyframes.
     Clip.compress("tolerance") -> Clip = compress;
     /// Returns an additive clip: the difference between this clip and a reference pose, applied to the rest pose.
     /// The reference is "first" (the first frame, the default), "rest" (the rest pose) or a time of the clip in
@@ -54,7 +53,7 @@ api! {
     /// - The result is a clip like any other, which can be edited, mirrored and retargeted. To play it as an
     ///   additive layer, use Cue.additive("rest").
     Clip.additive("reference?") -> Clip = additive;
-    /// Returns the opposite of Clip.additive: as a layer it takes the difference away.
+    /// Returns the opposite of Clip.additive: as a layer it subtracts the difference.
     Clip.subtractive("reference?") -> Clip = subtractive;
     /// Returns the size of the keyframes in bytes.
     Clip.bytes("") -> "int" = byte_count;
@@ -73,7 +72,7 @@ fn new_clip(c: &mut Call) -> Reply {
     made(c, clip, asset)
 }
 
-/// Returns the clip of the receiver after an edit; the asset stays the same.
+/// Returns the edited clip of the receiver, for the same asset.
 fn edit<E: std::fmt::Display>(c: &Call, edit: impl FnOnce(&Clip, &Asset) -> Result<Clip, E>) -> Reply {
     let this: ClipRef = c.this()?;
     let clip = edit(&this.clip, &this.asset).map_err(|e| ApiError::new(format!("{}: {e}", c.def.name)))?;

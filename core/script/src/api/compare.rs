@@ -1,4 +1,4 @@
-//! The comparisons that end an `expect(…)`: each is recorded with its place and judged when the stage is finished.
+//! The comparisons that end an `expect(…)`. Each is recorded with its place and judged when the stage is finished.
 
 use super::expect::{camera_subject, contact, subject};
 use super::expected_values::{events, formula, rotation_goal, tolerance};

@@ -36,8 +36,8 @@ api! {
     /// - Without a call, the feet step instead of sliding where a walk fades into a stand or back, if root motion,
     ///   keyframes or a path move the actor. `plant_feet(#{ weight: 0 })` turns this off.
     Actor.plant_feet("options?") -> Goal = plant_feet;
-    /// Exchanges left and right in what its clips do, for joints, morph targets and expressions, as long as the
-    /// constraint lasts. The path of root motion stays the same. Options: weight (0 to 1, default 1), from, until,
+    /// Exchanges left and right in the motion of its clips, for joints, morph targets and expressions, while the
+    /// constraint is active. The path of root motion stays the same. Options: weight (0 to 1, default 1), from, until,
     /// fade (as the methods of Goal).
     Actor.mirror("options?") -> Goal = mirror;
     /// Sets the start time of the constraint (default 0).

@@ -1,4 +1,4 @@
-//! Cuts from an edited list: OpenTimelineIO.
+//! Cuts from an edit list in OpenTimelineIO.
 
 use crate::build::room;
 use crate::call::{ApiError, Call, Reply, api, unknown};
@@ -8,9 +8,9 @@ use rhai::Dynamic;
 use serde_json::Value;
 
 api! {
-    /// Cuts between cameras as an edited list states: an OpenTimelineIO file (.otio), in which the clips of the first
-    /// video track are named as cameras of the script. Dissolves between clips are kept. An editing program changes
-    /// the file that `choreo export` has written.
+    /// Cuts between cameras according to an edit list: an OpenTimelineIO file (.otio), in which the clips of the first
+    /// video track are named as cameras of the script. Dissolves between clips are kept. An editing program changes the
+    /// file that `choreo export` has written.
     cuts("file") -> () = cuts;
 }
 
@@ -33,14 +33,14 @@ fn cuts(c: &mut Call) -> Reply {
     Ok(Dynamic::UNIT)
 }
 
-/// A clip of the list: the time of its cut, and how long its image takes to come.
+/// A clip of the list: camera name, time of the cut, and duration of the dissolve.
 struct ListedClip {
     name: String,
     at: Time,
     dissolve: Time,
 }
 
-/// A list of cuts that is not read.
+/// Why a list of cuts cannot be read.
 #[derive(Debug, thiserror::Error)]
 enum CutListError {
     #[error("is no OpenTimelineIO file: {0}")]
@@ -53,7 +53,7 @@ enum CutListError {
     NoDuration(usize),
 }
 
-/// The clips of the first track of kind "Video" that has any.
+/// The clips of the first track of kind "Video" that has clips.
 fn clips(bytes: &[u8]) -> Result<Vec<ListedClip>, CutListError> {
     let timeline: Value = serde_json::from_slice(bytes)?;
     let schema = |value: &Value, name: &str| {
@@ -96,7 +96,7 @@ fn clips(bytes: &[u8]) -> Result<Vec<ListedClip>, CutListError> {
     Ok(list)
 }
 
-/// A `RationalTime` from 0 to ten million seconds.
+/// Seconds of a `RationalTime`; `None` outside 0 to ten million.
 fn seconds(time: &Value) -> Option<f64> {
     let (value, rate) = (time["value"].as_f64()?, time["rate"].as_f64()?);
     Some(value / rate).filter(|secs| (0.0..=1e7).contains(secs))

@@ -1,4 +1,4 @@
-//! Easings as scripts write them.
+//! Easings in scripts: names and Bézier curves.
 
 use crate::call::{ApiError, numbers, wrong};
 use crate::suggest::{did_you_mean, list};

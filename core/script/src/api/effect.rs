@@ -15,9 +15,10 @@ use choreo_stage::{
 use rhai::Dynamic;
 
 api! {
-    /// Adds an effect plugin to the whole frame or to all surfaces. Options are its parameters; `choreo plugins`
-    /// lists all effects and their parameters. Vectors are arrays, curves arrays of keys [x, y] with x from 0 to 1, textures
-    /// names of image files or image(…). A number may be an actor or a joint: it then is the distance in front of the camera in metres, such as the focus.
+    /// Adds an effect plugin to the whole frame or to all surfaces. Options are its parameters; `choreo plugins` lists
+    /// all effects and their parameters. Vectors are arrays, curves arrays of keys [x, y] with x from 0 to 1, textures
+    /// names of image files or image(…). A number may be an actor or a joint: it then is the distance in front of the
+    /// camera in metres, such as the focus.
     /// - Built in, on the frame: "tonemap" (tone mapping, exposure), "bloom", "motion_blur" (accumulation of
     ///   sub-frames while the shutter is open), "fxaa" (antialiasing), "vignette", "film_grain".
     /// - Built in, on the frame by its depth: "ambient_occlusion", "depth_of_field", "god_rays", "edge_lines", "heat_haze".
@@ -67,7 +68,7 @@ fn effect(c: &mut Call) -> Reply {
     let off_screen = plugin.off_screen_actors();
     let mut used = EffectUse { plugin: name.clone(), off_screen, ..EffectUse::default() };
     let options = &plugin.manifest().options;
-    // Of colors and vectors each number has a name, too; the samples of curves need none here.
+    // Each number of a color or vector has a name, too. Samples of curves are not set one by one.
     let has_names = |o: &&OptionSpec| matches!(o.kind, OptionKind::Color { .. } | OptionKind::Vector { .. });
     let numbers_of: Vec<String> =
         options.iter().filter(has_names).flat_map(OptionSpec::number_names).collect();
@@ -88,10 +89,10 @@ fn effect(c: &mut Call) -> Reply {
     Ok(Dynamic::from(EffectRef { id: build.effects.len() - 1, plugin: name.into() }))
 }
 
-/// A parameter as a script names it, or one number of a parameter with several ("tint_r").
+/// A parameter of an effect, or one number ("tint_r") of a parameter with several.
 enum Parameter<'a> {
     Whole(&'a OptionSpec),
-    /// Three numbers "tint_r", "tint_g" and "tint_b" that are declared one by one.
+    /// A color whose numbers "tint_r", "tint_g" and "tint_b" are declared as separate parameters.
     Color([String; 3]),
     Number(&'a OptionSpec, String),
 }
@@ -113,7 +114,7 @@ fn parameter<'a>(plugin: &'a Effect, name: &str) -> Result<Parameter<'a>, ApiErr
 }
 
 impl Parameter<'_> {
-    /// Names of the numbers that it sets.
+    /// Names of the numbers that the parameter sets.
     fn names(&self) -> Vec<String> {
         match self {
             Parameter::Whole(spec) => spec.number_names().collect(),
@@ -122,7 +123,7 @@ impl Parameter<'_> {
         }
     }
 
-    /// The numbers of a value, as the effect receives them.
+    /// The numbers that the effect receives for a value.
     fn read(&self, value: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
         let spec = match self {
             Parameter::Number(spec, _) => {
@@ -141,7 +142,7 @@ impl Parameter<'_> {
     }
 }
 
-/// Linear red, green and blue of a color.
+/// Linear red, green and blue of a color value.
 fn color_numbers(value: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
     Ok(crate::call::color(value, label)?.to_array()[..3].iter().map(|n| f64::from(*n)).collect())
 }
@@ -169,7 +170,7 @@ fn assign(used: &mut EffectUse, plugin: &Effect, name: &str, value: &Dynamic) ->
     Ok(())
 }
 
-/// The image that a value names, where the parameter is a texture.
+/// The image of a value if the parameter is a texture, else `None`.
 fn chosen_image(
     c: &Call,
     plugin: &Effect,
@@ -201,7 +202,7 @@ fn put_image(used: &mut EffectUse, image: EffectImageUse) {
     used.images.sort_by(|a, b| a.parameter.cmp(&b.parameter));
 }
 
-/// An error where a parameter is a texture, which stays what it is from frame to frame.
+/// Refuses a texture parameter, which cannot change over time.
 fn changing(plugin: &Effect, name: &str, function: &str) -> Result<(), ApiError> {
     match parameter(plugin, name)? {
         Parameter::Whole(OptionSpec { kind: OptionKind::Texture { .. }, .. }) => {
@@ -213,7 +214,7 @@ fn changing(plugin: &Effect, name: &str, function: &str) -> Result<(), ApiError>
     }
 }
 
-/// The numbers of the manifest that a value sets, with their names.
+/// Names and values of the numbers that a value sets.
 fn numbers(plugin: &Effect, name: &str, value: &Dynamic) -> Result<Vec<(String, f64)>, ApiError> {
     let parameter = parameter(plugin, name)?;
     let read = parameter.read(value, &format!("{}: {name}", plugin.manifest().name))?;
@@ -224,7 +225,7 @@ fn wrong(allowed: &str, spec: &OptionSpec, label: &str, value: &Dynamic) -> ApiE
     ApiError::new(format!("{label} must be {allowed}, got {}", describe(value))).hint(&spec.about)
 }
 
-/// Sets a parameter in a sorted list: the order of calls does not change the image, so it must not change the stage either.
+/// Sets a parameter in a list sorted by name, because the order of calls must not change the stage.
 fn put<T>(parameters: &mut Vec<(String, T)>, name: String, value: T) {
     parameters.retain(|(n, _)| *n != name);
     parameters.push((name, value));
@@ -264,7 +265,7 @@ fn as_numbers(spec: &OptionSpec, value: &Dynamic) -> Option<Vec<f64>> {
     }
 }
 
-/// The allowed values, without the words that the message has before them.
+/// The allowed values of a parameter, for messages.
 fn allowed(spec: &OptionSpec) -> String {
     let unit = if spec.unit.is_empty() { String::new() } else { format!(" {}", spec.unit) };
     match &spec.kind {
@@ -385,7 +386,7 @@ fn on(c: &mut Call) -> Reply {
     let used = build.effect(this.id)?;
     used.on.extend(targets);
     used.cameras.extend(cameras);
-    // In whatever order they are named.
+    // The order in which targets are named does not matter.
     used.on.sort_unstable();
     used.on.dedup();
     used.cameras.sort_unstable();
@@ -393,7 +394,7 @@ fn on(c: &mut Call) -> Reply {
     c.itself()
 }
 
-/// The targets for an actor: all of it, or the materials that the options name.
+/// The targets of an effect on an actor: the whole actor, or the materials that the options name.
 fn targets_of(actor: &ActorRef, o: &Options) -> Result<Vec<EffectTarget>, ApiError> {
     let target = |material| EffectTarget { actor: actor.id, material };
     Ok(match named_materials(o, "on", &actor.asset)? {

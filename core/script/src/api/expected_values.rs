@@ -15,7 +15,8 @@ pub fn tolerance(c: &Call, default: f64) -> Result<f64, ApiError> {
     if c.len() < 2 { Ok(default) } else { c.number_in(1, 0.0, 1e12) }
 }
 
-/// A function of time that returns `widths` numbers.
+/// A function of time in an argument, which returns N numbers, N being one of `widths`. `None` if the argument is no
+/// function.
 pub fn formula(c: &Call, i: usize, widths: &'static [usize]) -> Result<Option<Formula>, ApiError> {
     let Some(callback) = c.value(i).try_cast::<FnPtr>() else { return Ok(None) };
     let callback = own_captures(&callback)?;
@@ -60,7 +61,7 @@ pub(crate) fn rotation_goal(c: &Call) -> Result<RotationGoal, ApiError> {
         Some([x, y, z]) => Ok(RotationGoal::Rotation(euler(DVec3::new(*x, *y, *z)))),
         Some([x, y, z, w]) => {
             let q = DQuat::from_xyzw(*x, *y, *z, *w);
-            // A slip of the pen is not a rotation.
+            // A quaternion that is far from unit length is a typing error.
             if (q.length() - 1.0).abs() > 1e-3 {
                 return Err(ApiError::new(format!(
                     "near: this quaternion has length {:.4}, must be 1",

@@ -7,7 +7,7 @@ use choreo_asset::Asset;
 use choreo_stage::ActorEdit;
 use rhai::Dynamic;
 
-/// Index of the expression with this name.
+/// Index of the expression with a name.
 pub fn find(asset: &Asset, wanted: &Dynamic, label: &str) -> Result<u32, ApiError> {
     let name = text(wanted, label)?;
     if let Some(index) = asset.expressions.iter().position(|e| e.name == name) {

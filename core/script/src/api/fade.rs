@@ -25,7 +25,7 @@ fn fade_in(c: &mut Call) -> Reply {
     let from = from.unwrap_or(c.build().offset);
     let color = o.color("color")?.unwrap_or(Vec4::W);
     let mut build = c.build();
-    // The colors of fades before it are over.
+    // Fades to a color that ended before this time end here.
     let drafts = build.fades.clone();
     for out in drafts.iter().filter(|fade| fade.out && fade.at <= from) {
         let layer = build.flat(out.layer)?;
@@ -48,7 +48,7 @@ fn fade_out(c: &mut Call) -> Reply {
     add(c, color, (until - seconds, 0.0), (until, 1.0), FadeDraft { layer: 0, out: true, at: until })
 }
 
-/// Adds a panel over the whole image with an opacity from one key to the other.
+/// Adds a panel over the whole image, whose opacity is keyed from `first` to `second`, each (time, opacity).
 fn add(c: &Call, color: Vec4, first: (Time, f64), second: (Time, f64), fade: FadeDraft) -> Reply {
     let mut layer = Layer2d::new(Layer2dContent::Panel { size: DVec2::ONE, color });
     layer.start = first.0;

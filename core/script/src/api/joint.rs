@@ -1,4 +1,4 @@
-//! Joints of actors: found by name, rotated for a frame, animated with keyframes.
+//! Joints of actors: look-up by name, rotations for a frame, and keyframes.
 
 use super::joint_names::find_joint;
 use super::{clip_edit, keys};

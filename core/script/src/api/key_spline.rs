@@ -1,24 +1,25 @@
-//! Tangents of single keyframes, `[time, value, #{ in_tangent: …, out_tangent: … }]`: values run as cubic Hermite splines where an end
-//! of a span has one, as Bézier curves in time and value where it has a weight, too.
+//! Tangents of single keyframes, `[time, value, #{ in_tangent: …, out_tangent: … }]`. A span with such a tangent at an
+//! end is a cubic Hermite spline; with a weight, too, it is a Bézier curve in time and value.
 
 use super::keys::{count, steps_of_ease, tangents};
 use crate::call::{ApiError, Call, Options, number, number_in, numbers, wrong};
 use choreo_motion::{Ease, Time};
 use rhai::Dynamic;
 
-/// The length of a handle without a weight, as a share of the span: then the time is linear along the curve.
+/// Default length of a Bézier handle as a share of the span, for which time is linear in the curve parameter.
 const EVEN: f64 = 1.0 / 3.0;
-/// Parts of a span whose handles have weights, evenly along the curve. For weights of 0.8 the largest error is 1e-5 of the change.
+/// Number of Hermite pieces for each number of a span with weights, evenly spaced in the curve parameter. For weights
+/// of 0.8 the largest error is 1e-5 of the change.
 const PIECES: usize = 32;
-/// The greatest change of a point a second: the greatest distance from the origin.
+/// Largest tangent of a point, per second: the largest distance from the origin.
 const STEEPEST: f64 = 1e15;
 const OPTIONS: [&str; 7] =
     ["ease", "tangent", "in_tangent", "out_tangent", "weight", "in_weight", "out_weight"];
 
-/// How a keyframe is reached and left.
+/// Easing and tangents of a keyframe.
 #[derive(Clone, Debug, Default)]
 pub(super) struct KeyShape {
-    /// The easing of the whole span before it.
+    /// Easing of the span before the keyframe.
     pub ease: Option<Ease>,
     pub incoming: Side,
     pub outgoing: Side,
@@ -27,9 +28,9 @@ pub(super) struct KeyShape {
 /// One side of a keyframe.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Side {
-    /// The change of each number a second; that of the interpolation if it is not given.
+    /// Change per second of each number; `None`: the tangent of the interpolation.
     tangent: Option<Vec<f64>>,
-    /// The length of the handle of each number, as a share of the span.
+    /// Length of the Bézier handle of each number, as a share of the span.
     weight: Option<Vec<f64>>,
 }
 
@@ -39,21 +40,21 @@ impl Side {
     }
 }
 
-/// How the tangents of a property are written.
+/// Form in which a script gives the tangents of a property.
 #[derive(Clone, Copy)]
 pub(super) enum Form {
-    /// One number for all, or one each.
+    /// One number for all components, or one for each.
     Numbers {
-        /// Numbers that a script gives at least; further ones are zero.
+        /// Count of numbers that a script gives; further ones are zero.
         least: usize,
-        /// Numbers of the value.
+        /// Count of numbers of the value.
         width: usize,
-        /// The size of a script's unit in that of the stage.
+        /// Factor from the unit of scripts to that of the stage.
         factor: f64,
     },
-    /// Degrees a second about y, or about x, y and z.
+    /// Degrees per second about y, or about x, y and z.
     Angles,
-    /// The reason why there are none.
+    /// The property has no tangents, for this reason.
     None(&'static str),
 }
 
@@ -114,7 +115,7 @@ impl Form {
     }
 }
 
-/// Reads the easing or the map of tangents behind the value of a keyframe.
+/// Reads the easing or the map of tangents after the value of keyframe `n`. Messages begin with `of`.
 pub(super) fn read(
     c: &Call,
     given: Option<&Dynamic>,
@@ -150,7 +151,8 @@ pub(super) fn read(
     Ok(KeyShape { ease, incoming, outgoing })
 }
 
-/// Keys of cubic Hermite splines: the numbers of each with their tangents before and after it, a second.
+/// Keyframes of a cubic Hermite spline: values, and tangents per second before (`incoming`) and after (`outgoing`)
+/// each.
 pub(super) struct Spline {
     pub times: Vec<Time>,
     pub values: Vec<Vec<f64>>,
@@ -159,14 +161,14 @@ pub(super) struct Spline {
 }
 
 impl Spline {
-    /// The same tangent on both sides of each key.
+    /// A spline with equal tangents on both sides of each key.
     pub fn even(times: &[Time], values: &[Vec<f64>], tangents: Vec<Vec<f64>>) -> Spline {
         let (times, values) = (times.to_vec(), values.to_vec());
         Spline { times, values, incoming: tangents.clone(), outgoing: tangents }
     }
 
-    /// The spline through keyframes of which some have tangents of their own. `None` where none has. `vector`: their numbers are those of
-    /// one position.
+    /// The spline through keyframes of which some have their own tangents; `None` if none has. `vector`: the numbers
+    /// are the components of a position.
     pub fn of(
         c: &Call,
         how: &str,
@@ -221,7 +223,7 @@ impl Spline {
         self.incoming.push(incoming);
     }
 
-    /// A key on a straight line from the last one.
+    /// Appends a key with a straight line from the last one.
     fn straight_to(&mut self, time: Time, value: Vec<f64>) {
         let last = self.times.len() - 1;
         let chord = slopes(&self.values[last], &value, time - self.times[last]);
@@ -296,10 +298,10 @@ impl<'a> Span<'a> {
         }
     }
 
-    /// Appends short Hermite spans that follow the Bézier curves of all numbers, the end of this one included.
+    /// Appends short Hermite spans that approximate the Bézier curves of all numbers, up to the end of this span.
     fn pieces(&self, spline: &mut Spline) {
         let curves: Vec<Bezier> = (0..self.ends[0].len()).map(|part| self.number(part)).collect();
-        // Evenly along each curve, so that keys are close where one is steep.
+        // Evenly spaced in the parameter of each curve, so that keys are dense where a curve is steep.
         let inner = (1..PIECES).flat_map(|n| {
             let parameter = n as f64 / PIECES as f64;
             curves.iter().map(move |curve| curve.time(parameter))
@@ -324,7 +326,8 @@ impl<'a> Span<'a> {
     }
 }
 
-/// One number as a Bézier curve over the time, whose control points stand at 0, the first weight, 1 − the second weight and 1.
+/// One number as a cubic Bézier curve over time. The times of its control points, as shares of the span, are 0, the
+/// first weight, 1 − the second weight and 1.
 struct Bezier {
     secs: f64,
     weights: [f64; 2],
@@ -332,15 +335,15 @@ struct Bezier {
 }
 
 impl Bezier {
-    /// The share of the span at a parameter.
+    /// Time, as a share of the span, at curve parameter `u`.
     fn time(&self, u: f64) -> f64 {
         let r = 1.0 - u;
         3.0 * r * r * u * self.weights[0] + 3.0 * r * u * u * (1.0 - self.weights[1]) + u * u * u
     }
 
-    /// Value and change a second at shares of the span.
+    /// Value and change per second at shares of the span.
     fn sampled(&self, shares: &[f64]) -> Vec<[f64; 2]> {
-        // A curve whose value is its parameter.
+        // The inverse of [`Bezier::time`]: an easing curve whose value is the parameter.
         let [start, end] = self.weights;
         let parameter = Ease::Bezier([start, EVEN, 1.0 - end, 2.0 * EVEN]);
         let at = |share: &f64| {
@@ -352,7 +355,8 @@ impl Bezier {
             [value, rise / (run * self.secs)]
         };
         let mut all: Vec<[f64; 2]> = shares.iter().map(at).collect();
-        // Where the curve is upright the slope has no bound: that of the keys beside it is followed instead.
+        // A vertical curve has an unbounded slope, so slopes are limited to 3 times that of the steeper chord beside
+        // them.
         let chord = |i: usize| (all[i + 1][0] - all[i][0]) / ((shares[i + 1] - shares[i]) * self.secs);
         let chords: Vec<f64> = (0..all.len() - 1).map(chord).collect();
         for (i, [_, slope]) in all.iter_mut().enumerate() {

@@ -26,10 +26,10 @@ pub fn keyed<T: Described>() -> Vec<Keyed> {
     T::FIELDS.iter().filter_map(keyed).collect()
 }
 
-/// How keyframes are interpolated, as scripts write it.
+/// Names of the interpolations in scripts.
 pub const HOW: &[&str] = &["linear", "step", "smooth", "cubic", "catmull_rom"];
 
-/// Reads the value of one key; the text is its label in messages.
+/// Reads the value of one key. The text argument is its label in messages.
 type Reader<'a> = dyn Fn(&Dynamic, &str) -> Result<Vec<f64>, ApiError> + 'a;
 
 /// The channels of a `.key(property, keys, how?)` call on a value of the stage.
@@ -86,7 +86,7 @@ pub fn channel(c: &Call, keyed: Keyed, at: usize) -> Result<Channel, ApiError> {
             let ways = values(&|v, l| Ok(Call::direction(v, l)?.normalize().to_array().to_vec()))?;
             quaternions(c, how, &times, turns_between(&ways), &shapes)
         }
-        // What is visible appears at its keyframe, whatever `how` says.
+        // Flags such as visibility change at the keyframe, whatever `how` says.
         FieldType::Flag => {
             let flag = |v: &Dynamic, l: &str| {
                 v.as_bool().map(|on| vec![f64::from(u8::from(on))]).map_err(|_| wrong(v, l, "true or false"))
@@ -116,7 +116,7 @@ fn shaped_channel(
     Ok(make_channel(property, how, &times, &values))
 }
 
-/// Some of the numbers of a spline as a channel.
+/// The components `parts` of a spline as a channel.
 fn spline_channel(property: Property, spline: &Spline, parts: std::ops::Range<usize>) -> Channel {
     let Spline { times, values, incoming, outgoing } = spline;
     let key = |i: usize| {
@@ -130,7 +130,7 @@ fn spline_channel(property: Property, spline: &Spline, parts: std::ops::Range<us
     }
 }
 
-/// How the tangents of a property are written.
+/// Form in which a script gives the tangents of a property.
 fn form(of_type: FieldType, property: Property, of_quaternions: bool) -> Form {
     let width = property.width();
     let numbers = |least: usize, factor: f64| Form::Numbers { least, width, factor };
@@ -163,7 +163,7 @@ fn components(v: &Dynamic, label: &str, of_type: FieldType, width: usize) -> Res
     }
 }
 
-/// The rotations of −Z to unit vectors, as in glTF; each goes on from the one before on the shortest way.
+/// Rotations from −Z (as in glTF) to unit vectors. Each continues from the one before by the shortest arc.
 fn turns_between(ways: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let (mut way, mut turn) = (DVec3::NEG_Z, DQuat::IDENTITY);
     let turned = ways.iter().map(|next| {
@@ -198,7 +198,7 @@ pub fn parts(c: &Call, property: Property, step: bool, read: &Reader) -> Result<
     Ok((0..count).map(|n| make_channel(property, given.how, &times, &part(n))).collect())
 }
 
-/// Adds channels; they replace those of the same property.
+/// Adds channels, which replace those of the same property.
 pub fn replace(channels: &mut Vec<Channel>, new: Vec<Channel>) {
     for channel in new {
         channels.retain(|c| c.property != channel.property);
@@ -211,7 +211,7 @@ pub fn replace(channels: &mut Vec<Channel>, new: Vec<Channel>) {
 pub struct Given {
     /// The interpolation between them.
     pub how: &'static str,
-    /// The easing into those that have none of their own.
+    /// The easing into keyframes without their own.
     pub ease: Option<Ease>,
 }
 
@@ -254,7 +254,7 @@ pub fn scalars(
 struct Key {
     time: Time,
     value: Dynamic,
-    /// The easing or the map of tangents behind the value.
+    /// The easing or the map of tangents after the value.
     shape: Option<Dynamic>,
 }
 
@@ -269,7 +269,7 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<Key>, ApiError> 
     count(c, rows.len())?;
     let mut keys: Vec<Key> = Vec::with_capacity(rows.len());
     for (n, row) in rows.iter().enumerate() {
-        // A third one is an ease or a map, which is no number: [x, y, z] is a value without its time.
+        // A third element must be an easing or a map, not a number: [x, y, z] is a value without a time.
         let is_pair = |p: &rhai::Array| p.len() == 2 || p.len() == 3 && number(&p[2], "").is_err();
         let pair = row.flatten_clone().try_cast::<rhai::Array>().filter(is_pair);
         let Some(pair) = pair else {
@@ -285,7 +285,7 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<Key>, ApiError> 
             )));
         }
         if keys.last().is_some_and(|before| before.time == t) {
-            // A jump: the value before it holds until the last tick.
+            // Two keys at one time are a jump: the first is moved one tick earlier.
             keys[n - 1].time = t - Time(1);
             if n > 1 && keys[n - 2].time >= keys[n - 1].time {
                 let text = format!("{of}: at most two keys can have the same time, but key {n} is the third");
@@ -298,7 +298,7 @@ fn read_keys(c: &Call, value: &Dynamic, of: &str) -> Result<Vec<Key>, ApiError> 
     Ok(keys)
 }
 
-/// How each keyframe is reached and left: as it says itself, else by the easing of all.
+/// Easing and tangents of each keyframe: its own, else the easing of all.
 fn shapes(c: &Call, keys: &[Key], of: &str, given: Given, form: Form) -> Result<Vec<KeyShape>, ApiError> {
     let Given { how, ease: all } = given;
     let shape = |(n, key): (usize, &Key)| {
@@ -351,7 +351,7 @@ fn eased(
     Ok((out_times, out))
 }
 
-/// How many steps an easing takes within a span.
+/// Number of keyframes that sample an easing within a span.
 pub(super) fn steps_of_ease(span: Time) -> i64 {
     (libm::ceil(span.as_secs() * 60.0) as i64).max(16).min(span.0)
 }
@@ -371,7 +371,7 @@ fn three(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
 }
 
 fn factors(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
-    /// The same as for `scale`, but an actor may shrink to nothing between its keyframes.
+    /// Largest factor, as for `scale`. Unlike there, 0 is allowed.
     const LARGEST: f64 = 1e6;
     let three = match numbers(v).filter(|n| n.len() == 3) {
         Some(three) => three,
@@ -392,7 +392,6 @@ fn angles(v: &Dynamic, label: &str) -> Result<Vec<f64>, ApiError> {
     }
 }
 
-/// Reads a quaternion [x, y, z, w] and normalizes it.
 /// The arguments of `rotate`: three angles about x, then y, then z, or a quaternion.
 pub(crate) fn angles_or_quaternion(c: &mut Call) -> Result<DQuat, ApiError> {
     if c.len() > 1 {
@@ -406,6 +405,7 @@ pub(crate) fn angles_or_quaternion(c: &mut Call) -> Result<DQuat, ApiError> {
     })
 }
 
+/// Reads a quaternion [x, y, z, w] and normalizes it. Error: its length is zero or not finite.
 pub fn quaternion(v: &Dynamic, label: &str) -> Result<DQuat, ApiError> {
     let four = numbers(v).filter(|n| n.len() == 4).map(|n| DQuat::from_xyzw(n[0], n[1], n[2], n[3]));
     let unit = four.filter(|q| q.is_finite() && q.length() > 1e-6).map(DQuat::normalize);
@@ -437,7 +437,7 @@ fn quaternions(
     Ok(make_channel(Property::Rotation, how, &times, &values))
 }
 
-/// The tangents between which a cubic `how` runs; `None` for the others.
+/// The tangents of a cubic `how`; `None` for other interpolations.
 pub(super) fn tangents(how: &str) -> Option<Tangents> {
     match how {
         "smooth" => Some(Tangents::Flat),
@@ -460,8 +460,9 @@ fn make_channel(property: Property, how: &str, times: &[Time], values: &[Vec<f64
     Channel { property, interpolation, times: times.to_vec(), values: flat }
 }
 
-/// Converts keyframes of Euler angles to quaternion keyframes, which are so close to each other that the shortest arc between two is
-/// the path of the angles: 0 to 360 degrees is a whole turn. About one axis that is exact; else there is a keyframe every 5 degrees.
+/// Converts keyframes of Euler angles to quaternion keyframes, dense enough that the shortest arcs between them follow
+/// the path of the angles: 0 to 360 degrees is a whole turn. Linear rotation about one axis is exact; otherwise there
+/// is a keyframe every 5 degrees.
 fn rotation(
     c: &Call,
     how: &str,
@@ -486,7 +487,7 @@ fn rotation(
         };
         let is_straight = turning.as_ref().is_none_or(|turning| turning.own && turning.is_straight(i, span));
         let step = if how == "linear" && one_axis && is_straight { LARGEST_STEP } else { SMALL_STEP };
-        // Cubics may swing further than their ends are apart: at least a few keys.
+        // A cubic can overshoot its ends, so it gets at least 16 keys.
         let least = if is_straight { 1.0 } else { 16.0 };
         let steps = if how == "step" { 1.0 } else { libm::ceil(widest / step).max(least).min(span.0 as f64) };
         count(c, steps.min(1e9) as usize)?;
@@ -507,7 +508,8 @@ fn rotation(
             }
         }
     }
-    // Neighbours in the same half space, so that blending components takes the short way too.
+    // Neighboring quaternions are put in the same hemisphere, so that interpolating components takes the shortest arc,
+    // too.
     for i in 1..out.len() {
         let before = DQuat::from_array(out[i - 1]);
         if before.dot(DQuat::from_array(out[i])) < 0.0 {
@@ -519,10 +521,10 @@ fn rotation(
     Ok(Channel { property: Property::Rotation, interpolation, times: out_times, values })
 }
 
-/// Angles that follow a spline, degrees.
+/// Euler angles in degrees along a spline.
 struct Turning<'a> {
     spline: &'a Spline,
-    /// Keyframes have tangents of their own, so that it may swing any way beyond them.
+    /// Keyframes have their own tangents, so that the curve may overshoot.
     own: bool,
 }
 
@@ -535,12 +537,12 @@ impl Turning<'_> {
         Turning { spline, own: false }
     }
 
-    /// The tangents of a number at the key before key `i` and at that.
+    /// The tangents of number `n` at both ends of the span before key `i`.
     fn tangents(&self, i: usize, n: usize) -> [f64; 2] {
         [self.spline.outgoing[i - 1][n], self.spline.incoming[i][n]]
     }
 
-    /// The longest way that a number goes before key `i`, at most: along its Bézier polygon.
+    /// Upper bound in degrees of the path of any angle in the span before key `i`: the length of its Bézier polygon.
     fn widest(&self, i: usize, span: Time) -> f64 {
         let third = span.as_secs() / 3.0;
         let way = |n: usize| {
@@ -560,7 +562,7 @@ impl Turning<'_> {
     }
 }
 
-/// A cubic between two values with their tangents per second, at weight `w`.
+/// Cubic Hermite interpolation between two values with tangents per second, at `w` from 0 to 1.
 fn hermite([a, b]: [f64; 2], [ma, mb]: [f64; 2], span: Time, w: f64) -> f64 {
     let (span, w2, w3) = (span.as_secs(), w * w, w * w * w);
     (2.0 * w3 - 3.0 * w2 + 1.0) * a

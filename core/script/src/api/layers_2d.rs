@@ -34,7 +34,7 @@ api! {
     /// Adds bars at the edges that leave an image ratio times as wide as high, such as 2.39. With keyframes of
     /// "scale" they slide in. Options: color (default black), opacity (0 to 1, default 1).
     letterbox("ratio, options?") -> Flat = letterbox;
-    /// Sets the position of its anchor, as fractions of the image.
+    /// Sets the position of the layer's anchor, as fractions of the image.
     Flat.at("x, y | point") = at, in_frames;
     /// Sets the opacity: 0 is invisible, 1 hides what is below.
     Flat.opacity("value") = opacity, in_frames;
@@ -48,7 +48,7 @@ api! {
     /// the top and the bottom], default [0.4, 0.15]), radius (of the rounding, in sizes of the text, 0 to 10,
     /// default 0.2).
     Flat.panel("options?") = text_panel;
-    /// Scales it about its anchor.
+    /// Scales the layer about its anchor.
     Flat.scale("factor") = field;
     /// Sets the start time (default 0).
     Flat.from("time") = field;
@@ -56,22 +56,22 @@ api! {
     Flat.until("time") = until;
     /// Sets the duration of the fade-in and of the fade-out in seconds (default 0).
     Flat.fade("seconds") = field;
-    /// Moves it behind the scene, in front of the background. By default it is in front of everything.
+    /// Moves the layer behind the scene, in front of the background. By default it is in front of everything.
     Flat.under("") = field;
     /// Animates a property with keyframes [[time, value], …]: "position" ([x, y] as in Flat.at), "scale" or
     /// "opacity". `how`, easing and tangents as in Actor.key.
     Flat.key("property, keys, how?") = key;
 }
 
-/// Fields that are methods of a 2D layer, not options.
+/// Fields of a 2D layer that are methods, not options.
 const METHODS: [&str; 5] = ["scale", "from", "until", "fade", "under"];
 
-/// The options of a 2D layer: those of all, and more.
+/// Option names of a 2D layer: those of all layers, and `more`.
 fn known<'a>(flat: &Layer2d, more: &[&'a str]) -> Vec<&'a str> {
     [&fields::names(flat, &METHODS)[..], &["anchor"], more].concat()
 }
 
-/// A 2D layer as it is without options.
+/// A 2D layer with default values.
 fn plain() -> Layer2d {
     Layer2d::new(Layer2dContent::Panel { size: DVec2::ONE, color: Vec4::W })
 }
@@ -260,7 +260,7 @@ fn text_panel(c: &mut Call) -> Reply {
     })
 }
 
-/// Changes what only texts have.
+/// Changes the content of a text layer. Error: the layer is no text.
 fn of_text(c: &Call, change_text: impl FnOnce(&mut Layer2dContent)) -> Reply {
     let this: FlatRef = c.this()?;
     if !matches!(c.build().flat(this.0)?.content, Layer2dContent::Text { .. }) {
@@ -269,7 +269,7 @@ fn of_text(c: &Call, change_text: impl FnOnce(&mut Layer2dContent)) -> Reply {
     change(c, |flat| change_text(&mut flat.content))
 }
 
-/// The method of the same name as a field.
+/// Runs the method with the name of a field.
 fn field(c: &mut Call) -> Reply {
     let (field, value) = fields::given::<Layer2d>(c)?;
     change(c, |flat| (field.set)(flat, value))

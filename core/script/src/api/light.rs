@@ -44,7 +44,7 @@ api! {
     Light.key("property, keys, how?") = key;
 }
 
-/// A white light of the script, as it is without options.
+/// A white light with default options.
 fn default_light(kind: LightKind, intensity: f32, position: DVec3, direction: Vec3) -> StageLight {
     let light = Light { kind, color: Vec3::ONE, intensity, range: None };
     StageLight { position, direction: direction.normalize(), ..StageLight::new("", light) }
@@ -65,12 +65,12 @@ fn default_spot() -> StageLight {
     default_light(kind, 60.0, DVec3::new(0.0, 4.0, 3.0), Vec3::NEG_Y)
 }
 
-/// Fields that are no options of a light.
+/// Fields that are not options of a light.
 fn without(light: &StageLight) -> &'static [&'static str] {
     if light.light.kind == LightKind::Directional { &["position"] } else { &[] }
 }
 
-/// The options of a sun for the reference, with those of its shadow.
+/// Documentation of the options of a sun and its shadow, for the reference.
 fn sun_options() -> String {
     let shadow = fields::documented(&Shadow::default(), &[]);
     format!("{}, shadow (true, or #{{ … }} with {shadow}; default: no shadow)", documented(&default_sun()))
@@ -80,7 +80,7 @@ fn documented(light: &StageLight) -> String {
     fields::documented(light, without(light))
 }
 
-/// The options of a light: its fields, and those that are read here.
+/// Reads and checks the option map of a light.
 fn options(c: &Call, light: &StageLight) -> Result<Options, ApiError> {
     let more: &[&str] = match light.light.kind {
         LightKind::Directional => &["shadow", "name"],
@@ -174,7 +174,8 @@ fn spot(c: &mut Call) -> Reply {
     add(c, &o, light)
 }
 
-/// Ambient light from above and from below: a color, a number (white), or `#{ up, down, strength }`.
+/// Reads ambient light from above and from below, linear: a color, a strength of white light, or
+/// `#{ up, down, strength }`.
 pub(crate) fn read_ambient(c: &Call, v: &Dynamic, label: &str) -> Result<(Vec3, Vec3), ApiError> {
     if let Some(map) = v.read_lock::<Map>() {
         let o = Options { function: label.to_string(), map: map.clone() };

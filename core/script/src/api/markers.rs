@@ -1,4 +1,4 @@
-//! Markers by name.
+//! Look-up of markers by name.
 
 use crate::call::{ApiError, Call, unknown};
 use choreo_motion::{Clip, Time};

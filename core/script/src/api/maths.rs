@@ -69,7 +69,7 @@ pub(crate) const FUNCTIONS: &[(&str, &str, &str)] = &[
     ),
 ];
 
-/// Registers a function of numbers for ints and floats in every place.
+/// Registers a function for every combination of int and float arguments.
 macro_rules! numbers {
     ($engine:expr, $name:literal, |$a:ident| $f:expr) => {
         $engine.register_fn($name, |$a: f64| $f);
@@ -161,7 +161,7 @@ pub fn register(engine: &mut Engine) {
     numbers!(engine, "is_nan", |x| x.is_nan());
     engine.register_fn("to_int", |x: i64| x);
     engine.register_fn("to_int", |x: f64| -> Result<i64, Box<EvalAltResult>> {
-        // ±2^63: beyond, an int cannot hold it.
+        // About ±2^63, the range of an int.
         if x > -9.3e18 && x < 9.2e18 {
             return Ok(x as i64);
         }
@@ -243,7 +243,7 @@ fn random(engine: &mut Engine) {
     });
 }
 
-/// Ints, floats and texts are seeds.
+/// The seed of an int, a float or a text.
 fn seed_of(v: &Dynamic) -> Result<u64, Box<EvalAltResult>> {
     if let Ok(n) = v.as_int() {
         return Ok(n as u64);

@@ -68,7 +68,7 @@ pub fn functions() -> impl Iterator<Item = &'static Function> {
     TABLES.iter().flat_map(|(_, tables)| tables.iter().copied().flatten())
 }
 
-/// The descriptions of all that a script can call.
+/// The descriptions of all functions and methods of scripts.
 pub(crate) fn defs() -> &'static Defs {
     static DEFS: LazyLock<Defs> = LazyLock::new(|| {
         let of_heading = |(heading, tables): &(&'static str, &'static [&'static [Function]])| {

@@ -10,13 +10,13 @@ use rhai::{Dynamic, Map};
 use std::sync::Arc;
 
 api! {
-    /// Moves the actor by the root motion of its clips. What the root joint does on the floor moves the actor,
-    /// loops go on where they end, and the next clip starts where the last one ended. A clip that walks in place
+    /// Moves the actor by the root motion of its clips. The motion of the root joint along the floor moves the actor,
+    /// loops continue where they end, and the next clip starts where the last one ended. A clip that walks in place
     /// moves the actor as fast as its feet push the floor back.
     /// - Options: joint (name of the root joint; found automatically by default), horizontal (default true),
     ///   vertical (default false), yaw (default: true if the whole clip turns by 15° or more).
     Actor.root_motion("options?") = actor_root;
-    /// Removes root motion from its clips, so that they play in place. Options as in Actor.root_motion.
+    /// Removes root motion from the actor's clips, so that they play in place. Options as in Actor.root_motion.
     Actor.in_place("options?") = actor_in_place;
     /// Moves the actor along a smooth curve (path following) through points [[x, y, z], …], relative to its
     /// position and rotation, facing forwards.

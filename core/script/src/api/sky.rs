@@ -18,7 +18,7 @@ api! {
     sky("panorama, options?") -> Sky = sky, options(|| fields::documented(&Sky::new(Panorama::studio()), &[]));
     /// Sets the rotation about the vertical axis, in degrees counter-clockwise seen from above.
     Sky.turn("degrees") = change, in_frames;
-    /// Sets the factor of its light (default 1).
+    /// Sets the factor of the sky's light (default 1).
     Sky.strength("value") = change, in_frames;
     /// Animates "turn" or "strength" with keyframes [[time, value], …]. `how`, easing and tangents
     /// as in Actor.key.

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 const GRAVITY: f64 = 9.81;
 
-/// Changes the spring bones of an actor. It has none at first if its file has none.
+/// Changes the spring bones of an actor, which are empty at first if its file has none.
 fn swinging(c: &Call, change: impl FnOnce(&mut ActorSprings)) -> Reply {
     let this: ActorRef = c.this()?;
     let mut build = c.build();
@@ -49,7 +49,8 @@ pub fn spring(c: &mut Call) -> Reply {
     })
 }
 
-/// The tail of a spring bone in the space of its joint: the first child, else as far again as from the parent.
+/// Tail of a spring bone in joint space: the position of the first child, else a continuation of the bone from the
+/// parent with the same length.
 fn tail(asset: &Asset, joint: u32) -> glam::Vec3 {
     let (parents, rest) = (asset.skeleton.parents(), asset.skeleton.rest());
     let child = (0..parents.len()).find(|j| parents[*j] == Some(joint));
@@ -146,7 +147,7 @@ fn matching(asset: &Asset, given: &Dynamic, label: &str) -> Result<Vec<u32>, Api
     Ok((0..skeleton.len() as u32).filter(|j| hit[*j as usize]).collect())
 }
 
-/// Whether a text consists of these parts with any characters between them.
+/// Whether a text matches a pattern that was split at `*`.
 fn like(text: &str, parts: &[String]) -> bool {
     let (Some(first), Some(last)) = (parts.first(), parts.last()) else { return false };
     let Some(mut rest) = text.strip_prefix(first.as_str()) else { return false };

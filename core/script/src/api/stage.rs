@@ -127,8 +127,8 @@ fn read_size(c: &Call, size: &Dynamic) -> Result<[u32; 2], ApiError> {
     Ok([width, height])
 }
 
-/// Reads the frame rate. The frames of `stage(#{ fps: 25, length: f(50) })` are counted before the call: then the length is
-/// counted again.
+/// Reads the frame rate. In `stage(#{ fps: 25, length: f(50) })` the frames are converted to seconds before the call,
+/// at the earlier rate; then the length is converted again.
 fn read_rate(c: &Call, o: &Options, s: &mut Settings) -> Result<Option<Time>, ApiError> {
     let Some(fps) = o.number("fps")? else { return Ok(None) };
     s.fps =
@@ -148,7 +148,7 @@ fn read_rate(c: &Call, o: &Options, s: &mut Settings) -> Result<Option<Time>, Ap
     }
 }
 
-/// Reads how surfaces are drawn.
+/// Reads the rendering options.
 fn read_rendering(o: &Options, s: &mut Settings) -> Result<(), ApiError> {
     if let Some(samples) = o.number("samples")? {
         if samples != 1.0 && samples != 4.0 {
@@ -165,7 +165,7 @@ fn read_rendering(o: &Options, s: &mut Settings) -> Result<(), ApiError> {
         None => s.pipeline,
     };
     if s.pipeline == Pipeline::Deferred {
-        // A G-buffer has one sample.
+        // A G-buffer has one sample per pixel.
         if let Some(samples) = s.samples.filter(|n| *n > 1) {
             return Err(ApiError::new(format!(
                 "stage: pipeline \"deferred\" has 1 sample per pixel, got samples: {samples}"
@@ -210,7 +210,7 @@ fn read_background(c: &Call, v: &Dynamic) -> Result<Background, ApiError> {
 fn frame(c: &mut Call) -> Reply {
     let n = c.number_in(0, -1e9, 1e9)?;
     if c.in_frame {
-        // The rate is fixed by then.
+        // The rate cannot change any more.
         let rate = c.build_fps();
         return Ok(Dynamic::from_float(seconds(rate, n)));
     }

@@ -1,4 +1,4 @@
-//! Alpha masks and transparency of an actor's surfaces: `actor.surfaces(#{ … })`, and the same options of the stage.
+//! Options for alpha masks and transparency: `actor.surfaces(#{ … })`, and the same options of the stage.
 
 use super::effect::named_materials;
 use crate::call::{ApiError, Call, Options, Reply, api};
@@ -32,6 +32,7 @@ fn surfaces(c: &mut Call) -> Reply {
     c.itself()
 }
 
+/// The option `cutouts`.
 pub fn cutouts(o: &Options) -> Result<Option<Cutouts>, ApiError> {
     Ok(o.one_of("cutouts", &["smooth", "hard"])?.map(|how| match how {
         "hard" => Cutouts::Hard,
@@ -39,6 +40,7 @@ pub fn cutouts(o: &Options) -> Result<Option<Cutouts>, ApiError> {
     }))
 }
 
+/// The option `transparency`.
 pub fn transparency(o: &Options) -> Result<Option<Transparency>, ApiError> {
     Ok(o.one_of("transparency", &["auto", "sorted", "independent"])?.map(|how| match how {
         "sorted" => Transparency::Sorted,

@@ -72,7 +72,7 @@ fn section(c: &mut Call) -> Reply {
         if test.running {
             return Err(ApiError::new("a section cannot hold another one"));
         }
-        // The sections of another script are not this file's.
+        // Sections of a script that `scene` runs are not sections of this file.
         if test.scene.is_some() {
             return Ok(Dynamic::UNIT);
         }
@@ -102,7 +102,7 @@ fn section(c: &mut Call) -> Reply {
     }
 }
 
-/// Notes what a section has left undone.
+/// Notes errors about `expect` calls of a section without a comparison, and about modifiers without effect.
 fn end_section(shared: &Shared) {
     let asked = std::mem::take(&mut shared.test().asked);
     for Asked { place, comparisons, unused } in asked {
@@ -118,14 +118,14 @@ fn end_section(shared: &Shared) {
     }
 }
 
-/// Whether a section is passed over: where the sections of the file are known to be in order, only the one that is run counts.
+/// Whether a call of `test` is skipped, because the sections of the file are known and another one is run.
 fn passed_over(c: &Call) -> bool {
     let test = c.shared.test();
     let Some(wanted) = test.wanted.as_ref().filter(|_| !test.running) else { return false };
     c.value(0).read_lock::<ImmutableString>().is_some_and(|name| *name != wanted.name)
 }
 
-/// Notes what ended a function of the script, which then counts as done; a limit that is reached ends the script.
+/// Notes the error that ended a function of the script, and returns normally. An exceeded limit ends the script.
 pub(super) fn failed(c: &Call, error: EvalAltResult) -> Reply {
     let (mut place, explained) = errors::explain(&error, &c.place.file, c.shared);
     if place.line == 0 {
@@ -221,7 +221,7 @@ fn scene(c: &mut Call) -> Reply {
         test.scene = Some(RunningScript { folder, set: set.clone() });
         test.running = false;
     }
-    // The other script's parameters are its own.
+    // The parameters of the other script are kept apart.
     let own = std::mem::take(&mut c.build().parameters);
     let result = run_scene(c, &name, &text);
     let its = std::mem::replace(&mut c.build().parameters, own);
@@ -261,7 +261,7 @@ fn run_scene(c: &Call, name: &str, text: &str) -> Result<(), Box<EvalAltResult>>
     engine.run_ast_with_scope(&mut constants(), &ast)
 }
 
-/// Refuses a scene handle that belongs to another stage than the one being built.
+/// Refuses a scene handle of another stage than the one being built.
 fn of_scene(c: &Call) -> Result<(), ApiError> {
     let scene: SceneRef = c.this()?;
     if scene.0 == c.shared.test().current_stage {
@@ -310,7 +310,7 @@ fn stage_of(c: &mut Call) -> Reply {
     let Some(build) = c.value(0).try_cast::<FnPtr>() else {
         return Err(c.wrong(0, "a function that builds a stage, || { … }"));
     };
-    // What the function captures is copied, so that no handle can leave the stage it belongs to.
+    // Captured values are copied and must not contain handles, which belong to the outer stage.
     let build = own_captures(&build)?;
     for value in build.curry() {
         no_handles(value)?;
@@ -354,7 +354,7 @@ fn stage_of(c: &mut Call) -> Reply {
     }
 }
 
-/// Refuses values with handles: a handle is an index into the stage that it was made for.
+/// Refuses values that contain handles of a stage, because a handle is an index into the stage that it was made for.
 fn no_handles(value: &Dynamic) -> Result<(), ApiError> {
     let kind = crate::value::kind_of(value);
     if !matches!(
@@ -413,7 +413,7 @@ fn samples(o: &Options) -> Result<Option<u32>, ApiError> {
     }
 }
 
-/// The limits of the metrics, for the reference.
+/// Documentation of the image metrics and their limits, for the reference.
 fn limits() -> String {
     let one = |m: ImageMetric| format!("{} ({}, 0 to 1, default {})", m.name, m.doc, m.limit);
     METRICS.map(one).join(", ")

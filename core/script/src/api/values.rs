@@ -35,7 +35,7 @@ pub(crate) const PLAN_COUNTS: &[(&str, PlanCount)] = &[
 
 /// Converts a plain value, arrays and maps of plain values included.
 pub fn value(v: &Dynamic, depth: usize) -> Option<Value> {
-    // Deeper values are not written by hand.
+    // Maximum nesting: deeper values are not written by hand.
     const DEEPEST: usize = 16;
     if depth > DEEPEST {
         return None;

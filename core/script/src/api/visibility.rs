@@ -50,7 +50,7 @@ fn hide_parts(c: &mut Call) -> Reply {
     c.itself()
 }
 
-/// No mesh and no node with a mesh has this name; names that contain it are what was meant.
+/// The error that no mesh, and no node with a mesh, has a name. It suggests names that contain it.
 fn no_part(pattern: &str, asset: &str, names: &[[&str; 2]]) -> ApiError {
     let mut known: Vec<&str> = names.as_flattened().iter().copied().filter(|name| !name.is_empty()).collect();
     known.sort_unstable();
@@ -62,7 +62,7 @@ fn no_part(pattern: &str, asset: &str, names: &[[&str; 2]]) -> ApiError {
     else {
         return unknown("part", pattern, &of, known);
     };
-    // Letters may have other lengths in lower case.
+    // Letters may have another length in bytes in lower case.
     let written = name.get(at..at + lower.len()).unwrap_or(&lower);
     let matching: Vec<&str> =
         known.iter().copied().filter(|name| name.to_lowercase().contains(&lower)).collect();

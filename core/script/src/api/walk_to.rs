@@ -1,4 +1,4 @@
-//! Walks to a point: turn, start, walk and stop, as keyframes of the actor and cues of its base layer.
+//! Walks to a point, as keyframes of the actor and cues of its base layer: turn, start, walk and stop.
 
 use super::cue::bound;
 use crate::build::{ActorDraft, Build, Chain, CueDraft, RootDraft, RootUse, room};
@@ -16,17 +16,18 @@ use std::sync::Arc;
 api! {
     /// Walks to a point and stops there: the actor turns to it, starts, walks straight ahead, and takes a last step;
     /// feet on the ground are locked. Returns the cue of the walk; its .end() is the time of arrival.
-    /// - Options: clip (the clip in which it walks; default: the file's own clip "Walk"), idle (the clip in which it stands before and after; default:
-    ///   the clip that it plays when it starts), from (time at which it begins to turn and walk; default: the arrival
-    ///   of the walk before, else 0), speed (metres per second; default: that of the clip), arrive (time of arrival,
-    ///   instead of a speed), fade (seconds to start and to stop, 0.1 to 3, default 0.5), face (an actor or a point: it turns there while it
-    ///   stops, with steps; an actor is looked for where it is placed, or where its last walk has ended).
+    /// - Options: clip (the clip in which it walks; default: the file's own clip "Walk"), idle (the clip in which it
+    ///   stands before and after; default: the clip that it plays when it starts), from (time at which it begins to
+    ///   turn and walk; default: the end of the walk before, its last turn included, else 0), speed (metres per second;
+    ///   default: that of the clip), arrive (time of arrival, instead of a speed), fade (seconds to start and to stop,
+    ///   0.1 to 3, default 0.5), face (an actor or a point: it turns there while it stops, with steps; the position of
+    ///   an actor is where it is placed, or where its last walk has ended).
     /// - The walk begins where the actor has been placed so far, or where the walk before ended. At the time of
     ///   arrival its position is the point.
     Actor.walk_to("point, options?") -> Cue = walk_to;
 }
 
-/// Metres per second below which a clip stands.
+/// Speed in metres per second below which a clip does not walk.
 const SLOWEST: f64 = 0.01;
 /// A clip is played at up to this many times its own speed, or at its inverse.
 const FASTEST: f64 = 4.0;
@@ -116,7 +117,7 @@ fn clip_option(c: &Call, o: &Options, name: &str, asset: &Arc<Asset>) -> Result<
     bound(c, &given, asset).map(Some)
 }
 
-/// Position and rotation from which the next walk goes on.
+/// Position and rotation at which the next walk begins. Error: keyframes, a path or `.face` set them.
 fn begin(draft: &ActorDraft) -> Result<(DVec3, DQuat), ApiError> {
     if let Some(walk) = draft.walks.last() {
         return Ok((walk.point, walk.rotation()));
@@ -135,7 +136,7 @@ fn begin(draft: &ActorDraft) -> Result<(DVec3, DQuat), ApiError> {
     Ok((draft.actor.transform.translation, draft.actor.transform.rotation))
 }
 
-/// Metres per second that a clip gets on.
+/// Walking speed of a clip in metres per second.
 fn clip_speed(asset: &Asset, clip: &Arc<Clip>) -> f64 {
     let motion =
         RootMotion::new(&asset.skeleton, clip, None, RootParts::default(), (Time::ZERO, clip.duration));
@@ -153,7 +154,7 @@ fn playing(build: &Build, actor: usize, time: Time) -> Option<Arc<Clip>> {
     Some(build.cues[last.1].cue.clip.clone())
 }
 
-/// Adds a cue on the spot to the base layer of an actor.
+/// Adds a cue that plays in place to the base layer of an actor.
 fn add_cue(
     build: &mut Build,
     c: &Call,

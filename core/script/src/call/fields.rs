@@ -1,4 +1,4 @@
-//! Fields of the stage's types as options and methods: read, set and documented from their description.
+//! Fields of stage types as options and methods of scripts. Reading, setting and documenting them follows from [`Described`].
 
 use super::read::{color, duration, number_in, numbers, point, wrong};
 use super::{ApiError, Call, Options};
@@ -33,7 +33,7 @@ pub fn pair(v: &Dynamic, label: &str) -> Result<DVec2, ApiError> {
     two.map(|n| DVec2::new(n[0], n[1])).ok_or_else(|| wrong(v, label, "[x, y]"))
 }
 
-/// Sets the fields that an option map gives.
+/// Sets the fields that are keys of an option map.
 pub fn fill<T: Described>(c: &Call, o: &Options, of: &mut T) -> Result<(), ApiError> {
     for field in T::FIELDS {
         if let Some(given) = o.get(field.name) {
@@ -54,17 +54,17 @@ pub fn given<T: Described>(c: &Call) -> Result<(&'static Field<T>, FieldValue), 
     Ok((field, given))
 }
 
-/// Fields that a value has, of those that are options.
+/// Fields of a type that apply to a value, except those in `without`.
 fn options<T: Described>(of: &T, without: &[&str]) -> impl Iterator<Item = &'static Field<T>> {
     T::FIELDS.iter().filter(|field| (field.lacks)(of).is_none() && !without.contains(&field.name))
 }
 
-/// The names of the options that a value has.
+/// Names of the fields that are options of a value.
 pub fn names<T: Described>(of: &T, without: &[&str]) -> Vec<&'static str> {
     options(of, without).map(|field| field.name).collect()
 }
 
-/// `intensity (0 to 1000000000, default 3), …`, for the reference.
+/// Description of the options for the reference: `intensity (0 to 1000000000, default 3), …`.
 pub fn documented<T: Described>(of: &T, without: &[&str]) -> String {
     let one = |field: &Field<T>| {
         let mut parts = vec![field.about()];
@@ -80,7 +80,7 @@ pub fn documented<T: Described>(of: &T, without: &[&str]) -> String {
             _ => {}
         }
         let default = match field.of_type {
-            // They are normalized, and linear.
+            // The stored value differs from the script's: directions are normalized, colors linear.
             FieldType::Direction | FieldType::Color => None,
             _ => field.shown(of),
         };

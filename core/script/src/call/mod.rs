@@ -1,4 +1,4 @@
-//! One call of a script function: its arguments with checks, its errors.
+//! One call of a script function: reads and checks its arguments, and makes its errors.
 
 pub mod fields;
 mod read;
@@ -32,8 +32,9 @@ use std::sync::{Arc, MutexGuard, PoisonError};
 /// /// Returns the start time.
 /// Cue.start("") -> "float" = start;
 /// ```
-/// Without an arrow a method returns its receiver; `()` is nothing, and a text is the type of a plain value. The documentation
-/// begins with what the function does; each paragraph that begins with `- ` describes a group of options or one aspect.
+/// A method without an arrow returns its receiver; `-> ()` returns nothing, and a text is the type of a plain value. The
+/// documentation begins with what the function does; each paragraph that begins with `- ` describes a group of options or one
+/// aspect.
 macro_rules! api {
     ($($(#[doc = $doc:literal])+ $on:ident $(. $name:ident)? ($args:literal) $(-> $gives:tt)? = $run:expr $(, $mark:ident $(($mark_arg:expr))?)*;)*) => {
         pub(crate) const DEFS: &[$crate::call::Function] = &[$($crate::call::Function {
@@ -61,7 +62,7 @@ macro_rules! api {
 }
 pub(crate) use api;
 
-/// A function or method, and what runs it.
+/// A function or method of scripts: its description and its implementation.
 pub struct Function {
     pub def: Def,
     pub run: fn(&mut Call) -> Reply,
@@ -69,7 +70,7 @@ pub struct Function {
 
 pub(crate) type Reply = Result<Dynamic, ApiError>;
 
-/// `; did you mean "bloom"?` for `glow` and for `blom`, or nothing.
+/// The text `; did you mean "bloom"?` for the synonym `glow` and the misspelling `blom`; empty without a suggestion.
 fn meant<'a>(name: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> String {
     match synonyms::of_value(name, known.clone()) {
         Some(known) => format!("; did you mean \"{known}\"?"),
@@ -77,7 +78,7 @@ fn meant<'a>(name: &str, known: impl IntoIterator<Item = &'a str> + Clone) -> St
     }
 }
 
-/// `unknown WHAT "NAME"PLACE; did you mean "…"?`, with the known names as a hint.
+/// The error `unknown WHAT "NAME"PLACE; did you mean "…"?`, with the known names as a hint.
 pub fn unknown<'a>(
     what: &str,
     name: &str,
@@ -87,7 +88,7 @@ pub fn unknown<'a>(
     unknown_of(what, name, place, known.clone(), known)
 }
 
-/// The same, with all names that are taken, of which `known` are shown.
+/// [`unknown`] that suggests any accepted name of `taken`; the hint lists `known`.
 pub(crate) fn unknown_of<'a>(
     what: &str,
     name: &str,
@@ -104,6 +105,7 @@ pub(crate) fn unknown_of<'a>(
     error
 }
 
+/// A call in progress: the called function, its arguments (the receiver first), and its place in the script.
 pub struct Call<'a, 'b> {
     pub shared: &'a Arc<Shared>,
     pub def: &'static Def,
@@ -118,15 +120,17 @@ impl Call<'_, '_> {
         usize::from(self.def.on != HandleKind::None)
     }
 
-    /// Arguments without the receiver.
+    /// Number of arguments without the receiver.
     pub fn len(&self) -> usize {
         self.args.len() - self.offset()
     }
 
+    /// Locks the build. Drop the guard before calling anything that locks the build, too.
     pub fn build(&self) -> MutexGuard<'_, Build> {
         self.shared.build.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// The receiver. Error: it has another type than `T`.
     pub fn this<T: rhai::Variant + Clone>(&self) -> Result<T, ApiError> {
         self.args[0]
             .flatten_clone()
@@ -134,7 +138,7 @@ impl Call<'_, '_> {
             .ok_or_else(|| ApiError::new(format!("{} is a method of {}", self.def.name, self.def.on.name())))
     }
 
-    /// The asset of the receiver, waited for where it is still being imported.
+    /// The asset of the receiver. Waits while it is still being imported.
     pub(crate) fn this_asset(&self) -> Result<Arc<Asset>, ApiError> {
         self.shared.asset(&self.this::<AssetRef>()?.from)
     }
@@ -144,18 +148,19 @@ impl Call<'_, '_> {
         Ok(self.args[0].flatten_clone())
     }
 
+    /// Argument `i`, the receiver not counted.
     pub fn value(&self, i: usize) -> Dynamic {
         self.args[i + self.offset()].flatten_clone()
     }
 
-    /// `turn: degrees`.
+    /// The label of an argument in messages, such as `turn: degrees`.
     pub fn label(&self, i: usize) -> String {
         let len = self.len();
         let name = self.def.forms().into_iter().find(|f| f.len() == len).and_then(|f| f.get(i).copied());
         format!("{}: {}", self.def.name, name.unwrap_or("argument"))
     }
 
-    /// `turn: degrees must be ALLOWED, got …`.
+    /// The error `turn: degrees must be ALLOWED, got …` about argument `i`.
     pub fn wrong(&self, i: usize, allowed: &str) -> ApiError {
         wrong(&self.value(i), &self.label(i), allowed)
     }
@@ -207,7 +212,7 @@ impl Call<'_, '_> {
         point(&self.value(i), &self.label(i))
     }
 
-    /// The option map at `i`, or an empty one where it was left out; unknown keys are an error.
+    /// The option map in argument `i`, empty if left out. Unknown keys are an error.
     pub fn options(&self, i: usize, known: &[&str]) -> Result<Options, ApiError> {
         if i >= self.len() {
             return Ok(Options { function: self.def.name.to_string(), map: Map::new() });
@@ -229,7 +234,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// Gives options that are written by an alias their names.
+    /// Renames options that are written by an alias.
     fn rename_aliases(&mut self) -> Result<(), ApiError> {
         let option = |text: &'static str| text.strip_prefix(&*self.function)?.strip_prefix(": ");
         let aliases =
@@ -243,6 +248,7 @@ impl Options {
         }
         Ok(())
     }
+    /// Error: the map has a key that is not in `known`.
     pub fn check(&self, c: &Call, known: &[&str]) -> Result<(), ApiError> {
         let Some(key) = self.map.keys().find(|k| !known.contains(&k.as_str())) else { return Ok(()) };
         let options = format!("options: {}", list(known.iter().copied(), 30));
@@ -258,12 +264,15 @@ impl Options {
         let what = format!("{}: unknown option \"{key}\"{meant}", self.function);
         Err(ApiError::new(what).focus(key.to_string()).hint(hint))
     }
+    /// Value of an option, if it is given.
     pub fn get(&self, name: &str) -> Option<Dynamic> {
         self.map.get(name).map(Dynamic::flatten_clone)
     }
+    /// Label of an option in messages, such as `sun: color`.
     pub fn label(&self, name: &str) -> String {
         format!("{}: {name}", self.function)
     }
+    /// Converts the value of an option by `reader`, which gets value and label; `None` if it is not given.
     pub fn read<T>(
         &self,
         name: &str,

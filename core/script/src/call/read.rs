@@ -1,4 +1,4 @@
-//! Values of a script as the requested type: `LABEL must be ALLOWED, got …`.
+//! Conversion of script values to a requested type. Errors read `LABEL must be ALLOWED, got …`.
 
 use super::{ApiError, meant};
 use crate::color;
@@ -9,6 +9,7 @@ use choreo_stage::Target;
 use glam::{DQuat, DVec3, Vec3, Vec4};
 use rhai::Dynamic;
 
+/// Reads a text that must be one of `allowed`.
 pub fn one_of(v: &Dynamic, label: &str, allowed: &[&'static str]) -> Result<&'static str, ApiError> {
     let given = text(v, label)?;
     allowed.iter().find(|a| **a == given).copied().ok_or_else(|| {
@@ -21,7 +22,7 @@ pub fn one_of(v: &Dynamic, label: &str, allowed: &[&'static str]) -> Result<&'st
     })
 }
 
-/// `LABEL must be ALLOWED, got …`.
+/// The error `LABEL must be ALLOWED, got …`.
 pub fn wrong(v: &Dynamic, label: &str, allowed: &str) -> ApiError {
     let mut error = ApiError::new(format!("{label} must be {allowed}, got {}", describe(v)));
     error.focus = v.clone().into_string().ok();
@@ -31,7 +32,7 @@ pub fn wrong(v: &Dynamic, label: &str, allowed: &str) -> ApiError {
     error
 }
 
-/// A value in a message.
+/// A value as messages show it.
 pub fn describe(v: &Dynamic) -> String {
     let v = v.flatten_clone();
     if v.is_unit() {
@@ -78,6 +79,7 @@ pub fn describe(v: &Dynamic) -> String {
     }
 }
 
+/// Reads a finite int or float.
 pub fn number(v: &Dynamic, label: &str) -> Result<f64, ApiError> {
     let n = match (v.as_int(), v.as_float()) {
         (Ok(n), _) => n as f64,
@@ -91,6 +93,7 @@ pub fn number(v: &Dynamic, label: &str) -> Result<f64, ApiError> {
     }
 }
 
+/// Reads a number from `min` to `max`, both included.
 pub(crate) fn number_in(v: &Dynamic, label: &str, min: f64, max: f64) -> Result<f64, ApiError> {
     let n = number(v, label)?;
     if (min..=max).contains(&n) {
@@ -99,9 +102,10 @@ pub(crate) fn number_in(v: &Dynamic, label: &str, min: f64, max: f64) -> Result<
     Err(ApiError::new(format!("{label} must be from {min} to {max}, got {}", describe(v))))
 }
 
-/// ±1 000 000 s, 11 days: far from where integer time or f64 seconds lose anything.
+/// Largest time, ±1 000 000 s (11 days): far below where integer time or f64 seconds lose precision.
 const LONGEST_SECS: f64 = 1e6;
 
+/// Reads a time in seconds, within ±1 000 000 s.
 pub fn time(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
     let secs = number(v, label).map_err(|e| match v.as_int().is_err() && v.as_float().is_err() {
         true => wrong(v, label, "a time: seconds, or f(frame)"),
@@ -116,6 +120,7 @@ pub fn time(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
     Ok(Time::from_secs(secs))
 }
 
+/// Reads a time in seconds that is not negative.
 pub fn duration(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
     let t = time(v, label)?;
     if t < Time::ZERO {
@@ -124,18 +129,21 @@ pub fn duration(v: &Dynamic, label: &str) -> Result<Time, ApiError> {
     Ok(t)
 }
 
+/// Reads a text.
 pub fn text(v: &Dynamic, label: &str) -> Result<String, ApiError> {
     v.clone().into_string().map_err(|_| wrong(v, label, "text"))
 }
 
+/// Reads an array of finite numbers; `None` for any other value.
 pub fn numbers(v: &Dynamic) -> Option<Vec<f64>> {
     let array = v.read_lock::<rhai::Array>()?;
     array.iter().map(|n| number(n, "").ok()).collect()
 }
 
-/// Metres: as far as the middle of the galaxy would lose all sense, so a slip is refused.
+/// Largest coordinate in metres. Larger ones are refused as mistakes.
 const FARTHEST: f64 = 1e15;
 
+/// Reads a point [x, y, z] in metres, each within ±1e15.
 pub fn point(v: &Dynamic, label: &str) -> Result<DVec3, ApiError> {
     match numbers(v).as_deref() {
         Some([x, y, z]) => near(DVec3::new(*x, *y, *z), label),
@@ -150,6 +158,7 @@ pub(super) fn near(p: DVec3, label: &str) -> Result<DVec3, ApiError> {
     Err(ApiError::new(format!("{label} must be within ±{FARTHEST:e} m")))
 }
 
+/// Reads an actor, a joint or a point [x, y, z] in metres.
 pub fn target(v: &Dynamic, label: &str) -> Result<Target, ApiError> {
     if let Some(actor) = v.read_lock::<ActorRef>() {
         return Ok(Target::Actor(actor.id));
@@ -199,6 +208,7 @@ pub fn euler(degrees: DVec3) -> DQuat {
         * DQuat::from_rotation_x(radians(degrees.x))
 }
 
+/// Red, green and blue of a color, without alpha.
 pub fn rgb(c: Vec4) -> Vec3 {
     c.truncate()
 }

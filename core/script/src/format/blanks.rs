@@ -1,9 +1,9 @@
-//! The blank between two pieces on one line.
+//! Whether a blank belongs between two pieces on one line.
 
 use super::pieces::{Piece, Role};
 
-/// Whether a blank stands between two neighbours on one line. `there`: whether one stands there now, which counts where either
-/// is right.
+/// Whether a blank belongs between two neighbors on one line. `there`: whether the text has one now, which decides where both are
+/// allowed.
 pub fn blank(before: &Piece, next: &Piece, there: bool) -> bool {
     wanted(before, next, there) || would_join(before.text, next.text)
 }
@@ -31,7 +31,7 @@ fn wanted(before: &Piece, next: &Piece, there: bool) -> bool {
     }
 }
 
-/// Whether two tokens without a blank between them would be read as others: `- -1`, `| |`, `1. ..`.
+/// Whether two tokens without a blank between them would be read as different tokens: `- -1`, `| |`, `1. ..`.
 fn would_join(before: &str, next: &str) -> bool {
     let ends = |c| before.ends_with(c) && next.starts_with(c);
     let is_number = before.starts_with(|c: char| c.is_ascii_digit() || c == '-');

@@ -1,4 +1,4 @@
-//! Comments: those behind code in a common column, and those of several lines.
+//! Aligns comments after code in a common column and indents comments of several lines.
 
 use super::lines::Line;
 use super::pieces::{Piece, Role};
@@ -23,7 +23,7 @@ fn last_line(text: &str) -> &str {
     text.rsplit('\n').next().unwrap_or(text)
 }
 
-/// Keeps comments behind code in one column if they are written in one column and no blank line lies between.
+/// Keeps comments after code in one column if they are written in one column without a blank line between them.
 pub fn align(text: &str, pieces: &[Piece], gaps: &mut [Gap]) {
     let mut groups: BTreeMap<(usize, usize), Vec<Trailing>> = BTreeMap::new();
     let (mut paragraph, mut column) = (0, 0);
@@ -53,7 +53,7 @@ pub fn align(text: &str, pieces: &[Piece], gaps: &mut [Gap]) {
     }
 }
 
-/// A comment of several lines, all of them moved as far as the first, which then stands in a column.
+/// A comment of several lines, moved so that its first line stands in `column`. The other lines move equally far.
 pub fn moved(text: &str, comment: &Piece, column: usize, line_break: &str) -> String {
     let before = last_line(&text[..comment.range.start]);
     let old = if before.trim().is_empty() { width(before) } else { column };

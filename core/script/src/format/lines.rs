@@ -1,4 +1,4 @@
-//! Beginnings of lines, and how far they are indented.
+//! Line breaks and indentation.
 
 use super::pieces::{Piece, Role};
 
@@ -17,7 +17,7 @@ struct Frame {
     outer: usize,
     /// Depth of lines that begin a statement or element.
     inner: usize,
-    /// Depth of the line in which the present statement or element began; `None` between two of them.
+    /// Depth of the line in which the current statement or element began; `None` between two of them.
     element: Option<usize>,
     /// Depth of the line with the keyword whose block follows.
     control: Option<usize>,
@@ -27,7 +27,7 @@ struct Frame {
     is_block: bool,
 }
 
-/// The lines of some pieces: one for each piece that begins a line. Line breaks are the author's, except that a closing bracket gets one if its opening
+/// The line that each piece begins, if any. Line breaks are the author's, except that a closing bracket gets one if its opening
 /// bracket is followed by one.
 pub fn lines(pieces: &[Piece]) -> Vec<Option<Line>> {
     let base = Frame { outer: 0, inner: 0, element: None, control: None, spread: false, is_block: true };
@@ -38,7 +38,7 @@ pub fn lines(pieces: &[Piece]) -> Vec<Option<Line>> {
 struct Layout<'p, 'a> {
     pieces: &'p [Piece<'a>],
     frames: Vec<Frame>,
-    /// Depth of the present line.
+    /// Depth of the current line.
     depth: usize,
 }
 
@@ -65,7 +65,7 @@ impl Layout<'_, '_> {
         &mut self.frames[last]
     }
 
-    /// The next token at a piece or behind it.
+    /// The piece at `index` or the first one after it that is not a comment.
     fn token(&self, index: usize) -> Option<&Piece<'_>> {
         self.pieces[index.min(self.pieces.len())..].iter().find(|piece| !piece.is_comment())
     }
@@ -74,7 +74,8 @@ impl Layout<'_, '_> {
         self.pieces[..index].iter().rev().find(|piece| !piece.is_comment())
     }
 
-    /// The depth of a line that begins with a piece. A comment is as deep as the token behind it, inside of brackets that it closes.
+    /// Depth of a line that begins with a piece. A comment is as deep as the token after it; before a closing bracket it is as
+    /// deep as the content of the brackets.
     fn depth_of(&self, index: usize) -> usize {
         let Some(frame) = self.frames.last() else { return 0 };
         let Some(token) = self.token(index) else { return frame.inner };
@@ -96,7 +97,7 @@ impl Layout<'_, '_> {
         }
     }
 
-    /// Takes a token into account.
+    /// Updates the open frames with a token.
     fn follow(&mut self, index: usize) {
         let (piece, depth) = (&self.pieces[index], self.depth);
         match piece.role {
@@ -141,7 +142,7 @@ impl Layout<'_, '_> {
         }
     }
 
-    /// Whether what a bracket contains begins on a new line.
+    /// Whether the content of a bracket begins on a new line.
     fn spread(&self, open: usize) -> bool {
         let inside = &self.pieces[open + 1..];
         let first = inside.iter().position(|piece| !piece.is_comment()).unwrap_or(inside.len());
@@ -150,7 +151,7 @@ impl Layout<'_, '_> {
     }
 }
 
-/// Whether a keyword has a block.
+/// Whether a keyword is followed by a block.
 fn heads(word: &str) -> bool {
     matches!(
         word,
@@ -158,12 +159,12 @@ fn heads(word: &str) -> bool {
     )
 }
 
-/// Whether a token belongs to the block before it.
+/// Whether a token continues the statement of the block before it, as `else` does.
 fn continues_block(token: &Piece) -> bool {
     token.role == Role::Keyword && matches!(token.text, "else" | "catch" | "while" | "until")
 }
 
-/// Whether a token goes on with a statement whose last token closes a block.
+/// Whether a token after a closed block continues the same statement.
 fn goes_on(token: &Piece) -> bool {
     matches!(token.role, Role::Dot | Role::Binary | Role::Separator | Role::Close)
         || token.role == Role::Keyword && matches!(token.text, "else" | "catch")

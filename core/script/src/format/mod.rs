@@ -1,6 +1,5 @@
-//! Formatting of scripts. Only what lies between tokens changes: blanks, indentation, blank lines. Line breaks are the author's, so
-//! that chains and maps stay as they were laid out, and places in messages keep their lines; comments and the letters of strings stay as
-//! they are.
+//! Formatter of scripts. It changes blanks, indentation and blank lines. Line breaks are the author's, so that chains and maps
+//! keep their layout; the text of comments and strings stays the same.
 //!
 //! ```text
 //! text ─► pieces (Rhai's tokens, comments) ─► lines (where they begin, how deep), blanks ─► comments (aligned) ─► edits
@@ -18,14 +17,14 @@ use std::fmt;
 use std::ops::Range;
 use strings::{formatted_string, is_same_string};
 
-/// Blanks of one step of indentation.
+/// Number of blanks of one step of indentation.
 const STEP: usize = 4;
 const MARK: &str = "\u{feff}";
 
 /// A change of a text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Edit {
-    /// Bytes that are replaced.
+    /// Byte range that is replaced.
     pub range: Range<usize>,
     pub text: String,
 }
@@ -64,12 +63,12 @@ impl fmt::Display for FormatError {
 
 impl std::error::Error for FormatError {}
 
-/// A script, formatted. Formatted again it stays the same.
+/// The formatted script. Formatting is idempotent.
 pub fn formatted(text: &str) -> Result<String, FormatError> {
     Ok(applied(text, &edits(text)?))
 }
 
-/// The changes that format a script, in order. Its tokens and comments stay the same, which is checked.
+/// The edits that format a script, in order. It is checked that tokens and comments stay the same.
 pub fn edits(text: &str) -> Result<Vec<Edit>, FormatError> {
     let start = if text.starts_with(MARK) { MARK.len() } else { 0 };
     let script = &text[start..];
@@ -86,7 +85,7 @@ pub fn edits(text: &str) -> Result<Vec<Edit>, FormatError> {
     Ok(edits)
 }
 
-/// A text with changes, which are in order.
+/// Applies edits, which must be in order.
 fn applied(text: &str, edits: &[Edit]) -> String {
     let (mut new, mut behind) = (String::with_capacity(text.len()), 0);
     for edit in edits {
@@ -109,7 +108,7 @@ fn is_same(pieces_before: &[Piece], text: &str) -> bool {
     pieces(text).is_ok_and(|new| new.len() == pieces_before.len() && pieces_before.iter().zip(&new).all(same))
 }
 
-/// Every bracket has its partner.
+/// Checks that every bracket has its partner.
 fn balanced(text: &str, pieces: &[Piece]) -> Result<(), FormatError> {
     let mut open: Vec<&Piece> = Vec::new();
     for piece in pieces {
@@ -134,7 +133,7 @@ fn balanced(text: &str, pieces: &[Piece]) -> Result<(), FormatError> {
     }
 }
 
-/// The blanks before a piece.
+/// The line break or blanks before a piece.
 #[derive(Clone, Copy, Debug)]
 enum Gap {
     Line(Line),
@@ -279,7 +278,8 @@ mod tests {
         }
     }
 
-    /// Every lesson, test and plugin of the project is formatted; without its indentation it keeps its tokens, and nothing is left to do the second time.
+    /// Every lesson, test and plugin of the project is formatted. A copy without indentation keeps its tokens when it is
+    /// formatted, and formatting is idempotent.
     #[test]
     fn scripts_of_the_project_are_formatted() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");

@@ -1,9 +1,10 @@
-//! The tokens and comments of a text in order, with the role that each token has for the blanks around it.
+//! Tokens and comments of a text in order, with the role of each, which decides about blanks around it.
 
 use super::FormatError;
 use crate::tokens::{TokenKind, comments, tokens};
 use std::ops::Range;
 
+/// Role of a piece, which decides about the blanks around it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// A name, number or text.
@@ -33,6 +34,7 @@ pub enum Role {
     Other,
 }
 
+/// A token or comment of a text.
 #[derive(Clone, Debug)]
 pub struct Piece<'a> {
     pub text: &'a str,
@@ -59,7 +61,7 @@ const KEYWORDS: [&str; 24] = [
     "continue", "switch", "import", "export", "as", "private", "throw", "try", "catch", "case", "default",
 ];
 
-/// The tokens and comments of a text; an error where it is no sequence of tokens.
+/// The tokens and comments of a text. Error: a part of the text is not a token.
 pub fn pieces(text: &str) -> Result<Vec<Piece<'_>>, FormatError> {
     let mut found: Vec<Piece> = Vec::new();
     let mut behind = 0;

@@ -1,9 +1,9 @@
-//! Interpolated strings: the code inside `${…}` is formatted as code is, the letters stay.
+//! Interpolated strings: the code inside `${…}` is formatted like other code, the text stays the same.
 
 use super::formatted;
 use crate::tokens::tokens_with_inner;
 
-/// A string with its code formatted; code of several lines stays.
+/// A string with its interpolated code formatted; code of several lines stays the same.
 pub(crate) fn formatted_string(string: &str) -> String {
     let (mut new, mut behind) = (String::with_capacity(string.len()), 0);
     for code in tokens_with_inner(string).1 {
@@ -23,7 +23,7 @@ fn on_one_line(code: &str) -> Option<String> {
     (!line.contains('\n')).then(|| line.to_string())
 }
 
-/// Whether two strings have the same letters, and code of the same tokens.
+/// Whether two strings have the same text, and interpolated code of the same tokens.
 pub(crate) fn is_same_string(old: &str, new: &str) -> bool {
     let parts = |string: &str| {
         let (mut letters, mut tokens, mut behind) = (Vec::new(), Vec::new(), 0);

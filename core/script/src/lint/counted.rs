@@ -1,14 +1,14 @@
-//! The parts of a long script that rules read. Tests count the steps: characters read, nodes and loads visited, places compared. The steps of a
-//! rule must grow with a script, not with its square.
+//! Access of rules to the text and drafts of a script, with a counter of steps for tests: characters read, nodes and loads
+//! visited, places compared. The steps of a rule must grow linearly with the script.
 //!
-//! The texts, trees and lists are private here, so that no rule can read one without its steps being counted.
+//! Texts, trees and lists are private to this module, so that no rule can read them uncounted.
 
 use crate::build::{Build, Declared, LoadDraft};
 use rhai::{AST, ASTNode, Stmt};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-/// Adds to the count of this thread.
+/// Adds steps to the counter of this thread; does nothing outside tests.
 #[cfg(not(test))]
 #[inline(always)]
 fn count(_: usize) {}
@@ -32,7 +32,7 @@ impl<'a> Source<'a> {
         Source { ast, text }
     }
 
-    /// Each variable that the file makes, with its place.
+    /// Calls `visit` with name and place of each variable that the file declares.
     pub fn for_variables(&self, mut visit: impl FnMut(&str, At)) {
         self.ast.walk(&mut |nodes| {
             count(1);
@@ -45,7 +45,7 @@ impl<'a> Source<'a> {
         });
     }
 
-    /// How often each word stands in the text.
+    /// Number of occurrences of each word of the text.
     pub fn words(&self) -> HashMap<&'a str, usize> {
         let mut counts = HashMap::new();
         count(self.text.len());
@@ -54,7 +54,7 @@ impl<'a> Source<'a> {
         counts
     }
 
-    /// The places at which the text begins with one of these, in the order of the text.
+    /// The places at which one of `parts` occurs, in the order of the text.
     pub fn places_of(&self, parts: &[&str]) -> Sorted {
         let mut found = Sorted(Vec::new());
         let (mut line, mut column) = (1, 1);
@@ -69,11 +69,12 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Places in the order of a text. Not bytes: finding the byte of a place takes time proportional to the length of its line.
+/// Places in the order of a text. They are lines and columns, because finding the byte of a place takes time proportional to the
+/// length of its line.
 pub(super) struct Sorted(Vec<At>);
 
 impl Sorted {
-    /// The first one at a place or after it.
+    /// The first place at or after `from`.
     pub fn next(&self, from: At) -> Option<At> {
         let is_before = |at: &At| {
             count(1);
@@ -105,13 +106,13 @@ impl<'a> Drafts<'a> {
 pub(super) struct Lines<'a>(BTreeMap<&'a str, Vec<&'a str>>);
 
 impl<'a> Lines<'a> {
-    /// Cut once for all findings. `sources`: texts by file.
+    /// Splits the texts (by file) to lines, once for all findings.
     pub fn of(sources: &'a BTreeMap<String, Arc<str>>) -> Lines<'a> {
         sources.values().for_each(|text| count(text.len()));
         Lines(sources.iter().map(|(file, text)| (file.as_str(), text.lines().collect())).collect())
     }
 
-    /// A line of a file, from 1.
+    /// A line of a file by its number from 1.
     pub fn get(&self, file: &str, number: usize) -> Option<&'a str> {
         count(1);
         self.0.get(file)?.get(number.checked_sub(1)?).copied()
@@ -130,7 +131,7 @@ mod steps {
         STEPS.set(STEPS.get() + steps);
     }
 
-    /// The steps since the last call.
+    /// The number of steps since the last call.
     pub(in super::super) fn taken() -> usize {
         STEPS.take()
     }

@@ -1,4 +1,4 @@
-//! Cues that leave a gap, freeze, hide each other or are cut off.
+//! Finds cues that leave a gap, freeze, hide each other or are cut off.
 
 use super::PlacedFinding;
 use crate::build::{Build, CueDraft};
@@ -7,11 +7,11 @@ use crate::cue_times::all_times;
 use choreo_motion::Time;
 use choreo_stage::{LayerMode, Repeat, Subject};
 
-/// A cue and the time in which it is active.
+/// A cue with its start and end.
 struct Timed<'a> {
     draft: &'a CueDraft,
     start: Time,
-    /// `None`: it repeats without end.
+    /// `None`: the cue repeats without end.
     end: Option<Time>,
     layer: bool,
 }
@@ -21,7 +21,7 @@ impl Timed<'_> {
         &self.draft.cue.clip.name
     }
 
-    /// Whether the script states that the last pose is held.
+    /// Whether the script asks for the clip to play once, so that holding the last pose is intended.
     fn asked_to_hold(&self) -> bool {
         self.draft.repeat == Some(Repeat::Once)
     }
@@ -44,7 +44,7 @@ pub fn look(build: &Build, found: &mut Vec<PlacedFinding>) {
             next_in_chain[before] = Some(id);
         }
     }
-    // A hold shorter than this is seen by nobody.
+    // A hold that is shorter than a frame is not visible.
     let frame = build.settings.fps.time_of(1);
     let mut of_actors: Vec<Vec<&Timed>> = vec![Vec::new(); build.actors.len()];
     for cue in &timed {
@@ -97,7 +97,7 @@ fn base_layer(
             let finding = PlacedFinding::warning("gap", &a.draft.at, text).on(subject, end);
             found.push(finding.hint("leave .until out to let it play on, or add .once() where it is meant"));
         }
-        // A cue that comes in over the end of another is a crossfade.
+        // A cue that begins over the end of another is a crossfade.
         let covered = a.start < b.start && b.start + b.draft.cue.fade_in + frame <= end;
         if covered && a.draft.chain != b.draft.chain && b.start < length {
             let text = format!(
@@ -130,15 +130,15 @@ fn base_layer(
     }
 }
 
-/// Layers before one that it is compared with: more at once nobody writes by hand.
+/// Maximum number of earlier layers that a layer is compared with: more at once are not written by hand.
 const MOST_LAYERS: usize = 32;
 
-/// Two layers that move the same joints at the same time.
+/// Finds pairs of layers that move the same joints at the same time.
 fn layers(build: &Build, upper: &[&Timed], found: &mut Vec<PlacedFinding>) {
     for (i, b) in upper.iter().enumerate() {
         for a in &upper[i.saturating_sub(MOST_LAYERS)..i] {
             let chains = [a, b].map(|t| &build.chains[t.draft.chain]);
-            // Additive layers share their joints with what is below, and equal ones with each other, by design.
+            // Additive layers share joints with the layers below by design, and so do layers of equal priority.
             let meant = chains.iter().any(|chain| chain.mode != LayerMode::Override)
                 || chains[0].priority.is_some() && chains[0].priority == chains[1].priority;
             if a.draft.chain == b.draft.chain || meant {

@@ -1,4 +1,5 @@
-//! The rules of `check`: they find things that are valid in a script but probably not intended. Only `choreo check` and editors report them.
+//! The rules of `check`, which find things in a script that are valid but probably not intended. Only `choreo check` and editors
+//! report them.
 //!
 //! ```text
 //! drafts ─► cues, unused ─┐
@@ -63,7 +64,7 @@ impl PlacedFinding {
     }
 }
 
-/// The findings about the drafts, before they become a stage.
+/// The findings about the drafts, before they are resolved to a stage.
 pub(crate) fn script_findings(build: &Build) -> Vec<PlacedFinding> {
     let mut found = Vec::new();
     cues::look(build, &mut found);
@@ -76,14 +77,14 @@ pub(crate) fn declared(ast: &AST, file: &str, text: &str, defs: &Defs) -> Vec<De
     unused::declared(&Source::new(ast, text), file, defs)
 }
 
-/// Named times of a clip that is played, seconds of the clip.
+/// Markers of a clip that is played: names and times of the clip.
 #[derive(Clone, Debug)]
 pub struct ClipMarkers {
     pub clip: Arc<Clip>,
     pub markers: Vec<(String, Time)>,
 }
 
-/// The places of the script that created what is on stage, and the script's text.
+/// Places in the script of the calls that created each object of the stage, and the texts of the script.
 #[derive(Clone, Debug, Default)]
 pub struct Places {
     pub settings: Place,
@@ -101,14 +102,14 @@ pub struct Places {
     pub lights: Vec<Place>,
     /// The place of the sky, where there is one.
     pub sky: Option<Place>,
-    /// The call that states the ambient light, unless the stage's options do.
+    /// The call of `ambient(…)`, unless an option of `stage` sets the ambient light.
     pub ambient: Option<Place>,
     pub effects: Vec<Place>,
     /// Places of the calls of `on_frame`.
     pub callbacks: Vec<Place>,
-    /// Places of texts, images and panels, as in `Stage::layers_2d`.
+    /// Places of 2D layers, as in `Stage::layers_2d`.
     pub layers_2d: Vec<Place>,
-    /// Files of which the script uses the clips alone, so that no mesh and no image of them was made.
+    /// Files of which only the clips were imported, because the script uses nothing else, and the places of their `load` calls.
     pub clips_only: Vec<(String, Place)>,
     /// The script's name in messages.
     pub main: String,
@@ -118,7 +119,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// The place of a subject; empty for one that the script did not make.
+    /// The place of the call that made a subject; empty if the script did not make it.
     pub fn of(&self, subject: Subject) -> Place {
         let place = match subject {
             Subject::Stage => Some(&self.settings),
@@ -135,8 +136,8 @@ impl Places {
         place.cloned().unwrap_or_default()
     }
 
-    /// Findings about the script and about its stage, which the caller gives, as diagnostics: sorted by place, equal rules at one
-    /// place merged. Those that a comment `// allow: rule`, on the line or the one above it, marks as intended are left out.
+    /// Findings about the script and, from the caller, about its stage, as diagnostics sorted by place. Findings of one rule at
+    /// one place are merged, and those that a comment `// allow: rule` on the line or the line above allows are left out.
     pub fn findings(&self, on_stage: &[Finding]) -> Vec<Diagnostic> {
         let lines = Lines::of(&self.sources);
         let all = self.meant(on_stage, &lines);
@@ -159,7 +160,7 @@ impl Places {
         found
     }
 
-    /// Whether a file is the script itself and no module.
+    /// Whether a file is the script itself, not a module.
     pub fn is_main(&self, file: &str) -> bool {
         self.main == file
     }
@@ -205,7 +206,7 @@ fn diagnostic(finding: &PlacedFinding, lines: &Lines) -> Diagnostic {
     }
 }
 
-/// Whether a comment on its line, or on the one above it, states that it is meant.
+/// Whether a comment on the line of the finding or on the line above allows the rule.
 fn allowed(finding: &PlacedFinding, lines: &Lines) -> bool {
     let Place { file, line, .. } = &finding.place;
     let numbers = [*line, line.saturating_sub(1)];

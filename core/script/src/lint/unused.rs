@@ -1,4 +1,4 @@
-//! Things that a script makes and never uses.
+//! Finds variables and assets that a script makes and never uses.
 
 use super::PlacedFinding;
 use super::counted::{At, Drafts, Sorted, Source};
@@ -9,11 +9,11 @@ use crate::value::HandleKind;
 use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 
-/// Calls that put something on stage, beside functions that give what stands there: a name for it is good for the reader, used or
-/// not.
+/// Calls that put something on stage, apart from functions that return an object of the stage. A variable for their result
+/// documents the script even if it is not used.
 const STAGED: [&str; 6] = [".play(", ".then(", ".look_at(", ".attach(", "param(", "import"];
 
-/// [`STAGED`], and the functions that give an actor, a camera, a light or an effect.
+/// [`STAGED`], and the functions that return an actor, a camera, a light or an effect.
 fn staged(defs: &Defs) -> Vec<String> {
     use HandleKind::{Actor, Camera, Effect, Light};
     let gives = |def: &&Def| {
@@ -23,7 +23,8 @@ fn staged(defs: &Defs) -> Vec<String> {
     functions.chain(STAGED.map(str::to_string)).collect()
 }
 
-/// Variables whose name stands nowhere else in the file, not even in a comment. Takes time proportional to the file's length.
+/// Variables whose name occurs nowhere else in the file, not even in a comment. Takes time proportional to the length of the
+/// file.
 pub fn declared(source: &Source, file: &str, defs: &Defs) -> Vec<Declared> {
     let (words, statements) = (source.words(), Statements::of(source, &staged(defs)));
     let mut found: Vec<Declared> = Vec::new();
@@ -37,7 +38,7 @@ pub fn declared(source: &Source, file: &str, defs: &Defs) -> Vec<Declared> {
     found
 }
 
-/// Ends of the statements of a text, and beginnings of calls that put something on stage.
+/// Places where statements end, and where calls that put something on stage begin.
 struct Statements {
     ends: Sorted,
     staged: Sorted,
@@ -60,7 +61,7 @@ pub fn look(drafts: &Drafts, found: &mut Vec<PlacedFinding>) {
     let used_assets: HashSet<_> = used().filter_map(|load| load.load.ready()).map(Arc::as_ptr).collect();
     let used_places: BTreeSet<&Place> = used().map(|load| &load.load.at).collect();
     for load in drafts.loads().filter(|l| !l.used) {
-        // Another call may have got the same asset and used it.
+        // Another call may have loaded the same asset and used it.
         let shared = load.load.ready().is_some_and(|asset| used_assets.contains(&Arc::as_ptr(asset)));
         if shared || used_places.contains(&load.load.at) {
             continue;
@@ -133,14 +134,14 @@ mod tests {
         assert_eq!(found, [("a".to_string(), 1, 10), ("c".to_string(), 3, 15)]);
     }
 
-    /// A script of so many statements, each with a variable that nothing uses between calls, with this between them.
+    /// A script of `statements` statements, each with an unused variable between calls. The text `between` separates them.
     fn script(statements: usize, between: &str) -> String {
         let one =
             |i: usize| format!("cast(x); let variable_{i:06} = {i}; let kept = sun({i}); /* ä */{between}");
         (0..statements).map(one).collect()
     }
 
-    /// Steps of the rule about variables.
+    /// Number of steps that the rule about variables takes.
     fn steps_for(text: &str, found: usize) -> usize {
         let mut engine = rhai::Engine::new();
         engine.set_optimization_level(rhai::OptimizationLevel::None);
@@ -150,14 +151,14 @@ mod tests {
         counted::taken()
     }
 
-    /// Whether something takes no more than in proportion to its size, but for the logarithm of a search.
+    /// Asserts that the number of steps grows linearly with the size, apart from the logarithm of a search.
     fn is_linear(name: &str, steps: impl Fn(usize) -> usize) {
         let [short, long] = [250, 2_000].map(|size| steps(size) as f64 / size as f64);
         assert!(short > 1.0, "{name}: nothing is counted");
         assert!(long < 1.25 * short, "{name}: {short} steps each, then {long}");
     }
 
-    /// 16,000 lines once took 10 s, since the place of each variable was looked for in the whole text.
+    /// Regression: 16,000 lines took 10 s when the place of each variable was searched for in the whole text.
     #[test]
     fn what_long_scripts_take_grows_with_their_length() {
         is_linear("lines", |n| steps_for(&script(n, "\n"), n));

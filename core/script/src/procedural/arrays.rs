@@ -1,4 +1,4 @@
-//! Arrays of a script as flat numbers: numbers one after the other, rows of them, or a packed blob.
+//! Converts arrays of a script to flat lists of numbers, from flat arrays, arrays of rows or blobs.
 
 use crate::call::{ApiError, Options, color, describe, wrong};
 use glam::Vec4;
@@ -8,8 +8,7 @@ fn number(v: &Dynamic) -> Option<f64> {
     v.as_int().map(|n| n as f64).or_else(|_| v.as_float()).ok()
 }
 
-/// Vectors of `width` numbers: `[[x, y, z], …]`, `[x, y, z, x, …]`, or a blob of little-endian f32. Empty where the option is
-/// not given.
+/// Vectors of `width` numbers from `[[x, y, z], …]`, `[x, y, z, x, …]` or a blob of little-endian f32. Empty without the option.
 pub fn floats(o: &Options, name: &str, width: usize) -> Result<Vec<f32>, ApiError> {
     let Some(value) = o.map.get(name) else { return Ok(Vec::new()) };
     let blame = |text: String| ApiError::new(format!("{}: {text}", o.function)).focus(name);
@@ -47,7 +46,7 @@ pub fn floats(o: &Options, name: &str, width: usize) -> Result<Vec<f32>, ApiErro
     Ok(flat)
 }
 
-/// Numbers of vertices: `[0, 1, 2, …]`, `[[0, 1, 2], …]`, or a blob of little-endian u32.
+/// Vertex indices from `[0, 1, 2, …]`, `[[0, 1, 2], …]` or a blob of little-endian u32. Empty without the option.
 pub fn indices(o: &Options, name: &str) -> Result<Vec<u32>, ApiError> {
     let Some(value) = o.map.get(name) else { return Ok(Vec::new()) };
     let blame = |text: String| ApiError::new(format!("{}: {text}", o.function)).focus(name);
@@ -83,8 +82,8 @@ pub fn indices(o: &Options, name: &str) -> Result<Vec<u32>, ApiError> {
     Ok(flat)
 }
 
-/// One color per vertex, linear RGBA: names, `[r, g, b]` in sRGB as everywhere in scripts, such numbers one after the other, or
-/// a blob of 4 bytes per vertex.
+/// Linear RGBA, 4 numbers per vertex, from color names, `[r, g, b]` in sRGB as everywhere in scripts, a flat array of such
+/// numbers, or a blob of 4 bytes per vertex.
 pub fn colors(o: &Options, name: &str, vertices: usize) -> Result<Vec<f32>, ApiError> {
     let Some(value) = o.map.get(name) else { return Ok(Vec::new()) };
     let blame = |text: String| ApiError::new(format!("{}: {text}", o.function)).focus(name);

@@ -1,4 +1,4 @@
-//! Images for surfaces from files: one, or numbered ones that follow each other.
+//! Images from files: single images and image sequences of numbered files.
 
 use super::following::more_open;
 use super::material::of_picture;
@@ -10,10 +10,10 @@ use choreo_importer_kit::Problem;
 use choreo_importer_kit::images::{Encoded, Formats};
 use std::sync::Arc;
 
-/// How far beyond a missing number others are searched for, to distinguish a gap from the end.
+/// Count of numbers after a missing one that are looked up, to distinguish a gap from the end of the sequence.
 const GAP: u64 = 20;
 
-/// `image("brick.png", …)` or `image("smoke_###.png", …)`.
+/// The image or sequence of `image("brick.png", …)` or `image("smoke_###.png", …)`.
 pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     let name = c.text(0)?;
     let (first, last) = (whole(o, "first")?, whole(o, "last")?);
@@ -59,7 +59,7 @@ pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     for n in begin..=end {
         let name = numbered(n);
         let bytes = c.shared.read_file(&name)?;
-        // Each is looked at once, so that mistakes are reported here, and whether any has holes.
+        // Each image is decoded once, to report errors here and to find the alpha mode.
         let one = decoded(&name, &bytes).map_err(|p| undecodable("image", &name, p))?;
         let first = image.get_or_insert_with(|| one.clone());
         if (one.width, one.height) != (first.width, first.height) {
@@ -83,7 +83,7 @@ pub(crate) fn from_file(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     Ok(ImageRef { image, file: None, sampler, dead: false, files: Some(files) })
 }
 
-/// Files of images that follow each other, as they are on the disk.
+/// Encoded files of an image sequence, with their names.
 #[derive(Debug)]
 struct NumberedFiles {
     files: Vec<(String, Vec<u8>)>,
@@ -97,7 +97,7 @@ impl ImageSource for NumberedFiles {
     }
 }
 
-/// A name with one run of `#`, as what stands before it, how many there are, and what stands after.
+/// Splits a name with one run of `#`: the text before it, the number of `#`, and the text after it. `None` without `#`.
 fn pattern(name: &str) -> Result<Option<(&str, usize, &str)>, ApiError> {
     let Some(at) = name.find('#') else { return Ok(None) };
     let digits = name[at..].bytes().take_while(|b| *b == b'#').count();
@@ -115,7 +115,7 @@ fn whole(o: &Options, word: &str) -> Result<Option<u64>, ApiError> {
     number.map(Some).ok_or_else(|| crate::call::wrong(&value, &o.label(word), "a whole number from 0"))
 }
 
-/// The image of one file, whose pixels wait where none are to be drawn and the header says all that its surface depends on.
+/// The image of one file. Its pixels are decoded later if the loader needs none and the header shows that the image is opaque.
 fn alone(c: &Call, name: &str, sampler: Sampler) -> Result<ImageRef, ApiError> {
     let needs = c.shared.loader.needs();
     let bytes = c.shared.read_file(name)?;
@@ -129,7 +129,7 @@ fn alone(c: &Call, name: &str, sampler: Sampler) -> Result<ImageRef, ApiError> {
     Ok(ImageRef { image, file, sampler, dead: false, files: None })
 }
 
-/// The image of a file. `what`: the word before errors.
+/// The decoded image of a file. Errors begin with `what`.
 pub(crate) fn one(c: &Call, what: &str, name: &str) -> Result<Arc<Image>, ApiError> {
     let bytes = c.shared.read_file(name)?;
     let encoded = Encoded::examine(name.into(), name.into(), bytes, Formats::All);

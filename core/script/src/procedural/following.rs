@@ -1,4 +1,4 @@
-//! Images that follow each other on any texture of a material, and images made of two of them.
+//! Image sequences (texture animation) in any texture slot of a material, and sequences combined from two.
 
 use super::maps;
 use super::material::of_picture;
@@ -9,7 +9,7 @@ use choreo_asset::{
 };
 use std::sync::Arc;
 
-/// Images of an array, which are held in memory.
+/// Image sequence of an array of images, held in memory.
 #[derive(Debug)]
 struct Held(Vec<Arc<Image>>);
 
@@ -19,14 +19,15 @@ impl ImageSource for Held {
     }
 }
 
-/// How one image is made of two.
+/// How two images are combined into one.
 #[derive(Clone, Copy, Debug)]
 pub enum Rule {
-    /// The first with the brightness of the second as its alpha, times its own.
+    /// The first image, with alpha multiplied by the brightness of the second.
     Opacity,
-    /// The first, a normal map, with the second's brightness as its alpha.
+    /// The first image (a normal map), with the brightness of the second (a height map) as alpha.
     Heights,
-    /// The same with the normals of heights of this depth in textures; the first is not read.
+    /// `Heights` with a normal map computed from the height map; the number is its depth in widths of the texture. The first
+    /// image is not read.
     HeightsAlone(f32),
 }
 
@@ -40,7 +41,7 @@ impl Rule {
     }
 }
 
-/// Images made of two when they are needed; a single image is the same at all times.
+/// Image sequence combined from two parts on demand. A part without a sequence is the same image in every frame.
 #[derive(Debug)]
 struct Joined {
     parts: [(Arc<Image>, Option<Following>); 2],
@@ -57,7 +58,7 @@ impl ImageSource for Joined {
     }
 }
 
-/// The alpha mode of two combined surfaces: solid only where both are.
+/// The alpha mode that covers two images: opaque only if both are.
 pub(crate) fn more_open(a: AlphaMode, b: AlphaMode) -> AlphaMode {
     match (a, b) {
         (AlphaMode::Blend, _) | (_, AlphaMode::Blend) => AlphaMode::Blend,
@@ -66,7 +67,7 @@ pub(crate) fn more_open(a: AlphaMode, b: AlphaMode) -> AlphaMode {
     }
 }
 
-/// One image of two of one size, or as many as follow each other. `names`: of the options that gave them.
+/// Combines two images or image sequences of one size. `names`: the options that gave them, for errors.
 pub fn join(
     o: &Options,
     names: [&str; 2],
@@ -101,7 +102,7 @@ pub fn join(
     let joined = Joined { parts: parts.clone(), rule };
     let mut alpha = AlphaMode::Opaque;
     if matches!(rule, Rule::Opacity) {
-        // Looked at once, to know whether any has holes.
+        // Each image is combined once to find the alpha mode of the sequence.
         for i in 0..count {
             let one = joined.image(i).map_err(|e| ApiError::new(format!("{}: {e}", o.function)))?;
             alpha = more_open(alpha, of_picture(&one));
@@ -110,7 +111,7 @@ pub fn join(
     Ok(ImageRef { files: Some(Following { pictures: Arc::new(joined), hashes, alpha }), ..made })
 }
 
-/// The options' image, or those that follow each other there: numbered files, or an array.
+/// The image or image sequence (numbered files or an array) of an option.
 pub fn given(o: &Options, name: &str) -> Result<Option<ImageRef>, ApiError> {
     let mut all = maps::pictures(o, name)?;
     if o.get(name).is_some_and(|v| v.is_array()) {
@@ -119,7 +120,7 @@ pub fn given(o: &Options, name: &str) -> Result<Option<ImageRef>, ApiError> {
     Ok(all.pop())
 }
 
-/// The images of an array one after the other.
+/// The image sequence of an array of images.
 pub fn in_order(o: &Options, name: &str, all: &[ImageRef]) -> Result<ImageRef, ApiError> {
     let first = maps::of_one_size(o, name, all)?;
     let pictures = all.iter().map(ImageRef::decoded).collect::<Result<Vec<Arc<Image>>, ApiError>>()?;
@@ -129,7 +130,7 @@ pub fn in_order(o: &Options, name: &str, all: &[ImageRef]) -> Result<ImageRef, A
     Ok(ImageRef { files: Some(files), ..first.clone() })
 }
 
-/// The sequence of what follows each other on a material: by slot, with the name of the option that gave it.
+/// The texture animation of a material. `given`: each slot with the option that gave it and its image sequence.
 pub fn sequence(
     o: &Options,
     given: &[(TextureSlot, &str, Option<Following>)],

@@ -1,4 +1,4 @@
-//! Images made from other images: frames side by side, alpha from brightness, normals with heights.
+//! Images computed from other images: sprite sheets, alpha from brightness, normal maps with heights.
 
 use crate::call::{ApiError, Options};
 use crate::value::ImageRef;
@@ -7,7 +7,7 @@ use glam::Vec3;
 use rhai::Array;
 use std::sync::Arc;
 
-/// The first of images that follow each other, which have one size.
+/// The first image of a sequence. Error: the images differ in size.
 pub(crate) fn of_one_size<'a>(
     o: &Options,
     name: &str,
@@ -35,7 +35,7 @@ pub(crate) fn of_one_size<'a>(
     Ok(first)
 }
 
-/// Images of one size as the cells of one, from the top left, row by row: (columns, rows).
+/// A sprite sheet of images of one size, row by row from the top left, and its columns and rows.
 pub fn side_by_side(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32; 2]), ApiError> {
     let first = of_one_size(o, "image", images)?;
     let (width, height) = (first.image.width, first.image.height);
@@ -63,7 +63,7 @@ pub fn side_by_side(o: &Options, images: &[ImageRef]) -> Result<(ImageRef, [u32;
     Ok((ImageRef { image: Arc::new(image), file: None, ..first.clone() }, [columns, rows]))
 }
 
-/// The options' image, or images.
+/// The image or the array of images of an option.
 pub fn pictures(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
     let Some(value) = o.get(name) else { return Ok(Vec::new()) };
     let all: Array = match value.read_lock::<Array>() {
@@ -78,7 +78,7 @@ pub fn pictures(o: &Options, name: &str) -> Result<Vec<ImageRef>, ApiError> {
     all.iter().map(read).collect()
 }
 
-/// A white image, of which another is the opacity.
+/// An opaque white image of the same size, to combine with an opacity map.
 pub fn white(like: &ImageRef) -> ImageRef {
     let Image { width, height, .. } = *like.image;
     let rgba = vec![255; width as usize * height as usize * 4];
@@ -86,7 +86,7 @@ pub fn white(like: &ImageRef) -> ImageRef {
     ImageRef { image: Arc::new(image), file: None, files: None, ..like.clone() }
 }
 
-/// An image with the brightness of another as its alpha, times its own.
+/// An image with alpha multiplied by the brightness of another.
 pub(crate) fn with_opacity(base: &Image, map: &Image) -> Image {
     let mut rgba = base.rgba.clone();
     for (out, m) in rgba.as_chunks_mut::<4>().0.iter_mut().zip(map.rgba.as_chunks::<4>().0) {
@@ -95,7 +95,7 @@ pub(crate) fn with_opacity(base: &Image, map: &Image) -> Image {
     Image { rgba, name: base.name.clone(), file: None, ..*base }
 }
 
-/// A normal map with heights as its alpha.
+/// A normal map with the brightness of a height map as alpha.
 pub(crate) fn with_heights(normals: &Image, heights: &Image) -> Image {
     let mut rgba = normals.rgba.clone();
     for (out, h) in rgba.as_chunks_mut::<4>().0.iter_mut().zip(heights.rgba.as_chunks::<4>().0) {
@@ -104,7 +104,7 @@ pub(crate) fn with_heights(normals: &Image, heights: &Image) -> Image {
     Image { rgba, name: normals.name.clone(), file: None, ..*normals }
 }
 
-/// The normal map of heights `depth` textures deep: central differences; the image repeats.
+/// The normal map of a height map whose height is `depth` widths of the texture, by central differences. The image repeats.
 pub(crate) fn normals_of(image: &Image, depth: f32) -> Image {
     let (width, height) = (image.width as usize, image.height as usize);
     let texels = image.rgba.as_chunks::<4>().0;
@@ -113,7 +113,7 @@ pub(crate) fn normals_of(image: &Image, depth: f32) -> Image {
     for y in 0..height {
         for x in 0..width {
             let across = (at(x + 1, y) - at(x + width - 1, y)) * 0.5 * width as f32 * depth;
-            // Rows go down, the map's second axis up.
+            // Rows of the image go down, the second axis of the normal map up.
             let up = (at(x, y + height - 1) - at(x, y + 1)) * 0.5 * height as f32 * depth;
             let n = Vec3::new(-across, -up, 1.0).normalize() * 127.5 + 127.5;
             rgba.extend([n.x, n.y, n.z, 255.0].map(|v| (v + 0.5).clamp(0.0, 255.0) as u8));
@@ -122,7 +122,7 @@ pub(crate) fn normals_of(image: &Image, depth: f32) -> Image {
     Image { rgba, name: image.name.clone(), file: None, ..*image }
 }
 
-/// Gray as it is, of colors the mean.
+/// The mean of red, green and blue.
 pub fn brightness([r, g, b, _]: &[u8; 4]) -> u8 {
     ((u16::from(*r) + u16::from(*g) + u16::from(*b)) / 3) as u8
 }
@@ -156,7 +156,7 @@ mod tests {
 
     #[test]
     fn a_slope_has_the_normal_of_a_slope() {
-        // Up by 16/255 a texel of eight, three widths deep: in the middle 8 · 3 · 16/255 a width.
+        // The height rises by 16/255 per texel; with 8 texels and a depth of 3 widths the slope is 8 · 3 · 16/255.
         let ramp = grey(8, &[0, 16, 32, 48, 64, 80, 96, 112]);
         let made = normals_of(&ramp, 3.0);
         let slope = 8.0 * 3.0 * 16.0 / 255.0;
@@ -164,7 +164,7 @@ mod tests {
         let texel = made.rgba.as_chunks::<4>().0[4];
         let got = Vec3::new(f32::from(texel[0]), f32::from(texel[1]), f32::from(texel[2])) / 127.5 - 1.0;
         assert!(got.distance(expected) < 0.02, "{got} {expected}");
-        // Bright rows at the top: it falls downwards, so its normals look down.
+        // The rows at the top are bright: the surface falls downwards, so its normals point down.
         let rows = normals_of(&grey(1, &[120, 90, 60, 30]), 1.0);
         assert!(rows.rgba[4 + 1] < 120, "{:?}", rows.rgba);
     }

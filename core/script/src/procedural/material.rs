@@ -1,4 +1,4 @@
-//! The look of what a script makes: the options that `shape`, `mesh`, `lines` and `points` share.
+//! Materials of procedural assets: the options that `shape`, `mesh`, `lines` and `points` share.
 
 use super::following::{self, Rule, given, join};
 use super::maps;
@@ -12,7 +12,7 @@ use choreo_asset::{
 use glam::{Affine2, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// The options of [`material`].
+/// All option names of [`material`].
 pub(crate) const OPTIONS: [&str; 46] = [
     "color",
     "image",
@@ -65,7 +65,7 @@ pub(crate) const OPTIONS: [&str; 46] = [
 /// The images that the options of a material name.
 struct Maps {
     image: Option<ImageRef>,
-    /// Columns, rows and count of images that were given one after the other.
+    /// Columns, rows and frame count of the sprite sheet that an array of images was packed into.
     cells: Option<[u32; 3]>,
     normal_map: Option<ImageRef>,
     /// Depth of parallax mapping, 0 without a height map.
@@ -81,7 +81,7 @@ impl Maps {
         let alone = !other_maps.into_iter().any(|name| o.get(name).is_some());
         let mut cells = None;
         let mut image = match o.get("image").is_some_and(|v| v.is_array()) && alone {
-            // The images become cells of one image, which is possible only without other maps.
+            // The images are packed into one sprite sheet, which is possible only without other maps.
             true => {
                 let all = maps::pictures(o, "image")?;
                 let (image, [columns, rows]) = maps::side_by_side(o, &all)?;
@@ -117,7 +117,7 @@ impl Maps {
         Ok(Maps { image, cells, normal_map, relief, specular_map, reflection_map, environment_map })
     }
 
-    /// The maps that show several images one after the other, with the slot and the option of each.
+    /// The maps with their slots and options, and with image sequences where they have one.
     fn sequences(&self, o: &Options) -> [(TextureSlot, &'static str, Option<Following>); 4] {
         let Maps { image, normal_map, specular_map, reflection_map, .. } = self;
         let of = |map: &Option<ImageRef>| map.as_ref().and_then(|i| i.files.clone());
@@ -131,7 +131,7 @@ impl Maps {
         ]
     }
 
-    /// Puts the maps on the material; the images that it names by number.
+    /// Puts the maps on the material. Returns the images, which its textures refer to by index.
     fn apply(self, o: &Options, material: &mut Material) -> Result<Vec<Arc<Image>>, ApiError> {
         let tiles = o.number_in("tiles", 1.0, 4096.0)?;
         let second = o.color("checker")?;
@@ -193,12 +193,12 @@ impl Maps {
     }
 }
 
-/// The material, and the images that it names by number.
+/// The material of the options, and the images, which its textures refer to by index.
 pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), ApiError> {
     let maps = Maps::read(o)?;
     let sequences = maps.sequences(o);
     let cells = maps.cells;
-    // An image is seen in its own colors.
+    // The default color with an image is white, so that the image keeps its colors.
     let plain = if maps.image.is_some() { Vec4::ONE } else { Vec4::new(0.6, 0.6, 0.6, 1.0) };
     let base = o.color("color")?.unwrap_or(plain);
     let mut material = Material {
@@ -227,7 +227,7 @@ pub fn material(o: &Options, name: &str) -> Result<(Material, Vec<Arc<Image>>), 
     Ok((material, images))
 }
 
-/// The emitted light, linear; its strength is multiplied in.
+/// Emitted color, linear, multiplied by its strength.
 fn emissive(o: &Options) -> Result<Vec3, ApiError> {
     let color = o.color("emissive")?.map(rgb);
     let strength = o.number_in("emissive_strength", 0.0, 1e6)?;
@@ -238,7 +238,7 @@ fn emissive(o: &Options) -> Result<Vec3, ApiError> {
     Ok(color.unwrap_or(Vec3::ZERO) * strength.unwrap_or(1.0) as f32)
 }
 
-/// How the textures move: `cells` are the columns, rows and count of images that were given one after the other.
+/// Sets moving textures and texture animation. `cells`: columns, rows and frame count of a packed sprite sheet.
 fn motion(
     o: &Options,
     material: &mut Material,
@@ -291,7 +291,7 @@ fn motion(
         }
         let [u, v] = scroll.unwrap_or_default();
         material.uv_motion = Some(UvMotion {
-            // The image goes that way, so the place where it is read goes the other.
+            // The image moves one way, so its texture coordinates move the other way.
             scroll: Vec2::new(-u as f32, -v as f32),
             rotation: spin.unwrap_or(0.0).to_radians() as f32,
         });
@@ -326,7 +326,7 @@ fn shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
         let phong = o.flag("phong")?.unwrap_or(false);
         material.shading = if phong { Shading::Phong } else { Shading::BlinnPhong };
         material.shininess = shininess as f32;
-        // A map gives the amount itself.
+        // The default factor with a map is 1, because the map contains the amount.
         let usual = if o.get("specular_map").is_some() { 1.0 } else { 0.04 };
         material.specular_color = specular.map_or(Vec3::splat(usual), rgb);
         if let Some(other) = ["roughness", "metallic", "unlit"].into_iter().find(|name| o.get(name).is_some())
@@ -353,7 +353,7 @@ fn shading(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     Ok(())
 }
 
-/// Layers over, in or behind the surface, with the terms of glTF's extensions.
+/// Material layers in the terms of the glTF extensions (clearcoat, sheen, transmission and others).
 fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     const LAYERS: std::ops::Range<usize> = 13..29;
     let Some(first) = OPTIONS[LAYERS].iter().find(|name| o.get(name).is_some()) else { return Ok(()) };
@@ -412,14 +412,15 @@ fn layers(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     Ok(())
 }
 
-/// Two by two texels, repeated: the color white times the base color would lose precision, so both are in the image.
+/// Checkerboard of two by two texels, which repeats. Both colors are in the image: a factor of the base color would lose
+/// precision.
 fn checker(base: Vec4, second: Vec4) -> Arc<Image> {
     let texel = |c: Vec4| [srgb_byte(c.x), srgb_byte(c.y), srgb_byte(c.z), 255];
     let (a, b) = (texel(base), texel(second));
     Arc::new(Image { name: "checker".into(), width: 2, height: 2, rgba: [a, b, b, a].concat(), file: None })
 }
 
-/// Cut out where an image has holes, blended where it is half transparent.
+/// The alpha mode of an image: opaque, masked if alpha is only 0 or 255, else blended.
 pub(crate) fn of_picture(image: &Image) -> AlphaMode {
     let alphas = || image.rgba.iter().skip(3).step_by(4);
     if alphas().all(|a| *a == 255) {
@@ -432,7 +433,7 @@ pub(crate) fn of_picture(image: &Image) -> AlphaMode {
 }
 
 impl Options {
-    /// An image made with `image(…)`.
+    /// The image of an option. Error: the value is no image, or an image sequence.
     pub fn image(&self, name: &str) -> Result<Option<ImageRef>, ApiError> {
         let Some(value) = self.get(name) else { return Ok(None) };
         let given = value.clone().try_cast::<ImageRef>();
@@ -451,7 +452,7 @@ mod tests {
     use super::OPTIONS;
     use std::path::Path;
 
-    /// The code of all numbered scripts.
+    /// Appends the code of all lessons.
     fn lessons(folder: &Path, out: &mut String) {
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
@@ -471,7 +472,7 @@ mod tests {
         let shown = |name: &str| text.contains(&format!(" {name}: "));
         let missing: Vec<_> = OPTIONS.into_iter().filter(|name| !shown(name)).collect();
         assert!(missing.is_empty(), "no lesson has {missing:?}");
-        // It would be found.
+        // An option that no lesson has is detected.
         assert!(!shown("specular_mop"));
     }
 }

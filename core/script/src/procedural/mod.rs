@@ -1,4 +1,4 @@
-//! Things that a script makes itself: shapes, meshes, lines and points from arrays, images.
+//! Procedural assets: shapes, meshes, lines and points from arrays, and images.
 
 mod arrays;
 pub(crate) mod files;
@@ -27,7 +27,7 @@ use choreo_plugin::MeshData;
 use glam::{DVec3, Vec2, Vec3};
 use std::sync::Arc;
 
-/// The asset of a `shape(kind, options?)` call; equal calls share one.
+/// The asset of a `shape(kind, options?)` call. Equal calls share one.
 pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
     let kind = one_of(&c.value(0), "shape: kind", solids::KINDS)?;
     let known: Vec<&str> =
@@ -35,7 +35,7 @@ pub fn shape(c: &Call) -> Result<Arc<Asset>, ApiError> {
     let o = c.options(1, &known)?;
     let (mut material, images) = material::material(&o, "shape")?;
     let pictures: Vec<*const Image> = images.iter().map(Arc::as_ptr).collect();
-    // A checker's image is made anew by each call.
+    // Each call makes a new image for a checkerboard, so its address cannot be part of the key.
     let pictures = if o.get("checker").is_some() { Vec::new() } else { pictures };
     let key = format!("{kind} {:?} {pictures:?}", o.map);
     if let Some(asset) = c.build().shapes.get(&key) {
@@ -85,7 +85,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
         ..MeshData::default()
     };
     let mut primitive = choreo_plugin::build::primitive(&data).map_err(|e| {
-        // Its first word is the array.
+        // The first word of the error is the array.
         let array = e.0.split(|c: char| !c.is_ascii_lowercase()).next().unwrap_or("").to_string();
         ApiError::new(format!("{function}: {e}")).focus(array)
     })?;
@@ -102,7 +102,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
     let primitive = if topology == Topology::Triangles { shaped(c, &o, primitive)? } else { primitive };
     let (mut material, images) = material::material(&o, &function)?;
     material.triplanar = triplanar(&o, &primitive)?;
-    // Vertex colors are multiplied with the color, so without one they are seen as they are.
+    // Vertex colors are multiplied by the base color, which is white if none is given.
     if o.get("color").is_none() && !data.colors.is_empty() {
         material.base_color = glam::Vec4::ONE;
         if primitive.colors.iter().any(|c| c.w < 1.0) {
@@ -110,7 +110,7 @@ pub fn mesh(c: &Call, topology: Topology) -> Result<Arc<Asset>, ApiError> {
         }
     }
     if topology != Topology::Triangles {
-        // Lines and points have no faces, so light has no effect on them.
+        // Lines and points have no faces, so they are unlit.
         material.shading = Shading::Unlit;
         material.line_style = pen(&o, topology)?;
     }
@@ -157,7 +157,7 @@ fn check_uvs(o: &Options, primitive: &Primitive, material: &Material) -> Result<
     Ok(())
 }
 
-/// Second texture coordinates, for textures of `uv_set: 1`.
+/// Adds the second texture coordinates, for textures with `uv_set: 1`.
 fn second_uvs(o: &Options, primitive: &mut Primitive) -> Result<(), ApiError> {
     let given = arrays::floats(o, "uvs2", 2)?;
     let vertices = primitive.positions.len();
@@ -173,7 +173,7 @@ fn second_uvs(o: &Options, primitive: &mut Primitive) -> Result<(), ApiError> {
     Ok(())
 }
 
-/// Triplanar projection: the largest side is as wide as an image, as for a box.
+/// Triplanar projection. One image is as wide as the largest side of the bounding box, as in the box projection.
 fn triplanar(o: &Options, primitive: &Primitive) -> Result<Option<Triplanar>, ApiError> {
     let asked = o.get("projection").and_then(|v| v.into_string().ok()).is_some_and(|v| v == "triplanar");
     let sharpness = o.number_in("sharpness", 1.0, 64.0)?;
@@ -199,7 +199,7 @@ fn triplanar(o: &Options, primitive: &Primitive) -> Result<Option<Triplanar>, Ap
 /// The largest width of lines and size of points, in pixels or metres: larger than any image.
 pub(crate) const MOST_WIDE: f32 = 16384.0;
 
-/// How wide lines and points are, in pixels by one word or in metres by the other.
+/// Line or point style: width in pixels (`width` or `size`) or in metres (`metres`).
 fn pen(o: &Options, topology: Topology) -> Result<Option<LineStyle>, ApiError> {
     let pixels = if topology == Topology::Points { "size" } else { "width" };
     let most = f64::from(MOST_WIDE);
@@ -234,7 +234,7 @@ fn shaped(c: &Call, o: &Options, mut primitive: Primitive) -> Result<Primitive, 
     };
     for _ in 0..detail.unwrap_or(2.0) as u32 {
         let limit = c.shared.limits.vertices;
-        // Four triangles of each, and about as many new vertices as there are edges.
+        // Each triangle becomes four, and each edge adds about one vertex.
         if primitive.positions.len() as u64 + primitive.indices.len() as u64 > limit {
             let text = format!("{}: detail makes more than {limit} vertices", o.function);
             return Err(ApiError::new(text).focus("detail").hint(raise_hint("vertices", limit)));
@@ -247,7 +247,7 @@ fn shaped(c: &Call, o: &Options, mut primitive: Primitive) -> Result<Primitive, 
     Ok(primitive)
 }
 
-/// One joint, one mesh, one material.
+/// An asset of one joint, one mesh and one material.
 fn asset(
     name: &str,
     joint: &str,
@@ -274,7 +274,7 @@ fn asset(
     }))
 }
 
-/// Metres along x, y, z; a plane lies in x and z, a quad stands in x and y.
+/// The size of a shape in metres along x, y and z. A plane lies in x and z, a quad stands in x and y.
 fn read_size(o: &Options, kind: &str) -> Result<Vec3, ApiError> {
     let size = match o.get("size") {
         None if kind == "plane" => Vec3::splat(10.0),

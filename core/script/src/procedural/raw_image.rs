@@ -1,4 +1,4 @@
-//! `image(width, height, pixels)`: an image from numbers, for surfaces.
+//! `image(width, height, pixels)`: an image from numbers.
 
 use crate::call::{ApiError, Call, Options, color, describe, one_of};
 use crate::limits::raise_hint;
@@ -7,9 +7,10 @@ use choreo_asset::{Sampler, Wrap};
 use rhai::{Array, Blob, Dynamic};
 use std::sync::Arc;
 
-/// The same limit as for importers.
+/// Maximum width and height in pixels, the same as for importers.
 const MOST_A_SIDE: f64 = 16384.0;
 
+/// The image of an `image(width, height, pixels)` or `image(options)` call.
 pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
     let mut known = vec!["name", "filter", "wrap"];
     let sizes_apart = c.len() >= 3;
@@ -48,7 +49,7 @@ pub fn image(c: &Call) -> Result<ImageRef, ApiError> {
     Ok(ImageRef { image: Arc::new(image), file: None, sampler: sampler(&o)?, dead: false, files: None })
 }
 
-/// Counts further pixels against the limit of all together.
+/// Adds pixels to the total of the script. Error: the total exceeds the limit.
 pub fn count(c: &Call, texels: u64) -> Result<(), ApiError> {
     let mut build = c.build();
     build.made.texels = build.made.texels.saturating_add(texels);
@@ -59,6 +60,7 @@ pub fn count(c: &Call, texels: u64) -> Result<(), ApiError> {
     Ok(())
 }
 
+/// The sampler of the options `wrap` and `filter`.
 pub fn sampler(o: &Options) -> Result<Sampler, ApiError> {
     let pair = o.get("wrap").and_then(|v| v.read_lock::<Array>().map(|a| a.to_vec()));
     let [wrap_u, wrap_v] = match pair.as_deref() {
@@ -69,7 +71,7 @@ pub fn sampler(o: &Options) -> Result<Sampler, ApiError> {
         }
         None => [o.get("wrap").map_or(Ok(Wrap::Repeat), |v| wrap(&v))?; 2],
     };
-    // Squares stay squares when they are seen from near; from far they are averaged all the same.
+    // The option `filter` concerns magnification only; minified images are always averaged.
     let mag_linear = o.one_of("filter", &["linear", "nearest"])? != Some("nearest");
     Ok(Sampler { wrap_u, wrap_v, mag_linear, ..Sampler::default() })
 }
@@ -82,7 +84,7 @@ fn wrap(v: &Dynamic) -> Result<Wrap, ApiError> {
     })
 }
 
-/// Bytes of `count` pixels: a blob as it is, numbers from 0 to 255, or a color for each pixel.
+/// Bytes of `count` pixels, from a blob, from numbers from 0 to 255, or from a color per pixel.
 fn bytes(pixels: &Dynamic, count: u64) -> Result<Vec<u8>, ApiError> {
     if let Some(blob) = pixels.read_lock::<Blob>() {
         return Ok(blob.to_vec());
@@ -116,7 +118,7 @@ fn bytes(pixels: &Dynamic, count: u64) -> Result<Vec<u8>, ApiError> {
     Ok(rgba)
 }
 
-/// The inverse of [`crate::color::linear`], to the nearest byte.
+/// Converts a linear value to sRGB, rounded to a byte: the inverse of [`crate::color::linear`].
 pub(crate) fn srgb_byte(linear: f32) -> u8 {
     libm::round(choreo_asset::srgb_from_linear(linear.into()).clamp(0.0, 1.0) * 255.0) as u8
 }

@@ -1,11 +1,11 @@
-//! The reflection of a surface with shininess: its color, its map, and its own environment.
+//! Environment reflection of Blinn–Phong materials: color, map and environment map.
 
 use crate::call::{ApiError, Options, rgb};
 use crate::value::ImageRef;
 use choreo_asset::{Material, Reflection, Shading};
 use glam::Vec3;
 
-/// The panorama that is mirrored in place of the sky.
+/// The panorama that the material reflects in place of the sky. Error: it is not twice as wide as high.
 pub(crate) fn environment_map(o: &Options) -> Result<Option<ImageRef>, ApiError> {
     let Some(given) = o.image("environment_map")? else { return Ok(None) };
     let (width, height) = (given.image.width, given.image.height);
@@ -19,7 +19,7 @@ pub(crate) fn environment_map(o: &Options) -> Result<Option<ImageRef>, ApiError>
     Err(ApiError::new(text).focus("environment_map"))
 }
 
-/// Sets the share that is mirrored; its textures are the caller's. After the shading is known.
+/// Sets the reflected share. Call it after the shading model is set; the caller adds the textures.
 pub fn reflection(o: &Options, material: &mut Material) -> Result<(), ApiError> {
     const WORDS: [&str; 3] = ["reflection", "reflection_map", "environment_map"];
     let Some(word) = WORDS.into_iter().find(|word| o.get(word).is_some()) else { return Ok(()) };
@@ -39,7 +39,7 @@ pub fn reflection(o: &Options, material: &mut Material) -> Result<(), ApiError> 
     if share.is_none() && word == "environment_map" {
         return fail("environment_map says what is mirrored; reflection, how much, is not given".into());
     }
-    // A map gives the amount itself.
+    // The default factor is 1, because a map contains the amount.
     let color = share.unwrap_or(Vec3::ONE);
     material.reflection = Some(Box::new(Reflection { color, texture: None, environment: None }));
     Ok(())

@@ -1,13 +1,14 @@
-//! Shapes that an image raises, and texture coordinates that a projection gives.
+//! Displacement of vertices by an image, subdivision, and texture projection.
 
 use super::maps::brightness;
 use choreo_asset::{Image, Primitive};
 use glam::{Vec2, Vec3, Vec4};
 use std::collections::BTreeMap;
 
+/// Names of the texture projections.
 pub const PROJECTIONS: &[&str] = &["plane", "box", "sphere", "cylinder", "cone", "triplanar"];
 
-/// Texture coordinates by a projection from around the shape's center; every triangle gets vertices of its own.
+/// Sets texture coordinates by a projection around the center of the shape. Every triangle gets its own vertices.
 pub fn project(p: &mut Primitive, how: &str) {
     let [low, high] = bounds(p);
     let (middle, size) = ((low + high) * 0.5, (high - low).max(Vec3::splat(1e-6)));
@@ -60,13 +61,13 @@ pub fn project(p: &mut Primitive, how: &str) {
     p.uvs = [uvs, second];
 }
 
-/// The least box around it.
+/// Minimum and maximum of the positions (axis-aligned bounding box).
 pub fn bounds(p: &Primitive) -> [Vec3; 2] {
     let low = p.positions.iter().fold(Vec3::INFINITY, |a, b| a.min(*b));
     [low, p.positions.iter().fold(Vec3::NEG_INFINITY, |a, b| a.max(*b))]
 }
 
-/// A direction at a right angle to the normal of each vertex, equal all over a triangle.
+/// Tangents for triplanar projection: perpendicular to each vertex normal, from one axis per triangle.
 fn across(p: &Primitive) -> Vec<Vec4> {
     let of_triangle = |n: &[Vec3; 3]| {
         let sum = n[0] + n[1] + n[2];
@@ -83,7 +84,7 @@ fn across(p: &Primitive) -> Vec<Vec4> {
     p.normals.as_chunks::<3>().0.iter().flat_map(of_triangle).collect()
 }
 
-/// Coordinates on the side that a face looks to; u to the right as seen from there, v down.
+/// Box projection: texture coordinates on the side of the box that a face points to; seen from there u points right and v down.
 fn of_box(q: Vec3, face: Vec3) -> Vec2 {
     let away = face.abs();
     let (u, v) = if away.y >= away.x && away.y >= away.z {
@@ -96,7 +97,8 @@ fn of_box(q: Vec3, face: Vec3) -> Vec2 {
     Vec2::new(u, v) + 0.5
 }
 
-/// A triangle over the seam goes on beyond 1, and a vertex on the axis stands between its neighbours.
+/// Corrects u of a triangle around the axis: across the seam it continues beyond 1, and a vertex on the axis gets the mean of the
+/// others.
 fn around(triangle: &mut [Vec2; 3], vertices: [Vec3; 3], size: Vec3) {
     let on_axis = vertices.map(|q| q.x.abs() + q.z.abs() < 1e-5 * size.max_element());
     let others = |on: bool| (0..3).filter(move |i| on_axis[*i] == on);
@@ -113,7 +115,7 @@ fn around(triangle: &mut [Vec2; 3], vertices: [Vec3; 3], size: Vec3) {
     }
 }
 
-/// Each triangle as four, by the middles of its edges.
+/// Subdivides each triangle into four at the midpoints of its edges.
 pub(crate) fn subdivide(p: &mut Primitive) {
     let mut middles: BTreeMap<(u32, u32), u32> = BTreeMap::new();
     let mut indices = Vec::with_capacity(p.indices.len() * 4);
@@ -143,12 +145,13 @@ pub(crate) fn subdivide(p: &mut Primitive) {
     p.indices = indices;
 }
 
-/// Vertices moved along their normals by an image's brightness, `height` metres where it is white; `tiles`: how often it
-/// repeats. Vertices that stood together with one normal get one again.
+/// Moves vertices along their normals by the brightness of an image, `height` metres where it is white; `tiles`: repeats of the
+/// image. Recomputes the normals; vertices that had the same position and normal share a normal again.
 pub fn displace(p: &mut Primitive, image: &Image, height: f32, tiles: f32) {
     let key = |v: Vec3| v.to_array().map(|c| (c + 0.0).to_bits());
     let groups: Vec<_> = p.positions.iter().zip(&p.normals).map(|(a, n)| (key(*a), key(*n))).collect();
-    // Vertices of one group move by their mean brightness, so that a seam of the texture coordinates does not tear.
+    // Vertices with the same position and normal move by their mean brightness, so that the surface does not tear at a seam of
+    // the texture coordinates.
     let mut heights: BTreeMap<_, (f32, f32)> = BTreeMap::new();
     for (group, uv) in groups.iter().zip(&p.uvs[0]) {
         let (sum, count) = heights.entry(*group).or_default();
@@ -171,7 +174,7 @@ pub fn displace(p: &mut Primitive, image: &Image, height: f32, tiles: f32) {
     }
 }
 
-/// Brightness, 0 to 1, bilinear, repeated.
+/// Brightness of an image at a texture coordinate, 0 to 1: bilinear, repeated.
 fn sample(image: &Image, uv: Vec2) -> f32 {
     let (width, height) = (image.width as usize, image.height as usize);
     let texels = image.rgba.as_chunks::<4>().0;
@@ -208,7 +211,7 @@ mod tests {
                 let expected = Vec3::new(ring * libm::sinf(lon), libm::cosf(lat), ring * libm::cosf(lon));
                 assert!(q.distance(expected) < 1e-3, "{at} {uv}");
             }
-            // No triangle runs back over the whole image.
+            // No triangle spans the whole image backwards.
             let us = uvs.map(|uv| uv.x);
             assert!(us.iter().all(|u| (u - us[0]).abs() < 0.5), "{us:?}");
         }
@@ -226,7 +229,7 @@ mod tests {
         for (at, n) in sphere.positions.iter().zip(&sphere.normals) {
             let q = *at - middle;
             assert!((q.length() - 0.75).abs() < 4e-3, "{at}");
-            // Triangles at the poles have vertices in one place, and the edges between those have no middle of their own.
+            // Triangles at the poles have vertices at one point, and the edges between these have no midpoint of their own.
             assert!(q.normalize().dot(*n) > 0.99, "{at} {n}");
         }
         let black = Image { rgba: vec![0, 0, 0, 255], ..white };

@@ -1,4 +1,4 @@
-//! `asset.repeat(places)`: many copies of an asset as one.
+//! `asset.repeat(places)`: instancing.
 
 use crate::call::{ApiError, Call, Reply, describe, euler, numbers, wrong};
 use crate::limits::raise_hint;

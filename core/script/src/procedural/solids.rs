@@ -3,13 +3,14 @@
 use choreo_asset::{Primitive, Topology};
 use glam::{Vec2, Vec3};
 
-/// Vertices around an axis, and rows of a half circle.
+/// Segments around an axis, and rings along a half circle.
 const AROUND: u32 = 48;
 const ROWS: u32 = 24;
 
+/// Names of the shapes.
 pub const KINDS: &[&str] = &["plane", "quad", "box", "sphere", "cylinder", "cone", "capsule", "torus"];
 
-/// The primitive of a kind in its size; standing on the ground, metres along x, y and z.
+/// The mesh of a shape, which stands on the ground (y = 0). `size`: metres along x, y and z.
 pub fn solid(kind: &str, size: Vec3) -> Primitive {
     match kind {
         "plane" => plane(size),
@@ -23,7 +24,7 @@ pub fn solid(kind: &str, size: Vec3) -> Primitive {
     }
 }
 
-/// Metres along x, y and z for size 1: a number as size multiplies it.
+/// Size of a shape along x, y and z for `size: 1`; any other number multiplies it.
 pub fn proportions(kind: &str) -> Vec3 {
     match kind {
         "capsule" => Vec3::new(0.5, 1.0, 0.5),
@@ -32,7 +33,7 @@ pub fn proportions(kind: &str) -> Vec3 {
     }
 }
 
-/// Why a size of three numbers is none for this kind.
+/// Why a shape cannot have a size; `None` if it can.
 pub fn refuse(kind: &str, size: Vec3) -> Option<&'static str> {
     let width = size.x.max(size.z);
     match kind {
@@ -55,7 +56,7 @@ fn primitive(vertices: Vec<(Vec3, Vec3, Vec2)>, indices: Vec<u32>) -> Primitive 
     }
 }
 
-/// A plane in x and z around the origin, seen from above.
+/// A plane in x and z around the origin, facing up.
 fn plane(size: Vec3) -> Primitive {
     let vertex =
         |u: f32, v: f32| (Vec3::new((u - 0.5) * size.x, 0.0, (v - 0.5) * size.z), Vec3::Y, Vec2::new(u, v));
@@ -65,7 +66,7 @@ fn plane(size: Vec3) -> Primitive {
     )
 }
 
-/// Upright on the ground, seen from +z: for images.
+/// An upright rectangle on the ground, facing +z, for images.
 fn quad(size: Vec3) -> Primitive {
     let vertex =
         |u: f32, v: f32| (Vec3::new((u - 0.5) * size.x, (1.0 - v) * size.y, 0.0), Vec3::Z, Vec2::new(u, v));
@@ -75,7 +76,7 @@ fn quad(size: Vec3) -> Primitive {
     )
 }
 
-/// Standing on the ground: y from 0 up.
+/// A box on the ground: y from 0 up.
 fn cuboid(size: Vec3) -> Primitive {
     let mut vertices = Vec::new();
     let mut indices = Vec::new();
@@ -93,8 +94,8 @@ fn cuboid(size: Vec3) -> Primitive {
     primitive(vertices, indices)
 }
 
-/// A ring of a solid of revolution: its radius and height for size 1, its normal in the plane of the axis (any length,
-/// before the shape is stretched), and v. Without v the ring is part of a flat end, and an image lies on it as seen from there.
+/// A ring of a solid of revolution: radius and height for size 1, normal as (outward, up) of any length before the shape is
+/// scaled, and texture coordinate v. Without v the ring is part of a flat cap, which gets a planar projection from its side.
 struct Ring {
     radius: f32,
     y: f32,
@@ -106,15 +107,15 @@ fn ring(radius: f32, y: f32, normal: Vec2, v: f32) -> Ring {
     Ring { radius, y, normal, v: Some(v) }
 }
 
-/// The two rings of a flat end, from the rim to the middle where it faces down.
+/// The two rings of a flat cap: from the center to the rim if it faces up, else from the rim to the center.
 fn end(radius: f32, y: f32, up: bool) -> [Ring; 2] {
     let normal = if up { Vec2::Y } else { Vec2::NEG_Y };
     let ring = |radius| Ring { radius, y, normal, v: None };
     if up { [ring(0.0), ring(radius)] } else { [ring(radius), ring(0.0)] }
 }
 
-/// A ring of `AROUND + 1` vertices (the seam twice) at each of `rings`, and quads between neighbours: from the top outside
-/// down. u runs counter-clockwise seen from above; the seam is behind, at -z.
+/// Solid of revolution: `AROUND + 1` vertices per ring (the seam twice), and quads between neighboring rings, which go from the
+/// top along the outside down. Texture coordinate u runs counter-clockwise seen from above; the seam is at -z.
 fn lathe(rings: &[Ring], size: Vec3) -> Primitive {
     let mut vertices = Vec::new();
     let mut indices = Vec::new();
@@ -123,7 +124,7 @@ fn lathe(rings: &[Ring], size: Vec3) -> Primitive {
             let angle = f64::from(step) / f64::from(AROUND) * std::f64::consts::TAU;
             let side = Vec3::new(-libm::sin(angle) as f32, 0.0, -libm::cos(angle) as f32);
             let at = (side * ring.radius + Vec3::Y * ring.y) * size;
-            // Normals of a stretched shape are stretched the other way.
+            // Normals are scaled by the inverse of the size.
             let normal = ((side * ring.normal.x + Vec3::Y * ring.normal.y) / size).normalize_or(Vec3::Y);
             let uv = match ring.v {
                 Some(v) => Vec2::new(step as f32 / AROUND as f32, v),
@@ -137,7 +138,7 @@ fn lathe(rings: &[Ring], size: Vec3) -> Primitive {
     }
     let stride = AROUND + 1;
     for row in 0..rings.len() as u32 - 1 {
-        // An edge: two rings in one place, with normals of their own.
+        // Two rings at one place form a hard edge and have no quads between them.
         let (above, below) = (&rings[row as usize], &rings[row as usize + 1]);
         if (above.radius, above.y) == (below.radius, below.y) {
             continue;
@@ -145,7 +146,7 @@ fn lathe(rings: &[Ring], size: Vec3) -> Primitive {
         for step in 0..AROUND {
             let a = row * stride + step;
             let (b, c, d) = (a + stride, a + stride + 1, a + 1);
-            // Where a ring is a point, one of the two triangles has no area.
+            // If a ring is a point, one of the two triangles has no area and is left out.
             if rings[row as usize + 1].radius > 0.0 {
                 indices.extend([a, b, c]);
             }
@@ -157,25 +158,25 @@ fn lathe(rings: &[Ring], size: Vec3) -> Primitive {
     primitive(vertices, indices)
 }
 
-/// Sine and cosine of `part` of half a turn.
+/// Sine and cosine of `part` times 180°.
 fn half_turn(part: f64) -> Vec2 {
     let angle = part * std::f64::consts::PI;
     Vec2::new(libm::sin(angle) as f32, libm::cos(angle) as f32)
 }
 
-/// Standing on the ground.
+/// An ellipsoid on the ground.
 fn sphere(size: Vec3) -> Primitive {
     let row = |row: u32| {
         let v = f64::from(row) / f64::from(ROWS);
         let normal = half_turn(v);
-        // The poles are points, whatever the sine of a half turn is.
+        // The poles are exact points, although the sine of 180° is not exactly 0.
         let radius = if row == 0 || row == ROWS { 0.0 } else { 0.5 * normal.x };
         ring(radius, 0.5 + 0.5 * normal.y, normal, v as f32)
     };
     lathe(&(0..=ROWS).map(row).collect::<Vec<_>>(), size)
 }
 
-/// Standing on the ground.
+/// A cylinder on the ground.
 fn cylinder(size: Vec3) -> Primitive {
     let mut rings = Vec::from(end(0.5, 1.0, true));
     rings.extend([ring(0.5, 1.0, Vec2::X, 0.0), ring(0.5, 0.0, Vec2::X, 1.0)]);
@@ -183,7 +184,7 @@ fn cylinder(size: Vec3) -> Primitive {
     lathe(&rings, size)
 }
 
-/// Standing on the ground, its tip up.
+/// A cone on the ground, tip up.
 fn cone(size: Vec3) -> Primitive {
     let side = Vec2::new(1.0, 0.5);
     let mut rings = vec![ring(0.0, 1.0, side, 0.0), ring(0.5, 0.0, side, 1.0)];
@@ -191,12 +192,12 @@ fn cone(size: Vec3) -> Primitive {
     lathe(&rings, size)
 }
 
-/// Standing on the ground: two half spheres, as wide as it is along x, and what is between them.
+/// A capsule on the ground: a cylinder between two half ellipsoids, each half as high as the larger of the x and z sizes.
 fn capsule(size: Vec3) -> Primitive {
-    // Height of a half sphere for a height of 1.
+    // Height of a half sphere as a fraction of the whole height.
     let cap = 0.5 * size.x.max(size.z) / size.y;
     let half = ROWS / 2;
-    // v is the share of the way from the top down along the outside, so that an image is stretched evenly.
+    // Texture coordinate v is proportional to the length along the outside from the top, so that an image is stretched evenly.
     let arc = std::f32::consts::FRAC_PI_2 * cap;
     let whole = 2.0 * arc + (1.0 - 2.0 * cap);
     let row = |row: u32| {
@@ -206,19 +207,19 @@ fn capsule(size: Vec3) -> Primitive {
         let radius = if angle == 0 || angle == ROWS { 0.0 } else { 0.5 * slope.x };
         let straight = if below { 1.0 - 2.0 * cap } else { 0.0 };
         let v = (2.0 * arc * angle as f32 / ROWS as f32 + straight) / whole;
-        // The normal of an ellipse with half axes 0.5 and cap.
+        // Normal of an ellipse with the half axes 0.5 and `cap`.
         ring(radius, y, Vec2::new(slope.x / 0.5, slope.y / cap), v)
     };
     lathe(&(0..=ROWS + 1).map(row).collect::<Vec<_>>(), size)
 }
 
-/// A ring that lies on the ground: as thick as it is high.
+/// A torus that lies on the ground. Its tube is as thick as it is high.
 fn torus(size: Vec3) -> Primitive {
-    // Half the ring's thickness for a width of 1.
+    // Radius of the tube for a torus of width 1.
     let thick = 0.5 * size.y / size.x.min(size.z);
     let row = |row: u32| {
         let part = f64::from(row) / f64::from(ROWS);
-        // The row goes from the inside over the top to the outside and back below.
+        // Rings go from the inside over the top to the outside and back below.
         let slope = half_turn(2.0 * part);
         let out = -slope.y;
         let normal = Vec2::new(out / thick, slope.x / 0.5);
@@ -238,7 +239,7 @@ mod tests {
             .map(move |kind| (*kind, solid(kind, size)))
     }
 
-    /// Each kind accepts at least one of these sizes.
+    /// Each shape accepts at least one of these sizes.
     const SIZES: [Vec3; 2] = [Vec3::new(2.0, 1.0, 3.0), Vec3::new(1.0, 3.0, 2.0)];
 
     #[test]
@@ -284,8 +285,8 @@ mod tests {
         }
     }
 
-    /// Closed surfaces: the divergence theorem gives the volume, known in closed form; a few parts in a thousand are lost
-    /// to the corners.
+    /// The divergence theorem gives the volume of a closed surface, which is compared with the closed form. Flat facets lose a
+    /// few parts in a thousand.
     #[test]
     fn volumes_are_those_of_the_formulas() {
         use std::f64::consts::PI;

@@ -1,4 +1,4 @@
-//! `asset.texture(material, slot, image)`: other images on the materials of a file.
+//! `asset.texture(material, slot, image)`: replaces textures of an asset's materials.
 
 use super::following::in_order;
 use crate::call::{ApiError, Call, Options, Reply, one_of, unknown};
@@ -79,7 +79,7 @@ pub fn texture(c: &mut Call) -> Reply {
     Ok(Dynamic::from(AssetRef { from, dead: false }))
 }
 
-/// The image of the third argument, or an image sequence.
+/// The image or image sequence of the third argument.
 fn read_image(c: &Call, o: &Options) -> Result<ImageRef, ApiError> {
     let value = c.value(2);
     let given = match value.read_lock::<Array>() {
@@ -126,7 +126,8 @@ fn check_slot(material: &Material, slot: &str) -> Result<(), ApiError> {
     Ok(())
 }
 
-/// Gives the meshes with a material tangents where its normal map needs them. Whether any has texture coordinates.
+/// Adds tangents to primitives with the material where a normal map needs them. Returns whether any of these primitives has
+/// texture coordinates.
 fn with_tangents(asset: &mut Asset, material: u32, slot: &str, uv_set: usize) -> bool {
     let mut any = false;
     for mesh in &mut asset.meshes {
@@ -164,7 +165,7 @@ fn place<'a>(material: &'a mut Material, slot: &str) -> &'a mut Option<TextureRe
     }
 }
 
-/// A map gives the amount itself.
+/// A full reflection, because the map contains the amount.
 fn whole() -> Box<Reflection> {
     Box::new(Reflection { color: Vec3::ONE, texture: None, environment: None })
 }
@@ -176,13 +177,13 @@ fn of(material: &mut Material, slot: &str) -> Option<TextureRef> {
 fn set(material: &mut Material, slot: &str, new: impl Fn(&Option<TextureRef>) -> Option<TextureRef>) {
     let place = place(material, slot);
     *place = new(place);
-    // An image that black was multiplied with would not be seen.
+    // A black emissive factor would make the image invisible.
     if slot == "emissive" && material.emissive == Vec3::ZERO {
         material.emissive = Vec3::ONE;
     }
 }
 
-/// The images that follow the first in a slot, beside those of other slots, which all change together.
+/// Adds the image sequence of a slot to the texture animation of the material, whose slots all change together.
 fn follow(
     o: &Options,
     material: &mut Material,

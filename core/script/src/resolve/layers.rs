@@ -1,4 +1,4 @@
-//! Layers of cues: their times, phases and order.
+//! Resolves cues to layers: times, phase matching and order.
 
 use super::Notes;
 use super::planting::{InStep, is_moved};
@@ -11,10 +11,10 @@ use choreo_motion::{Clip, Time};
 use choreo_stage::{Cue, CueRootMotion, Layer, LayerMode, Pace, Reference, Repeat, StandingFade};
 use std::sync::Arc;
 
-/// Speed in metres a second below which an actor stands.
+/// Speed in metres per second (or distance in metres) up to which a clip does not move the actor.
 const STANDING: f64 = 0.01;
 
-/// Warns about root motion of clips that all stand still, which is probably not intended.
+/// Warns about root motion or path following of an actor whose clips all stand still, which is probably not intended.
 fn gets_nowhere(build: &Build, made: &[Option<Cue>], notes: &mut Notes) {
     for (index, actor) in build.actors.iter().enumerate() {
         let paced = actor
@@ -48,25 +48,25 @@ fn gets_nowhere(build: &Build, made: &[Option<Cue>], notes: &mut Notes) {
     }
 }
 
-/// Ranks from here on are of layers with a priority.
+/// Smallest rank of layers with a priority.
 const PRIORITIES: u32 = 1 << 30;
 
 /// The layers that the cues are resolved to.
 pub(super) struct Layers {
     /// Layers of each actor.
     pub layers: Vec<Vec<Layer>>,
-    /// Place of each cue in the script.
+    /// Place of each cue in the script, by actor and layer.
     pub places: Vec<Vec<Vec<Place>>>,
     pub in_step: Vec<InStep>,
-    /// Fades between walking and standing of each actor that gets on.
+    /// Fades between walking and standing of each actor; empty for an actor that stays in place.
     pub standing_fades: Vec<Vec<StandingFade>>,
 }
 
-/// The layers of every actor: the base first, then each chain with a mask, in the order of the script.
+/// The layers of every actor: the base layer first, then the other layers by rank.
 pub(super) fn layers(build: &Build, notes: &mut Notes) -> Layers {
     let times = all_times(build);
     let (layers, slots) = empty_layers(build);
-    // Where a cue of the chain takes over, the one before it is over.
+    // A cue without a start time of its own ends the cue before it.
     let mut taken_over: Vec<Option<Time>> = vec![None; build.cues.len()];
     for (id, draft) in build.cues.iter().enumerate() {
         if let (Some(before), None) = (draft.after, draft.start) {
@@ -107,7 +107,7 @@ pub(super) fn layers(build: &Build, notes: &mut Notes) -> Layers {
     Layers { layers, places, in_step: matched, standing_fades }
 }
 
-/// The layers of every actor without cues, and the layer of each chain within its actor.
+/// The layers of every actor, without cues yet, and the index of each chain's layer within its actor.
 fn empty_layers(build: &Build) -> (Vec<Vec<Layer>>, Vec<usize>) {
     let mut layers: Vec<Vec<Layer>> = build.actors.iter().map(|_| vec![Layer::default()]).collect();
     let mut slots = Vec::with_capacity(build.chains.len());
@@ -117,7 +117,8 @@ fn empty_layers(build: &Build) -> (Vec<Vec<Layer>>, Vec<usize>) {
             slots.push(0);
             continue;
         }
-        // Sorted later. Without a priority each lies over those before it; additive ones in a row are equals.
+        // Layers are sorted by rank later. Without a priority each lies over those before it; consecutive additive layers have
+        // the same rank.
         let last = of_actor.iter().rfind(|layer| layer.rank < PRIORITIES);
         let additive = |mode: LayerMode| mode != LayerMode::Override;
         let joins = last.is_some_and(|last| additive(last.mode) && additive(chain.mode));
@@ -136,7 +137,7 @@ fn refuse(draft: &CueDraft, what: &str, notes: &mut Notes) {
     notes.push((Severity::Error, draft.at.clone(), error));
 }
 
-/// A cue with its times, as it is on stage.
+/// The cue of the stage for a draft. `None` after an error, which is noted.
 fn resolve_cue(
     build: &Build,
     draft: &CueDraft,
@@ -156,7 +157,7 @@ fn resolve_cue(
         return None;
     }
     let layer = build.chains[draft.chain].is_layer();
-    // The base layer holds the last pose of a clip played once anyway.
+    // A clip played once has no end on the base layer, which then holds the last pose.
     let natural = (layer || draft.until.is_some()) && !draft.hold;
     let ends = if draft.hold { draft.until } else { end.filter(|_| natural) };
     let cue = Cue {
@@ -181,7 +182,7 @@ fn resolve_cue(
     Some(cue)
 }
 
-/// Matches the phases of a cue on the base layer and the cue before it.
+/// Matches the phases of a cue on the base layer and the cue before it. `None` if that is not possible, which is noted.
 fn match_phases(
     build: &Build,
     id: usize,
@@ -218,10 +219,10 @@ fn match_phases(
     }
 }
 
-/// A layer without its cues, and those with their places.
+/// A layer, and its cues with their places.
 type Laid = (Layer, Vec<(Cue, Place)>);
 
-/// Keys of joints are a clip of their own, added to all that lies below.
+/// The keyframes of joints as a clip on an additive layer.
 fn keyed_joints(draft: &ActorDraft) -> Option<Laid> {
     let (_, at) = draft.joint_keys.first()?;
     let curves = draft.joint_keys.iter().map(|(curve, _)| curve.clone()).collect();
@@ -231,7 +232,7 @@ fn keyed_joints(draft: &ActorDraft) -> Option<Laid> {
     Some((Layer { mode, rank: u32::MAX, ..Layer::default() }, vec![(cue, at.clone())]))
 }
 
-/// An actor's layers and their cues in order, and the places of the cues.
+/// An actor's layers sorted by rank with their cues by start time, and the places of the cues.
 fn of_actor(laid: Vec<Laid>) -> (Vec<Layer>, Vec<Vec<Place>>) {
     let sorted = |(mut layer, mut cues): Laid| {
         cues.sort_by_key(|(cue, _)| cue.start);
@@ -240,7 +241,7 @@ fn of_actor(laid: Vec<Laid>) -> (Vec<Layer>, Vec<Vec<Place>>) {
         (layer, places)
     };
     let mut all: Vec<(Layer, Vec<Place>)> = laid.into_iter().map(sorted).collect();
-    // Equal layers in an order of their own, so that not even rounding depends on how the script is written.
+    // Layers of equal rank are sorted by content, so that not even rounding depends on the order in the script.
     all[1..].sort_by_cached_key(|(layer, _)| {
         let alone = layer.rank < PRIORITIES && layer.mode == LayerMode::Override;
         (layer.rank, if alone { [0; 32] } else { layer.content_hash() })

@@ -1,5 +1,5 @@
-//! Resolves the script's drafts into a stage: times, positions and references are settled, and mistakes that no single call
-//! shows are found.
+//! Resolves the drafts of a script to a stage: computes times, positions and references, and finds mistakes that no single call
+//! shows.
 
 mod layers;
 mod planting;
@@ -23,9 +23,9 @@ use std::sync::{Arc, PoisonError};
 /// Messages with their places.
 type Notes = Vec<(Severity, Place, ApiError)>;
 
-/// Empties the build into a stage, and where its things were made; what is wrong is noted among the build's diagnostics.
+/// Moves the drafts out of the build into a stage, with the places of the calls. Errors are noted among the build's diagnostics.
 ///
-/// `identity`: of the script that a callback is in, with its parameters and files.
+/// `identity`: hash that identifies the script of a callback, with its parameters and files.
 pub fn resolve(
     shared: &Arc<Shared>,
     engine: &Arc<Engine>,
@@ -98,7 +98,7 @@ pub fn resolve(
     (stage, places)
 }
 
-/// Notes what is wrong with a stage whose script has no errors.
+/// Notes errors of the stage as a whole, if its script has none.
 fn note_stage_errors(shared: &Shared, stage: &Stage, places: &Places) {
     let mut build = shared.build.lock().unwrap_or_else(PoisonError::into_inner);
     if build.has_errors() {
@@ -117,9 +117,9 @@ fn note_stage_errors(shared: &Shared, stage: &Stage, places: &Places) {
     }
 }
 
-/// The stage that has been built, and what is wrong with it as a whole.
+/// The resolved stage of a test, and its errors as a whole.
 pub(crate) fn finish_stage(shared: &Arc<Shared>, engine: &Arc<Engine>) -> (Stage, Vec<Diagnostic>) {
-    // A callback is distinguished from others by the text that it stands in.
+    // The identity of a callback is the hash of the text that contains it.
     let identity = |place: &Place| {
         let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
         let text = sources.get(&place.file).cloned().unwrap_or_default();
@@ -130,7 +130,7 @@ pub(crate) fn finish_stage(shared: &Arc<Shared>, engine: &Arc<Engine>) -> (Stage
     (stage, broken)
 }
 
-/// Every hook runs once at time 0: its mistakes are found now, not in the middle of a render.
+/// Adds the callbacks to the stage. Each runs once at time 0, so that mistakes are found now, not in the middle of a render.
 fn add_hooks(
     stage: &mut Stage,
     hooks: Vec<HookDraft>,
@@ -184,7 +184,7 @@ fn actor(draft: ActorDraft, layers: Vec<Layer>, hidden_parts: &mut HiddenParts) 
     actor
 }
 
-/// Parents by their starts. One that ends before the next one starts is followed by none.
+/// Parents sorted by start time. After a parent that ends before the next one starts, the actor has none.
 fn parents(mut drafts: Vec<ParentDraft>) -> Vec<Parenting> {
     drafts.sort_by_key(|draft| draft.parent.start);
     let mut parents = Vec::with_capacity(drafts.len());
@@ -200,7 +200,8 @@ fn parents(mut drafts: Vec<ParentDraft>) -> Vec<Parenting> {
     parents
 }
 
-/// The targets of a camera, by their starts. After one that ends before the next one starts the camera looks where its rig does.
+/// Look-at targets of a camera, sorted by start time. After a target that ends before the next one starts, the camera looks where
+/// its rig points.
 fn looks(mut drafts: Vec<(CameraLook, Option<Time>)>) -> Vec<CameraLook> {
     drafts.sort_by_key(|(look, _)| look.start);
     let mut looks = Vec::with_capacity(drafts.len());
@@ -213,7 +214,7 @@ fn looks(mut drafts: Vec<(CameraLook, Option<Time>)>) -> Vec<CameraLook> {
     looks
 }
 
-/// Near plane of a camera that sets none, metres.
+/// Default near plane of a camera, metres.
 const NEAR: f32 = 0.05;
 
 fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
@@ -237,7 +238,7 @@ fn camera(draft: CameraDraft, notes: &mut Notes) -> Camera {
     let rigged = draft.rig.is_some();
     let fixed = placed || !camera.looks.is_empty() || !camera.channels.iter().all(|c| c.property.is_lens());
     camera.rig = draft.rig.unwrap_or(if fixed {
-        // Where a person would stand to look at another.
+        // Default position: that of a person who looks at another.
         let position = draft.position.unwrap_or(DVec3::new(0.0, 1.6, 5.0));
         Rig::Fixed { position, rotation: draft.rotation, look_at: draft.look_at }
     } else {

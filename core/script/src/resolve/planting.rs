@@ -1,27 +1,27 @@
-//! Foot locks that fades need without a word in the script.
+//! Automatic foot locks during fades.
 
 use crate::build::{ActorDraft, Build};
 use crate::legs;
 use choreo_motion::Time;
 use choreo_stage::{Actor, Constraint, ConstraintKind, FootLock, Property, StandingFade};
 
-/// A fade in which two clips keep step.
+/// A crossfade with phase matching.
 pub(super) struct InStep {
     pub actor: usize,
     pub span: (Time, Time),
-    /// Whether root motion moves it.
+    /// Whether root motion moves the actor.
     pub carried: bool,
 }
 
-/// Plants the feet of actors that fade from one gait to another in step and move along: the two clips' strides are of
-/// different lengths, so that the mean of both slides.
+/// Locks the feet of moving actors during phase-matched crossfades. The strides of the two clips differ in length, so the feet of
+/// the blend would slide.
 pub(super) fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
     for InStep { actor, span, carried } in matched {
         let Some(ActorDraft { actor, .. }) = build.actors.get_mut(actor) else { continue };
         let gets_on = carried || is_moved(actor);
         let planted = foot_locks(actor).next().map(|lock| &mut lock.only);
         match planted {
-            // Planted as the script states, or by an earlier fade.
+            // The script or an earlier fade has made a foot lock.
             Some(only) => only.extend((!only.is_empty()).then_some(span)),
             None if gets_on => plant(actor, vec![span], Vec::new()),
             None => {}
@@ -29,10 +29,10 @@ pub(super) fn plant_in_step(build: &mut Build, matched: Vec<InStep>) {
     }
 }
 
-/// A character that fades between walking and standing, and gets on, takes steps in the fade instead of sliding.
+/// Locks the feet of moving characters during fades between walking and standing, so that they step instead of sliding.
 pub(super) fn plant_in_fades(build: &mut Build, standing_fades: Vec<Vec<StandingFade>>) {
     for (ActorDraft { actor, walks, .. }, mut fades) in build.actors.iter_mut().zip(standing_fades) {
-        // A walk to a point begins with a turn, and may end with one.
+        // A walk of `walk_to` begins with a turn and may end with one, so the fade includes the turn.
         for walk in walks.iter() {
             for fade in &mut fades {
                 match fade.ends_standing {

@@ -1,13 +1,12 @@
-//! Synonyms: words of the field and of other programs, and the calls that do the same here.
+//! Synonyms: terms of the field and of other programs, and the calls that do the same here.
 //!
-//! `topics.txt` is the table. Error messages take their suggestions from it where a name is unknown, and `choreo help TERM`
-//! prints what it has on a term.
+//! `topics.txt` is the table. Errors about unknown names take their suggestions from it, and `choreo help TERM` prints its entry.
 
 use crate::def::{Def, Defs};
 use crate::value::HandleKind;
 use std::sync::LazyLock;
 
-/// Other names that scripts may use: `NAME` of a function, or `FUNCTION: OPTION`, and what they stand for.
+/// Other names that scripts may use, with the real names: `NAME` of a function, or `FUNCTION: OPTION`.
 pub(crate) const ALIASES: &[(&str, &str)] = &[
     ("title", "text"),
     ("stage: duration", "stage: length"),
@@ -15,7 +14,7 @@ pub(crate) const ALIASES: &[(&str, &str)] = &[
     ("stage: resolution", "stage: size"),
 ];
 
-/// Words for parameters of effects, options and allowed values, and the one that they mean where a call has it.
+/// Synonyms of effect parameters, options and allowed values, each with the name that it stands for in calls that have it.
 const PARAMETERS: &[(&str, &str)] = &[
     ("cone", "outer"),
     ("coneangle", "outer"),
@@ -32,7 +31,7 @@ const PARAMETERS: &[(&str, &str)] = &[
     ("focusdistance", "focus"),
 ];
 
-/// One paragraph of `topics.txt`.
+/// A topic: one paragraph of `topics.txt`.
 struct Topic {
     terms: Vec<&'static str>,
     calls: Vec<Target>,
@@ -40,7 +39,7 @@ struct Topic {
     note: Option<&'static str>,
 }
 
-/// A `call:` of `topics.txt`.
+/// The text of a `call:` line of `topics.txt`.
 #[derive(Clone, Copy)]
 struct Target {
     text: &'static str,
@@ -90,7 +89,7 @@ impl Target {
     }
 }
 
-/// The letters and digits of a term: "look at", "look_at" and "lookAt" are one term.
+/// A term reduced to lower-case letters and digits, so that "look at", "look_at" and "lookAt" are equal.
 pub fn letters(term: &str) -> String {
     let plain = |c: char| if c == 'é' { 'e' } else { c };
     term.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).map(plain).collect()
@@ -102,7 +101,7 @@ fn words(text: &str) -> impl Iterator<Item = String> {
     words.map(|word| word.chars().flat_map(char::to_lowercase).collect())
 }
 
-/// Whether a text has all words of a term, in any order. Parts of words do not count.
+/// Whether a text has all words of a term, in any order. Only whole words count.
 pub fn is_in(term: &str, text: &str) -> bool {
     let all: Vec<String> = words(text).collect();
     let mut wanted = words(term).peekable();
@@ -116,7 +115,7 @@ pub fn is_about(term: &str, text: &str) -> bool {
     wanted.peek().is_some() && wanted.all(|word| all.contains(&word))
 }
 
-/// A word without the ending of a plural; the same for both numbers, though not always a word.
+/// A word without a plural ending. Singular and plural give the same stem, which is not always a word.
 fn singular(word: String) -> String {
     let stem = ["sses", "xes", "ches", "shes"].iter().find(|ending| word.ends_with(*ending));
     match stem {
@@ -137,7 +136,7 @@ fn topic(term: &str) -> Option<&'static Topic> {
 pub(crate) struct Suggestion {
     /// The name as the message writes it: `reach` if the user wrote a method of an actor, `Actor.reach` otherwise.
     pub name: String,
-    /// The description, and its page.
+    /// The description with its page, or empty.
     pub hint: String,
 }
 
@@ -152,7 +151,7 @@ pub(crate) fn of_function(defs: &Defs, name: &str, on: HandleKind) -> Option<Sug
     Some(Suggestion { name: name.to_string(), hint: topic.hint(*target, defs) })
 }
 
-/// The option to use in place of the unknown option `name` of a function; else the call that does it.
+/// The option to use in place of the unknown option `name` of a function, else the call that does the same.
 pub(crate) fn of_option(defs: &Defs, name: &str, function: &str, known: &[&str]) -> Option<Suggestion> {
     if let Some(name) = of_parameter(name, known) {
         return Some(Suggestion { name: name.to_string(), hint: String::new() });
@@ -164,13 +163,13 @@ pub(crate) fn of_option(defs: &Defs, name: &str, function: &str, known: &[&str])
         let option = target.option().unwrap_or_default();
         return Some(Suggestion { name: option.to_string(), hint: topic.hint(*target, defs) });
     }
-    // The option of another call, which this one has, too: its own description counts.
+    // If the suggested option of another call also exists here, its description here is used.
     if let Some((target, option)) = options().find_map(|target| Some((target, target.option()?))) {
         let own = option_hint(defs, function, option);
         let hint = own.unwrap_or_else(|| topic.hint(*target, defs));
         return Some(Suggestion { name: option.to_string(), hint });
     }
-    // The parameters of an effect are its own: a call of another kind does not set them.
+    // No other call sets the parameters of an effect, so none is suggested.
     let target = *topic.calls.first().filter(|_| function != "effect")?;
     let name = match target.option() {
         Some(_) => Call::of(target, defs).usage,
@@ -179,7 +178,7 @@ pub(crate) fn of_option(defs: &Defs, name: &str, function: &str, known: &[&str])
     Some(Suggestion { name, hint: topic.hint(target, defs) })
 }
 
-/// The reference's description of an option of a call, and its page, where it describes the option there.
+/// Description of an option of a call in the reference, with its page. `None` if the call does not describe it.
 fn option_hint(defs: &Defs, function: &str, option: &str) -> Option<String> {
     let own = defs.all.iter().filter(|(_, def)| def.name == function);
     let mut found = own.filter_map(|(title, def)| Some((title, def, in_parentheses(&def.about(), option)?)));
@@ -188,7 +187,7 @@ fn option_hint(defs: &Defs, function: &str, option: &str) -> Option<String> {
     Some(format!("{usage}: {}. See {}", first_sentence(&about), page(title)))
 }
 
-/// Entries describe their options after the first sentence.
+/// The first sentence of a description, which says what the call does; options follow it.
 fn first_sentence(about: &str) -> &str {
     about.split_once(". ").map_or(about, |(first, _)| first).trim_end_matches('.')
 }
@@ -206,7 +205,8 @@ pub(crate) fn of_value<'a>(given: &str, known: impl IntoIterator<Item = &'a str>
     let is_value = |known: &&str| {
         topic(given).is_some_and(|topic| topic.calls.iter().any(|target| target.value() == Some(known)))
     };
-    // Words of one topic are synonyms; of a list of kinds, as of shapes, none can be chosen.
+    // The terms of a topic are synonyms. If several known values are terms of one topic (a list of kinds such as shapes), none
+    // can be chosen.
     let terms = topic(given).map_or(&[][..], |topic| &topic.terms);
     let of_topic: Vec<&str> = known.iter().copied().filter(|known| terms.contains(known)).collect();
     let only = of_topic.first().copied().filter(|_| of_topic.len() == 1);
@@ -239,13 +239,13 @@ pub struct Answer {
 /// One call that answers a term.
 #[derive(Debug, PartialEq)]
 pub struct Call {
-    /// How to write it: `Actor.reach(joint, target, options?)`, or a command, `choreo render --fps`.
+    /// The usage: `Actor.reach(joint, target, options?)`, or a command such as `choreo render --fps`.
     pub usage: String,
-    /// The description; none for a command, which describes itself.
+    /// The description; `None` for a command, which describes itself.
     pub about: Option<String>,
     /// The rest of the description, with the options; empty unless the term is the name of the call.
     pub details: Vec<String>,
-    /// The page that describes it: a file, with the heading if it has several.
+    /// The page with the description: a file, and the heading if the file has several.
     pub page: String,
 }
 
@@ -289,12 +289,13 @@ impl Call {
         Call { usage: def.full_usage(), about: Some(first_line(def)), details: Vec::new(), page: page(title) }
     }
 
-    /// The entry with all of its description.
+    /// The entry with its full description.
     pub(crate) fn whole_entry(title: &str, def: &Def) -> Call {
         Call { details: def.about().split_off(1), ..Call::entry(title, def) }
     }
 }
 
+/// The entry of a mathematical function.
 pub fn mathematics(name: &str, defs: &Defs) -> Option<Call> {
     let (name, args, about) = defs.maths.iter().find(|(known, ..)| *known == name)?;
     let usage = format!("{name}({args})");
@@ -309,7 +310,7 @@ fn first_line(def: &Def) -> String {
     def.about().swap_remove(0)
 }
 
-/// The reference's text about an option: its name with the parentheses that follow it, or the item that names it.
+/// The text about an option in the reference: its name with the parentheses after it, or the paragraph that names it.
 fn describe_option(def: &Def, option: &str) -> Option<String> {
     let about = def.about();
     in_parentheses(&about, option).or_else(|| about.into_iter().find(|item| item.contains(option)))
@@ -342,8 +343,8 @@ pub(crate) fn of_topic(term: &str, defs: &Defs) -> Answer {
     answer
 }
 
-/// The answer of the topic whose terms have all words of a term, in any order; of several the one in which one term has them all,
-/// else the one with the fewest terms.
+/// The answer of the topic whose terms contain all words of `term`, in any order. Among several, a topic in which one term
+/// contains them all comes first, then the one with the fewest terms.
 pub(crate) fn of_words(term: &str, defs: &Defs) -> Answer {
     let in_one = |topic: &Topic| topic.terms.iter().any(|known| is_in(term, known));
     let found = TOPICS.iter().filter(|topic| is_in(term, &topic.terms.join(" ")));
@@ -351,7 +352,7 @@ pub(crate) fn of_words(term: &str, defs: &Defs) -> Answer {
     found.map_or_else(Answer::default, |topic| topic.answer(defs))
 }
 
-/// Each topic of the table: its terms, and what answers them.
+/// Each topic of the table: its terms, and the answer.
 pub(crate) fn topics(defs: &Defs) -> impl Iterator<Item = (&'static [&'static str], Answer)> {
     TOPICS.iter().map(|topic| (topic.terms.as_slice(), topic.answer(defs)))
 }

@@ -1,4 +1,4 @@
-//! The expectations of a section, as data: recorded by the script with their place, judged once the stage is finished.
+//! Expectations of a test section as data. The script records them with their place; they are judged once the stage is finished.
 //!
 //! `expect(anna.joint("Head")).at(1.5).near([0.0, 1.6, 0.0], 0.01)` is an [`Expectation`] with the claim
 //! `Vector { quantity: Position of the joint, test: Near a point }`.
@@ -11,20 +11,21 @@ use choreo_stage::{Attachment, Target};
 use glam::{DQuat, DVec3};
 use std::sync::Arc;
 
+/// A comparison of a test with its place and times.
 #[derive(Clone, Debug)]
 pub struct Expectation {
     /// Place of the call that compares.
     pub place: Place,
-    /// The text: the line of the script, without indentation.
+    /// The source line, without indentation.
     pub source: String,
     /// 0: the section's own stage; n: the n-th made with `stage_of`. Index into `SectionRun::stages`.
     pub stage: usize,
     pub when: When,
-    /// Time between two looks in a span, and the step of differences for speeds; `None`: a frame of the stage.
+    /// Interval between two tested times, and the step of differences for speeds; `None`: one frame of the stage.
     pub step: Option<Time>,
-    /// The claim must fail: at every time looked at.
+    /// The claim must fail at every tested time.
     pub negated: bool,
-    /// One look at which it holds, or, negated, fails, is enough.
+    /// One tested time at which the claim holds (negated: fails) is enough.
     pub sometime: bool,
     pub claim: Claim,
 }
@@ -39,7 +40,7 @@ pub enum When {
     During(Time, Time),
 }
 
-/// Something on the stage, by its index there.
+/// An object of the stage, by its index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Subject {
     Actor(usize),
@@ -48,6 +49,7 @@ pub enum Subject {
     Light(usize),
 }
 
+/// Comparison of an expectation: the measured property and the test.
 #[derive(Clone, Debug)]
 pub enum Claim {
     /// A number that may change over time.
@@ -56,25 +58,25 @@ pub enum Claim {
     Vector { quantity: VectorQuantity, test: VectorTest },
     /// A rotation that may change over time; the same rotation may be written as q and as −q.
     Rotation { quantity: RotationQuantity, goal: RotationGoal, tolerance_deg: f64 },
-    /// Something that is so or not.
+    /// A property that is true or false.
     Flag(Flag),
-    /// All of an actor is inside the image of the camera that is on (or the one given).
+    /// The whole actor is inside the image of the active camera, or of the given one.
     InFrame(InFrame),
-    /// The same bits.
+    /// Two stages or poses have the same bits.
     Same { what: SameWhat, other: SameOther },
-    /// Cues, cuts, looks and effects, in order.
+    /// Events of cues, cuts, look-at constraints and effects, in order.
     Events { of: Option<Subject>, test: EventsTest },
     /// Lines of text: warnings, names.
     Texts { texts: TextsQuantity, test: TextsTest },
-    /// A value that the script has worked out itself.
+    /// A value that the script has computed.
     Value { got: Value, test: ValueTest },
     /// Evaluating this stage at all its frames takes at most `factor` times as long as the other.
     Cost { other: usize, factor: f64 },
-    /// The image at a time is like the stored one.
+    /// The image at a time matches the golden image.
     Picture(ImageExpectation),
 }
 
-/// Numbers of a stage, each a function of the time. Lengths in metres, angles in degrees, times in seconds.
+/// Numbers of a stage, each a function of time. Lengths are in metres, angles in degrees, times in seconds.
 #[derive(Clone, Debug)]
 pub enum Quantity {
     /// x, y or z of a vector: 0, 1, 2.
@@ -84,62 +86,64 @@ pub enum Quantity {
     Distance(Subject, Target),
     /// Angle between the subject's direction (+z; for cameras and lights, where they point) and a point that may move.
     AngleTo(Subject, Target),
-    /// How far the subject is turned against another rotation.
+    /// Angle between two rotations.
     Angle(RotationQuantity, RotationQuantity),
-    /// Metres a second since the look before.
+    /// Metres per second since the tested time before.
     Speed(VectorQuantity),
-    /// Metres a second², from the looks before and after.
+    /// Metres per second², from the tested times before and after.
     Acceleration(VectorQuantity),
-    /// Metres a second³, from four looks.
+    /// Metres per second³, from four tested times.
     Jerk(VectorQuantity),
-    /// Degrees a second since the look before.
+    /// Degrees per second since the tested time before.
     TurnSpeed(RotationQuantity),
-    /// Metres that a joint has gone along the floor since it touched down; 0 while it is up.
+    /// Foot sliding: metres that a joint has moved along the floor since it touched down; 0 while it is in the air.
     Slide(Contact),
-    /// Share of a clip in its own layer of an actor, or in the pose of one joint, all layers counted; 0..=1.
+    /// Weight of a clip, 0..=1: in its layer of the actor, or in the pose of one joint with all layers.
     ClipWeight {
         actor: usize,
         joint: Option<u32>,
         clip: String,
     },
-    /// Seconds of the clip, of the cue with the largest share; NaN where it is not active.
+    /// Time in seconds of the clip, for the cue with the largest weight; NaN while it is not active.
     ClipTime {
         actor: usize,
         clip: String,
     },
-    /// Morph target's weight, the largest over the actor's meshes.
+    /// Weight of a morph target, the largest of the actor's meshes.
     Morph {
         actor: usize,
         targets: Vec<(u32, u32)>,
     },
-    /// Lowest and highest point of an actor as posed, metres.
+    /// y of the lowest point of a posed actor, metres.
     Lowest(usize),
+    /// y of the highest point of a posed actor, metres.
     Highest(usize),
-    /// Height of an actor's outline in the image, as a share of the image's.
+    /// Height of an actor in the image, as a fraction of the image height.
     PictureHeight {
         actor: usize,
         camera: Option<usize>,
     },
-    /// Share of an actor's vertices that are inside the image, 0..=1, whatever stands before them.
+    /// Fraction of an actor's vertices that are inside the image, 0..=1. Occlusion is ignored.
     PictureShare {
         actor: usize,
         camera: Option<usize>,
     },
-    /// Angle in the image between up and the subject's own up, degrees, 0..=180.
+    /// Angle in the image between up and the subject's +y axis, degrees, 0..=180.
     Tilt {
         subject: Subject,
         camera: Option<usize>,
     },
-    /// Vertical angle of view, degrees.
+    /// Vertical field of view, degrees.
     FieldOfView(usize),
     /// Intensity of a light.
     Intensity(usize),
-    /// Counted in the stage, whatever the time.
+    /// A count in the stage, independent of time.
     Count(Count),
-    /// Counted in the plan of the frame.
+    /// A count in the render plan of the frame.
     PlanCount(PlanOptions, PlanCount),
 }
 
+/// Points, vectors and colors of a stage, each a function of time.
 #[derive(Clone, Debug, PartialEq)]
 pub enum VectorQuantity {
     /// Position in the world, or in the space of an actor or joint.
@@ -147,15 +151,16 @@ pub enum VectorQuantity {
     Scale(Subject),
     /// Direction of the subject as a unit vector (the front of actors, +z of joints; where cameras and lights point).
     Direction(Subject),
-    /// Red, green, blue, linear.
+    /// Tint of an actor: linear red, green and blue.
     Tint(usize),
     LightColor(usize),
-    /// Extent of an actor as posed, along the world's axes.
+    /// Extent of a posed actor along the world axes, metres.
     Size(usize),
-    /// Position in the image: x from 0 (left) to 1 (right), y from 0 (top) to 1 (bottom), z in metres before the camera.
+    /// Position in the image: x from 0 (left) to 1 (right), y from 0 (top) to 1 (bottom), z in metres in front of the camera.
     InPicture(Subject, Option<usize>),
 }
 
+/// Rotations of a stage, each a function of time.
 #[derive(Clone, Debug, PartialEq)]
 pub enum RotationQuantity {
     /// Rotation in the world, or in the space of an actor or joint.
@@ -169,14 +174,15 @@ pub struct Contact {
     pub joint: u32,
     /// Metres above `ground`.
     pub height: f64,
-    /// Metres a second, up or down.
+    /// Metres per second, up or down.
     pub speed: f64,
-    /// Metres a second along the floor.
+    /// Metres per second along the floor above which a joint that comes down swings past the floor instead of standing on it.
     pub swing: f64,
     /// y of the floor.
     pub ground: f64,
 }
 
+/// Things that are counted in a stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Count {
     Actors,
@@ -201,6 +207,7 @@ pub struct PlanOptions {
     pub samples: Option<u32>,
 }
 
+/// Things that are counted in the render plan of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PlanCount {
     /// Render passes, full-screen ones included.
@@ -213,15 +220,16 @@ pub enum PlanCount {
     Lights,
     JointMatrices,
     Morphs,
-    /// Depths seen from lights that cast shadows.
+    /// Shadow maps of lights.
     ShadowMaps,
-    /// Geometry that effects draw: two triangles a line or point.
+    /// Triangles that effects draw, two per line or point.
     OverlayTriangles,
 }
 
+/// Comparison of a number.
 #[derive(Clone, Debug)]
 pub enum NumberTest {
-    /// Within the tolerance of a number or a function of the time.
+    /// The number is within the tolerance of a number or of a function of time.
     Near {
         goal: NumberGoal,
         tolerance: f64,
@@ -231,12 +239,14 @@ pub enum NumberTest {
     Between(f64, f64),
 }
 
+/// Expected number.
 #[derive(Clone, Debug)]
 pub enum NumberGoal {
     Number(f64),
     Formula(Formula),
 }
 
+/// Comparison of a point, vector or color.
 #[derive(Clone, Debug)]
 pub enum VectorTest {
     Near {
@@ -250,6 +260,7 @@ pub enum VectorTest {
     },
 }
 
+/// Expected point, vector or color.
 #[derive(Clone, Debug)]
 pub enum VectorGoal {
     Point(DVec3),
@@ -260,56 +271,61 @@ pub enum VectorGoal {
     Formula(Formula),
 }
 
+/// Expected rotation.
 #[derive(Clone, Debug)]
 pub enum RotationGoal {
     Rotation(DQuat),
     /// The rotation of another subject at the same time.
     Subject(Subject),
-    /// Gives degrees about y, or [x, y, z] as for `.rotate`.
+    /// A function of time that returns degrees about y, or [x, y, z] as in `.rotate`.
     Formula(Formula),
 }
 
+/// Property that is true or false.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Flag {
     Visible(usize),
     OnFloor(Contact),
-    /// This camera is the one that is on.
+    /// The camera is the active one.
     On(usize),
-    /// The effect of this name is on.
+    /// The effect with this name is active.
     Effect(String),
 }
 
+/// Requirements on an actor that must be inside the image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InFrame {
     pub actor: usize,
-    /// `None`: the camera that is on.
+    /// `None`: the active camera.
     pub camera: Option<usize>,
-    /// Share of the image's sides that must stay free, 0 up to 0.5.
+    /// Fraction of the image that must stay free at each side, 0 to 0.49.
     pub margin: f64,
-    /// Height of the actor as a share of the image's.
+    /// Range of the actor's height, as fractions of the image height.
     pub height: Option<(f64, f64)>,
-    /// Most degrees between the actor's up and the image's.
+    /// Largest angle in degrees between the actor's +y axis and up in the image.
     pub upright: Option<f64>,
 }
 
+/// Object whose bits are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SameWhat {
-    /// The whole stage; at a time: the whole snapshot.
+    /// The whole stage, or its snapshot at a time.
     Stage,
-    /// Its pose in the space of the actor, and its morph weights.
+    /// The pose of an actor in the actor's space, and its morph weights.
     Pose(usize),
 }
 
+/// Object that must be equal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SameOther {
-    /// The same at another time.
+    /// The same object at another time.
     Time(Time),
     /// Index into `SectionRun::stages`.
     Stage(usize),
     Actor(usize),
 }
 
-/// An event that is expected: a text like `anna: Walk starts`, and when.
+/// An expected event: a text such as `anna: Walk starts`, and its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EventPattern {
     /// `None`: at any time.
@@ -318,31 +334,34 @@ pub struct EventPattern {
     pub text: String,
 }
 
+/// Comparison of the events of a stage.
 #[derive(Clone, Debug, PartialEq)]
 pub enum EventsTest {
-    /// These and no others, in this order.
+    /// Exactly the given events, in this order. The time is the tolerance.
     Exactly(Vec<EventPattern>, Time),
-    /// These in this order, others between.
+    /// The given events in this order, with others between. The time is the tolerance.
     InOrder(Vec<EventPattern>, Time),
 }
 
+/// Lists of texts of a stage or plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TextsQuantity {
     /// Warnings about the script and the assets on stage.
     Warnings,
     Printed,
-    /// A feature or object that the plan leaves out: `skinning: no mesh has a skin`.
+    /// Features that the plan leaves out, with the reason: `skinning: no mesh has a skin`.
     LeftOut(PlanOptions),
-    /// Names of the effects that are on.
+    /// Names of the active effects.
     Effects,
 }
 
+/// Comparison of a list of texts.
 #[derive(Clone, Debug, PartialEq)]
 pub enum TextsTest {
     Empty,
-    /// Some line holds this text.
+    /// A line contains this text.
     Contains(String),
-    /// Some line begins with this text, up to its colon.
+    /// A line whose text before `: ` matches this name.
     Names(String),
     Count(usize),
 }
@@ -360,6 +379,7 @@ pub enum Value {
     Map(Vec<(String, Value)>),
 }
 
+/// Comparison of a plain value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ValueTest {
     Equals(Value),
@@ -370,17 +390,17 @@ pub enum ValueTest {
     Below(f64),
     Above(f64),
     Between(f64, f64),
-    /// A text or list that holds this.
+    /// A text or list that contains this value.
     Contains(Value),
     /// `*` stands for anything, `?` for one character.
     Matches(String),
     Empty,
 }
 
-/// The image of the stage at a time, against a stored one.
+/// Comparison of a frame of the stage with its golden image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImageExpectation {
-    /// Unlike every other of its file; letters, digits, `_`, `-`.
+    /// Name of the golden image, unique in its file: letters, digits, `_`, `-`.
     pub name: String,
     pub at: Time,
     /// Pixels; `None`: as the stage states.
@@ -389,16 +409,16 @@ pub struct ImageExpectation {
     pub samples: Option<u32>,
     /// "cpu" or "vulkan"; `None`: the CPU renderer, which is the same everywhere.
     pub device: Option<String>,
-    /// Steps of 255 that a channel may be off without counting as different.
+    /// Difference per channel, in steps of 1/255, up to which pixels count as equal.
     pub tolerance: u8,
     /// Limits in the order of `choreo_image_diff::METRICS`.
     pub limits: [f64; METRICS.len()],
-    /// May take more than 40 KiB.
+    /// The golden image may be larger than 40 KiB.
     pub large: bool,
 }
 
 impl ImageExpectation {
-    /// The image at time zero, with the limits that hold where a test states none.
+    /// The comparison at time 0 with default limits.
     pub fn new(name: &str) -> ImageExpectation {
         ImageExpectation {
             name: name.to_string(),
@@ -413,12 +433,12 @@ impl ImageExpectation {
     }
 }
 
-/// A function of the time in a script, `|t| …`, called when the expectation is judged.
+/// A function of time in a script, `|t| …`, called when the expectation is judged.
 #[derive(Clone)]
 pub struct Formula(pub(crate) Arc<dyn Fn(Time) -> Result<Vec<f64>, Diagnostic> + Send + Sync>);
 
 impl Formula {
-    /// One number or three, at a time of the stage. The error has file and line.
+    /// Calls the function at a stage time. Returns one or three numbers. The error has file and line.
     pub fn at(&self, time: Time) -> Result<Vec<f64>, Diagnostic> {
         (self.0)(time)
     }
@@ -465,7 +485,7 @@ impl Measure {
 }
 
 impl Claim {
-    /// Judged look by look.
+    /// Whether the claim is judged at each tested time.
     pub(crate) fn graded(&self) -> bool {
         matches!(
             self,
@@ -477,7 +497,7 @@ impl Claim {
         )
     }
 
-    /// Whether the time plays no part in it.
+    /// Whether the claim does not depend on time.
     pub fn timeless(&self) -> bool {
         match self {
             Claim::Events { .. } | Claim::Value { .. } | Claim::Cost { .. } | Claim::Picture(_) => true,

@@ -1,4 +1,4 @@
-//! Tests in scripts as data: sections, what they expect, and how long they may take.
+//! Tests in scripts as data: sections, expectations and time limits.
 
 mod expectation;
 mod state;
@@ -13,12 +13,12 @@ pub use expectation::{
 pub(crate) use state::{Asked, RunningScript, TestState};
 pub use timeout::{TimeUsedUp, Timeout};
 
-/// A `test(…)` of a file, found without running it; or a file without any, which is a test as it stands.
+/// A test section, which is a `test(…)` call of a file, found without running its function; or a whole file without sections.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SectionInfo {
     /// Index among the sections of its file, from 0.
     pub index: usize,
-    /// Unlike every other of its file. Empty: the file has no sections and is tested as it stands.
+    /// Name, unique in its file. Empty: the file has no sections and is tested as a whole.
     pub name: String,
     /// The file as the caller named it.
     pub file: String,
@@ -26,16 +26,16 @@ pub struct SectionInfo {
     pub line: usize,
     /// Last line of its function.
     pub end_line: usize,
-    /// Why it is not to be run.
+    /// Why the section is skipped.
     pub skip: Option<String>,
-    /// A known bug: why it is expected to fail. It must not pass.
+    /// Known bug: why the section is expected to fail. It must not pass.
     pub fails: Option<String>,
     /// Tags in the order of the script.
     pub tags: Vec<String>,
 }
 
 impl SectionInfo {
-    /// The file has no sections: it is to run without errors and warnings, and to give the same finite frames again.
+    /// Whether this is a file without sections, which must run without errors and warnings and give the same finite frames twice.
     pub fn as_it_stands(&self) -> bool {
         self.name.is_empty()
     }

@@ -1,4 +1,4 @@
-//! The state of the tests of one run, filled by its calls.
+//! State of the tests during one run of a script.
 
 use super::{Expectation, SectionInfo};
 use crate::api_error::Place;
@@ -13,11 +13,11 @@ pub(crate) struct TestState {
     pub sections: Vec<SectionInfo>,
     /// Line and column of the call for each of them.
     pub calls: Vec<(usize, usize)>,
-    /// A call of `test` was wrong.
+    /// A call of `test` was refused.
     pub refused: bool,
-    /// The section to be run, where all of the file are known: the calls for others are passed over.
+    /// The section to be run, if the sections of the file are known. Calls of `test` for other sections are skipped.
     pub wanted: Option<SectionInfo>,
-    /// The requested section is being run.
+    /// The function of the requested section is running.
     pub running: bool,
     pub ran: bool,
     pub expectations: Vec<Expectation>,
@@ -26,7 +26,7 @@ pub(crate) struct TestState {
     pub stages: Vec<Arc<Stage>>,
     /// 0: the section's own stage is being built; n: the n-th of `stages`.
     pub current_stage: usize,
-    /// The other script that is being run.
+    /// The script that a call of `scene` is running, if any.
     pub scene: Option<RunningScript>,
     /// Other scripts by their names in messages, with the place of the call that ran them.
     pub scenes: Vec<(String, Place)>,
@@ -37,7 +37,7 @@ pub(crate) struct TestState {
 }
 
 impl TestState {
-    /// Notes a comparison of a call of `expect`, or one that was refused.
+    /// Counts a comparison for a call of `expect`, also one that was refused.
     pub fn compared(&mut self, expect: usize) {
         if let Some(asked) = self.asked.get_mut(expect) {
             asked.comparisons += 1;
@@ -55,10 +55,10 @@ pub(crate) struct Asked {
     pub unused: Option<(&'static str, Place)>,
 }
 
-/// Another script while it runs.
+/// A script that a call of `scene` runs.
 #[derive(Clone, Debug)]
 pub struct RunningScript {
-    /// Canonical.
+    /// Canonical path of the folder of the script.
     pub folder: PathBuf,
     /// Parameters in place of `--set`.
     pub set: Vec<(String, String)>,

@@ -1,17 +1,17 @@
-//! How long a section may take, everything counted: its script, its files, its frames and its images.
+//! Time limit of a test section, which covers its script, files, frames and images.
 
 use std::time::{Duration, Instant};
 
-/// A point in time, and how it is printed.
+/// A point in time, and the limit in seconds for messages.
 #[derive(Clone, Copy, Debug)]
 pub struct Timeout {
-    /// `None`: beyond what the clock can count to.
+    /// `None`: later than the clock can represent.
     at: Option<Instant>,
     seconds: f64,
 }
 
 impl Timeout {
-    /// A timeout that starts now.
+    /// A time limit that starts now.
     pub fn after(seconds: f64) -> Timeout {
         let span = Duration::try_from_secs_f64(seconds).ok();
         Timeout { at: span.and_then(|span| Instant::now().checked_add(span)), seconds }
@@ -22,14 +22,14 @@ impl Timeout {
         if self.at.is_some_and(|at| Instant::now() > at) { Err(TimeUsedUp(*self)) } else { Ok(()) }
     }
 
-    /// The error after the time is used up, with a hint.
+    /// Message and hint of the error that the time is used up.
     pub fn error(&self) -> (String, &'static str) {
         let what = format!("this section takes longer than {} s", self.seconds);
         (what, "make it shorter, or raise the time with --timeout SECONDS")
     }
 }
 
-/// The time of a section is used up: what is wrong, with what to do.
+/// The error that the time of a section is used up, with a hint.
 #[derive(Clone, Copy, Debug)]
 pub struct TimeUsedUp(Timeout);
 

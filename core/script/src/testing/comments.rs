@@ -1,4 +1,4 @@
-//! `//~ error: text`: what must go wrong, written on the line where it does.
+//! Comments `//~ error: text` and `//~ warning: text`: expected diagnostics, written on the line where they occur.
 
 use super::ExpectedDiagnostic;
 use crate::api_error::Place;
@@ -6,8 +6,8 @@ use crate::diagnostic::{Diagnostic, Severity};
 
 const MARK: &str = "//~";
 
-/// All of a script's comments. A line with nothing but comments speaks of the line above it. Diagnostics: comments that
-/// say neither `error` nor `warning`.
+/// All expected diagnostics of a script, and errors about comments that say neither `error` nor `warning`. A line with nothing
+/// but comments belongs to the line of code above it.
 pub fn parse(file: &str, text: &str) -> (Vec<ExpectedDiagnostic>, Vec<Diagnostic>) {
     let (mut expected, mut wrong) = (Vec::new(), Vec::new());
     let mut code_line = 1;
@@ -66,7 +66,7 @@ fn find_mark(row: &str) -> Option<usize> {
             (Some(open), c) if c == open => quote = None,
             (None, '"' | '`') => quote = Some(c),
             (None, '/') if row[at..].starts_with(MARK) => return Some(at),
-            // The rest is another comment, where nothing is meant.
+            // The rest of the line is an ordinary comment.
             (None, '/') if row[at..].starts_with("//") => return None,
             _ => {}
         }
@@ -74,8 +74,8 @@ fn find_mark(row: &str) -> Option<usize> {
     None
 }
 
-/// Takes the diagnostics that are expected out of `came`, and marks the expectations that they meet. One comment may meet
-/// several diagnostics of its line; those of another script belong to the line that runs it, too.
+/// Removes expected diagnostics from `came` and marks the comments that expect them as met. One comment may match several
+/// diagnostics of its line. Diagnostics of another script also belong to the line that runs it.
 pub fn meet(
     file: &str,
     scenes: &[(String, Place)],

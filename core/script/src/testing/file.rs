@@ -1,4 +1,4 @@
-//! A test file, read once for all of its sections, so that a run of one section costs nothing for the others.
+//! A test file that is parsed once for all of its sections, and the statements that the run of one section needs.
 
 use super::{ExpectedDiagnostic, SectionInfo, comments};
 use crate::build::Shared;
@@ -16,7 +16,7 @@ pub(crate) struct TestFile {
     pub parsed: Parsed,
     pub expected: Vec<ExpectedDiagnostic>,
     pub wrong_comments: Vec<Diagnostic>,
-    /// Set by the first listing in which each `test` was in order.
+    /// Set by the first listing in which no call of `test` was refused.
     listing: OnceLock<Arc<Listing>>,
 }
 
@@ -24,7 +24,8 @@ pub(crate) struct TestFile {
 #[derive(Debug)]
 pub struct Listing {
     pub sections: Vec<SectionInfo>,
-    /// Index of each section's own statement in the file. `None`: a loop or a function calls `test`.
+    /// Index of the `test` statement of each section in the file. `None`: the section is not a plain top-level statement, for
+    /// example because a loop or a function calls `test`.
     own: Vec<Option<usize>>,
     /// The statements outside all sections, each with its index in the file.
     common: Vec<(usize, Stmt)>,
@@ -42,7 +43,7 @@ impl Listing {
             match section {
                 Some(section) => {
                     own[*section] = Some(index);
-                    // A variable that a closure captures is shared from then on, whichever section runs.
+                    // A variable is shared from the first closure that captures it, whichever section runs.
                     let captures = captures(statement).filter(|(name, _)| shared.insert(name.clone()));
                     common.extend(captures.map(|(_, share)| (index, share)));
                 }
@@ -57,7 +58,7 @@ impl Listing {
         Listing { sections, own, common }
     }
 
-    /// The file without the sections that are not run: each is `test` with a name that is written out, at the top of the file.
+    /// The syntax tree with one section only: the plain top-level `test` statements of all others are left out.
     pub fn alone(&self, section: usize, parsed: &Parsed) -> AST {
         let own = self.own.get(section).copied().flatten();
         let own = own.and_then(|at| Some((at, parsed.ast.statements().get(at)?)));
@@ -75,8 +76,8 @@ impl Listing {
     }
 }
 
-/// Line and column of a statement that is nothing but `test("…", || …)` or `test("…", #{ … }, || …)`, whose arguments do
-/// nothing when they are evaluated.
+/// Line and column of a plain test statement: `test("…", || …)` or `test("…", #{ … }, || …)` whose arguments have no side
+/// effects.
 fn plain_test(statement: &Stmt) -> Option<(usize, usize)> {
     let (call, at) = match statement {
         Stmt::FnCall(call, at) => (call, at),
@@ -94,7 +95,7 @@ fn plain_test(statement: &Stmt) -> Option<(usize, usize)> {
     plain.then_some((at.line()?, at.position()?))
 }
 
-/// The variables that a closure captures: Rhai writes `{ share a, b; curry(function, a, b) }` for it.
+/// The `Share` statement of a closure's captured variables: Rhai compiles the closure to `{ share a, b; curry(function, a, b) }`.
 fn closure(expr: &Expr) -> Option<&Stmt> {
     let Expr::Stmt(block) = expr else { return None };
     match block.statements() {
@@ -106,7 +107,7 @@ fn closure(expr: &Expr) -> Option<&Stmt> {
     }
 }
 
-/// The `Share` statements of the variables that the closure of a plain `test` captures.
+/// Names and `Share` statements of the variables that the closure of a plain test captures.
 fn captures(statement: &Stmt) -> impl Iterator<Item = (String, Stmt)> {
     let call = match statement {
         Stmt::FnCall(call, _) => Some(call),
@@ -127,19 +128,19 @@ fn captures(statement: &Stmt) -> impl Iterator<Item = (String, Stmt)> {
     })
 }
 
-/// Test files that were read lately: workers take sections of a file one after the other.
+/// Cache of recently read test files, because workers run the sections of a file one after the other.
 #[derive(Clone, Default)]
 pub struct TestFiles(Arc<Mutex<Kept>>);
 
 #[derive(Default)]
 struct Kept {
     lately: VecDeque<Arc<TestFile>>,
-    /// The sections of each file by its name, with the hash of the text they belong to.
+    /// Sections of each file by its name, with the hash of the text to which they belong.
     listings: BTreeMap<String, (blake3::Hash, Arc<Listing>)>,
 }
 
 impl TestFiles {
-    /// Trees of statements take many times the memory of their text.
+    /// Maximum number of parsed files: syntax trees take many times the memory of their text.
     const MOST: usize = 16;
 
     pub(crate) fn read(
@@ -166,7 +167,7 @@ impl TestFiles {
         });
         let mut kept = self.kept();
         if let Some((_, listing)) = kept.listings.get(name).filter(|(hash, _)| *hash == file.hash()) {
-            // Set here for the first time.
+            // The new file has no listing yet, so this cannot fail.
             let _ = file.listing.set(listing.clone());
         }
         kept.lately.push_front(file.clone());
@@ -174,11 +175,11 @@ impl TestFiles {
         Ok(file)
     }
 
-    /// Keeps the sections that a listing has found.
+    /// Stores the sections that a listing has found.
     pub(crate) fn list(&self, file: &TestFile, listing: Listing) {
         let listing = Arc::new(listing);
         self.kept().listings.insert(file.name.clone(), (file.hash(), listing.clone()));
-        // The same text has the same sections.
+        // A listing that is set already is equal.
         let _ = file.listing.set(listing);
     }
 
@@ -188,6 +189,7 @@ impl TestFiles {
 }
 
 impl TestFile {
+    /// The sections of the file, if they are known.
     pub fn listing(&self) -> Option<&Arc<Listing>> {
         self.listing.get()
     }
@@ -208,7 +210,7 @@ impl std::fmt::Debug for TestFiles {
 mod tests {
     use super::*;
 
-    /// Statements that a run of each section has.
+    /// Number of statements in the run of each section.
     fn statements(text: &str, calls: &[(usize, usize)]) -> Vec<usize> {
         let mut engine = Engine::new_raw();
         engine.set_allow_shadowing(true);

@@ -1,4 +1,4 @@
-//! Tests in scripts: sections of a file, each run on a stage of its own, and what they expect, as data.
+//! Tests in scripts: lists the sections of a file and runs each on its own stage; expectations are returned as data.
 //!
 //! ```text
 //! path ─► list_sections ─► SectionInfo ─► run_section ─► SectionRun { stage, expectations } ─► choreo-test-runner judges
@@ -23,31 +23,32 @@ use choreo_stage::Stage;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// `//~ error: text` in the script: a diagnostic that must come, at its line.
+/// A comment `//~ error: text` in the script: a diagnostic that must occur at its line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ExpectedDiagnostic {
     pub severity: Severity,
     /// Line number from 1.
     pub line: usize,
-    /// Part of its message.
+    /// Part of the message.
     pub text: String,
-    /// One came.
+    /// Such a diagnostic has occurred.
     pub met: bool,
 }
 
-/// How tests are run.
+/// Options of test runs.
 #[derive(Clone, Debug, Default)]
 pub struct TestOptions {
     pub script: ScriptOptions,
-    /// A folder that holds the test file; `scene` and `load` may read in it, by paths relative to the test file or to it.
+    /// A folder that contains the test file. `scene` and `load` may read in it, by paths relative to the test file or to this
+    /// folder.
     pub root: Option<PathBuf>,
-    /// The time at which the section that is run must be over.
+    /// Time limit of the section.
     pub timeout: Option<Timeout>,
-    /// Files that runs with clones of this have read: each is parsed once for all of its sections.
+    /// Cache of test files, shared with other runs by clones: each is parsed once for all of its sections.
     pub files: TestFiles,
 }
 
-/// One section after its run. Nothing has been judged but its diagnostics.
+/// One section after its run. Its diagnostics are judged, its expectations not yet.
 #[derive(Clone, Debug)]
 pub struct SectionRun {
     pub info: SectionInfo,
@@ -61,24 +62,24 @@ pub struct SectionRun {
     pub errors: Vec<Diagnostic>,
     /// Warnings of the script that no comment expects.
     pub warnings: Vec<Diagnostic>,
-    /// Why the stages cannot be evaluated, where errors were expected and left nothing sound.
+    /// Why the stages cannot be evaluated; empty unless expected errors have left an invalid stage.
     pub broken: Vec<Diagnostic>,
     /// Content hash of the stage that a second run gave, for a file without sections and without errors.
     pub hash_again: Option<[u8; 32]>,
-    /// How long judging it may take.
+    /// Seconds that judging the section may take.
     pub seconds: f64,
-    /// The time at which the whole run must be over.
+    /// Time limit of the whole run.
     pub timeout: Option<Timeout>,
     /// Lines of `print` and `debug`.
     pub printed: Vec<String>,
-    /// Canonical paths of all that was read, the file itself included, with the BLAKE3 of their content; sorted.
+    /// Canonical paths of all files read, the test file included, with the BLAKE3 hash of their content; sorted.
     pub files_used: Vec<(PathBuf, [u8; 32])>,
     /// Hash of the section's name and all files used: equal hash, equal outcome (apart from program and device).
     pub hash: [u8; 32],
 }
 
 impl SectionRun {
-    /// Whether it has neither an expectation nor a `//~` comment: such a test cannot fail.
+    /// Whether the section has neither an expectation nor a `//~` comment, so that it cannot fail.
     pub fn asserts_nothing(&self) -> bool {
         let own = |e: &ExpectedDiagnostic| (self.info.line..=self.info.end_line).contains(&e.line);
         !self.info.as_it_stands() && self.expectations.is_empty() && !self.expected.iter().any(own)

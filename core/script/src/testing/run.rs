@@ -1,4 +1,4 @@
-//! Lists and runs the sections of a file.
+//! Lists and runs the test sections of a file.
 
 use super::file::Listing;
 use super::*;
@@ -11,8 +11,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::PoisonError;
 
-/// The sections of a file, in its order; of a file without any, the one that is the file as it stands. The file is run, but none
-/// of its sections; its errors are those of each section's run. An error: the file cannot be read.
+/// The sections of a file in order, or one that stands for the whole file if it has none. The file is run without its sections;
+/// errors of that run are reported by the run of each section. Error: the file cannot be read.
 pub fn list_sections(
     path: &Path,
     registry: &Registry,
@@ -23,7 +23,7 @@ pub fn list_sections(
     let files = options.files.clone();
     on_own_thread(move || {
         let Opened { name, text, shared } = &opened;
-        // Kept alive to the end: handles hold parts of it.
+        // The engine is kept to the end, because handles hold parts of it.
         let engine = begin(name, text, shared);
         let file = files.read(&engine, shared, name, text);
         execute(
@@ -48,14 +48,14 @@ pub fn list_sections(
 /// Findings of `check` in the sections of a file.
 #[derive(Clone, Debug, Default)]
 pub struct SectionErrors {
-    /// Errors that no comment expects, in the order of the sections, each once.
+    /// Errors that no comment expects, in the order of the sections, without duplicates.
     pub errors: Vec<Diagnostic>,
-    /// Canonical paths of all that the sections have read; sorted.
+    /// Canonical paths of all files that the sections have read; sorted.
     pub read: BTreeSet<PathBuf>,
 }
 
-/// Runs the statements of all sections of a file and evaluates no expectation. Sections that are skipped, or fail because of a known bug, are
-/// left out, and so are all after `goes_on` has said no.
+/// Runs all sections of a file without judging expectations. Skipped sections and those with a known bug are left out, and so are
+/// all sections after `goes_on` has returned false.
 pub fn section_errors(
     path: &Path,
     registry: &Registry,
@@ -101,7 +101,7 @@ fn asserts_nothing(info: &SectionInfo) -> Diagnostic {
     }
 }
 
-/// Whether a text calls `test`, at any place.
+/// Whether a text calls `test` anywhere.
 pub fn has_sections(text: &str) -> bool {
     let tokens = crate::tokens::token_ranges(text);
     let word = |at: usize| tokens.get(at).map_or("", |range| &text[range.clone()]);
@@ -121,7 +121,7 @@ fn as_it_stands(file: &str, text: &str) -> SectionInfo {
     }
 }
 
-/// Runs one section, by its index in [`list_sections`], on a stage of its own. An error: the file cannot be read, or has no such
+/// Runs one section, by its index in [`list_sections`], on its own stage. Error: the file cannot be read, or does not have the
 /// section any more.
 pub fn run_section(
     path: &Path,
@@ -131,13 +131,14 @@ pub fn run_section(
 ) -> Result<SectionRun, Vec<Diagnostic>> {
     let opened = reopened(path, index, registry, options)?;
     if !sees_pixels(&opened.text) && options.script.needs.pixels {
-        // Decoding images takes longer than everything else: it is left out where the text shows that nobody looks.
+        // Decoding images takes longer than everything else, so it is skipped if the text shows that the test does not need
+        // pixels.
         let mut plain = options.clone();
         plain.script.needs.pixels = false;
         let opened = reopened(path, index, registry, &plain)?;
         let shared = opened.shared.clone();
         let run = section(path, index, registry, &plain, opened)?;
-        // A module may look in its place.
+        // An imported module may need pixels.
         let sources = shared.sources.lock().unwrap_or_else(PoisonError::into_inner);
         if !sources.values().any(|text| sees_pixels(text)) {
             return Ok(run);
@@ -165,7 +166,7 @@ fn section(
     let again = || reopened(path, index, registry, options);
     let mut section = match run(opened, false)? {
         Some(section) => section,
-        // Something is other than when the sections were listed.
+        // The file behaves differently than when the sections were listed.
         None => run(again()?, true)?.ok_or_else(Vec::new)?,
     };
     if section.info.as_it_stands() && section.errors.is_empty() && section.broken.is_empty() {
@@ -190,8 +191,8 @@ fn reopened(
     Ok(opened)
 }
 
-/// `whole`: with all calls of `test`, as if it were not known which sections the file has. `None`: it is known, but the one that
-/// is wanted was not come by.
+/// Runs a section on this thread. `whole`: runs the complete file, as if its sections were not known. `None`: the sections are
+/// known, but execution never reached the wanted one.
 fn run_here(
     opened: &Opened,
     index: usize,
@@ -242,7 +243,7 @@ fn run_here(
         errors.push(Diagnostic::error(format!("and {} more", build.more)));
     }
     if errors.is_empty() && expected.iter().all(|e| e.severity == Severity::Warning) {
-        // Nothing explains them away.
+        // No expected error explains the invalid stage, so its errors are reported.
         errors.append(&mut broken);
     }
     let files_used: Vec<_> = shared.loader.used().into_iter().collect();
@@ -258,7 +259,7 @@ fn run_here(
         warnings,
         broken,
         hash_again: None,
-        // Running the script may take as long; looking at it at many times takes longer.
+        // Judging a stage at many times takes longer than the script, which may take its own limit.
         seconds: 3.0 * shared.limits.seconds,
         timeout: shared.timeout,
         printed: std::mem::take(&mut build.printed),
@@ -284,7 +285,7 @@ fn section_info(
     }
 }
 
-/// The unknown variables without those in other sections.
+/// The unknown variables, except those in other sections.
 fn unknown_in(all: &[UnknownVariable], own: &SectionInfo, sections: &[SectionInfo]) -> Vec<UnknownVariable> {
     let within = |s: &SectionInfo, line: usize| (s.line..=s.end_line).contains(&line);
     let line = |variable: &UnknownVariable| variable.at.line().unwrap_or(0);
@@ -292,7 +293,7 @@ fn unknown_in(all: &[UnknownVariable], own: &SectionInfo, sections: &[SectionInf
     all.iter().filter(is_own).cloned().collect()
 }
 
-/// The diagnostics without those that other sections expect.
+/// The expected diagnostics, except those in other sections.
 fn of_section(
     expected: &[ExpectedDiagnostic],
     own: &SectionInfo,
@@ -319,7 +320,7 @@ fn hash(info: &SectionInfo, shared: &Shared, files: &[(PathBuf, [u8; 32])]) -> [
         add(value.as_bytes());
     }
     add(format!("{:?}", shared.limits).as_bytes());
-    // Sorted by content: where the files lie does not matter.
+    // Sorted by hash, so that the paths of the files do not matter.
     let mut contents: Vec<_> = files.iter().map(|(_, content)| content).collect();
     contents.sort_unstable();
     contents.into_iter().for_each(|content| add(content));

@@ -11,7 +11,7 @@ use choreo_stage::{Channel, LayerMode, Property, Reference};
 use rhai::{Dynamic, Map};
 use std::sync::Arc;
 
-/// The largest number of joints of a soft edge of a mask: deeper than skeletons are in practice.
+/// Maximum depth in joints of the soft edge of a mask: deeper than skeletons are in practice.
 const SOFTEST: f64 = 100.0;
 
 /// Changes the layer (chain of cues) of this cue.
@@ -114,7 +114,8 @@ pub(crate) fn priority(c: &mut Call) -> Reply {
     })
 }
 
-/// Why a mask, the arguments of `on` as a script writes them, fits an asset's joints not; `None` where it does, and where it is computed.
+/// Why a mask does not fit the joints of an asset. `written`: the arguments of `on` as in a script. `None` if the mask
+/// fits, or if the text is not a constant expression.
 pub fn mask_problem(asset: &Asset, written: &str) -> Option<String> {
     let mut engine = choreo_sandbox::engine();
     engine.set_max_operations(MOST_STEPS);
@@ -125,7 +126,7 @@ pub fn mask_problem(asset: &Asset, written: &str) -> Option<String> {
     Some(format!("{}{hint}", error.message))
 }
 
-/// Steps in which a mask that is typed is read.
+/// Interpreter steps that evaluating the text of a mask may take.
 const MOST_STEPS: u64 = 10_000;
 
 /// Reads joint patterns with their weights.
@@ -155,16 +156,17 @@ fn patterns_of(value: &Dynamic, label: &str) -> Result<Vec<(String, f32)>, ApiEr
     Err(ApiError::new(text).hint(hint))
 }
 
-/// How specific a pattern is; of several that match a joint, the most specific one counts.
+/// Specificity of a joint pattern, ascending. The most specific of the patterns that match a joint counts.
 #[derive(Clone, Copy, PartialEq, PartialOrd)]
 enum Closeness {
     Letters,
-    /// A joint and all below it; the number is the depth of that joint in the skeleton.
+    /// A joint and all below it, with the depth of that joint in the skeleton.
     Below(usize),
     Name,
 }
 
-/// The mask: for each joint the weight of the most specific pattern that matches; of equally specific ones the largest.
+/// The mask: the weight of each joint is that of the most specific pattern that matches, and the largest of equally
+/// specific ones.
 fn mask(asset: &Asset, patterns: &[(String, f32)]) -> Result<Vec<f32>, ApiError> {
     let skeleton = &asset.skeleton;
     let mut best: Vec<Option<(Closeness, f32)>> = vec![None; skeleton.len()];
@@ -214,8 +216,8 @@ fn mask(asset: &Asset, patterns: &[(String, f32)]) -> Result<Vec<f32>, ApiError>
     Ok(best.into_iter().map(|best| best.map_or(0.0, |(_, weight)| weight)).collect())
 }
 
-/// Gives the `soft` joints above each joint of the mask a share of its weight: of 2, the parent two thirds, the
-/// grandparent one third.
+/// Softens the mask: the `soft` joints above each masked joint get a share of its weight. With `soft` = 2 the parent
+/// gets two thirds and the grandparent one third.
 fn soften(asset: &Asset, mask: &mut [f32], soft: f64) {
     let parents = asset.skeleton.parents();
     let hard = mask.to_vec();
@@ -226,7 +228,7 @@ fn soften(asset: &Asset, mask: &mut [f32], soft: f64) {
             && steps <= soft
             && *weight > 0.0
         {
-            // What the mask itself says of a joint stands, and above it the edge is that joint's.
+            // A joint with its own weight keeps it, and starts its own soft edge above.
             if hard[parent as usize] > 0.0 {
                 break;
             }
@@ -238,8 +240,8 @@ fn soften(asset: &Asset, mask: &mut [f32], soft: f64) {
     }
 }
 
-/// Whether `*` (any letters) and plain letters, ASCII case ignored, cover the whole text. Greedy with one step back,
-/// so the time is at most the product of the lengths.
+/// Whether a pattern of `*` (any characters) and plain letters matches the whole text, ignoring ASCII case. Greedy with
+/// backtracking to the last `*`, so the time is at most the product of the lengths.
 pub fn matches(pattern: &[u8], text: &[u8]) -> bool {
     let (mut p, mut t, mut star) = (0, 0, None);
     while t < text.len() {

@@ -28,9 +28,8 @@ api! {
     /// - `inertial: seconds` makes an inertialized transition in place of a crossfade: the new clip begins at once
     ///   with full weight, and the offset from the pose before decays to zero in that time.
     Cue.then("clip, options?") -> Cue = then;
-    /// Remaps time: keyframes [[time, seconds of the clip], …] say which time of the clip is shown when. Beyond its
-    /// ends the clip repeats as set by .once, .loop or .ping_pong. `how`, easing and
-    /// tangents as in Actor.key.
+    /// Remaps time: keyframes [[time, seconds of the clip], …] map times of the stage to times of the clip. Beyond its
+    /// ends the clip repeats as set by .once, .loop or .ping_pong. `how`, easing and tangents as in Actor.key.
     Cue.clip_time("keys, how?") = clip_time;
     /// Stops the clip at a time for a number of seconds, then goes on from there.
     Cue.freeze("time, seconds") = freeze;
@@ -53,7 +52,7 @@ api! {
     /// reference pose to the layers below. The reference is "first" (the first frame, the default), "rest" (the
     /// rest pose) or a time of the clip in seconds. The order of additive layers does not matter.
     Cue.additive("reference?") = additive;
-    /// Makes a layer as Cue.additive does, but takes the difference away.
+    /// Makes a layer as Cue.additive does, but subtracts the difference.
     Cue.subtractive("reference?") = subtractive;
     /// Sets the weight of the whole layer (0 to 1, default 1), which multiplies the weight of each cue on it. A
     /// number, or keyframes as in Cue.weight.

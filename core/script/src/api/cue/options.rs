@@ -1,4 +1,4 @@
-//! The options of `play` and `then`, most of which are also methods of a cue: each is described once.
+//! The options of `play` and `then`. Most of them are also methods of a cue, declared from the same table.
 
 use crate::api::easing::ease_of;
 use crate::api::keys;
@@ -21,7 +21,7 @@ struct CueOption {
 struct Given {
     value: Dynamic,
     label: String,
-    /// The interpolation of keyframes.
+    /// The interpolation, where the value is an array of keyframes.
     how: keys::Given,
 }
 
@@ -57,7 +57,7 @@ macro_rules! options {
     };
 }
 
-// In the order in which they are applied: a negative speed comes before `reverse`.
+// The order is that in which options are applied: a negative speed comes before `reverse`.
 options! {
     /// Sets the start time of the cue.
     from("time") = |c, cue, given| {
@@ -138,7 +138,7 @@ pub(crate) fn read_options(c: &Call, i: usize, cue: &mut CueDraft) -> Result<(),
     Ok(())
 }
 
-/// The method of the same name as an option.
+/// Runs the method with the name of an option.
 fn method(c: &mut Call) -> Reply {
     let Some(option) = OPTIONS.iter().find(|option| option.name == c.def.name) else { return c.itself() };
     let how = match c.def.args.ends_with("how?") {

@@ -57,7 +57,7 @@ pub fn time_of(c: &mut Call) -> Reply {
     let played = match repeat {
         Repeat::Once => (count == 1).then_some(into),
         Repeat::Loop => Some(into + (count - 1) * length),
-        // There and back again.
+        // Even passes of a ping-pong run backwards, so the clip time is reached that much before their end.
         Repeat::PingPong if count % 2 == 1 => Some(into + (count - 1) * length),
         Repeat::PingPong => Some(count * length - into),
     };

@@ -57,7 +57,7 @@ api! {
     Expect.length("") -> Expect = length, in_tests;
     /// Selects the distance to an actor, joint or point in metres.
     Expect.distance("target") -> Expect = distance, in_tests;
-    /// Selects the angle between its direction and an actor, joint or point, in degrees.
+    /// Selects the angle in degrees between the direction of the subject and an actor, joint or point.
     Expect.angle_to("target") -> Expect = angle_to, in_tests;
     /// Selects the speed in metres per second, since the frame before.
     Expect.speed("") -> Expect = speed, in_tests;
@@ -88,10 +88,9 @@ api! {
     Expect.highest("") -> Expect = highest, in_tests;
     /// Selects the foot sliding of a joint: metres along the floor since it touched down, 0 while it is in the air.
     /// Options: height (a joint this low is on the floor, metres, default 0.03), speed (a joint that rises or sinks
-    /// faster is not on the floor, metres per second, default 0.5), swing (a joint that comes down, or is 5 mm
-    /// above where it stood, while it moves faster along the floor swings past it, metres per second, default 2),
-    /// ground (y of the floor, default 0).
-    /// A joint that never touches the floor is an error.
+    /// faster is not on the floor, metres per second, default 0.5), swing (metres per second along the floor: a joint
+    /// that moves faster while it comes down, or is 5 mm above where it stood, swings past the floor and is not on it,
+    /// default 2), ground (y of the floor, default 0). A joint that never touches the floor is an error.
     Expect.slide("options?") -> Expect = slide, in_tests;
     /// Selects the height of an actor in the image, as a fraction of the image height.
     Expect.picture_height("camera?") -> Expect = picture_height, in_tests;
@@ -146,6 +145,7 @@ fn expect(c: &mut Call) -> Reply {
     }))
 }
 
+/// The subject that a handle refers to; `None` for values other than actors, joints, cameras and lights.
 pub fn subject(v: &Dynamic) -> Option<Subject> {
     if let Some(actor) = v.read_lock::<ActorRef>() {
         Some(Subject::Actor(actor.id))
@@ -165,7 +165,7 @@ fn changed(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
     Ok(Dynamic::from(expect))
 }
 
-/// The same for a modifier of the next comparison.
+/// [`changed`] for a modifier of the next comparison.
 fn modified(c: &Call, change: impl FnOnce(&mut ExpectRef)) -> Reply {
     let expect = c.expect()?;
     if let Some(asked) = c.shared.test().asked.get_mut(expect.id) {
@@ -213,7 +213,7 @@ impl Call<'_, '_> {
         self.this()
     }
 
-    /// The error for a wrong subject: `speed: what is expected must be …, not …`.
+    /// The error for a wrong subject, such as `speed: what is expected must be …, not …`.
     pub(crate) fn not_for(&self, allowed: &str, measure: &Measure) -> ApiError {
         ApiError::new(format!(
             "{}: what is expected must be {allowed}, not {}",
@@ -269,7 +269,7 @@ fn word(subject: Subject) -> &'static str {
     }
 }
 
-/// The name of a clip that an actor plays at some time; a Clip may be given too.
+/// The clip name in the first argument, a text or a Clip. Error: the actor never plays such a clip.
 fn clip_name(c: &Call, actor: usize) -> Result<String, ApiError> {
     let given = c.value(0);
     let name = match given.read_lock::<ClipRef>() {
