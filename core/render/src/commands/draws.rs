@@ -61,7 +61,7 @@ impl<'a> DrawRecorder<'a> {
         DrawRecorder { recorder, commands, shadow_pass: false, gbuffer: false, inputs, peel, bound }
     }
 
-    /// A new pass has begun, in which nothing is bound.
+    /// Forgets the bound state. A pass begins with nothing bound.
     pub(crate) fn forget_state(&mut self) {
         self.bound = BoundState::default();
     }
@@ -137,7 +137,7 @@ impl<'a> DrawRecorder<'a> {
         let drawn = plan.instances.get(first..end).unwrap_or(&[]);
         SceneVariant {
             key,
-            // The instances of inputs have other numbers there.
+            // The inputs of effects store indices in `Instance::tint`, not a color.
             tint: self.inputs == InputTargets::No && drawn.iter().any(|i| i.tint != Vec4::ONE),
             joints_uniform: key.features.has(Features::SKIN) && plan.joint_matrices.len() <= UNIFORM_JOINTS,
             lights: match key.features.is_lit() && !self.gbuffer {
@@ -155,7 +155,7 @@ impl<'a> DrawRecorder<'a> {
 /// The lights that a lit pixel evaluates.
 pub(super) fn light_loop(plan: &Plan, key: &PipelineKey) -> LightLoop {
     match &plan.light_clusters {
-        // A lighting effect may add light where a light has no effect.
+        // A lighting effect may add light beyond the range of a light, so it needs all of them.
         Some(_) if key.lighting == 0 => LightLoop::Lists,
         _ if plan.lights.len() == 1 => LightLoop::One,
         _ => LightLoop::All,

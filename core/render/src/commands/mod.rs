@@ -27,7 +27,7 @@ pub(crate) const UNIFORM_JOINTS: usize = 1365;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Command {
-    /// Uploads the frame's data: numbers of each.
+    /// Uploads the frame's data. The fields are numbers of elements.
     UploadFrameData {
         instances: usize,
         joints: usize,
@@ -44,20 +44,22 @@ pub enum Command {
     },
     /// Later commands read the pre-skinned vertices.
     EndPreskin,
-    /// Begins the pass of all shadow maps: depth only, this part of the image. `clear`: it holds no map of the frame before.
+    /// Begins the depth-only pass of all shadow maps. `image`: size of the shared image; `size`: the part of it that is used;
+    /// `clear`: no map of the frame before is kept, so the pass clears the part.
     BeginShadows {
         image: [u32; 2],
         size: [u32; 2],
         clear: bool,
     },
-    /// The next draws go into this map (of `ShadowMaps::views`). `clear`: beside maps that are kept, so that it is cleared by itself.
+    /// Directs the next draws into one map (of `ShadowMaps::views`). `clear`: other maps are kept, so this one is cleared by
+    /// itself.
     ShadowView {
         index: usize,
         at: [u32; 2],
         size: [u32; 2],
         clear: bool,
     },
-    /// All shadow maps are those of the frame before.
+    /// Keeps all shadow maps of the frame before.
     KeepShadows {
         image: [u32; 2],
     },
@@ -69,7 +71,7 @@ pub enum Command {
     BeginInputs {
         motion: bool,
     },
-    /// Ends that pass; later commands read its images.
+    /// Ends the pass of the inputs of effects; later commands read its images.
     EndInputs,
     /// Begins a pass of the scene. Loads the target if there is no clear color.
     BeginPass {
@@ -83,7 +85,7 @@ pub enum Command {
         /// Render area: left, top, width and height, over the copied background; `None`: everything.
         area: Option<[u32; 4]>,
     },
-    /// Copies the image so far with mipmaps, for refraction.
+    /// Copies the image as drawn so far, with mipmaps, for refraction.
     CopySceneColor {
         from: Target,
         levels: u32,
@@ -132,7 +134,7 @@ pub enum Command {
     DrawBackground {
         surface: u8,
     },
-    /// Draws the sky in its place, with the same effects.
+    /// Draws the sky in place of the gradient or color, with the same effects.
     DrawSky {
         surface: u8,
         /// [`Plan::display`].
@@ -152,12 +154,12 @@ pub enum Command {
     PostPass {
         index: usize,
         effect: String,
-        /// Index of the pass, of an effect with several.
+        /// Index of the pass among those of its effect.
         number: u32,
         from: Target,
         /// Input of the effect's first pass.
         original: Target,
-        /// Textures that it reads, in the order of [`crate::plan::PostPass::reads`].
+        /// Textures that the pass reads, in the order of [`crate::plan::PostPass::reads`].
         textures: Vec<Target>,
         to: Target,
         /// Pixels of the output.
@@ -207,7 +209,7 @@ pub struct RecordOptions {
     pub no_deferred: bool,
     /// The device's queue cannot compute, or a buffer would be too large: every pass skins vertices.
     pub no_compute: bool,
-    /// Shadow maps of the frame before that are as they would be drawn now: a bit for each of `ShadowMaps::views`.
+    /// Shadow maps of the frame before that can be kept unchanged: one bit for each of `ShadowMaps::views`.
     pub kept_maps: u32,
 }
 
@@ -227,7 +229,7 @@ pub enum Target {
 /// An effect in the scene's shaders.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct EffectOnSurfaces {
-    /// Its bit in [`crate::plan::PipelineKey::effects`].
+    /// Bit of the effect in [`crate::plan::PipelineKey::effects`].
     pub bit: u8,
     /// Row of its first four parameters in the uniform buffer of all these effects.
     pub first_row: u32,
@@ -260,7 +262,7 @@ pub struct Reads {
     pub layers_behind: bool,
 }
 
-/// Numbers of commands of a frame.
+/// Numbers of commands in a recording, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     pub passes: usize,
@@ -351,7 +353,7 @@ fn record_post_passes(plan: &Plan, scene: Target, commands: &mut Vec<Command>) {
     let (mut from, mut original) = (scene, scene);
     let mut slots = TextureSlots::default();
     for (index, pass) in plan.post.iter().enumerate() {
-        // The passes of an effect that have textures all read the image that it got.
+        // All passes of an effect with named textures read the image that the effect received.
         if pass.number == 0 || pass.texture.is_some() {
             original = from;
         }
@@ -373,10 +375,11 @@ fn record_post_passes(plan: &Plan, scene: Target, commands: &mut Vec<Command>) {
     }
 }
 
-/// The images in which textures of passes lie. One that no later pass reads is free for another texture of its size.
+/// Images that hold the textures of effect passes. An image whose texture no later pass reads is reused for a texture of the same
+/// size.
 #[derive(Default)]
 struct TextureSlots {
-    /// The size of each, and the number of the pass whose texture is in it.
+    /// Size of each image, and the number of the pass whose texture it holds.
     all: Vec<([u32; 2], Option<u32>)>,
 }
 
@@ -396,7 +399,7 @@ impl TextureSlots {
         Target::Texture(slot as u8)
     }
 
-    /// Frees what the later passes of the effect whose pass comes first do not read.
+    /// Frees the images whose textures no later pass of the current effect reads. `passes`: the current pass and all after it.
     fn release(&mut self, passes: &[PostPass]) {
         let own = passes.iter().position(|pass| pass.texture.is_none()).unwrap_or(passes.len());
         let later = passes.get(1..=own).unwrap_or_default();

@@ -1,5 +1,5 @@
 //! Pre-skinning: meshes that several passes draw are skinned and morphed once, by a compute pass, whose vertices all passes read.
-//! A recording is rewritten, so that the draws of all passes are counted.
+//! Runs on a finished recording, in which the draws of all passes can be counted.
 //!
 //! Meshes that are drawn once stay with the vertex shader: no compute pipeline, no buffer. So do those whose shader needs more
 //! than deformed vertices (displacement effects, refraction, triplanar textures, joint colors, thick lines).
@@ -54,7 +54,7 @@ impl PreskinVariant {
 /// A mesh with one set of joint matrices and morph weights.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PreskinnedMesh {
-    /// Indices into `Plan::instances` that draw it: all deform alike.
+    /// Indices into `Plan::instances` that draw the mesh, all with the same deformation.
     pub instances: Vec<u32>,
 }
 
@@ -114,7 +114,7 @@ fn mesh_key(
     (pose != Features::default() && plain).then_some((primitive, order, pose))
 }
 
-/// Adds the pre-skinning that pays, and makes the draws read its vertices.
+/// Adds pre-skinning of the meshes for which it pays, and makes their draws read the pre-skinned vertices.
 pub(super) fn preskin(recorder: Recorder, recording: Recording) -> Recording {
     let plan = recorder.plan;
     let least = match plan.skin_once {
@@ -191,7 +191,7 @@ fn rewritten(
     let mut out = Vec::with_capacity(commands.len() + dispatches.len());
     let (mut variant, mut mesh) = (None, None);
     let (mut bound_variant, mut bound_mesh) = (None, None);
-    // Bound, and not yet used.
+    // The pipeline that the recording has bound and no draw has used yet.
     let mut waits = None;
     let mut dispatches = Some(dispatches);
     for command in commands {
