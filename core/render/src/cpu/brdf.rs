@@ -17,7 +17,7 @@ pub struct Surface {
     pub film: Option<(V3, F4)>,
 }
 
-/// Unit, along and across which highlights are drawn out, and alpha in each.
+/// Unit directions along and across the stretch of highlights, and the GGX alpha in each.
 #[derive(Clone, Copy)]
 pub(crate) struct Anisotropy {
     pub along: V3,

@@ -62,12 +62,12 @@ impl Texture {
         out
     }
 
-    /// Texels in a row of the whole image.
+    /// Width of the whole image in texels.
     pub fn width(&self) -> f32 {
         self.image.width as f32
     }
 
-    /// One sample of a level that is given, not below 0: r, g, b, a.
+    /// Samples at a given level of detail, not below 0: r, g, b, a.
     pub(crate) fn sample_level(&self, sampler: &Sampler, [u, v]: [f32; 2], lod: f32) -> F4 {
         let (level, blend, linear) = self.levels(sampler, lod);
         let near = self.filtered(&self.level(level), sampler, linear, u, v);
@@ -77,7 +77,7 @@ impl Texture {
         near * (1.0 - blend) + self.filtered(&self.level(level + 1), sampler, linear, u, v) * blend
     }
 
-    /// The level that is read, how much of the next is mixed in, and whether texels are interpolated.
+    /// The level to read, the weight of the next level, and whether texels are interpolated.
     fn levels(&self, sampler: &Sampler, lod: f32) -> (usize, f32, bool) {
         let last = self.below.len() as f32;
         let magnified = lod <= 0.0;
@@ -164,7 +164,7 @@ fn index(wrap: Wrap, i: i32, size: i32) -> i32 {
         Wrap::Repeat if i < 0 => i + size,
         Wrap::Repeat if i >= size => i - size,
         Wrap::MirroredRepeat if i >= size => 2 * size - 1 - i,
-        // The texel left of the first is the first again; and the one right of 2·size is the first.
+        // Mirrored, the index before the first texel is the first texel, and so is the index at 2·size.
         _ => i,
     };
     i.max(0).min(size - 1)

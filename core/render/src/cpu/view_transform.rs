@@ -4,7 +4,7 @@ use crate::lanes::{F4, V3};
 use crate::plan::{Features, Plan};
 use glam::Vec3;
 
-/// Light of the sky as a display shows it.
+/// Display color of the sky's light.
 pub(crate) fn displayed(plan: &Plan, light: Vec3) -> Vec3 {
     if plan.display.is_empty() {
         return light;
