@@ -92,7 +92,7 @@ impl F4 {
     }
 }
 
-/// The lanes that are meant.
+/// Mask of lanes.
 pub(crate) type Mask = [bool; 4];
 
 pub(crate) const ALL: Mask = [true; 4];
@@ -180,7 +180,7 @@ impl V3 {
 #[derive(Clone, Copy, Debug)]
 pub struct Weights {
     pub of: [F4; 3],
-    /// The pixels in which the triangle is seen; the others only give the differences between neighbours.
+    /// Pixels in which the triangle is visible. The others only serve for differences between neighbors.
     pub seen: Mask,
 }
 

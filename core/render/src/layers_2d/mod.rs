@@ -23,7 +23,7 @@ pub struct LayerImage {
     pub area: [u32; 2],
     /// Pixels of that area: linear, premultiplied alpha.
     pub pixels: Vec<Vec4>,
-    /// Hash of everything that it is made of.
+    /// Hash of all inputs.
     pub hash: [u8; 32],
 }
 
@@ -127,7 +127,7 @@ fn hash(stage: &Stage, states: &[&Layer2dState], labels: &[ScreenLabel], size: [
 struct Canvas {
     size: [u32; 2],
     pixels: Vec<Vec4>,
-    /// First and last pixel that were changed, the last not included.
+    /// First changed pixel, and the end of the changed area (exclusive).
     low: [u32; 2],
     high: [u32; 2],
 }
@@ -143,7 +143,7 @@ impl Canvas {
             && (outline.is_some() || panel.is_some())
             && state.opacity < 1.0
         {
-            // Its parts fade as one.
+            // The parts of a layer fade as one image.
             let mut whole = Canvas::new(self.size);
             whole.draw(layer_2d, &Layer2dState { opacity: 1.0, ..state.clone() });
             return self.add(&whole, state.opacity);
@@ -259,7 +259,7 @@ impl Canvas {
         self.high = [0, 1].map(|i| self.high[i].max(other.high[i]));
     }
 
-    /// `None` if nothing was drawn.
+    /// The changed area of the canvas; `None` if nothing was drawn.
     fn finish(self, hash: [u8; 32]) -> Option<LayerImage> {
         let Canvas { size, pixels, low, high } = self;
         if low[0] >= high[0] || low[1] >= high[1] {
@@ -276,7 +276,7 @@ impl Canvas {
 }
 
 impl LayerImage {
-    /// Premultiplied; zero outside the area.
+    /// Linear, premultiplied color of a pixel; zero outside the area.
     pub fn pixel(&self, x: u32, y: u32) -> Vec4 {
         let (x, y) = (x.wrapping_sub(self.at[0]), y.wrapping_sub(self.at[1]));
         if x >= self.area[0] || y >= self.area[1] {
@@ -285,7 +285,7 @@ impl LayerImage {
         self.pixels[(y * self.area[0] + x) as usize]
     }
 
-    /// Blends it over a linear, premultiplied image.
+    /// Blends the layers over a linear, premultiplied image.
     pub(crate) fn over_floats(&self, size: [u32; 2], image: &mut [Vec4]) {
         if size != self.size {
             return;
@@ -297,7 +297,7 @@ impl LayerImage {
         }
     }
 
-    /// Blends it over a finished frame of its size.
+    /// Blends the layers over a finished frame of the same size.
     pub fn over(&self, frame: &mut Frame) {
         if [frame.width, frame.height] != self.size {
             return;

@@ -41,7 +41,7 @@ impl Planner<'_> {
         lights: (usize, Option<&LightClusters>),
     ) -> Result<Deferred, NotNeeded> {
         let cause = self.deferred_cause(lights)?;
-        // The lighting pass casts shadows on all that it lights.
+        // The lighting pass either applies shadows to all its surfaces or to none.
         let shadow = |d: &Draw| d.pipeline.features.has(Features::SHADOW);
         let shadows = draws.iter().any(shadow);
         let fits = |d: &Draw| {

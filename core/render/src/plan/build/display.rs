@@ -1,5 +1,5 @@
-//! How a frame's light becomes colors: exposure and view transform, surface by surface or, where an effect on images needs light,
-//! as a pass over the image.
+//! Display of a frame's light: exposure and view transform, as part of shading or, if an effect on images needs light, as a pass
+//! over the image.
 
 use crate::plan::build::effects::{effect_parameters, uses};
 use crate::plan::options::PlanOptions;
@@ -32,7 +32,7 @@ impl Display {
         let pass = curve.filter(|_| !replaced && is_on(ViewOrder::Before));
         // Without an effect that implements the view transform there is no pass.
         let pass = pass.filter(|curve| view_effect(options.effects, curve).is_some());
-        // A frame of light is transformed by whom it is made for.
+        // A frame of light is delivered without a view transform; its user applies one.
         let light = matches!(options.wish, FrameWish::Scene(_));
         let linear = replaced || pass.is_some() || light;
         let features = Features::EXPOSURE.when(settings.exposure != 0.0);
@@ -75,7 +75,7 @@ pub(super) fn keep_light(passes: &mut Vec<PostPass>, options: &PlanOptions) -> V
     first.map(left_out).collect()
 }
 
-/// The background as the image begins with it. Images of floats are premultiplied.
+/// The background as drawn into the image: premultiplied in float images.
 pub(super) fn background(background: Background, wish: FrameWish) -> Background {
     match background {
         Background::Color(color) if wish != FrameWish::Bytes => {

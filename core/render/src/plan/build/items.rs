@@ -89,7 +89,7 @@ impl<S: PartialEq> DrawMerger<S> {
 }
 
 impl Planner<'_> {
-    /// Index of a material's override, if it is not as in the scene resources in this frame.
+    /// Index of the override of a material that differs from the scene resources in this frame.
     pub fn material_override(&mut self, entry: &PrimitiveEntry, state: &ActorState) -> Option<u32> {
         let index = entry.animated?;
         let known = self.overrides_of_actor.iter().find(|(m, r, _)| (*m, *r) == (index, entry.material));
@@ -104,7 +104,7 @@ impl Planner<'_> {
         Some(at)
     }
 
-    /// Draw calls of the sorted items, their instances, and the features of all.
+    /// Draw calls of the sorted items, their instances, and the union of their features.
     pub fn draws(&self) -> (Vec<Draw>, Vec<Instance>, Features) {
         let mut merger = DrawMerger::new(self.options.no_instancing);
         let mut instances = Vec::with_capacity(self.items.len());
