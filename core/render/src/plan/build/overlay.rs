@@ -1,4 +1,4 @@
-//! Triangles, lines, points and grids of effects as triangles on the screen, the same for both renderers.
+//! Overlays of effects (triangles, lines, points and grids) as screen triangles, the same for both renderers.
 
 use crate::effect_faults::{FaultPlace, PlanFault};
 use crate::layers_2d::ScreenLabel;
@@ -9,7 +9,7 @@ use choreo_plugin::{Effect, EffectScene, Label, Lattice, Overlay, Stroke, Triang
 use choreo_stage::{Snapshot, Stage};
 use glam::{DVec3, Vec2, Vec4, Vec4Swizzles};
 
-/// Largest number of labels: nobody could read more.
+/// Largest number of labels; more would be unreadable.
 const MOST_LABELS: usize = 2_000;
 
 /// The overlays of a frame.
@@ -36,7 +36,7 @@ pub(crate) fn overlays(
         let mut drawn = drawing
             .overlay(&EffectScene { stage, snapshot, before: options.before, on: &used.on }, &parameters);
         leave_out_faulty(effect, &mut drawn, faults);
-        // Six vertices of 64 bytes for each stroke: 38 MB.
+        // Six vertices of 64 bytes for each stroke: 38 MB at most.
         let most = Overlay::MOST;
         let counts = [("lines and points", drawn.strokes.len()), ("triangles", drawn.triangles.len())];
         let many = counts.into_iter().filter(|(_, count)| *count > most);
@@ -64,7 +64,7 @@ pub(crate) fn overlays(
     all
 }
 
-/// Takes parts whose numbers are not finite out of an overlay, and reports one fault for each kind.
+/// Removes parts of an overlay whose numbers are not finite, and reports one fault for each kind.
 fn leave_out_faulty(effect: &Effect, drawn: &mut Overlay, faults: &mut Vec<PlanFault>) {
     let mut is_good = |result: &[f32], places: &[DVec3], place: FaultPlace| {
         let far = places.iter().all(|place| place.is_finite());
@@ -103,7 +103,7 @@ fn label(l: Label, view: &View) -> Option<ScreenLabel> {
     })
 }
 
-/// Triangles in view, back to front by the depth of their centers; with equal depths in the given order.
+/// Triangles in view, back to front by the depth of their centers; those of equal depth keep their order.
 fn triangles(all: &[Triangle], view: &View, out: &mut Vec<OverlayVertex>) {
     let mut seen: Vec<(f32, [Vec4; 3], Vec4)> = Vec::new();
     for t in all.iter().filter(|t| t.color.is_finite() && t.color.w > 0.0) {
@@ -123,14 +123,14 @@ fn triangles(all: &[Triangle], view: &View, out: &mut Vec<OverlayVertex>) {
     out.extend(seen.into_iter().flat_map(|(_, clip, color)| clip.map(|clip| vertex(clip, color))));
 }
 
-/// A rectangle in the image plane around the visible part of a line, larger by half its width and a pixel.
+/// The visible part of a line as a rectangle in the image plane, larger on all sides by half the line's width and a pixel.
 fn stroke(s: &Stroke, view: &View, size: Vec2, out: &mut Vec<OverlayVertex>) {
     let clip = |world: DVec3| {
         let relative = (world - view.position).as_vec3();
         view.clip_from_relative * relative.extend(1.0)
     };
     let Some([a, b]) = clipped(clip(s.from), clip(s.to)) else { return };
-    // Interpolated linearly in the image.
+    // After the division by w, attributes are interpolated linearly in the image.
     let flat = |c: Vec4| (c.xyz() / c.w).extend(1.0);
     let (a, b) = (flat(a), flat(b));
     if !a.is_finite() || !b.is_finite() || !s.color.is_finite() {
@@ -159,7 +159,7 @@ fn stroke(s: &Stroke, view: &View, size: Vec2, out: &mut Vec<OverlayVertex>) {
     out.extend([0, 1, 2, 2, 1, 3].map(|i| vertices[i]));
 }
 
-/// The part of a segment between the near and the far plane, and not far outside the image.
+/// The part of a segment between the near and far planes and within twice the image.
 fn clipped(a: Vec4, b: Vec4) -> Option<[Vec4; 2]> {
     // Reversed Z: nearer than the near plane is z > w. Thick lines reach into the image from outside.
     let planes = |c: Vec4| {
