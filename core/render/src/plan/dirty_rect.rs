@@ -23,7 +23,7 @@ impl DirtyRect {
     pub const NOTHING: DirtyRect = DirtyRect { from: Vec2::INFINITY, to: Vec2::NEG_INFINITY };
     pub const EVERYTHING: DirtyRect = DirtyRect { from: Vec2::NEG_INFINITY, to: Vec2::INFINITY };
 
-    /// Adds the projection of a camera-relative box. `beyond`: pixels added around it.
+    /// Adds the projection of a camera-relative box. `beyond`: margin around it in pixels.
     pub fn add(&mut self, b: Aabb, clip_from_relative: &Mat4, size: [u32; 2], beyond: f32) {
         let corners = b.corners().map(|c| *clip_from_relative * c.extend(1.0));
         if !corners.iter().all(|c| c.is_finite()) {
@@ -51,7 +51,7 @@ impl DirtyRect {
         }
     }
 
-    /// Left, top, width and height in pixels of the frame; `None` if that is most of it.
+    /// Left, top, width and height in pixels of the frame; `None` if the rectangle is most of the frame.
     pub fn part_of(&self, size: [u32; 2]) -> Option<[u32; 4]> {
         let ends = |i: usize| {
             let last = size[i] as f32;
@@ -65,14 +65,15 @@ impl DirtyRect {
         (share <= LARGEST_SHARE).then_some([x, y, width, height])
     }
 
-    /// Left top and right bottom of the part inside the frame, pixels.
+    /// Left top and right bottom of the part inside the frame, in pixels; `None` if it is empty.
     pub(crate) fn inside(&self, size: [u32; 2]) -> Option<[Vec2; 2]> {
         let whole = Vec2::new(size[0] as f32, size[1] as f32);
         let (from, to) = (self.from.max(Vec2::ZERO), self.to.min(whole));
         from.cmplt(to).all().then_some([from, to])
     }
 
-    /// First and last column, first and last row of the screen tiles of a size that it touches; `None` if it lies outside the frame.
+    /// First and last column, first and last row of the screen tiles that the rectangle touches; `None` if it lies outside the
+    /// frame. `side`: side of a tile in pixels.
     pub(crate) fn tiles(&self, size: [u32; 2], side: u32) -> Option<[[u32; 2]; 2]> {
         let ends = |i: usize| {
             let last = size[i] as f32;

@@ -15,7 +15,7 @@ pub struct Draw {
     /// Number of indices, of those that `crate::scene_resources::watertight` puts first, whose back faces are culled although
     /// the material is double-sided.
     pub watertight: u32,
-    /// Whether it is drawn into the G-buffer if [`crate::plan::Plan::deferred`] is set.
+    /// Whether the draw goes into the G-buffer if [`crate::plan::Plan::deferred`] is set.
     pub deferred: bool,
     /// Range of `Plan::instances`.
     pub first_instance: u32,

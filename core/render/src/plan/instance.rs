@@ -20,7 +20,7 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// Everything that the positions of its vertices depend on, bit by bit.
+    /// All fields that the positions of the instance's vertices depend on, as bits.
     pub(crate) fn deformation(&self) -> [u32; 15] {
         let rows = self.relative_from_mesh.0.map(|r| r.to_array().map(f32::to_bits));
         let numbers = [self.first_joint, self.first_morph, self.morph_count];
