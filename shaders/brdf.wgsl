@@ -74,7 +74,7 @@ fn ambient_specular(f0: vec3<f32>, f90: f32, roughness: f32, nv: f32) -> vec3<f3
 @end
 
 @if(BLINN_PHONG)
-// Lambert + normalised Blinn–Phong or Phong, times π.
+// Lambert + normalized Blinn–Phong or Phong, times π.
 fn reflect_light(base: vec3<f32>, specular: vec3<f32>, n: vec3<f32>, v: vec3<f32>, l: vec3<f32>) -> vec3<f32> {
     @if(PHONG)
     let rv = clamp(dot(reflect(-l, n), v), 0.0, 1.0);

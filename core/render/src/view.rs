@@ -38,7 +38,7 @@ impl View {
         }
     }
 
-    /// Depth of a camera-relative point in metres in front of the camera.
+    /// Depth of a camera-relative point in meters in front of the camera.
     pub fn depth(&self, relative: Vec3) -> f32 {
         -self.view_from_relative.transform_point3(relative).z
     }

@@ -11,7 +11,7 @@ pub(crate) const TILE_PIXELS: usize = (TILE_WIDTH * TILE_HEIGHT) as usize;
 /// in the middle.
 const FOUR_SAMPLES: [[i32; 2]; 4] = [[96, 32], [224, 96], [32, 160], [160, 224]];
 
-/// Four neighbouring samples in memory: the samples of one pixel, or one sample of four pixels in a row.
+/// Four neighboring samples in memory: the samples of one pixel, or one sample of four pixels in a row.
 struct Lanes {
     /// Offsets from the corner of the group's first pixel, 1/256 pixel.
     offsets: [[i32; 2]; 4],

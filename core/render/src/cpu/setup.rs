@@ -1,4 +1,4 @@
-//! Primitive assembly: clip-space triangles, lines and points → screen triangles ready to be rasterised.
+//! Primitive assembly: clip-space triangles, lines and points → screen triangles ready to be rasterized.
 
 use super::vertex::Vertex;
 use crate::plan::{Features, PipelineKey, TopologyKey};
@@ -154,7 +154,7 @@ impl Assembly<'_> {
         }
     }
 
-    /// One screen triangle whose attributes are those of the whole, unclipped one: homogeneous rasterisation
+    /// One screen triangle whose attributes are those of the whole, unclipped one: homogeneous rasterization
     /// (Olano & Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997) needs no clipped attributes.
     fn emit(
         &self,
@@ -213,7 +213,7 @@ impl Assembly<'_> {
 }
 
 /// Sutherland–Hodgman in f64 against near (z ≤ w), far (z ≥ 0) and the guard band. Intersections are computed from the
-/// inside to the outside vertex, so that neighbours sharing an edge get the same point.
+/// inside to the outside vertex, so that neighbors sharing an edge get the same point.
 fn clip_polygon(mut polygon: Vec<DVec4>, guard: [f64; 2]) -> Vec<DVec4> {
     let planes = [
         DVec4::new(0.0, 0.0, -1.0, 1.0),

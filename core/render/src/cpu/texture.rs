@@ -96,7 +96,7 @@ impl Texture {
     }
 
     /// λ = log₂ of the longer of the two pixel footprint axes, in texels; from the quad's first pixel and its
-    /// neighbours, as lavapipe takes it.
+    /// neighbors, as lavapipe takes it.
     fn level_of_detail(&self, u: &[f32; 4], v: &[f32; 4]) -> f32 {
         let (w, h) = (self.image.width as f32, self.image.height as f32);
         let length_squared = |i: usize| {
@@ -213,7 +213,7 @@ mod tests {
                     min_linear: linear,
                     mip_linear: None,
                 };
-                // Texel centres −2 … 6: filtering changes nothing there.
+                // Texel centers −2 … 6: filtering changes nothing there.
                 for (i, e) in expected.iter().enumerate() {
                     let u = (i as f32 - 2.0 + 0.5) / 4.0;
                     assert!((red(&t, &s, u) - e).abs() < 1e-4, "{wrap:?} linear {linear} texel {i}");

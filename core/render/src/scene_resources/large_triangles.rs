@@ -283,7 +283,7 @@ mod tests {
     use super::*;
     use glam::Vec2;
 
-    /// A level square, sides and texture coordinates in metres.
+    /// A level square, sides and texture coordinates in meters.
     fn ground(side: f32) -> Primitive {
         let corners = [Vec2::new(-1.0, 1.0), Vec2::ONE, Vec2::new(1.0, -1.0), Vec2::splat(-1.0)];
         let at = corners.map(|c| c * 0.5 * side);
@@ -296,7 +296,7 @@ mod tests {
         }
     }
 
-    /// A character of two metres that walks from one place to another.
+    /// A character of two meters that walks from one place to another.
     fn walker(way: [DVec3; 2]) -> Use {
         Use { place: DAffine3::IDENTITY, near: vec![Near { way, radius: 2.0 }], smallest: 2.0 }
     }

@@ -223,7 +223,7 @@ mod tests {
         let edges = [1.0, -1.0].map(|y| {
             let near = spread.vertex(front, behind, Vec3::new(0.0, y, 0.0), 8.0);
             let far = spread.vertex(behind, front, Vec3::new(0.0, y, 1.0), 8.0);
-            // Where the edge is a metre in front of the camera.
+            // Where the edge is a meter in front of the camera.
             near + (far - near) * ((near.w - 1.0) / (near.w - far.w))
         });
         let [a, b] = edges.map(|e| e.xy() / e.w * Vec2::new(100.0, 50.0));

@@ -137,7 +137,7 @@ mod tests {
             let flat = (1.0 - down * down).max(0.0).sqrt();
             let way = Vec3::new(libm::cosf(a) * flat, down, libm::sinf(a) * flat).normalize();
             let off = (map.sample(way) - smooth(way)).abs().max_element();
-            // A kink at each edge of the octahedron, of a texel's width; a wrong neighbour is off by 0.1 and more.
+            // A kink at each edge of the octahedron, of a texel's width; a wrong neighbor is off by 0.1 and more.
             assert!(off < 0.025, "{way}: {off}");
         }
     }
