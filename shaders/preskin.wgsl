@@ -1,5 +1,5 @@
-// Pre-skinning: deforms vertices once for all passes that draw them. Writes the positions of an instance, then its normals, then
-// its tangents. Invocations along x are vertices of one mesh, those along y instances. CPU reference:
+// Pre-skinning: deforms vertices once for all passes that draw them. Writes the positions of a deformed mesh, then its normals,
+// then its tangents. Invocations along x are vertices of one mesh, those along y its deformations. CPU reference:
 // core/render/src/cpu/preskin.rs.
 
 struct Job {
@@ -8,7 +8,7 @@ struct Job {
     first_joint: u32,
     first_morph: u32,
     morph_count: u32,
-    // Index of the instance's first number in `posed_vertices`
+    // Index of the deformed mesh's first number in `posed_vertices`
     first: u32,
 }
 

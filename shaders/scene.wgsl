@@ -304,7 +304,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
         @end
         @if(LIGHTING) let arrived = light_color;
         @if(SHADOW && !TOON) light_color *= share;
-        // Behind the surface nl is 0, and everything it is multiplied with is finite.
+        // Light from behind the surface has nl = 0, and all other factors are finite.
         let nl = clamp(dot(n, l), 0.0, 1.0);
         @if(METALLIC_ROUGHNESS) let lit = reflect_light(s, n, v, l, nv, nl) * light_color * nl;
         @if(DIFFUSE_TRANSMISSION) color += behind_color * light_color * clamp(-dot(n, l), 0.0, 1.0);

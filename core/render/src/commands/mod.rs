@@ -34,7 +34,7 @@ pub enum Command {
         morphs: usize,
         lights: usize,
     },
-    /// Pre-skins instances of one mesh by a compute pass: a range of `Recording::preskinned`.
+    /// Pre-skins the deformations of one mesh by a compute pass: a range of `Recording::preskinned`.
     Preskin {
         variant: PreskinVariant,
         primitive: u32,
@@ -176,11 +176,11 @@ pub enum Command {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PassPart {
     Whole,
-    /// Until the scene color copy: color, samples and depth are stored.
+    /// The pass up to the scene color copy: color, samples and depth are stored.
     UntilCopy,
     /// The pass continues after the copy: color, samples and depth are loaded.
     AfterCopy,
-    /// Until the peeled layers: color, samples and depth are stored.
+    /// The pass up to the peeled layers: color, samples and depth are stored.
     UntilLayers,
     /// The pass continues after the layers, with the scene's own depth.
     AfterLayers,
@@ -357,7 +357,7 @@ fn record_post_passes(plan: &Plan, scene: Target, commands: &mut Vec<Command>) {
         if pass.number == 0 || pass.texture.is_some() {
             original = from;
         }
-        // Neither the input nor what a later pass of the same effect reads is overwritten.
+        // Overwrites neither the input of the pass nor the effect's input, which its later passes may read.
         let free = (0..3).map(Target::Float).find(|t| *t != from && *t != original);
         let size = pass.size(plan.size);
         let textures = slots.read(&pass.reads);

@@ -68,7 +68,7 @@ impl Fragment<'_> {
                     normal: lane(&on.n),
                     viewer: lane(&on.v),
                     light: lane(&l),
-                    // Behind the surface the division by NL in V is meaningless.
+                    // The division by NL in V is meaningless for light from behind the surface.
                     lit: if nl.0[i] > 0.0 { lane(&lit) } else { Vec3::ZERO },
                 }
             };

@@ -30,7 +30,7 @@ impl DeformedMeshes {
         if plan.skin_once == SkinOnce::Never {
             return DeformedMeshes::default();
         }
-        // For each mesh: the features that any of its draws needs, one of its instances, and the number of draws.
+        // The features that any draw of a mesh needs, one of its instances, and its number of draws.
         let mut wanted: BTreeMap<DeformedKey, (Features, &Instance, u32)> = BTreeMap::new();
         for draw in plan.draws.iter().chain(plan.shadow_draws()) {
             let first = draw.first_instance as usize;

@@ -94,7 +94,7 @@ fn draw(plan: &Plan, motion: bool, copies: &[DrawnCopy]) -> InputImages {
     let mut moved = vec![Vec4::ZERO; if motion { width * height } else { 0 }];
     let lists = bands(copies, plan.size);
     let band = width * TILE_HEIGHT as usize;
-    // Without motion vectors each band gets an empty slice.
+    // Each band gets an empty slice if there are no motion vectors.
     let mut parts: Vec<&mut [Vec4]> = moved.chunks_mut(band).collect();
     parts.resize_with(lists.len(), Default::default);
     let parts = surface.par_chunks_mut(band).zip(parts).zip(lists).enumerate();

@@ -24,14 +24,14 @@ use choreo_plugin::Effect;
 use glam::{Vec3, Vec4};
 use std::sync::Arc;
 
-/// A material with its textures at hand.
+/// A material with its textures loaded.
 pub(crate) struct ShadeMaterial {
     pub factors: MaterialResource,
     /// Textures in the order of `MaterialResource::textures`.
     pub textures: [Option<Arc<Texture>>; TEXTURE_SLOTS],
 }
 
-/// Everything that shading a quad needs beside its weights.
+/// All inputs of shading a quad except its weights.
 pub struct Fragment<'a> {
     pub plan: &'a Plan,
     /// Set if a light casts shadows.
@@ -393,7 +393,7 @@ impl Fragment<'_> {
             let asked = std::array::from_fn(|i| falling[i] & on.seen[i]);
             let strength = strength * self.share(light, [on.relative, own_n, l], asked);
             let lit = reflect(l, nl) * V3::splat(light.color) * (nl * strength);
-            // Behind the surface the division by NL in V is meaningless.
+            // The division by NL in V is meaningless for light from behind the surface.
             let seen = |c: F4| F4(std::array::from_fn(|i| if nl.0[i] > 0.0 { c.0[i] } else { 0.0 }));
             *color = *color + V3 { x: seen(lit.x), y: seen(lit.y), z: seen(lit.z) };
         }

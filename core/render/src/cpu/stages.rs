@@ -242,7 +242,7 @@ mod tests {
         line(&mut frame, Vec2::new(1.5, 1.5), Vec2::new(6.5, 3.5), [255; 3]);
         let lit = |x: usize, y: usize| frame.rgba[4 * (y * 8 + x)] == 255;
         assert!(lit(1, 1) && lit(6, 3) && !lit(7, 3) && !lit(0, 1));
-        // Neither NaN nor what is far away is drawn.
+        // Neither NaN nor a distant point is drawn.
         let before = frame.rgba.clone();
         line(&mut frame, Vec2::NAN, Vec2::ONE, [9; 3]);
         line(&mut frame, Vec2::splat(1e30), Vec2::ONE, [9; 3]);

@@ -4,7 +4,7 @@ use crate::lanes::{F4, V3};
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
 
-/// Terms of Airy's sum beside its mean, as the shader has them; `cargo xtask report film` measures others.
+/// Number of terms of Airy's sum in addition to its mean, as in the shader; `cargo xtask report film` measures others.
 pub const ORDERS: u32 = 2;
 
 /// [`reflectance`], four pixels at once.

@@ -79,7 +79,7 @@ pub(super) enum Against {
     Nearer,
 }
 
-/// (batch, triangle of it), in drawing order.
+/// (index of a batch, index of a triangle in it), in drawing order.
 pub(crate) type TriangleId = [u32; 2];
 
 const NONE: u32 = u32::MAX;

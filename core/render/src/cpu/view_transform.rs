@@ -1,4 +1,4 @@
-//! The view transform: what a display shows of light, four pixels at once. CPU reference of view.wgsl.
+//! The view transform from light to display colors, four pixels at once. CPU reference of view.wgsl.
 
 use crate::lanes::{F4, V3};
 use crate::plan::{Features, Plan};

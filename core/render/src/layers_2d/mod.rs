@@ -33,7 +33,7 @@ impl fmt::Debug for LayerImage {
     }
 }
 
-/// Text of an effect beside a point of the frame.
+/// Text of an effect next to a point of the frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScreenLabel {
     /// Position as shares of the frame, from its top left.
@@ -342,7 +342,7 @@ mod tests {
         let over = over.unwrap();
         assert_eq!(over.pixel(0, 0), Vec4::new(1.0, 0.0, 0.0, 1.0));
         assert_eq!(over.pixel(4, 2), Vec4::new(0.5, 0.5, 0.0, 1.0));
-        // The frame below shows through where it is transparent: half green over blue, in linear light.
+        // The frame below is visible through transparent pixels: half green over blue, in linear light.
         stage.layers_2d.remove(0);
         let mut frame = Frame { width: 8, height: 4, rgba: [0, 0, 255, 255].repeat(32) };
         drawn(&stage, [8, 4])[1].as_ref().unwrap().over(&mut frame);

@@ -7,7 +7,7 @@ use glam::{Mat4, Vec2, Vec4, Vec4Swizzles};
 const LARGEST_SHARE: f32 = 0.7;
 /// Edges of boxes are clipped at this distance in front of the camera.
 const NEAREST: f32 = 1e-4;
-/// Pixels added around what is drawn: half the width of points and lines, and rounding.
+/// Margin in pixels around each drawn box: half the width of points and lines, and rounding.
 pub(crate) const MARGIN: f32 = 3.0;
 /// Rectangles begin and end at multiples of this number of pixels: software rasterizers work in blocks.
 const BLOCK: u32 = 4;

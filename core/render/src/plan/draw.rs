@@ -12,8 +12,8 @@ pub struct Draw {
     pub material: u32,
     /// Index into `Plan::material_overrides`, if the material is overridden in this frame.
     pub material_override: Option<u32>,
-    /// Number of indices, of those that `crate::scene_resources::watertight` puts first, whose back faces are culled although
-    /// the material is double-sided.
+    /// Number of indices of watertight surfaces (sorted first by `crate::scene_resources::watertight`), whose back faces are
+    /// culled although the material is double-sided.
     pub watertight: u32,
     /// Whether the draw goes into the G-buffer if [`crate::plan::Plan::deferred`] is set.
     pub deferred: bool,

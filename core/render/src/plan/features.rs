@@ -262,7 +262,7 @@ pub(crate) fn outline_features(
     base.with(Features::OUTLINE).with(width)
 }
 
-/// Facts about a frame, from which the reasons for what is left out are reported.
+/// Facts about a frame that give the reasons why parts are left out.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Facts {
     /// Features of all objects of the stage, visible or not: skins, morph targets, lit materials, a sky.

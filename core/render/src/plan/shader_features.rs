@@ -192,10 +192,10 @@ const UV: &str = "UV0 || UV1";
 const UV_OR_TRIPLANAR: &str = "UV0 || UV1 || TRIPLANAR";
 
 features! {
-    /// Linear blend skinning by up to 4 joints a vertex.
+    /// Linear blend skinning by up to 4 joints per vertex.
     SKIN { by: RequestedBy::Mesh, part: ShaderPart::Pose,
         absence: absence_by_stage("skinning", ["no skinned mesh is in view", "no mesh has a skin"], "") }
-    /// Up to 8 joints a vertex instead of 4.
+    /// Skinning by up to 8 joints per vertex instead of 4.
     SKIN_8 { by: RequestedBy::Mesh, part: ShaderPart::Pose, needs: &["SKIN"],
         absence: absence("influences 5 to 8", "no vertex is moved by more than four joints", "SKIN") }
     /// Morph targets (blend shapes).
@@ -242,7 +242,7 @@ features! {
     /// Some texture has a uv transform other than identity.
     UV_TRANSFORM { part: ShaderPart::Alpha,
         absence: absence("texture transforms", "all are identity", "UV0 || UV1") }
-    /// Point or spot lights shine, beside directional ones.
+    /// Point or spot lights shine, in addition to directional ones.
     LOCAL_LIGHTS { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT"] }
     /// Lit by toon shading (MToon).
     TOON { }

@@ -8,7 +8,7 @@ pub(crate) const MAX_PENUMBRA: f32 = 12.0;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShadowMaps {
-    /// Size in texels of the image that all maps share: powers of two, so that it seldom changes.
+    /// Size in texels of the image that all maps share: powers of two, so that it rarely changes.
     pub image: [u32; 2],
     /// Used part of the image, in texels.
     pub size: [u32; 2],

@@ -20,7 +20,7 @@ pub(crate) fn transformed(b: Aabb, rows: &Affine3x4) -> Aabb {
     Aabb { min: center - half, max: center + half }
 }
 
-/// Facts about a primitive that planning needs beside its arrays, computed once for the scene resources.
+/// Facts about a primitive that planning needs in addition to its arrays, computed once for the scene resources.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrimitiveInfo {
     /// Whether array lengths fit together and every index is in range. Broken primitives are never drawn.

@@ -95,7 +95,7 @@ pub fn limit_software_threads(count: usize) {
 }
 
 fn load() -> Result<ash::Entry, RenderError> {
-    // SAFETY: libvulkan is the system's loader; the caller keeps the entry for as long as anything of it is used.
+    // SAFETY: libvulkan is the system's loader; the caller keeps the entry as long as its functions are used.
     unsafe { ash::Entry::load() }.map_err(|e| {
         no_vulkan(format!(
             "no Vulkan loader ({e}); install libvulkan1 and a driver (Debian: mesa-vulkan-drivers)"

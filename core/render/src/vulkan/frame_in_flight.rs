@@ -137,7 +137,7 @@ impl FrameInFlight {
         data.write(plan, &images, mapped);
         let Block { at, bytes } = data.instances;
         self.posed.place(&mut mapped[at as usize..][..bytes as usize]);
-        // Without effect textures the binding points at the frame's own data: see `prepare_buffer`.
+        // If there are no effect textures, the binding points at the frame's own data: see `prepare_buffer`.
         let texels = images.texels.map_or((raw, 16), |b| (b.raw, b.size));
         self.write_frame_sets(gpu, &data, raw, texels);
         self.write_scene_set(gpu, layouts, pools, &images, &data, raw)?;

@@ -161,7 +161,7 @@ impl VulkanRenderer {
             longest_side: options.longest_side.unwrap_or(u32::MAX).max(1),
             frugal: options.frugal,
         };
-        // From here on `drop` frees everything.
+        // `drop` frees everything from here on.
         let _calls = renderer.gpu.calls();
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);

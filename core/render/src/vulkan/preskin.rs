@@ -25,7 +25,7 @@ use std::mem::offset_of;
 /// Number of invocations of a work group, as in the shader.
 const GROUP: u32 = 64;
 
-/// One instance to pre-skin, as the shader reads it.
+/// Parameters of one pre-skinned mesh (a mesh with one deformation), as the shader reads them.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Job {
@@ -33,7 +33,7 @@ pub struct Job {
     pub first_joint: u32,
     pub first_morph: u32,
     pub morph_count: u32,
-    /// Index of the instance's first number in the output buffer.
+    /// Index of the mesh's first number in the output buffer.
     pub first: u32,
 }
 
@@ -70,7 +70,8 @@ fn grow(
 }
 
 impl Posing {
-    /// Assigns output ranges to the instances. Call it after the resources are prepared; the slot's last frame must be done.
+    /// Assigns an output range to each pre-skinned mesh. Call it after the resources are prepared; the slot's last frame must be
+    /// done.
     pub fn prepare(
         &mut self,
         gpu: &Context,
@@ -219,7 +220,7 @@ impl Resources {
 }
 
 impl Execution<'_> {
-    /// Dispatches the pre-skinning of the instances of one mesh. `primitive`: index in the scene resources.
+    /// Dispatches the pre-skinning of the deformations of one mesh. `primitive`: index in the scene resources.
     pub(super) fn pose(
         &self,
         pipeline: vk::Pipeline,

@@ -373,7 +373,7 @@ impl Resources {
                 Some(true) => vk::SamplerMipmapMode::LINEAR,
                 _ => vk::SamplerMipmapMode::NEAREST,
             })
-            // Without mipmaps, only level 0 is read, but still minified where the level of detail says so
+            // A texture without mipmaps is read at level 0 only, but with the minification filter if the level of detail says so
             // (Vulkan, "VkSamplerCreateInfo", the table of GL equivalents).
             .max_lod(if s.mip_linear.is_some() { vk::LOD_CLAMP_NONE } else { 0.25 })
             .anisotropy_enable(anisotropy > 1.0)

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 /// and deferred"). GPUs are not measured: the G-buffer moves 72 bytes of memory per pixel, which by their ratio of arithmetic to
 /// bandwidth is worth 10 lights or more; the image is the same there and either order is fast.
 const GBUFFER_COST: f32 = 4.0;
-/// Number of lights from which the cost is estimated: with fewer, surfaces hardly overlap enough for deferred shading to pay.
+/// Number of lights from which the cost is estimated: with fewer, surfaces rarely overlap enough for deferred shading to pay.
 const FEWEST: usize = 2;
 
 /// Whether the G-buffer describes a surface: opaque metallic-roughness without layers.

@@ -30,7 +30,7 @@ impl Display {
         };
         let replaced = is_on(ViewOrder::Replaces);
         let pass = curve.filter(|_| !replaced && is_on(ViewOrder::Before));
-        // Without an effect that implements the view transform there is no pass.
+        // The pass needs an effect that implements the view transform.
         let pass = pass.filter(|curve| view_effect(options.effects, curve).is_some());
         // A frame of light is delivered without a view transform; its user applies one.
         let light = matches!(options.wish, FrameWish::Scene(_));

@@ -45,7 +45,7 @@ impl DrawItem {
 /// Sorts into drawing order, and gives the index of the first transparent item.
 pub(super) fn sort(items: &mut [DrawItem]) -> usize {
     // Few state changes first; within one state near primitives before far ones and near copies before far
-    // ones, so that the depth test spares the shading of what is hidden. Stable: equal keys stay in actor order.
+    // ones, so that the depth test saves the shading of hidden surfaces. Stable: equal keys stay in actor order.
     items.sort_by(|a, b| a.state().cmp(&b.state()).then(a.depth.total_cmp(&b.depth)));
     let mut nearest = f32::INFINITY;
     for i in 0..items.len() {

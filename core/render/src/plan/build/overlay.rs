@@ -88,7 +88,7 @@ fn leave_out_faulty(effect: &Effect, drawn: &mut Overlay, faults: &mut Vec<PlanF
     drawn.labels.retain(|l| is_good(&with(l.color, [l.size, l.beside, 0.0]), &[l.at], FaultPlace::Label));
 }
 
-/// A label at its position in the image; `None` outside of it.
+/// A label at its position in the image; `None` if that is outside the image.
 fn label(l: Label, view: &View) -> Option<ScreenLabel> {
     let clip = view.clip_from_relative * (l.at - view.position).as_vec3().extend(1.0);
     let seen = clip.w > 1e-6 && clip.z <= clip.w && clip.x.abs() <= clip.w && clip.y.abs() <= clip.w;
@@ -130,7 +130,7 @@ fn stroke(s: &Stroke, view: &View, size: Vec2, out: &mut Vec<OverlayVertex>) {
         view.clip_from_relative * relative.extend(1.0)
     };
     let Some([a, b]) = clipped(clip(s.from), clip(s.to)) else { return };
-    // After the division by w, attributes are interpolated linearly in the image.
+    // Attributes are interpolated linearly in the image, so w is divided out here.
     let flat = |c: Vec4| (c.xyz() / c.w).extend(1.0);
     let (a, b) = (flat(a), flat(b));
     if !a.is_finite() || !b.is_finite() || !s.color.is_finite() {
