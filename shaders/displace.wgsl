@@ -28,7 +28,7 @@ const DISPLACED_STEP: f32 = 0.00390625;
 fn shifted(place: Place, m: Rows, way: vec3<f32>) -> Place {
     var there = place;
     there.world += way * DISPLACED_STEP;
-    // The inverse by cofactors.
+    // Inverse of the transform's linear part, by cofactors.
     let x = cross(m.y.xyz, m.z.xyz);
     let y = cross(m.z.xyz, m.x.xyz);
     let z = cross(m.x.xyz, m.y.xyz);

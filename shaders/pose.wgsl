@@ -50,7 +50,7 @@ fn weigh_dual(sum: DualSum, pivot: vec4<f32>, joint: u32, weight: f32) -> DualSu
     return DualSum(sum.real + signed * q, sum.dual + signed * joints[joint].y, weigh(sum.stretch, joint + 1u, weight));
 }
 
-// The rotation and translation of a dual quaternion of any length.
+// The rotation and translation of a dual quaternion, which need not be normalized.
 fn motion(q: vec4<f32>, d: vec4<f32>) -> Rows {
     let k = 2.0 / max(dot(q, q), 1e-30);
     let t = (d.xyz * q.w - q.xyz * d.w + cross(q.xyz, d.xyz)) * k;
@@ -139,7 +139,7 @@ fn placed(m: Rows, position: vec3<f32>) -> vec3<f32> {
 
 // Transformed normal, not normalized; w: −1 if the transform mirrors.
 fn turned_normal(m: Rows, normal: vec3<f32>) -> vec4<f32> {
-    // Normals by the cofactor matrix: the inverse transpose times the determinant, whose sign is taken out again.
+    // Normals are transformed by the cofactor matrix: the inverse transpose times the determinant, whose sign is removed again.
     let cofactor_x = cross(m.y.xyz, m.z.xyz);
     let cofactor_y = cross(m.z.xyz, m.x.xyz);
     let cofactor_z = cross(m.x.xyz, m.y.xyz);

@@ -15,7 +15,7 @@ struct Post {
     textures: array<vec4<f32>, 2>,
     // `EffectFrame::rows`: time, frame number, sun and camera matrices.
     scene: array<vec4<f32>, 19>,
-    // Four numbers a row.
+    // Rows of four numbers.
     parameters: array<vec4<f32>, post_rows>,
 }
 
@@ -73,7 +73,7 @@ fn previous(frames: u32, at: vec2<i32>) -> vec4<f32> {
 }
 @end
 
-// The scene, in pixels of the whole image.
+// Scene inputs, at pixels of the whole image.
 @if(SURFACE_INPUT)
 fn scene_surface(at: vec2<i32>) -> vec4<f32> {
     return textureLoad(post_surface, clamp(at, vec2(0), vec2<i32>(post.whole) - 1), 0);

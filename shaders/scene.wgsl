@@ -52,7 +52,7 @@ fn read_parallax(in: VertexOut) {
     let v = frame.eye.xyz - in.relative * frame.eye.w;
     let b = cross(in.normal, in.tangent.xyz) * in.tangent.w;
     let up = dot(v, in.normal);
-    // Rows of a texture go down, the second tangent up.
+    // Rows of a texture run downwards, the bitangent upwards.
     let way = vec2(dot(v, in.tangent.xyz), -dot(v, b)) / max(abs(up), 0.3 * length(v));
     var depth = 0.0;
     for (var i = 0; i < 4; i++) {
@@ -140,7 +140,8 @@ fn read_parallax(in: VertexOut) {
     @if(OCCLUSION_TEXTURE) occlusion += material.occlusion_strength * (textureSample(occlusion_texture, occlusion_sampler, texture_uv(in, 3u)).r - 1.0);
     @end
 
-    // The reflection replaces its share of the base color, so that no surface reflects more light than it gets: a reflection of 1 is a mirror.
+    // A reflection replaces its share of the base color, so that no surface reflects more light than it gets: a reflectivity of 1
+    // is a mirror.
     @if(REFLECTION) let mirrored_part = mirrored_share(in);
     @if(REFLECTION) base = vec4(base.rgb * (vec3(1.0) - mirrored_part), base.a);
 

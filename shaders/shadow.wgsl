@@ -6,8 +6,8 @@ fn shadow_share(light: Light, relative: vec3<f32>, n: vec3<f32>, l: vec3<f32>) -
     let first = light.shadow_views & 0xffffu;
     let end = first + (light.shadow_views >> 16u);
     let nl = clamp(dot(n, l), 0.0, 1.0);
-    // A slope's depth changes by tan over a texel; a step of as many texels as the filter reaches along the normal, times
-    // the sine, makes up for it at every angle (Holbert, "Saying Goodbye to Shadow Acne", GDC 2011).
+    // Normal offset (Holbert, "Saying Goodbye to Shadow Acne", GDC 2011): the depth of a slope changes by tan over a texel. An
+    // offset along the normal by the filter's reach in texels, times the sine, compensates this at every angle.
     let slope = 3.0 * sqrt(1.0 - nl * nl);
     for (var i = first; i < end; i++) {
         let view = shadow_views[i];

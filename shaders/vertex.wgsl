@@ -151,7 +151,7 @@ fn vs(in: VertexIn) -> VertexOut {
     let at_tangent = instances[in.instance].first_joint + 6u * count + 4u * in.index;
     out.tangent = vec4(posed[at_tangent], posed[at_tangent + 1u], posed[at_tangent + 2u], posed[at_tangent + 3u]);
     @end
-    // The root mean square of the three axes.
+    // Root mean square of the scales along the three axes.
     @if(VOLUME || REFRACTION) out.scale = sqrt((dot(m.x.xyz, m.x.xyz) + dot(m.y.xyz, m.y.xyz) + dot(m.z.xyz, m.z.xyz)) / 3.0);
     @if(TRIPLANAR) out.model_at = in.position;
     @if(TRIPLANAR) out.model_normal = in.normal.xyz;

@@ -18,8 +18,8 @@ const COUNT: usize = SIDE * SIDE;
 /// Standard deviation of the Gaussian by which neighbors count, in pixels; Ulichney's choice.
 const SIGMA: f64 = 1.5;
 
-/// Distance from a code, in codes, up to which a color of a target of floats is that code. 16-bit floats are off by 1/12 of a code at most:
-/// 2⁻¹¹ at a light of ½, where a code is 0.006 wide, on devices that cut them off; by half of that where they are rounded.
+/// Largest distance, in codes, at which a color of a float target is taken for the code. 16-bit floats are off by at most 1/12 of
+/// a code on devices that truncate (2⁻¹¹ at a light of ½, where a code is 0.006 wide), and by half of that on devices that round.
 pub(crate) const MARGIN: f32 = 3.0 / 32.0;
 
 /// Rank of each pixel of the table: every number below `COUNT`, once.

@@ -1,4 +1,4 @@
-//! Draws as commands. State that is bound is not bound again.
+//! Draws as commands. State that is already bound is not bound again.
 
 use crate::commands::deferred::gbuffer_key;
 use crate::commands::scene::ScenePass;
@@ -36,11 +36,11 @@ pub(super) fn record_peeled_layers(
 pub(super) struct DrawRecorder<'a> {
     pub recorder: Recorder<'a>,
     pub commands: &'a mut Vec<Command>,
-    /// Draws into shadow maps.
+    /// Whether the pass draws into shadow maps.
     pub shadow_pass: bool,
-    /// Draws into the G-buffer.
+    /// Whether the pass draws into the G-buffer.
     pub gbuffer: bool,
-    /// Draws the inputs of effects.
+    /// Whether and how the pass draws the inputs of effects.
     pub inputs: InputTargets,
     pub peel: PeelPass,
     bound: BoundState,
@@ -73,7 +73,7 @@ impl<'a> DrawRecorder<'a> {
         }
     }
 
-    /// Records a full-screen draw, which binds a pipeline of its own.
+    /// Records a full-screen draw, which binds its own pipeline.
     pub(crate) fn draw_full_screen(&mut self, command: Command) {
         self.set_cull(Cull::None);
         self.commands.push(command);

@@ -42,7 +42,7 @@ pub enum Command {
         first: u32,
         count: u32,
     },
-    /// Later commands read the pre-skinned vertices.
+    /// Ends pre-skinning; later commands read the vertices.
     EndPreskin,
     /// Begins the depth-only pass of all shadow maps. `image`: size of the shared image; `size`: the part of it that is used;
     /// `clear`: no map of the frame before is kept, so the pass clears the part.
@@ -80,7 +80,7 @@ pub enum Command {
         clear: Option<Vec4>,
         depth: bool,
         part: PassPart,
-        /// Loads the depth of the G-buffer pass.
+        /// Whether the pass loads the depth of the G-buffer pass.
         kept: bool,
         /// Render area: left, top, width and height, over the copied background; `None`: everything.
         area: Option<[u32; 4]>,
@@ -162,7 +162,7 @@ pub enum Command {
         /// Textures that the pass reads, in the order of [`crate::plan::PostPass::reads`].
         textures: Vec<Target>,
         to: Target,
-        /// Pixels of the output.
+        /// Size of the output in pixels.
         size: [u32; 2],
     },
     ReadBack,
@@ -193,21 +193,22 @@ pub enum Cull {
     Front,
 }
 
-/// Abilities of a device, and which ways of drawing are faster on it.
+/// Features that a device lacks, and facts that decide which way of drawing is faster on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RecordOptions {
-    /// A Vulkan driver on the CPU: a full-screen draw costs it more than all the rest of a small scene, a copy of rows hardly
-    /// anything; and shading hidden back faces of double-sided materials costs more than a second draw behind the front faces.
+    /// Whether the Vulkan driver runs on the CPU: there a full-screen draw costs more than all the rest of a small scene, and a
+    /// copy of rows hardly anything; and shading hidden back faces of double-sided materials costs more than a second draw behind
+    /// the front faces.
     pub cpu_device: bool,
     /// Largest number of textures that a material's shader may bind; `None`: unlimited.
     pub textures: Option<u32>,
-    /// Cut-outs lose whole pixels: the device does not support alpha to one.
+    /// Whether the device lacks alpha to one, so that cut-outs lose whole pixels.
     pub no_coverage: bool,
-    /// Transparent surfaces are sorted: the device does not support sample-rate shading.
+    /// Whether the device lacks sample-rate shading, so that transparent surfaces are sorted.
     pub no_depth_peeling: bool,
-    /// The device cannot draw into a G-buffer: everything is shaded forward.
+    /// Whether the device cannot draw into a G-buffer, so that everything is shaded forward.
     pub no_deferred: bool,
-    /// The device's queue cannot compute, or a buffer would be too large: every pass skins vertices.
+    /// Whether the device's queue cannot compute, or a buffer would be too large, so that every pass skins vertices.
     pub no_compute: bool,
     /// Shadow maps of the frame before that can be kept unchanged: one bit for each of `ShadowMaps::views`.
     pub kept_maps: u32,
@@ -222,7 +223,7 @@ pub enum Target {
     Picture,
     /// Linear 16-bit floats, one of three.
     Float(u8),
-    /// Linear 16-bit floats: the texture of a pass of an effect, with a size of its own.
+    /// Linear 16-bit floats: the texture of an effect pass, with its own size.
     Texture(u8),
 }
 

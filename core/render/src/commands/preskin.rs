@@ -43,7 +43,7 @@ impl PreskinVariant {
         3 + if self.normals { 3 } else { 0 } + if self.tangents { 4 } else { 0 }
     }
 
-    /// Layout of the vertices that are read.
+    /// Layout of the source vertices.
     fn layout(&self, order: u16) -> VertexLayout {
         let skin = if self.features.has(Features::SKIN) { 1 << 6 | 1 << 7 } else { 0 };
         let more = if self.features.has(Features::SKIN_8) { 1 << 8 | 1 << 9 } else { 0 };
@@ -58,10 +58,10 @@ pub struct PreskinnedMesh {
     pub instances: Vec<u32>,
 }
 
-/// Primitive, order of its vertices, and features that deform them.
+/// Primitive, order of vertices, and features that deform them.
 type MeshKey = (u32, u16, Features);
 
-/// Draws of one mesh.
+/// Draws of one mesh, counted over all passes.
 #[derive(Default)]
 struct MeshDraws {
     normals: bool,
@@ -270,7 +270,7 @@ impl Recording {
         })
     }
 
-    /// Why nothing is pre-skinned, if anything is skinned or morphed.
+    /// Report of the reason why nothing is pre-skinned; `None` if a mesh is, or if none is skinned or morphed.
     pub fn left_out(&self, plan: &Plan) -> Option<LeftOut> {
         let deformed = |c: &Command| match c {
             Command::BindPipeline(v) => v.key.features.only(Features::SKINNING) != Features::default(),

@@ -1,4 +1,4 @@
-//! The background after effects on everything. CPU reference of `background_effects` in background.wgsl.
+//! Applies the effects on everything to the background. CPU reference of `background_effects` in background.wgsl.
 
 use super::raster::TILE_WIDTH;
 use super::row_color;

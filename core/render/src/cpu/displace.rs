@@ -63,7 +63,7 @@ pub fn normal(effects: &[Displacement], place: &VertexSample, rows: &Affine3x4, 
 fn shifted(place: &VertexSample, rows: &Affine3x4, way: Vec3) -> VertexSample {
     let mut there = *place;
     there.world += way * STEP;
-    // The inverse by cofactors.
+    // Inverse of the transform's linear part, by cofactors.
     let [x, y, z] = rows.0.map(|r| r.xyz());
     let cofactors = [y.cross(z), z.cross(x), x.cross(y)];
     let determinant = x.dot(cofactors[0]);

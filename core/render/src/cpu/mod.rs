@@ -85,7 +85,7 @@ pub struct CpuRenderer {
     resources: Arc<SceneResources>,
     materials: Vec<ShadeMaterial>,
     textures: HashMap<TextureKey, Arc<Texture>>,
-    /// The scene's sky, once a plan has shown it.
+    /// The scene's sky, prepared when a plan first shows it.
     sky: Option<Sky>,
     submitted: VecDeque<Plan>,
     /// Shadow maps of the frame before. The next frame reuses those that have not changed.
@@ -162,7 +162,7 @@ impl CpuRenderer {
         image_passes::effect(&self.effects, name)
     }
 
-    /// Makes the maps and the background of the sky that the plan shows, unless they exist.
+    /// Computes the maps and the background of the sky that the plan shows, unless they exist.
     fn prepare_sky(&mut self, plan: &Plan) {
         let (Some(shown), Some(panorama)) = (&plan.sky, &self.resources.sky) else { return };
         let sky = self.sky.get_or_insert_default();
@@ -396,7 +396,7 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
 ) {
     let spans: Vec<Vec<[u16; 4]>> =
         batches.par_iter().map(|b| b.triangles.iter().map(|t| tiles_of(t, plan.size)).collect()).collect();
-    // Bands of tiles that each batch touches, so that a band skips most of a crowd.
+    // Range of tile bands that each batch touches, so that each band skips most of a crowd.
     let bands: Vec<[u16; 2]> = spans
         .iter()
         .map(|s| s.iter().fold([u16::MAX, 0], |[low, high], s| [low.min(s[1]), high.max(s[3])]))

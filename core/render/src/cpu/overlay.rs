@@ -6,7 +6,7 @@ use crate::lanes::{F4, Weights};
 use crate::plan::OverlayVertex;
 use glam::{Vec3, Vec4};
 
-/// Vertices of an overlay for the assembly of triangles.
+/// Vertices of an overlay as triangle assembly reads them.
 pub fn vertices(overlay: &[OverlayVertex]) -> Vec<Vertex> {
     let vertex = |v: &OverlayVertex| Vertex {
         clip: v.clip,

@@ -85,14 +85,15 @@ impl Assembly<'_> {
     fn line(&self, a: u32, b: u32, out: &mut Vec<Triangle>) {
         let [ca, cb] = [a, b].map(|i| self.vertices[i as usize].clip);
         let [w, h] = self.size.map(|s| s as f32);
-        // The direction on screen of a segment that may pass behind the eye: d(xy/w) is proportional to this.
+        // Direction on screen of a segment that may pass behind the camera: d(xy/w) is proportional to this.
         let x = (cb.x * ca.w - ca.x * cb.w) * w;
         let y = (cb.y * ca.w - ca.y * cb.w) * h;
         let length = (x * x + y * y).sqrt();
         if length.is_nan() || length <= 0.0 {
             return;
         }
-        // Half a pixel sideways; clip space spans two units over the image. Linear in w, so right behind the eye too.
+        // The offset is half a pixel sideways; clip space spans two units over the image. It is linear in w, so it is also
+        // correct behind the camera.
         let side =
             |c: Vec4, s: f32| c + Vec4::new(-y / length / w * c.w * s, x / length / h * c.w * s, 0.0, 0.0);
         let (a0, a1, b0, b1) = (side(ca, 1.0), side(ca, -1.0), side(cb, 1.0), side(cb, -1.0));

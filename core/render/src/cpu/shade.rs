@@ -46,7 +46,7 @@ pub struct Fragment<'a> {
     pub lighting: Vec<(Effect, Vec<f32>)>,
     pub features: Features,
     pub blend: bool,
-    /// The alpha test keeps samples, not whole pixels.
+    /// Whether the alpha test keeps samples instead of whole pixels (alpha to coverage).
     pub coverage: bool,
     pub glass: Glass,
     pub double_sided: bool,
@@ -300,7 +300,7 @@ impl Fragment<'_> {
 
     fn blinn_phong(&self, quad: &Quad, point: &SurfacePoint, specular_color: V3, occlusion: F4) -> V3 {
         let &SurfacePoint { n, v, .. } = point;
-        // The reflection replaces its share of the base color.
+        // A reflection replaces its share of the base color.
         let reflection = self.reflection(quad, [n, v]);
         let base = reflection.map_or(point.base, |[share, _]| point.base * (V3::splat(Vec3::ONE) - share));
         let mut color = base * self.around().diffuse(n) * occlusion;
@@ -358,7 +358,7 @@ impl Fragment<'_> {
         Around::new(self.plan, self.sky.filter(|_| self.features.has(Features::SKY)))
     }
 
-    /// The texture of a feature at four pixels; `None` where the draw does not read it.
+    /// The texture of a feature, sampled at four pixels; `None` if the draw does not read it.
     pub fn texel(&self, quad: &Quad, feature: Features) -> Option<[F4; 4]> {
         if !self.features.has(feature) {
             return None;

@@ -12,7 +12,7 @@ use glam::Vec4Swizzles;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// All maps of a frame, drawn.
+/// The shadow maps of a frame.
 #[derive(Default)]
 pub struct ShadowMaps {
     maps: Vec<Map>,
@@ -69,8 +69,8 @@ impl ShadowMaps {
             return F4::ONE;
         };
         let nl = n.dot(l).clamp(0.0, 1.0);
-        // A slope's depth changes by tan over a texel; a step of as many texels as the filter reaches along the normal, times
-        // the sine, makes up for it at every angle (Holbert, "Saying Goodbye to Shadow Acne", GDC 2011).
+        // Normal offset (Holbert, "Saying Goodbye to Shadow Acne", GDC 2011): the depth of a slope changes by tan over a texel.
+        // An offset along the normal by the filter's reach in texels, times the sine, compensates this at every angle.
         let slope = (F4::ONE - nl * nl).sqrt() * 3.0;
         let (mut share, mut left) = (F4::ONE, asked);
         for map in maps {

@@ -79,7 +79,7 @@ fn polynomial(h: &[Vec3; 9], V3 { x, y, z }: V3) -> V3 {
         + c(8) * (x * x - y * y)
 }
 
-/// The panorama behind everything.
+/// The panorama as the background of a frame.
 pub(crate) struct Backdrop<'a> {
     pub picture: &'a SkyBackground,
     pub sky: &'a PlanSky,

@@ -1,5 +1,5 @@
-//! The stages of the rasterizer as images: the vertices of each mesh, all of them before the camera, in clip space, the pixels
-//! that triangles cover, their depths, and the shaded frame.
+//! Images of the rasterizer's stages: the vertices of each mesh, the scene in front of the camera, clip space, the pixels that
+//! triangles cover, their depths, and the shaded frame.
 
 use super::CpuRenderer;
 use super::preskin::DeformedMeshes;
@@ -39,8 +39,8 @@ fn put(frame: &mut Frame, x: i64, y: i64, color: [u8; 3]) {
     }
 }
 
-/// Draws one pixel for each step along the longer side, or a square of pixels in large images; what is not finite or far
-/// outside is left out.
+/// Draws a line, one pixel for each step along the longer side, or a square of pixels in large images. Lines with an end that is
+/// not finite or far outside are left out.
 fn line(frame: &mut Frame, a: Vec2, b: Vec2, color: [u8; 3]) {
     let most = 4.0 * frame.width.max(frame.height) as f32;
     if !(a.abs().max_element() < most && b.abs().max_element() < most) {

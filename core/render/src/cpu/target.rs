@@ -6,7 +6,7 @@ use glam::Vec4;
 
 /// Colors go in and out as linear RGBA.
 pub trait Target: Copy + PartialEq + Send + Sync {
-    /// Backgrounds are dithered.
+    /// Whether backgrounds are dithered in this format.
     const DITHERED: bool;
 
     fn encode(linear: Vec4) -> Self;

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 pub struct Texture {
     image: Arc<Image>,
-    /// Levels 1 and up.
+    /// Mip levels 1 and up.
     below: Vec<MipLevel>,
     color: [f32; 256],
     linear: [f32; 256],
@@ -105,7 +105,7 @@ impl Texture {
         };
         let (x, y) = (length_squared(1), length_squared(2));
         let rho_squared = if x > y { x } else { y };
-        // NaN and infinity (behind the eye) take the finest level.
+        // NaN and infinity (behind the camera) select the finest level.
         if rho_squared > 1.0 && rho_squared < f32::MAX { 0.5 * libm::log2f(rho_squared) } else { 0.0 }
     }
 
@@ -136,7 +136,7 @@ impl Texture {
     }
 }
 
-/// Coordinate wrapped to where the index arithmetic below is exact: [0,1], mirrored [0,2].
+/// Wraps a coordinate to a range in which the index arithmetic below is exact: [0,1], mirrored [0,2].
 #[inline(always)]
 fn wrapped(wrap: Wrap, u: f32) -> f32 {
     match wrap {

@@ -26,7 +26,7 @@ pub(crate) enum Paint<'a> {
     Surface(Fragment<'a>),
     Overlay {
         vertices: &'a [OverlayVertex],
-        /// Drawn over nearer surfaces, too.
+        /// Whether it is drawn over nearer surfaces, too.
         over: bool,
     },
 }
@@ -39,7 +39,7 @@ impl Paint<'_> {
         }
     }
 
-    /// Sets the image behind glass for refraction.
+    /// Sets the scene color copy for refraction.
     pub(crate) fn sees_through(&mut self, behind: &Arc<SceneColorCopy>) {
         if let Paint::Surface(fragment) = self {
             fragment.behind = Some(behind.clone());
@@ -51,7 +51,7 @@ impl Paint<'_> {
     }
 }
 
-/// One drawn copy: its triangles on screen and what shades them.
+/// One drawn copy: its triangles on screen and their shading.
 pub struct Batch<'a> {
     pub paint: Paint<'a>,
     pub phase: Phase,
@@ -73,7 +73,7 @@ pub enum Phase {
 pub(super) enum Against {
     /// Samples nearer than the scene.
     Scene,
-    /// Samples of the peeled layer.
+    /// Samples at the depth of the peeled layer.
     Layer,
     /// Samples nearer than the peeled layer.
     Nearer,

@@ -13,7 +13,7 @@ use glam::{Affine2, Vec2};
 pub struct Planes {
     /// Offset from the center, in widths of the image.
     at: V3,
-    /// Unit.
+    /// Unit normal in mesh space.
     normal: V3,
     /// Sign of each component of the normal; 1 for zero.
     signs: V3,

@@ -137,13 +137,13 @@ impl VertexStage<'_> {
             joints: self.joint_colors(i),
         };
         if self.features.has(Features::VOLUME) || self.features.has(Features::REFRACTION) {
-            // The root mean square of the three axes.
+            // Root mean square of the scales along the three axes.
             let [x, y, z] = rows.0.map(|r| r.truncate());
             out.scale = ((x.dot(x) + y.dot(y) + z.dot(z)) / 3.0).sqrt();
         }
         if lit {
-            // Normals by the cofactor matrix: the inverse transpose times the determinant, whose sign is taken out
-            // again (right under non-uniform scale and mirroring, and finite where the matrix is flat).
+            // Normals are transformed by the cofactor matrix: the inverse transpose times the determinant, whose sign is removed
+            // again. This is correct under non-uniform scale and mirroring, and finite if the matrix is flat.
             let [x, y, z] = rows.0.map(|r| r.truncate());
             let cofactor = [y.cross(z), z.cross(x), x.cross(y)];
             let handedness = if x.dot(cofactor[0]) < 0.0 { -1.0 } else { 1.0 };
@@ -160,7 +160,7 @@ impl VertexStage<'_> {
         out
     }
 
-    /// Displacement by effects, and the normal after it.
+    /// Displaces a vertex by the effects, and computes its new normal.
     fn displace(&self, i: usize, model: Vec3, rows: &Affine3x4, out: &mut Vertex) {
         let uvs = self.features.has(Features::UV0).then(|| self.primitive.uvs[0].get(i).copied()).flatten();
         let place = VertexSample {
@@ -225,7 +225,7 @@ impl VertexStage<'_> {
         2.0 * pixel * (z.abs() * rows.w_axis.xyz().length() + rows.z_axis.xyz().length())
     }
 
-    /// The vertex's matrix: the instance's, or its joints' weighted by influence.
+    /// The vertex's matrix: that of the instance, or the weighted sum of those of its joints.
     fn rows(&self, i: usize) -> Affine3x4 {
         if !self.features.has(Features::SKIN) {
             return self.instance.relative_from_mesh;
@@ -292,7 +292,7 @@ fn add(sum: &mut Affine3x4, rows: &Affine3x4, weight: f32) {
     }
 }
 
-/// The rotation and translation of a dual quaternion of any length.
+/// The rotation and translation of a dual quaternion, which need not be normalized.
 fn motion(q: Vec4, d: Vec4) -> Affine3x4 {
     let k = 2.0 / q.dot(q).max(1e-30);
     let (v, e) = (q.truncate(), d.truncate());

@@ -81,6 +81,6 @@ pub fn agx(light: V3) -> V3 {
         ],
         each(inset, curve),
     );
-    // The curve gives codes of a 2.2 display; the image is linear.
+    // The curve gives codes of a display with gamma 2.2; the image is linear.
     each(out, |c| c.max(F4::ZERO).map(|c| libm::powf(c, 2.2)).clamp(0.0, 1.0))
 }

@@ -47,7 +47,7 @@ pub struct ScreenLabel {
     pub color: Vec4,
 }
 
-/// The layers behind the scene and those in front, if there are any. Cached while they do not change.
+/// The 2D layers behind the scene and in front of it; `None` if there are none. Cached while they do not change.
 pub fn compose_layers(
     stage: &Stage,
     snapshot: &Snapshot,
@@ -103,7 +103,7 @@ fn hash(stage: &Stage, states: &[&Layer2dState], labels: &[ScreenLabel], size: [
     labels.iter().for_each(|label| add(format!("{label:?}").as_bytes()));
     for state in states {
         let layer_2d = &stage.layers_2d[state.layer_2d];
-        // Numbers are printed so that no two that differ look alike.
+        // Numbers are printed so that different numbers give different texts.
         match &layer_2d.content {
             Layer2dContent::Picture { hash, fit, image: _ } => {
                 add(hash);

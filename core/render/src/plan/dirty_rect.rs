@@ -3,7 +3,7 @@
 use choreo_asset::Aabb;
 use glam::{Mat4, Vec2, Vec4, Vec4Swizzles};
 
-/// Largest share of the frame with which a rectangle is worth a copy of the background.
+/// Largest share of the frame for which a rectangle is worth a copy of the background.
 const LARGEST_SHARE: f32 = 0.7;
 /// Edges of boxes are clipped at this distance in front of the camera.
 const NEAREST: f32 = 1e-4;
@@ -55,7 +55,7 @@ impl DirtyRect {
     pub fn part_of(&self, size: [u32; 2]) -> Option<[u32; 4]> {
         let ends = |i: usize| {
             let last = size[i] as f32;
-            // Never empty: a pass needs a pixel.
+            // The rectangle is never empty, because a pass needs a pixel.
             let from = (self.from[i].clamp(0.0, last - 1.0) as u32) / BLOCK * BLOCK;
             let to = (self.to[i].clamp(0.0, last).ceil() as u32).next_multiple_of(BLOCK);
             [from, to.clamp(from + 1, size[i]) - from]

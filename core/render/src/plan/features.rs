@@ -22,7 +22,7 @@ pub(crate) struct DrawNeeds {
     pub dual: bool,
     pub morphed: bool,
     pub local_lights: bool,
-    /// A sky shines.
+    /// Whether a sky lights the surface.
     pub sky: bool,
     /// Some light has a polynomial falloff.
     pub polynomial: bool,

@@ -1,5 +1,5 @@
-//! The key of a frame by its content: its plan, the scene resources and the effects. Plans with equal keys give equal images
-//! on one device, at any time and of any version of the script.
+//! The key of a frame by its content: its plan, the scene resources and the effects. Plans with equal keys give equal images on
+//! one device, at any time and with any version of the script.
 
 use crate::plan::{Draw, Plan, PostPass, ShadowMaps, ShadowView};
 use crate::scene_resources::SceneResources;
@@ -79,7 +79,7 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) ->
         dirty_rect: _,
         light_clusters: _,
     } = plan;
-    // Numbers are printed so that no two that differ look alike: the shortest text that reads as the same number.
+    // Numbers are printed so that different numbers give different texts: the shortest text that reads as the same number.
     add(format!("{size:?} {samples} {view:?} {background:?} {ambient_up:?} {ambient_down:?}").as_bytes());
     add(format!("{exposure:?} {display:?}").as_bytes());
     add(format!("{:?}", layers_behind.as_ref().map(|layers| layers.hash)).as_bytes());

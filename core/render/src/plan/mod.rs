@@ -118,7 +118,7 @@ pub struct Plan {
     pub displacement_limits: [f32; 8],
     /// Bits of the scene effects that also change the background.
     pub background_effects: u8,
-    /// Part of the frame that anything is drawn into.
+    /// The part of the frame that is drawn into.
     pub dirty_rect: DirtyRect,
     /// Full-screen passes in order.
     pub post: Vec<PostPass>,

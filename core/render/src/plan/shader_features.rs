@@ -208,7 +208,7 @@ features! {
         absence: absence("second texture coordinates", "no drawn texture uses them", "UV0") }
     /// Lit by the metallic-roughness model.
     METALLIC_ROUGHNESS { needs: &["!BLINN_PHONG", "!TOON"] }
-    /// Lit by Blinn–Phong. Without this, METALLIC_ROUGHNESS and TOON: unlit.
+    /// Lit by Blinn–Phong. A surface without this, METALLIC_ROUGHNESS and TOON is unlit.
     BLINN_PHONG { needs: &["!TOON"] }
     BASE_COLOR_TEXTURE { part: ShaderPart::Alpha, needs: &[UV_OR_TRIPLANAR], texture: slot(0),
         absence: absence("base color textures", "no drawn material has a base color texture", "") }
@@ -274,7 +274,7 @@ features! {
     DUAL_QUATERNIONS { by: RequestedBy::Mesh, part: ShaderPart::Pose, needs: &["SKIN"],
         absence: absence("dual quaternions", "every skin is blended linearly", "SKIN") }
 
-    /// Some layer is on: the layers' uniform is read.
+    /// Some layer is on, so the layers' uniform is read.
     LAYERS { part: ShaderPart::Layer, needs: &["METALLIC_ROUGHNESS"] }
     CLEARCOAT { part: ShaderPart::Layer, needs: &["LAYERS"],
         absence: absence("clear coats", "no drawn material has one", "LIT") }

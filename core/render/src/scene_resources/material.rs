@@ -12,7 +12,8 @@ pub(crate) const LAYER_SLOTS: usize = 12;
 pub(crate) const TOON_SLOTS: usize = 2;
 /// First slot of toon shading.
 pub(crate) const TOON_SLOT: usize = BASE_SLOTS + LAYER_SLOTS;
-/// All slots of a material. Vulkan guarantees 16 bindings; `commands::texture_limit` leaves out what a device cannot bind.
+/// All texture slots of a material. Vulkan guarantees 16 bindings; `commands::texture_limit` leaves out textures that a device
+/// cannot bind.
 pub(crate) const TEXTURE_SLOTS: usize = TOON_SLOT + TOON_SLOTS;
 /// Slot of the thin film's thickness.
 const FILM_THICKNESS_SLOT: usize = BASE_SLOTS + 8;

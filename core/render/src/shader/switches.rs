@@ -21,7 +21,7 @@ pub struct Switch {
     pub source: SwitchSource,
     /// Conditions on other switches, as in [`Feature`].
     pub needs: &'static [&'static str],
-    /// The features that may be on with it.
+    /// The only features that may be on together with this switch.
     pub only: Option<Features>,
 }
 

@@ -17,8 +17,8 @@ pub type Messages = Arc<Mutex<Vec<String>>>;
 
 const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// The validation layer looks up its state of an instance or a device in a map that it does not lock (`layer_data_map`,
-/// seen in 1.3.239). Written while an instance or device is created or destroyed, read during all other calls.
+/// Lock for the validation layer's state of instances and devices, a map that the layer does not lock itself (`layer_data_map`,
+/// seen in 1.3.239). Locked for writing while an instance or device is created or destroyed, for reading during all other calls.
 static LAYER_STATE: RwLock<()> = RwLock::new(());
 
 fn layer_changes() -> RwLockWriteGuard<'static, ()> {

@@ -244,7 +244,7 @@ impl Execution<'_> {
         let Some(target) = &self.targets.shadow else {
             return Err(RenderError::Usage("the shadow maps were not prepared".into()));
         };
-        // The frame before may still read it.
+        // The frame before may still read the maps.
         let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
         let barrier = to_depth(&target.image);
         let barrier = barrier.src_stage_mask(barrier.src_stage_mask | read);

@@ -71,7 +71,7 @@ pub struct FrameData<'a> {
     pub bytes: u64,
     light_count: u32,
     pub frame: Block,
-    /// The frame's uniform as seen from the light of each shadow map.
+    /// The frame's uniform with the view of each shadow map in place of the camera.
     pub views: Vec<Block>,
     /// The uniform of each overridden material and that of its layers.
     pub materials: Vec<[Block; 2]>,

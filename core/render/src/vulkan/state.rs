@@ -92,7 +92,7 @@ impl PipelineState {
             inputs,
             // Reversed Z: nearer is greater. A peeling pass keeps the farthest surface.
             depth: Some(match peel {
-                // The lighting pass draws a triangle at depth 0, which passes where anything was drawn.
+                // The lighting pass draws a triangle at depth 0, which passes the test where a surface was drawn.
                 _ if light => (vk::CompareOp::LESS, false),
                 true => (vk::CompareOp::LESS, true),
                 false => (vk::CompareOp::GREATER, key.writes_depth()),

@@ -111,7 +111,7 @@ pub struct Targets {
     pub input_depth: Option<Image>,
     /// Sampler that no shader uses: lavapipe (22.3) dereferences every binding of a bound set.
     sampler: vk::Sampler,
-    /// Multisampled target with more than one sample, resolved into the scene's target.
+    /// Multisampled target, resolved into the scene's target; `None` with one sample per pixel.
     pub multisampled: Option<Image>,
     pub shadow: Option<SampledImage>,
     /// The shadow maps that the image holds.

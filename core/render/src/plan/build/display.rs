@@ -85,7 +85,7 @@ pub(super) fn background(background: Background, wish: FrameWish) -> Background 
     }
 }
 
-/// The effect that has a view transform as one of its curves, with its parameters for it.
+/// The effect with a view transform of this name among its curves, and its parameters for that.
 fn view_effect<'a>(effects: &'a [Effect], name: &str) -> Option<(&'a Effect, Vec<f32>)> {
     effects.iter().filter(|e| e.view_order() == ViewOrder::Replaces).find_map(|effect| {
         effect.manifest().options.iter().find_map(|option| {

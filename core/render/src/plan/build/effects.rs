@@ -125,7 +125,7 @@ fn shutters<'a>(
     })
 }
 
-/// Faults of the active effects on the shutter.
+/// Faults in the shutters that active effects set.
 pub(super) fn shutter_faults<'a>(
     stage: &'a Stage,
     snapshot: &'a Snapshot,
@@ -239,7 +239,7 @@ fn reads_of(pass: &ImagePass, number: u32) -> impl Iterator<Item = u32> + '_ {
     pass.reads.iter().copied().filter(move |read| *read < number).take(ImagePass::MOST_READ)
 }
 
-/// Which passes run: the last one, and those whose textures one that runs reads.
+/// Which passes run: the last one, and those whose textures are read by a pass that runs.
 fn runs(passes: &[ImagePass]) -> Vec<bool> {
     let mut runs = vec![false; passes.len()];
     if let Some(last) = runs.last_mut() {

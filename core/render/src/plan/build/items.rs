@@ -20,7 +20,7 @@ pub(super) struct DrawItem {
     /// Number of indices, as in [`Draw::watertight`].
     pub watertight: u32,
     pub instance: Instance,
-    /// The instance one frame before, where an effect reads motion.
+    /// The instance one frame before, if an effect reads motion.
     pub before: Option<Instance>,
     pub actor: u32,
     /// Index into `Planner::transparent`, if it is transparent.
@@ -42,7 +42,7 @@ impl DrawItem {
     }
 }
 
-/// Sorts into drawing order, and gives the index of the first transparent item.
+/// Sorts items into drawing order, and returns the index of the first transparent one.
 pub(super) fn sort(items: &mut [DrawItem]) -> usize {
     // Few state changes first; within one state near primitives before far ones and near copies before far
     // ones, so that the depth test saves the shading of hidden surfaces. Stable: equal keys stay in actor order.

@@ -156,7 +156,7 @@ impl<'a> Planner<'a> {
         Some(context)
     }
 
-    /// `None` if the copy is neither drawn nor casts a shadow.
+    /// Plans one copy; `None` if it is neither drawn nor casts a shadow.
     fn copy(
         &mut self,
         p: &PrimitiveContext,
@@ -310,7 +310,7 @@ impl<'a> Planner<'a> {
                 instance.first_joint = self.first_joint(s);
             }
         } else if self.options.force_all {
-            // A skin of one joint, to which every vertex is bound with weight 1.
+            // The instance gets a skin of one joint, to which every vertex is bound with weight 1.
             instance.first_joint = self.joint_matrices.len() as u32;
             self.joint_matrices.push(relative_from_mesh);
         }
@@ -344,7 +344,7 @@ impl<'a> Planner<'a> {
     }
 }
 
-/// The material's base color where clips animate it, else white.
+/// The material's base color if clips animate it, else white.
 fn animated_base_color(entry: &PrimitiveEntry, asset: &Asset, state: &ActorState) -> Vec4 {
     entry.animated_color.map_or(Vec4::ONE, |m| {
         let rest = asset.materials.get(m as usize).map_or(Vec4::ONE, |m| m.base_color);

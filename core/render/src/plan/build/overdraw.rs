@@ -49,7 +49,7 @@ struct TileCoverage {
 }
 
 impl OverdrawEstimate {
-    /// `None` if no estimate is needed.
+    /// An empty estimate; `None` if none is needed.
     pub fn of(pipeline: Pipeline, options: &PlanOptions) -> Option<OverdrawEstimate> {
         (pipeline == Pipeline::Auto && options.samples == 1).then(|| OverdrawEstimate(Vec::new()))
     }

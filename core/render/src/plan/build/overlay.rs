@@ -179,8 +179,8 @@ fn clipped(a: Vec4, b: Vec4) -> Option<[Vec4; 2]> {
     (from <= to).then(|| [a + (b - a) * from, a + (b - a) * to])
 }
 
-/// A square of a grid's plane around the point below the camera. Positions count cells from a thick line nearby, so that they
-/// are small wherever the camera is.
+/// A square of a grid's plane around the point below the camera. Positions count cells from a nearby thick line, so that they are
+/// small wherever the camera is.
 fn lattice(l: &Lattice, view: &View, out: &mut Vec<OverlayVertex>) {
     let good = l.cell > 0.0 && l.cell.is_finite() && l.fade > 0.0 && l.fade.is_finite();
     if !good || !l.origin.is_finite() || !l.along.iter().all(|a| a.is_finite()) {
@@ -189,8 +189,8 @@ fn lattice(l: &Lattice, view: &View, out: &mut Vec<OverlayVertex>) {
     let every = f64::from(l.every.max(1));
     let period = l.cell * every;
     let beside = view.position - l.origin;
-    // The crossing of thick lines next to the point below the camera, and that point from there; in f64, so exact far from the
-    // origin.
+    // The crossing of thick lines nearest to the point below the camera, and that point relative to the crossing, in f64, so
+    // exact far from the origin.
     let foot = l.along.map(|a| beside.dot(a));
     let crossing = foot.map(|f| libm::floor(f / period + 0.5) * period);
     let middle = l.origin + l.along[0] * crossing[0] + l.along[1] * crossing[1];

@@ -1,4 +1,4 @@
-//! The scene color copy of a frame: whether one is needed, and how far it is blurred.
+//! The scene color copy of a frame: whether one is needed, and its number of mip levels.
 
 use crate::plan::build::Planner;
 use crate::plan::scene_color_copy::blur;

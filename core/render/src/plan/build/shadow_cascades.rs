@@ -268,7 +268,7 @@ impl<'a> DepthRange<'a> {
         if !(self.across.length() >= 0.0 && self.up.length() >= 0.0 && self.deep.length() >= 0.0) {
             return None;
         }
-        // Texel borders lie at whole multiples of a texel in the world.
+        // Texel borders lie at multiples of the texel size in world space.
         let margin = edge.margin() * texel;
         let grid = |v: f64, world: f64, round: fn(f64) -> f64| round((v + world) / texel) * texel - world;
         let (at_x, at_y) = (axes.right.dot(region.view.position), axes.up.dot(region.view.position));
@@ -366,7 +366,7 @@ fn perspective_maps(
         }
         fitted(rows, [side as u32; 2], 2.0 * tan / side, casters)
     };
-    // One map suffices up to 60° to each side; wider ones would spend their texels on the rim.
+    // One map suffices for cones up to 60° to each side; a wider one would spend its texels on the rim.
     if cos_outer >= 0.5 {
         let tan = (1.0 - cos_outer * cos_outer).sqrt() / cos_outer;
         return map(Axes::along(direction), tan.max(1e-3), side(tan)).into_iter().collect();

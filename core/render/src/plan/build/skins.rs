@@ -19,12 +19,12 @@ pub(super) struct SkinMatrices {
     /// Whether the file places the model several times. Matrices then lead to model space, and each copy has a transform from
     /// there.
     pub placed: bool,
-    /// First entry in the plan's `joint_matrices`, once they are added.
+    /// Index of the first matrix in the plan's `joint_matrices`, once they are added.
     first_joint: Option<u32>,
 }
 
 impl SkinMatrices {
-    /// World · model-from-joint · inverse bind (glTF 2.0 §3.7.3.3), computed in f64.
+    /// Computes relative-from-model · model-from-joint · inverse bind (glTF 2.0 §3.7.3.3) in f64.
     pub fn new(relative_from_model: DAffine3, asset: &Asset, skin: u32, state: &ActorState) -> SkinMatrices {
         let placed = !asset.placements.is_empty();
         // Placements of the model are applied after the skin.
