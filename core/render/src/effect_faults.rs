@@ -22,7 +22,7 @@ const OF_VERTEX: u32 = u32::MAX - 1;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Fault {
     NotFinite,
-    /// The number of the loop, from 1; 0 for none.
+    /// A call took too many steps. Holds the number of the loop, from 1; 0 if the call is not in a known loop.
     Endless(u32),
 }
 

@@ -135,7 +135,7 @@ mod tests {
     fn the_edge_of_the_field_of_view_is_the_edge_of_the_image() {
         let yfov = 0.9f32;
         let mut c = camera(Projection::Perspective { yfov, near: 0.1, far: None });
-        // Looks along +X.
+        // The camera looks along +X.
         c.world_from_view = DAffine3::from_rotation_translation(
             DQuat::from_rotation_y(-std::f64::consts::FRAC_PI_2),
             DVec3::new(5e6, 1.0, 2.0),

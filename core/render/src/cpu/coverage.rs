@@ -34,7 +34,7 @@ mod tests {
         // An edge through the middle of the left pixels, a steep one and a gentle one.
         assert_eq!(count([0.5, 1.5, 0.5, 1.5]), [2, 4, 2, 4]);
         assert_eq!(count([0.5, 0.52, 0.5, 0.52]), [2, 4, 2, 4]);
-        // A quarter of a pixel farther.
+        // The same edges, a quarter of a pixel farther.
         assert_eq!(count([0.25, 1.25, 0.25, 1.25]), [1, 4, 1, 4]);
         assert_eq!(covered([0.0; 4], 0.0), [ALL_SAMPLES; 4], "nothing is cut");
         assert_eq!(covered([f32::NAN; 4], 0.5), [0; 4]);

@@ -357,7 +357,7 @@ mod tests {
         let layer_2d = drawn(&stage, [80, 60])[1].clone().unwrap();
         let dark = (0..60).filter(|y| layer_2d.pixel(40, *y).w > 0.5).count();
         assert_eq!(dark, 20, "80 wide, 2 to 1: 40 high");
-        // Already of that ratio: nothing to draw.
+        // The frame already has that ratio, so there are no bars.
         assert!(drawn(&stage, [80, 40])[1].is_none());
     }
 }

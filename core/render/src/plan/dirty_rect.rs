@@ -91,7 +91,7 @@ mod tests {
 
     const SIZE: [u32; 2] = [400, 200];
 
-    /// 57° high, twice as wide as high; y down, as in images.
+    /// A view 57° high, twice as wide as high; y down, as in images.
     fn view() -> Mat4 {
         let row = Vec4::new;
         let [up, right] = [1.83, 0.915];
@@ -138,7 +138,7 @@ mod tests {
         rect.add(around(Vec3::new(f32::NAN, 0.0, -6.0), 1.0), &view(), SIZE, 0.0);
         assert_eq!(rect.part_of(SIZE), None);
         assert_eq!(DirtyRect::EVERYTHING.part_of(SIZE), None);
-        // One pixel has no part.
+        // An image of one pixel has no smaller part.
         assert_eq!(DirtyRect::NOTHING.part_of([1, 1]), None);
     }
 

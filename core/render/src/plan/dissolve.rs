@@ -59,7 +59,7 @@ mod tests {
         assert_eq!(mixed([0, 100, 255, 255], [255, 200, 55, 255], 0.25), [64, 125, 205, 255]);
         assert_eq!(mixed([9, 8, 7, 255], [1, 2, 3, 255], 0.0), [9, 8, 7, 255]);
         assert_eq!(mixed([9, 8, 7, 255], [1, 2, 3, 255], 1.0), [1, 2, 3, 255]);
-        // Half of a red that covers all and half of nothing: red that covers half.
+        // Half of an opaque red and half of a transparent image give a red with half the alpha.
         assert_eq!(mixed([255, 0, 0, 255], [0, 0, 0, 0], 0.5), [255, 0, 0, 128]);
     }
 }

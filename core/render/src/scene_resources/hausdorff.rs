@@ -151,7 +151,7 @@ fn squared_distance(p: Vec3, [a, b, c]: [Vec3; 3]) -> f32 {
 mod tests {
     use super::*;
 
-    /// Squares of a grid over heights.
+    /// A grid of squares with a height at each vertex.
     fn sheet(squares: u32, height: impl Fn(f32, f32) -> f32) -> (Vec<Vec3>, Vec<u32>) {
         let n = squares + 1;
         let at = |i: u32| i as f32 / squares as f32;
@@ -211,7 +211,7 @@ mod tests {
         ] {
             assert!((squared_distance(p, t) - square).abs() < 1e-6, "{p}");
         }
-        // A triangle without area has the distance to its edges.
+        // The distance to a triangle without area is that to its edges.
         assert_eq!(squared_distance(Vec3::new(0.5, 1.0, 0.0), [Vec3::ZERO, Vec3::X, Vec3::X]), 1.0);
         let nothing = Surface { positions: &[], indices: &[] };
         assert_eq!(hausdorff_distance(nothing, nothing), 0.0);

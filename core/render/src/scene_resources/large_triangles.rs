@@ -323,7 +323,7 @@ mod tests {
                 }
             }
             assert!((area / 1e10 - 1.0).abs() < 1e-9, "{area}");
-            // A side that only one triangle has lies on the border; else a gap could open there.
+            // An edge that only one triangle uses must lie on the border; elsewhere a gap could open.
             let on_border = |i: usize| at(i).x.abs() == 5e4 || at(i).z.abs() == 5e4;
             assert!(sides.iter().all(|((a, b), n)| *n == 2 || *n == 1 && on_border(*a) && on_border(*b)));
             for (p, uv) in parts.positions.iter().zip(&parts.uvs[0]) {

@@ -246,7 +246,7 @@ mod tests {
         }
     }
 
-    /// Level by level, each held whole: the same sums in the same order.
+    /// Reference: level by level, each kept whole, with the same sums in the same order.
     fn plainly(image: &Image, srgb: bool) -> Vec<MipLevel> {
         let decode = if srgb { srgb_to_linear_table() } else { unorm_table() };
         let (mut w, mut h) = (image.width as usize, image.height as usize);

@@ -185,7 +185,7 @@ mod tests {
         }
         let square = points(&[7], false);
         assert_eq!((area(&square, |i| square.offsets[i].xy()), &square.of[..]), (4.0, &[7, 7, 7, 7][..]));
-        // Ends ten half widths apart.
+        // The ends are ten half widths apart.
         let ends = |w: &ThickMesh, i: usize| w.offsets[i].xy() + Vec2::X * 10.0 * w.offsets[i].z;
         let flat = lines(&[0, 1], false);
         assert_eq!(area(&flat, |i| ends(&flat, i)), 20.0);
@@ -193,7 +193,7 @@ mod tests {
         let exact = 20.0 + std::f64::consts::PI;
         let got = area(&round, |i| ends(&round, i));
         assert!(got < exact && exact - got < 0.03, "{got} {exact}");
-        // A missing end shows.
+        // A missing end would be noticed.
         assert!((area(&flat, |i| ends(&flat, i)) - exact).abs() > 1.0);
     }
 
@@ -223,7 +223,7 @@ mod tests {
         let edges = [1.0, -1.0].map(|y| {
             let near = spread.vertex(front, behind, Vec3::new(0.0, y, 0.0), 8.0);
             let far = spread.vertex(behind, front, Vec3::new(0.0, y, 1.0), 8.0);
-            // Where the edge is a meter in front of the camera.
+            // Point of the edge that is a meter in front of the camera.
             near + (far - near) * ((near.w - 1.0) / (near.w - far.w))
         });
         let [a, b] = edges.map(|e| e.xy() / e.w * Vec2::new(100.0, 50.0));

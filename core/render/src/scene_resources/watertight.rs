@@ -189,7 +189,7 @@ mod tests {
         let mut hole = whole.clone();
         hole.indices.truncate(33);
         assert_eq!(WatertightOrder::of(&hole), WatertightOrder::default());
-        // Its triangles do not all face outwards.
+        // A mesh whose triangles do not all face outwards.
         let mut turned = whole.clone();
         turned.indices.swap(0, 1);
         assert_eq!(WatertightOrder::of(&turned).count, 0);

@@ -121,7 +121,7 @@ mod tests {
         };
         let off = (sum(64) - 4.0 * std::f64::consts::PI).abs();
         assert!(off < 1e-3, "{off}");
-        // Second order: a quarter of the error at half the size.
+        // The error is of second order: a quarter at half the texel size.
         let off2 = (sum(128) - 4.0 * std::f64::consts::PI).abs();
         assert!(off2 < off * 0.3, "{off} {off2}");
     }

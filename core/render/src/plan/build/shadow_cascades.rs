@@ -457,7 +457,7 @@ mod tests {
                 assert!(p.x.abs() < 1.0 && p.y.abs() < 1.0 && (0.0..=1.0).contains(&p.z), "{p}");
             }
         }
-        // Nearer to the light is greater.
+        // Reversed Z: a place nearer to the light has a greater depth.
         assert!(place(DVec3::Y).z > place(DVec3::ZERO).z);
     }
 
@@ -512,7 +512,7 @@ mod tests {
                 assert_eq!((large.len(), large[0].texel, large[0].size), (1, small[0].texel, small[0].size));
             }
         }
-        // A shelf at the same height shades what is under it and seen.
+        // A shelf at the same height shades the floor under it, which is visible.
         let shelf = Aabb { min: Vec3::new(-0.5, -0.5, -8.5), max: Vec3::new(0.5, -0.5, -7.5) };
         let filled = Some([shelf.center().as_dvec3(), DVec3::X * 0.5, DVec3::ZERO, DVec3::Z * 0.5]);
         let floor = Aabb { min: Vec3::new(-9.0, -1.0, -19.0), max: Vec3::new(9.0, -1.0, 9.0) };
@@ -548,7 +548,7 @@ mod tests {
         }
     }
 
-    /// Along the ground ahead, the map that a shader samples is fine enough, or as fine as with a smaller shadow map.
+    /// The map that a shader samples on the ground ahead is fine enough, or as fine as with a smaller shadow map.
     #[test]
     fn more_texels_are_nowhere_coarser_than_fewer() {
         let sun = a_sun();
@@ -576,7 +576,7 @@ mod tests {
                 // A map with coarser texels has a wider margin, so that it ends a little later.
                 let near = &smaller[i.saturating_sub(3)..(i + 4).min(smaller.len())];
                 let few = near.iter().copied().fold(0.0, f32::max);
-                // Eight pixels, or nearly a texel of the softness; sizes increase in steps of a quarter octave.
+                // Fine enough is eight pixels, or nearly a texel of the softness; sizes increase in steps of a quarter octave.
                 let pixel = 2.0 * depth * libm::tanf(0.35) / 1440.0;
                 let fine = (8.0 * pixel).max(1.2 * softness / 3.0) * 1.19;
                 assert!(*many <= few.max(fine), "at {depth} m {many}, with fewer {few}, fine is {fine}");
@@ -621,7 +621,7 @@ mod tests {
         assert!((p.x / p.w).abs() < 1e-5 && (p.w - 3.0).abs() < 1e-4, "{p}");
         let lamp = fit_in(&v, &light(LightType::Point, Vec3::NEG_Y, at, Vec2::ZERO), 3.0);
         assert_eq!(lamp.len(), 1, "the caster is below; nothing else is in reach of the other faces");
-        // Beyond the light's range nothing casts.
+        // No caster counts beyond the light's range.
         let lamp = light(LightType::Point, Vec3::NEG_Y, at, Vec2::ZERO);
         let short = PlanLight { inverse_range_squared: 1.0, ..lamp };
         assert!(fit_in(&v, &short, 3.0).is_empty());
