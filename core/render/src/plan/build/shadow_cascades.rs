@@ -512,7 +512,7 @@ mod tests {
                 assert_eq!((large.len(), large[0].texel, large[0].size), (1, small[0].texel, small[0].size));
             }
         }
-        // A shelf at the same height shades the floor under it, which is visible.
+        // A `shelf` at the same height shades the floor under it, which is visible.
         let shelf = Aabb { min: Vec3::new(-0.5, -0.5, -8.5), max: Vec3::new(0.5, -0.5, -7.5) };
         let filled = Some([shelf.center().as_dvec3(), DVec3::X * 0.5, DVec3::ZERO, DVec3::Z * 0.5]);
         let floor = Aabb { min: Vec3::new(-9.0, -1.0, -19.0), max: Vec3::new(9.0, -1.0, 9.0) };
