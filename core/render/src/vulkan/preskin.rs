@@ -45,7 +45,7 @@ pub struct Posing {
     /// Descriptor sets: `write` has both buffers for the compute stage; `read` has the vertices for all passes.
     write: Option<Set>,
     read: Option<Set>,
-    /// (instance, [its first number in the vertex buffer, number of vertices]) of each instance that reads pre-skinned vertices.
+    /// Each instance that reads pre-skinned vertices, with its first number in the vertex buffer and its number of vertices.
     placed: Vec<(u32, [u32; 2])>,
 }
 
