@@ -2,8 +2,8 @@
 //!
 //! A target costs memory and time from the first vertex that it moves to the last, so vertices moved by the same targets are
 //! grouped. RobotExpressive's face keeps 31 % of its offsets, all of which move a vertex, Godette's 40 % (17 % move one; an index
-//! for each vertex would save the rest and cost a second read). Some exporters move every vertex (`cargo test -p choreo-render
-//! --test geometry morphs -- --nocapture`).
+//! for each vertex would save the rest and cost a second read). Some exporters move every vertex
+//! (`cargo test -p choreo-render --test geometry morphs -- --nocapture`).
 
 use choreo_asset::{MorphTarget, Primitive};
 use glam::Vec3;
