@@ -1,5 +1,5 @@
-// A vertical gradient behind everything: one triangle at depth 0, drawn last where the depth is still 0, so that
-// covered pixels cost nothing. CPU reference: core/render/src/cpu/mod.rs.
+// A vertical gradient behind everything: one triangle at depth 0, drawn last where the depth is still 0, so that covered pixels
+// cost nothing. CPU reference: core/render/src/cpu/mod.rs.
 
 struct BackgroundOut {
     @builtin(position) position: vec4<f32>,
@@ -19,7 +19,7 @@ fn background_fs(in: BackgroundOut) -> @location(0) vec4<f32> {
     return shown_behind(color, in.position.xy);
 }
 
-// A color of the background as it is drawn: after effects, and dithered where the target has 8 bits.
+// Final color of the background: after effects, and dithered if the target has 8 bits.
 fn shown_behind(color: vec4<f32>, pixel: vec2<f32>) -> vec4<f32> {
     var shown = color;
     @if(SURFACE) shown = background_effects(shown, pixel);
@@ -28,10 +28,10 @@ fn shown_behind(color: vec4<f32>, pixel: vec2<f32>) -> vec4<f32> {
 }
 
 @if(SURFACE)
-// The background after effects on everything. CPU reference: core/render/src/cpu/background_effects.rs.
+// Applies the effects on everything to the background. CPU reference: core/render/src/cpu/background_effects.rs.
 fn background_effects(color: vec4<f32>, pixel: vec2<f32>) -> vec4<f32> {
-    // The rows of a perspective matrix without a translation stand at right angles, but for what the middle of a part of the
-    // image lies beside the view's: without that, this is its inverse.
+    // The rows of a perspective matrix without translation are orthogonal, except for the offset of a tile from the view axis.
+    // Without that offset, dividing each row by its squared length inverts the matrix.
     let rows = transpose(frame.clip_from_relative);
     let back = rows[3].xyz;
     let beyond = vec2(dot(rows[0].xyz, back) + rows[0].w, dot(rows[1].xyz, back) + rows[1].w);
@@ -46,7 +46,7 @@ fn background_effects(color: vec4<f32>, pixel: vec2<f32>) -> vec4<f32> {
     effect_at(pixel);
     var seen: Seen;
     seen.viewer = frame.camera.xyz + beside;
-    // BACKGROUND_DISTANCE of core/plugin/src/effect.rs.
+    // BACKGROUND_DISTANCE of core/plugin/src/effect_data.rs.
     seen.distance = 1e9;
     seen.world = seen.viewer + way * seen.distance;
     seen.background = color.rgb;

@@ -13,7 +13,7 @@ struct Surface {
     f0: vec3<f32>,
     f90: f32,
     roughness: f32,
-    // Unit, along and across which highlights are drawn out, and alpha in each.
+    // Unit directions along and across the stretch of highlights, and the GGX alpha in each.
     @if(ANISOTROPY) along: vec3<f32>,
     @if(ANISOTROPY) across: vec3<f32>,
     @if(ANISOTROPY) alphas: vec2<f32>,
@@ -47,7 +47,7 @@ fn reflect_light(s: Surface, n: vec3<f32>, v: vec3<f32>, l: vec3<f32>, nv: f32, 
     let lobe = 0.5 * a2 / (d * d * smith);
     @end
     @if(ANISOTROPY)
-    // KHR_materials_anisotropy, "Implementation": the same distribution and visibility with an alpha each way.
+    // KHR_materials_anisotropy, "Implementation": the same distribution and visibility with an alpha in each direction.
     let at = s.alphas.x;
     let ab = s.alphas.y;
     let a2 = at * ab;
@@ -74,7 +74,7 @@ fn ambient_specular(f0: vec3<f32>, f90: f32, roughness: f32, nv: f32) -> vec3<f3
 @end
 
 @if(BLINN_PHONG)
-// Lambert + normalised Blinn–Phong or Phong, times π.
+// Lambert + normalized Blinn–Phong or Phong, times π.
 fn reflect_light(base: vec3<f32>, specular: vec3<f32>, n: vec3<f32>, v: vec3<f32>, l: vec3<f32>) -> vec3<f32> {
     @if(PHONG)
     let rv = clamp(dot(reflect(-l, n), v), 0.0, 1.0);
@@ -99,13 +99,13 @@ fn hemisphere(n: vec3<f32>) -> vec3<f32> {
     return mix(frame.ambient_down.xyz, frame.ambient_up.xyz, n.y * 0.5 + 0.5);
 }
 
-// Ambient light on a white surface with this normal.
+// Environment light on a white diffuse surface with this normal.
 fn ambient(n: vec3<f32>) -> vec3<f32> {
     @if(!SKY) return hemisphere(n);
     @if(SKY) return hemisphere(n) + sky_diffuse(n);
 }
 
-// Light reflected by a mirror of this roughness.
+// Environment light reflected along `way` by a surface of this roughness.
 fn mirrored(way: vec3<f32>, roughness: f32) -> vec3<f32> {
     @if(!SKY) return hemisphere(way);
     @if(SKY) return hemisphere(way) + sky_mirrored(way, roughness);

@@ -4,8 +4,8 @@
 // The CPU renderer shades forward: its image is the reference of both.
 
 @if(GEOMETRY)
-// Nine words: two normals as octahedra, 16 bits each way; roughness and occlusion; f90 and red of what is emitted; the diffuse
-// color, f0 and the rest of what is emitted as 16-bit floats; the depth as it is.
+// G-buffer of nine words: two octahedral normals with 16 bits per component; roughness and occlusion; F90 and red of the
+// emission; diffuse color, F0 and the rest of the emission as 16-bit floats; depth as f32.
 struct Kept {
     @location(0) normals: vec4<u32>,
     @location(1) colors: vec4<u32>,
@@ -13,7 +13,7 @@ struct Kept {
 }
 
 fn keep(depth: f32, n: vec3<f32>, own_n: vec3<f32>, s: Surface, occlusion: f32, emitted: vec3<f32>) -> Kept {
-    // The largest number of 16-bit floats.
+    // Clamped to the largest 16-bit float.
     let e = min(emitted, vec3(65504.0));
     let d = min(s.diffuse, vec3(65504.0));
     let f = min(s.f0, vec3(65504.0));
@@ -34,8 +34,8 @@ fn keep(depth: f32, n: vec3<f32>, own_n: vec3<f32>, s: Surface, occlusion: f32, 
     );
 }
 
-// Z. Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 2014. A vector of no length, of
-// a degenerate normal, has a word of its own, which no other rounds to.
+// Octahedral normal (Z. Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 2014). A zero
+// vector (a degenerate normal) has a reserved word, which no other vector rounds to.
 fn octahedron(v: vec3<f32>) -> u32 {
     let sum = abs(v.x) + abs(v.y) + abs(v.z);
     let p = v.xy / max(sum, 1e-20);
@@ -67,7 +67,7 @@ struct LightOut {
     @builtin(position) position: vec4<f32>,
 }
 
-// One triangle over everything at depth 0: the depth test leaves what was drawn.
+// One triangle over the whole image at depth 0; the depth test keeps the pixels that have a surface.
 @vertex
 fn light_vs(@builtin(vertex_index) index: u32) -> LightOut {
     let x = f32(i32(index & 1u) * 4 - 1);

@@ -1,4 +1,4 @@
-// Effects that displace the vertices of surfaces. Their functions, and `vertex_effects`, which calls them, are appended.
+// Effects that displace the vertices of surfaces. Their functions are appended, and `vertex_effects`, which calls them.
 // CPU reference: core/render/src/cpu/displace.rs.
 
 @if(DISPLACED)
@@ -9,12 +9,12 @@ struct Place {
     model: vec3<f32>,
 }
 
-// A way along the mesh's own axes, in the world.
+// Rotates and scales a direction from mesh space to world axes.
 fn turned_by(m: Rows, way: vec3<f32>) -> vec3<f32> {
     return vec3(dot(m.x.xyz, way), dot(m.y.xyz, way), dot(m.z.xyz, way));
 }
 
-// Cut off where the effect's reach of an index ends.
+// Limits an offset to the largest displacement of the effect with this index.
 fn within_reach(offset: vec3<f32>, index: u32) -> vec3<f32> {
     let reach = surface_parameters[index / 4u][index % 4u];
     return offset * min(1.0, reach / max(length(offset), 1e-20));
@@ -22,13 +22,13 @@ fn within_reach(offset: vec3<f32>, index: u32) -> vec3<f32> {
 @end
 
 @if(DISPLACED && NORMAL)
-// A power of two, so that adding it rounds little.
+// Step of the finite differences in meters: a power of two, so that adding it rounds little.
 const DISPLACED_STEP: f32 = 0.00390625;
 
 fn shifted(place: Place, m: Rows, way: vec3<f32>) -> Place {
     var there = place;
     there.world += way * DISPLACED_STEP;
-    // The inverse by cofactors.
+    // Inverse of the transform's linear part, by cofactors.
     let x = cross(m.y.xyz, m.z.xyz);
     let y = cross(m.z.xyz, m.x.xyz);
     let z = cross(m.x.xyz, m.y.xyz);
@@ -39,7 +39,7 @@ fn shifted(place: Place, m: Rows, way: vec3<f32>) -> Place {
     return there;
 }
 
-// Normal of the moved surface: the cross product of the moved steps along two tangents.
+// Normal of the displaced surface: the cross product of the displaced steps along two tangents.
 fn displaced_normal(place: Place, m: Rows, offset: vec3<f32>) -> vec3<f32> {
     // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
     let n = place.normal;

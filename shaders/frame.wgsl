@@ -1,11 +1,12 @@
 // Inputs of every shader of the scene. Layouts are compared with the Rust structs (core/render/src/shader/uniforms.rs, plan/mod.rs) by a test.
-// Lines such as `@if(SKIN) …` are kept only where the plan asks for the feature; see core/render/src/plan/shader_features.rs, which declares the material textures, too.
+// Lines such as `@if(SKIN) …` are kept only if the plan requests the feature; see core/render/src/plan/shader_features.rs, which
+// also declares the material textures.
 
 struct Frame {
     clip_from_relative: mat4x4<f32>,
     // Perspective: w = 1, xyz = 0, the eye. Orthographic: w = 0, xyz = direction to the viewer.
     eye: vec4<f32>,
-    // Where in the world the camera stands, as exactly as f32 can say.
+    // World position of the camera, rounded to f32.
     camera: vec4<f32>,
     ambient_up: vec4<f32>,
     ambient_down: vec4<f32>,
@@ -16,7 +17,7 @@ struct Frame {
     light_count: u32,
     // Factor on all light.
     exposure: f32,
-    // Clip space from camera-relative space one frame before, and where the camera stood, for motion vectors.
+    // Clip space from camera-relative space in the frame before, and the camera's position then, for motion vectors.
     clip_before: mat4x4<f32>,
     camera_before: vec4<f32>,
 }
@@ -28,7 +29,7 @@ struct Rows {
     z: vec4<f32>,
 }
 
-// How long the second row of a view's matrix is, without what the middle of a part of the image lies beside the view's.
+// Length of the second row of a view's matrix, without the offset of a tile from the view axis.
 fn tall(rows: mat4x4<f32>) -> f32 {
     return length(rows[1].xyz - rows[3].xyz * dot(rows[1].xyz, rows[3].xyz));
 }
@@ -36,11 +37,11 @@ fn tall(rows: mat4x4<f32>) -> f32 {
 struct Instance {
     relative_from_mesh: Rows,
     tint: vec4<f32>,
-    // For a pre-skinned mesh first_joint is its first number in the buffer, and first_morph its number of vertices.
+    // Pre-skinned mesh: first_joint is the index of the first number in the buffer, and first_morph the number of vertices.
     first_joint: u32,
     first_morph: u32,
     morph_count: u32,
-    // Width of lines and points in pixels; below 0: in metres.
+    // Width of lines and points in pixels; negative: in meters.
     width: f32,
 }
 
@@ -66,7 +67,7 @@ struct MetallicRoughness {
 struct Phong {
     specular_color: vec3<f32>,
     shininess: f32,
-    // The share of the surroundings that is reflected.
+    // Reflectivity, linear RGB.
     reflection: vec3<f32>,
     reflection_roughness: f32,
 }
@@ -87,7 +88,7 @@ struct Toon {
 
 struct Outline {
     color: vec3<f32>,
-    // How much the surface's light counts.
+    // Share of the surface's lighting in the outline's color.
     lighting_mix: f32,
     // Meters, or a share of the image's height where `on_screen` is 1.
     width: f32,
@@ -101,20 +102,20 @@ struct Material {
     alpha_cutoff: f32,
     normal_scale: f32,
     occlusion_strength: f32,
-    // Widths of the texture.
+    // Depth of the height map, in widths of the texture.
     parallax_depth: f32,
     triplanar_sharpness: f32,
     triplanar_middle: vec3<f32>,
     // 1 / width of the textures.
     triplanar_scale: f32,
-    // How far a masked motion has come: widths of the texture, radians.
+    // Current state of the masked UV animation: offset in widths of the texture, rotation in radians.
     uv_motion: vec3<f32>,
     pad: f32,
     metallic_roughness: MetallicRoughness,
     phong: Phong,
     toon: Toon,
     outline: Outline,
-    // The slots of the base textures, then width of the outline and mask of the motion.
+    // Slots of the base textures, then those of the outline width and of the mask of the UV animation.
     uv: array<UvTransform, 9>,
 }
 
@@ -122,7 +123,7 @@ struct Material {
 struct Layers {
     sheen_color: vec3<f32>,
     sheen_roughness: f32,
-    // Volume: light lost a metre, and metres.
+    // Volume: extinction per meter, and thickness in meters.
     extinction: vec3<f32>,
     thickness: f32,
     clearcoat: f32,
@@ -135,7 +136,7 @@ struct Layers {
     anisotropy_direction: vec2<f32>,
     anisotropy: f32,
     iridescence: f32,
-    // Nanometres where the texture is 0 and where it is 1.
+    // Thickness in nanometers where the texture is 0 and where it is 1.
     iridescence_thickness: vec2<f32>,
     iridescence_ior: f32,
     pad: f32,
@@ -148,13 +149,13 @@ struct Layers {
 }
 @end
 
-// One shadow map as it is looked up.
+// Lookup parameters of one shadow map.
 struct ShadowView {
-    // xy: texels of the image, z: depth, all times w
+    // xy: texels of the shared image; z: depth; all multiplied by w.
     texel_from_relative: mat4x4<f32>,
-    // Where the filter's texels all lie in the map: from, to
+    // Rectangle in which all texels of the filter lie inside the map: from (xy), to (zw).
     inside: vec4<f32>,
-    // x = metres of a texel where w is 1, y = texels of penumbra per depth, zw = 1 / texels of the image
+    // x = size of a texel in meters where w is 1, y = penumbra in texels per depth, zw = 1 / texels of the image
     texel: vec4<f32>,
 }
 
@@ -176,8 +177,8 @@ struct ShadowView {
 @if(REFRACTION) @group(2) @binding(3) var behind_texture: texture_2d<f32>;
 @if(REFRACTION) @group(2) @binding(4) var behind_sampler: sampler;
 
-// Morph targets of one primitive: for each its first vertex, the number of vertices and the start of their offsets. Then the offsets of each target: positions,
-// and as many normals and tangents where the mesh has them.
+// Morph targets of one primitive: for each target its first vertex, the number of vertices and the start of its offsets. Then for
+// each target its offsets of positions, and as many of normals and tangents if the mesh has these.
 @if(MORPH) @group(1) @binding(0) var<storage, read> morphs: array<vec4<u32>>;
 // Vertices of meshes that a compute stage pre-skinned; see preskin.wgsl.
 @if(PRE_SKINNED) @group(1) @binding(0) var<storage, read> posed: array<f32>;

@@ -1,16 +1,16 @@
-// The inputs of effects on images from the scene: one pass over opaque surfaces, one sample per pixel. The names are those of
-// `SceneImages` (core/plugin/src/scene_inputs.rs). CPU reference: core/render/src/cpu/scene_inputs.rs.
+// The inputs of effects on images from the scene: one pass over opaque surfaces, with one sample per pixel. The names are those
+// of `SceneImages` (core/plugin/src/scene_inputs.rs). CPU reference: core/render/src/cpu/scene_inputs.rs.
 
 @if(INPUT_PASS)
 struct Inputs {
-    // World normal, and metres before the camera along its view.
+    // World-space normal, and depth in meters in front of the camera.
     @location(0) surface: vec4<f32>,
-    // Pixels since the frame before, and the numbers of actor and material.
+    // Motion in pixels since the frame before, and the numbers of actor and material.
     @if(MOTION) @location(1) motion: vec4<f32>,
 }
 
 @if(MOTION)
-// Where the vertex was in the clip space of the frame before: the same steps with the instance of then.
+// Position of a vertex in the clip space of the frame before, by the same steps with the instance of that frame.
 fn clip_before(in: VertexIn) -> vec4<f32> {
     let then = u32(instances[in.instance].tint.y);
     var shape: Shape;
@@ -38,7 +38,7 @@ fn clip_before(in: VertexIn) -> vec4<f32> {
 @fragment
 fn inputs_fs(in: VertexOut, @builtin(front_facing) front: bool) -> Inputs {
     @if(!NORMAL_OUT)
-    // A mesh without normals has those of its triangles.
+    // A mesh without normals gets the normals of its triangles.
     let across = dpdx(in.relative);
     let down = dpdy(in.relative);
     let flat_n = unit(cross(across, down));
@@ -62,7 +62,7 @@ fn inputs_fs(in: VertexOut, @builtin(front_facing) front: bool) -> Inputs {
     out.surface = vec4(n, depth);
     @if(MOTION)
     let before = in.clip_before;
-    // A point that was behind the camera has no place in the image before.
+    // The motion of a point that was behind the camera is zero.
     var moved = vec2(0.0);
     if (before.w > 0.0) { moved = in.position.xy - (before.xy / before.w * 0.5 + 0.5) * frame.size; }
     out.motion = vec4(moved, in.numbers);

@@ -9,7 +9,7 @@ fn coat_fresnel(nv: f32) -> f32 {
     return 0.04 + 0.96 * (x2 * x2 * x);
 }
 
-// Distribution times visibility of the coat: GGX as the surface below has it, without Fresnel.
+// GGX distribution times visibility of the coat, as for the surface below, without Fresnel.
 fn coat_lobe(roughness: f32, n: vec3<f32>, v: vec3<f32>, l: vec3<f32>, nv: f32, nl: f32) -> f32 {
     let nh = clamp(dot(n, unit(l + v)), 0.0, 1.0);
     let alpha = roughness * roughness;
@@ -29,7 +29,8 @@ fn sheen_lobe(roughness: f32, n: vec3<f32>, v: vec3<f32>, l: vec3<f32>, nv: f32,
     return (2.0 + inverse) * pow(sine, inverse * 0.5) * 0.125 / (nl + nv - nl * nv);
 }
 
-// How much of a white sky such a sheen gives back, at most 1: fitted to the integral of the lobe; see the CPU reference.
+// Directional albedo of the sheen: its share of a white sky, at most 1, fitted to the integral of the lobe; see the CPU
+// reference.
 fn sheen_albedo(roughness: f32, nv: f32) -> f32 {
     let r = roughness;
     let height = exp(0.01213 - 0.81006 * r + 0.18394 / (r + 0.1));
@@ -44,9 +45,9 @@ fn squared(v: f32) -> f32 {
     return v * v;
 }
 
-// Response of the eye's three receptors to a reflectance that is a cosine of the frequency: sums of Gaussians (Belcour &
-// Barla, "A Practical Extension to Microfacet Theory for the Modeling of Varying Iridescence", 2017, §4), as linear sRGB.
-// `path`: metres, `shift`: radians, a channel each.
+// Color of one interference term: sensitivity of the eye in Fourier space, as sums of Gaussians (Belcour & Barla, "A Practical
+// Extension to Microfacet Theory for the Modeling of Varying Iridescence", 2017, §4), in linear sRGB. `path`: meters; `shift`:
+// radians, per channel.
 fn film_color(path: f32, shift: vec3<f32>) -> vec3<f32> {
     let phase = 6.2831853 * path;
     let p2 = phase * phase;
@@ -61,9 +62,9 @@ fn film_color(path: f32, shift: vec3<f32>) -> vec3<f32> {
     );
 }
 
-// Reflectance of a film on a surface (KHR_materials_iridescence, "Iridescence"): Airy's sum, two terms beside the mean.
+// Reflectance of a film on a surface (KHR_materials_iridescence, "Iridescence"): the mean of Airy's sum and two further terms.
 fn film_reflectance(ior: f32, nanometres: f32, nv: f32, f0: vec3<f32>) -> vec3<f32> {
-    // A film of nothing is air.
+    // The index of refraction fades to that of air as the thickness goes to zero.
     let eta = mix(1.0, ior, smoothstep(0.0, 0.03, nanometres));
     let inside2 = 1.0 - squared(1.0 / eta) * (1.0 - nv * nv);
     if (inside2 < 0.0) { return vec3(1.0); }
@@ -91,7 +92,7 @@ fn film_reflectance(ior: f32, nanometres: f32, nv: f32, f0: vec3<f32>) -> vec3<f
     return max(sum, vec3(0.0));
 }
 
-// The F0 of which Schlick's Fresnel makes this at such an angle.
+// Inverse of Schlick's Fresnel: the F0 that gives this reflectance at this angle.
 fn film_f0(reflectance: vec3<f32>, nv: f32) -> vec3<f32> {
     let x = 1.0 - nv;
     let x5 = min(x * x * x * x * x, 0.9999);

@@ -1,4 +1,4 @@
-// Layers under the scene, pixel by pixel: linear, alpha not multiplied in. CPU reference: core/render/src/cpu/mod.rs.
+// 2D layers behind the scene, pixel by pixel: linear, straight alpha. CPU reference: core/render/src/cpu/mod.rs.
 
 @group(2) @binding(9) var layers_behind: texture_2d<f32>;
 

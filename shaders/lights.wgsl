@@ -1,4 +1,4 @@
-// The lights of a frame, and what one of them gives to a point. CPU reference: core/render/src/plan/lights.rs.
+// The lights of a frame, and the light that a point receives from one of them. CPU reference: core/render/src/plan/lights.rs.
 
 // `LightType` of the plan.
 const LIGHT_DIRECTIONAL: u32 = 0u;
@@ -6,21 +6,22 @@ const LIGHT_POINT: u32 = 1u;
 const LIGHT_SPOT: u32 = 2u;
 
 struct Light {
-    // Point and spot lights.
+    // Camera-relative position of point and spot lights.
     position: vec3<f32>,
     // LIGHT_DIRECTIONAL, LIGHT_POINT or LIGHT_SPOT
     kind: u32,
-    // Unit, in which it shines.
+    // Unit direction in which the light shines.
     direction: vec3<f32>,
-    // Its first shadow view in the low 16 bits, how many in the high ones.
+    // First shadow view in the low 16 bits, number of views in the high 16 bits.
     shadow_views: u32,
-    // Times the intensity, over π.
+    // Color times intensity, over π.
     color: vec3<f32>,
-    // 0: without end
+    // 0: no range
     inverse_range_squared: f32,
     // Spot lights: scale and offset of the cosine (KHR_lights_punctual, "Inner and Outer Cone Angles").
     cone: vec2<f32>,
-    // Falloff by a polynomial of the distance: the linear and the quadratic term's share, the rest is constant; below 0: inverse square.
+    // Polynomial falloff over distance: weights of the linear and the quadratic term, the constant has the rest; below 0: inverse
+    // square.
     polynomial: vec2<f32>,
 }
 

@@ -1,12 +1,13 @@
-// Triangles, lines, points and lattices of effects: triangles that the plan made, and how much of each pixel they cover.
+// Overlays of effects (triangles, lines, points and lattices) as triangles from the plan, and their coverage of pixels.
 // CPU reference: core/render/src/cpu/overlay.rs.
 
 struct OverlayVertex {
     clip: vec4<f32>,
     color: vec4<f32>,
-    // Stroke: pixels along and across, length, radius. Lattice: cells along both axes, way from the middle, 1 at the rim.
+    // Stroke: pixels along and across, length, radius. Lattice: cells along both axes, offset from the center, 1 at the edge.
     shape: vec4<f32>,
-    // 0: a stroke, 2: all of a triangle. Lattice: 1, each Nth line is thick, pixels of thin lines and of thick ones.
+    // x = 0: a stroke, 2: a filled triangle. Lattice: x = 1, interval of thick lines, widths of thin and of thick lines in
+    // pixels.
     lattice: vec4<f32>,
 }
 
@@ -25,13 +26,13 @@ fn overlay_vs(@builtin(vertex_index) index: u32) -> OverlayOut {
     return OverlayOut(v.clip, v.color, v.shape, v.lattice);
 }
 
-// How much of a pixel lines cover that cross an axis at whole numbers; `step`: of the axis, from pixel to pixel.
+// Coverage of a pixel by lines at the whole numbers of an axis. `step`: change of `at` from pixel to pixel.
 fn lines(at: f32, step: f32, width: f32) -> f32 {
     let off = abs(at - floor(at + 0.5)) / max(step, 1e-9);
     return clamp(0.5 * width + 0.5 - off, 0.0, 1.0);
 }
 
-// Thin lines go where fewer than eight pixels lie between them, and are gone at four.
+// Thin lines fade where fewer than eight pixels lie between them, and are gone at four.
 fn axis(at: f32, step: f32, lattice: vec4<f32>) -> f32 {
     let thin = lines(at, step, lattice.z) * clamp((0.25 - step) * 8.0, 0.0, 1.0);
     let thick_step = step / lattice.y;
@@ -41,7 +42,7 @@ fn axis(at: f32, step: f32, lattice: vec4<f32>) -> f32 {
 
 @fragment
 fn overlay_fs(in: OverlayOut) -> @location(0) vec4<f32> {
-    // Before anything branches.
+    // Derivatives are taken in uniform control flow, before any branch.
     let right = dpdxFine(in.shape.xy);
     let down = dpdyFine(in.shape.xy);
     var cover: f32;

@@ -8,12 +8,12 @@ struct Shape {
 }
 
 @if(MORPH)
-// `first`, `count`: of the active morphs. `index`: of the vertex.
+// Applies morph targets. `first`, `count`: range of active morphs; `index`: index of the vertex.
 fn morphed(rest: Shape, first: u32, count: u32, index: u32) -> Shape {
     var shape = rest;
     for (var i = 0u; i < count; i++) {
         let active_morph = active_morphs[first + i];
-        // First vertex that it moves, how many, where their offsets begin.
+        // First vertex that the target moves, number of vertices, start of their offsets.
         let moved = morphs[active_morph.target_index];
         let own = index - moved.x;
         if own < moved.y {
@@ -35,21 +35,22 @@ fn weigh(sum: Rows, joint: u32, weight: f32) -> Rows {
 @end
 
 @if(DUAL_QUATERNIONS)
-// CPU reference of core/motion/src/skinning/dual_quaternion.rs: stretches are blended as matrices, then motions as dual quaternions.
+// CPU reference: core/motion/src/skinning/dual_quaternion.rs. Stretches are blended as matrices, then motions as dual
+// quaternions.
 struct DualSum {
     real: vec4<f32>,
     dual: vec4<f32>,
     stretch: Rows,
 }
 
-// All on the side of the heaviest influence.
+// Adds a joint, with the sign that brings it nearer to the heaviest influence.
 fn weigh_dual(sum: DualSum, pivot: vec4<f32>, joint: u32, weight: f32) -> DualSum {
     let q = joints[joint].x;
     let signed = select(weight, -weight, dot(q, pivot) < 0.0);
     return DualSum(sum.real + signed * q, sum.dual + signed * joints[joint].y, weigh(sum.stretch, joint + 1u, weight));
 }
 
-// The rotation and translation of a dual quaternion of any length.
+// The rotation and translation of a dual quaternion, which need not be normalized.
 fn motion(q: vec4<f32>, d: vec4<f32>) -> Rows {
     let k = 2.0 / max(dot(q, q), 1e-30);
     let t = (d.xyz * q.w - q.xyz * d.w + cross(q.xyz, d.xyz)) * k;
@@ -64,7 +65,7 @@ fn motion(q: vec4<f32>, d: vec4<f32>) -> Rows {
 @end
 
 @if(DUAL_QUATERNIONS || SKIN_INSTANCED)
-// One row of a map after another.
+// Row of a product of transforms: `outer` is a row of the one applied last.
 fn row_after(outer: vec4<f32>, inner: Rows) -> vec4<f32> {
     return inner.x * outer.x + inner.y * outer.y + inner.z * outer.z + vec4(0.0, 0.0, 0.0, outer.w);
 }
@@ -84,7 +85,7 @@ struct Influences {
 @end
 
 @if(SKIN && !DUAL_QUATERNIONS)
-// relative-from-mesh. `first`: where the skin's joints begin.
+// Blended matrix, relative-from-mesh. `first`: index of the skin's first joint.
 fn skinned(first: u32, by: Influences) -> Rows {
     var m = Rows(vec4(0.0), vec4(0.0), vec4(0.0));
     m = weigh(m, first + by.joints.x, by.weights.x);
@@ -102,7 +103,7 @@ fn skinned(first: u32, by: Influences) -> Rows {
 @end
 
 @if(DUAL_QUATERNIONS)
-// model-from-mesh. `first`: where the skin's joints begin, two rows each.
+// Blended transform, model-from-mesh. `first`: index of the skin's first entry in `joints`; each joint has two.
 fn skinned(first: u32, by: Influences) -> Rows {
     var heaviest = vec2<f32>(by.weights.x, f32(by.joints.x));
     if by.weights.y > heaviest.x { heaviest = vec2(by.weights.y, f32(by.joints.y)); }
@@ -136,9 +137,9 @@ fn placed(m: Rows, position: vec3<f32>) -> vec3<f32> {
     return vec3(dot(m.x, p), dot(m.y, p), dot(m.z, p));
 }
 
-// w: −1 where the map mirrors.
+// Transformed normal, not normalized; w: −1 if the transform mirrors.
 fn turned_normal(m: Rows, normal: vec3<f32>) -> vec4<f32> {
-    // Normals by the cofactor matrix: the inverse transpose times the determinant, whose sign is taken out again.
+    // Normals are transformed by the cofactor matrix: the inverse transpose times the determinant, whose sign is removed again.
     let cofactor_x = cross(m.y.xyz, m.z.xyz);
     let cofactor_y = cross(m.z.xyz, m.x.xyz);
     let cofactor_z = cross(m.x.xyz, m.y.xyz);

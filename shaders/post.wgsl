@@ -2,20 +2,20 @@
 // CPU reference: core/render/src/cpu/image_passes.rs.
 
 struct Post {
-    // Pixels of what it makes.
+    // Size of the output in pixels.
     size: vec2<f32>,
-    // How often the effect has run.
+    // Index of the pass among those of its effect.
     number: u32,
-    // How many times smaller than the whole what it reads or what it makes is, whichever is smaller.
+    // Factor by which the smaller one of the input and the output is smaller than the whole image.
     shrink: u32,
-    // Pixels of what the pass before made, and of the whole.
+    // Size of the output of the pass before, and of the whole image, in pixels.
     input: vec2<f32>,
     whole: vec2<f32>,
-    // How many times smaller than the whole the textures of passes are that it reads.
+    // Factors by which the textures of passes that it reads are smaller than the whole image.
     textures: array<vec4<f32>, 2>,
     // `EffectFrame::rows`: time, frame number, sun and camera matrices.
     scene: array<vec4<f32>, 19>,
-    // Four numbers a row.
+    // Rows of four numbers.
     parameters: array<vec4<f32>, post_rows>,
 }
 
@@ -39,7 +39,7 @@ fn post_vs(@builtin(vertex_index) index: u32) -> PostOut {
 }
 
 @if(PICTURE)
-// Pixels of the image that `picture` reads.
+// Size in pixels of the image that `picture` reads.
 fn picture_size() -> vec2<i32> {
     return vec2<i32>(post.input);
 }
@@ -52,7 +52,7 @@ fn shrink_factor() -> i32 {
     return i32(post.shrink);
 }
 
-// Beyond the border the nearest pixel counts.
+// Reads a pixel; positions beyond the border are clamped to it.
 fn picture(at: vec2<i32>) -> vec4<f32> {
     return textureLoad(post_input, clamp(at, vec2(0), vec2<i32>(post.input) - 1), 0);
 }
@@ -61,18 +61,19 @@ fn original(at: vec2<i32>) -> vec4<f32> {
     return textureLoad(post_original, clamp(at, vec2(0), vec2<i32>(post.whole) - 1), 0);
 }
 
-// A place of the whole image, 0 to 1, in the pixels of a texture whose scale is 1/scale, from the middle of its first one.
+// Position `uv` of the whole image, 0 to 1, in texels of a texture that is smaller by `scale`, relative to the center of its
+// first texel.
 fn post_place(uv: vec2<f32>, scale: f32, size: vec2<i32>) -> vec2<f32> {
     return clamp(uv * (post.whole / scale) - 0.5, vec2(-1.0), vec2<f32>(size));
 }
 
-// Frames with a history are put together on the host. A plan of one time alone has none: the image stands for them.
+// Frames with a history are assembled on the host. A plan of a single time has none, so the image stands for earlier ones.
 fn previous(frames: u32, at: vec2<i32>) -> vec4<f32> {
     return original(at);
 }
 @end
 
-// The scene, in pixels of the whole image.
+// Scene inputs, at pixels of the whole image.
 @if(SURFACE_INPUT)
 fn scene_surface(at: vec2<i32>) -> vec4<f32> {
     return textureLoad(post_surface, clamp(at, vec2(0), vec2<i32>(post.whole) - 1), 0);

@@ -1,5 +1,6 @@
-// Pre-skinning: deformed vertices for all passes that draw them: positions of an instance, then its normals, then its tangents.
-// A row of invocations is a vertex of one mesh, a column an instance. CPU reference: core/render/src/cpu/preskin.rs.
+// Pre-skinning: deforms vertices once for all passes that draw them. Writes the positions of a deformed mesh, then its normals,
+// then its tangents. Invocations along x are vertices of one mesh, those along y its deformations. CPU reference:
+// core/render/src/cpu/preskin.rs.
 
 struct Job {
     // relative-from-model of dual-quaternion skins and of copies, relative-from-mesh without a skin
@@ -7,7 +8,7 @@ struct Job {
     first_joint: u32,
     first_morph: u32,
     morph_count: u32,
-    // Its first number among `posed_vertices`
+    // Index of the deformed mesh's first number in `posed_vertices`
     first: u32,
 }
 
@@ -17,7 +18,7 @@ struct Posing {
 }
 
 var<immediate> posing: Posing;
-// Vertices as vertex.rs packs them, in words: positions as floats, all else in halves of words.
+// Vertices as vertex_layout.rs packs them, in words: positions as floats, other attributes in halves of words.
 @group(2) @binding(0) var<storage, read> vertices: array<u32>;
 @group(3) @binding(0) var<storage, read> jobs: array<Job>;
 @group(3) @binding(1) var<storage, read_write> posed_vertices: array<f32>;

@@ -1,7 +1,7 @@
 // Reflections of Blinn–Phong and Phong surfaces. CPU reference: core/render/src/cpu/reflection.rs.
 
 @if(REFLECTION)
-// The share that is mirrored.
+// Reflectivity of the surface.
 fn mirrored_share(in: VertexOut) -> vec3<f32> {
     var share = material.phong.reflection;
     @if(REFLECTION_TEXTURE && !TRIPLANAR) share *= textureSample(reflection_texture, reflection_sampler, texture_uv(in, 5u)).rgb;
@@ -15,9 +15,9 @@ fn surroundings(way: vec3<f32>) -> vec3<f32> {
 }
 @end
 
-// The environment map: an equirectangular panorama. Its level is the one whose texels are as
-// wide as the pixel's own directions, or as the highlight, whose half vectors stand α to each side: explicit, since the
-// texture coordinates jump where the panorama's ends meet.
+// The environment map, an equirectangular panorama. The level is explicit, since texture coordinates jump where the panorama's
+// ends meet: its texels are as wide as the directions of the pixel, or as the highlight, whose half vectors lie within α on each
+// side.
 @if(ENVIRONMENT_TEXTURE)
 fn surroundings(way: vec3<f32>) -> vec3<f32> {
     // Any longitude is valid at the poles, but atan2(0, 0) is undefined.

@@ -1,7 +1,7 @@
 // Refraction: the scene color copy where the refracted ray leaves the volume. CPU reference: core/render/src/cpu/refraction.rs.
 
 @if(REFRACTION)
-// The ray inside, by Snell's law; unit length. Nothing where no light enters.
+// Refracted ray inside the volume by Snell's law, unit length; zero in total reflection.
 fn bent(n: vec3<f32>, v: vec3<f32>, ior: f32) -> vec3<f32> {
     let eta = 1.0 / ior;
     let nv = dot(n, v);
@@ -10,8 +10,8 @@ fn bent(n: vec3<f32>, v: vec3<f32>, ior: f32) -> vec3<f32> {
     return n * (eta * nv - sqrt(k)) - v * eta;
 }
 
-// The image behind where the ray leaves the volume, `depth` metres on (glTF-Sample-Viewer, `getVolumeTransmissionRay`),
-// blurred as much as the surface is rough.
+// Scene color where the refracted ray leaves the volume after `depth` meters (glTF-Sample-Viewer, `getVolumeTransmissionRay`),
+// blurred by the surface's roughness.
 fn behind_glass(relative: vec3<f32>, n: vec3<f32>, v: vec3<f32>, ior: f32, depth: f32, roughness: f32) -> vec3<f32> {
     let clip = frame.clip_from_relative * vec4(relative + bent(n, v, ior) * depth, 1.0);
     let at = clip.xy / max(clip.w, 1e-6) * 0.5 + 0.5;

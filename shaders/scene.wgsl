@@ -14,7 +14,7 @@ fn texture_uv(in: VertexOut, slot: u32) -> vec2<f32> {
     @if(UV_TRANSFORM) let placed = vec2(dot(t.x.xy, uv) + t.x.z, dot(t.y.xy, uv) + t.y.z);
     @if(!UV_MOTION_MASK && !PARALLAX) return placed;
     @if(!UV_MOTION_MASK && PARALLAX) return placed + parallax;
-    // Turned about the middle, then moved, each place as much as the mask says.
+    // UV animation of MToon: rotation about the center, then translation, both scaled by the mask.
     @if(UV_MOTION_MASK)
     let angle = material.uv_motion.z * uv_mask;
     let off = placed - 0.5;
@@ -32,7 +32,7 @@ fn read_uv_mask(in: VertexOut) {
 @end
 
 @if(LIT && LIGHT_CLUSTERS)
-// The range of a place's light cluster in the lists, beside the lights without a range. CPU reference: `LightClusters::of`.
+// Range of the light lists for the point's cluster. Lights without a range are not listed. CPU reference: `LightClusters::of`.
 fn light_list(pixel: vec2<f32>, relative: vec3<f32>) -> vec2<u32> {
     let depth = (frame.clip_from_relative * vec4(relative, 1.0)).w;
     let scale = bitcast<f32>(light_lists[4]);
@@ -44,15 +44,15 @@ fn light_list(pixel: vec2<f32>, relative: vec3<f32>) -> vec2<u32> {
 @end
 
 @if(PARALLAX)
-// Premecz, "Iterative Parallax Mapping with Slope Information", CESCG 2006: four steps towards where the view meets the heights
-// in the normal map's alpha. Where it grazes the surface it goes no farther than three times as far as deep.
+// Premecz, "Iterative Parallax Mapping with Slope Information", CESCG 2006: four steps towards where the view ray meets the
+// heights in the normal map's alpha. At grazing angles the shift is limited to about three times the depth.
 fn read_parallax(in: VertexOut) {
     parallax = vec2(0.0);
     let at = texture_uv(in, 2u);
     let v = frame.eye.xyz - in.relative * frame.eye.w;
     let b = cross(in.normal, in.tangent.xyz) * in.tangent.w;
     let up = dot(v, in.normal);
-    // Rows of a texture go down, the second tangent up.
+    // Rows of a texture run downwards, the bitangent upwards.
     let way = vec2(dot(v, in.tangent.xyz), -dot(v, b)) / max(abs(up), 0.3 * length(v));
     var depth = 0.0;
     for (var i = 0; i < 4; i++) {
@@ -65,7 +65,7 @@ fn read_parallax(in: VertexOut) {
 @end
 
 @if(!LIGHT_PASS)
-// Records of faults would let hidden pixels be shaded, where nothing is discarded without need.
+// Fault records are side effects, with which hidden pixels would be shaded; early tests prevent that if nothing is discarded.
 @if(FAULT_RECORDS && SURFACE && !ALPHA_MASK && !COVERAGE && !PEEL_PASS || FAULT_RECORDS && LIGHTING && !ALPHA_MASK && !COVERAGE && !PEEL_PASS) @early_depth_test(force)
 @fragment
 @if(!GEOMETRY) fn fs(in: VertexOut, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
@@ -80,8 +80,9 @@ fn read_parallax(in: VertexOut) {
     @if(BASE_COLOR_TEXTURE && TRIPLANAR) base *= from_three_sides(base_color_texture, base_color_sampler, 0u);
     @if(ALPHA_MASK && !COVERAGE) if (base.a < material.alpha_cutoff) { discard; }
     @if(COVERAGE)
-    // The edge is made one pixel wide, whatever the texture's own slope is (Golus, "Anti-aliased Alpha Test: The Esoteric Alpha To
-    // Coverage", 2017), in whole samples of four. A sixteenth less: devices that round and those that compare keep as many.
+    // The alpha is sharpened so that edges are one pixel wide, independent of the texture's own gradient (Golus, "Anti-aliased
+    // Alpha Test: The Esoteric Alpha To Coverage", 2017), and rounded to whole samples of four. A sixteenth less, so that devices
+    // that round and those that compare keep equal numbers.
     let edge = max(abs(dpdxFine(base.a)) + abs(dpdyFine(base.a)), 0.0001);
     let kept = floor(clamp((base.a - material.alpha_cutoff) / edge + 0.5, 0.0, 1.0) * 4.0 + 0.5);
     if (kept < 1.0) { discard; }
@@ -139,7 +140,8 @@ fn read_parallax(in: VertexOut) {
     @if(OCCLUSION_TEXTURE) occlusion += material.occlusion_strength * (textureSample(occlusion_texture, occlusion_sampler, texture_uv(in, 3u)).r - 1.0);
     @end
 
-    // The reflection replaces its share of the base color, so that no surface reflects more light than it gets: a reflection of 1 is a mirror.
+    // A reflection replaces its share of the base color, so that no surface reflects more light than it gets: a reflectivity of 1
+    // is a mirror.
     @if(REFLECTION) let mirrored_part = mirrored_share(in);
     @if(REFLECTION) base = vec4(base.rgb * (vec3(1.0) - mirrored_part), base.a);
 
@@ -152,7 +154,7 @@ fn read_parallax(in: VertexOut) {
     @end
     @end
 @if(LIGHT_PASS)
-// Lights the pixel's surface of the G-buffer.
+// Lights the surface that the G-buffer holds for this pixel.
 @fragment
 fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(SURFACE) effect_at(at.position.xy);
@@ -206,9 +208,9 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @end
     @if(VOLUME) let absorbed = exp(-layers.extinction * depth);
     @if(TRANSMISSION)
-    // The light that is neither reflected nor scattered is transmitted (KHR_materials_transmission), less the absorption of the volume
-    // (KHR_materials_volume, Beer-Lambert). Thin glass sees no blurred image of what is behind: of a rough surface the
-    // blurred share is the hemisphere light transmitted by it.
+    // Transmission of the light that is neither reflected nor scattered (KHR_materials_transmission), less the absorption of the
+    // volume (KHR_materials_volume, Beer-Lambert). Thin glass has no blurred image of the scene behind it: the share that a rough
+    // surface blurs is replaced by the environment light along the ray.
     var transmission = layers.transmission * (1.0 - metallic);
     @if(TRANSMISSION_TEXTURE) transmission *= textureSample(transmission_texture, transmission_sampler, layer_uv(in, 5u)).r;
     var through = base.rgb * transmission * (vec3(1.0) - ambient_specular(s.f0, s.f90, s.roughness, nv));
@@ -240,7 +242,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(SHEEN_ROUGHNESS_TEXTURE) sheen_roughness *= textureSample(sheen_roughness_texture, sheen_roughness_sampler, layer_uv(in, 4u)).a;
     sheen_roughness = max(sheen_roughness, 0.07);
     let sheen_share = sheen_albedo(sheen_roughness, nv);
-    // The surface below gets only the light that the sheen leaves ("Albedo-Scaling technique", by the angle to the viewer).
+    // The surface below gets only the light that the sheen leaves ("Albedo-Scaling technique", with the angle to the viewer).
     let below_sheen = 1.0 - max(sheen_color.x, max(sheen_color.y, sheen_color.z)) * sheen_share;
     var sheen = ambient(n) * sheen_share * occlusion;
     @end
@@ -263,7 +265,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(TINT) shade_color *= in.color.rgb;
     var shift = material.toon.shading_shift;
     @if(SHADING_SHIFT_TEXTURE) shift += material.toon.shading_shift_scale * textureSample(shading_shift_texture, shading_shift_sampler, texture_uv(in, 5u)).r;
-    // All the light that there is, for the rim.
+    // Sum of all light, for the rim.
     var lighting = toon_ambient(n);
     var color = base.rgb * lighting;
     @end
@@ -294,7 +296,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
         @if(!LOCAL_LIGHTS) let l = -light.direction;
         @if(!LOCAL_LIGHTS) var light_color = light.color;
         @if(SHADOW && !DIFFUSE_TRANSMISSION) let share = shadow_share(light, in.relative, own_n, l);
-        // Light from behind falls on the other side.
+        // Light from behind falls on the back of the surface.
         @if(SHADOW && DIFFUSE_TRANSMISSION) let share = shadow_share(light, in.relative, select(own_n, -own_n, dot(n, l) < 0.0), l);
         @if(EFFECT_SHADOW && SHADOW)
         let falling = luminance(light_color) * clamp(dot(own_n, l), 0.0, 1.0);
@@ -303,7 +305,7 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
         @end
         @if(LIGHTING) let arrived = light_color;
         @if(SHADOW && !TOON) light_color *= share;
-        // Behind the surface nl is 0, and everything it is multiplied with is finite.
+        // Light from behind the surface has nl = 0, and all other factors are finite.
         let nl = clamp(dot(n, l), 0.0, 1.0);
         @if(METALLIC_ROUGHNESS) let lit = reflect_light(s, n, v, l, nv, nl) * light_color * nl;
         @if(DIFFUSE_TRANSMISSION) color += behind_color * light_color * clamp(-dot(n, l), 0.0, 1.0);
@@ -334,10 +336,10 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(EMISSIVE_TEXTURE) color += material.emissive * textureSample(emissive_texture, emissive_sampler, texture_uv(in, 4u)).rgb;
     @if(CLEARCOAT) color = mix(color, coat, coat_weight);
     @if(EXPOSURE && LIT) color *= frame.exposure;
-    // Toon shading gives colors, as the unlit model does.
+    // The view transform does not apply to toon shading, which gives display colors.
     @if(VIEW_TRANSFORM && LIT && !TOON) color = view_transform(color);
     @if(REFRACTION)
-    // The copy of the scene shows colors already.
+    // The scene color copy holds display colors already.
     behind *= through;
     @if(SHEEN) behind *= below_sheen;
     @if(CLEARCOAT) behind *= 1.0 - coat_weight;
@@ -348,7 +350,8 @@ fn fs(at: LightOut) -> @location(0) vec4<f32> {
     @if(!GLASS && !SURFACE) return vec4(color, alpha);
     @if(!GLASS && SURFACE && !COVERAGE) return surface_effects(vec4(color, alpha), seen_of(in, front));
     @if(SURFACE && COVERAGE) return vec4(surface_effects(vec4(color, 1.0), seen_of(in, front)).rgb, alpha);
-    // Thin glass is drawn twice: first what is behind is multiplied by what comes through, then what the surface shows is added.
+    // Thin glass is drawn twice: first the image behind is multiplied by the transmitted color, then the light of the surface is
+    // added.
     @if(GLASS_LIGHT && !SURFACE) return vec4(color * alpha, alpha);
     @if(GLASS_LIGHT && SURFACE) return vec4(surface_effects(vec4(color, alpha), seen_of(in, front)).rgb * alpha, alpha);
     @if(GLASS_FILTER)

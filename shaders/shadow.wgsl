@@ -1,13 +1,13 @@
-// Shadow maps: how they are looked up, and what is drawn into them. CPU reference: core/render/src/cpu/shadow.rs.
+// Lookup of shadow maps, and the fragment shader that draws them. CPU reference: core/render/src/cpu/shadow.rs.
 
 @if(SHADOW)
-// How much of a light arrives at a place, 0 to 1. `n`: the surface's own normal, without normal map; `l`: to the light.
+// Share of a light that reaches a point, 0 to 1. `n`: normal without the normal map; `l`: to the light.
 fn shadow_share(light: Light, relative: vec3<f32>, n: vec3<f32>, l: vec3<f32>) -> f32 {
     let first = light.shadow_views & 0xffffu;
     let end = first + (light.shadow_views >> 16u);
     let nl = clamp(dot(n, l), 0.0, 1.0);
-    // A slope's depth changes by tan over a texel; a step of as many texels as the filter reaches along the normal, times
-    // the sine, makes up for it at every angle (Holbert, "Saying Goodbye to Shadow Acne", GDC 2011).
+    // Normal offset (Holbert, "Saying Goodbye to Shadow Acne", GDC 2011): the depth of a slope changes by tan over a texel. An
+    // offset along the normal by the filter's reach in texels, times the sine, compensates this at every angle.
     let slope = 3.0 * sqrt(1.0 - nl * nl);
     for (var i = first; i < end; i++) {
         let view = shadow_views[i];
@@ -16,7 +16,7 @@ fn shadow_share(light: Light, relative: vec3<f32>, n: vec3<f32>, l: vec3<f32>) -
         let moved = relative + n * (slope * texel) + l * (0.25 * texel);
         let p = view.texel_from_relative * vec4(moved, 1.0);
         let at = p.xyz / max(p.w, 1e-6);
-        // A point behind the depth range of this map lies in a later one.
+        // A point beyond the depth range of this map lies in a later one.
         if (p.w > 0.0 && at.z >= 0.0 && all(at.xy >= view.inside.xy) && all(at.xy <= view.inside.zw)) {
             if (view.texel.y == 0.0) { return shadow_filtered(at, view.texel.zw); }
             let slope = shadow_slope(view, n);
@@ -31,7 +31,7 @@ fn shadow_share(light: Light, relative: vec3<f32>, n: vec3<f32>, l: vec3<f32>) -
 // Widest penumbra in texels.
 const MAX_PENUMBRA = 12.0;
 
-// How much the depth of a surface changes from texel to texel, at most as if it stood 79° to the light.
+// Change of a surface's depth per texel in x and y, limited to that of a surface at 79° to the light.
 fn shadow_slope(view: ShadowView, n: vec3<f32>) -> vec2<f32> {
     let rows = transpose(view.texel_from_relative);
     let z = rows[2].xyz;
@@ -39,9 +39,9 @@ fn shadow_slope(view: ShadowView, n: vec3<f32>) -> vec2<f32> {
     return -vec2(dot(n, rows[0].xyz), dot(n, rows[1].xyz)) * (view.texel.x * view.texel.x * dot(z, z) / nz);
 }
 
-// Width of the penumbra in texels, from the mean depth of what is nearer to the light among 4 × 4 texels (Fernando, "Percentage-Closer
-// Soft Shadows", 2005), which span the widest one, so that none begins with a step. 3, the narrowest, where all or none of them are
-// nearer.
+// Width of the penumbra in texels, from the mean distance of the blockers among 4 × 4 texels (Fernando, "Percentage-Closer Soft
+// Shadows", 2005). The 4 × 4 texels span the widest penumbra, so that none begins with a step. The narrowest, 3, if all or none
+// of them are blockers.
 fn penumbra_width(at: vec3<f32>, slope: vec2<f32>, texels_per_depth: f32) -> f32 {
     var sum = 0.0;
     var count = 0.0;
@@ -61,7 +61,7 @@ fn penumbra_width(at: vec3<f32>, slope: vec2<f32>, texels_per_depth: f32) -> f32
     return clamp(sum / count * texels_per_depth, 3.0, MAX_PENUMBRA);
 }
 
-// A box of width × width texels; the depth follows the surface, in steps of 2 × 2 texels.
+// Box filter of width × width texels. The compared depth follows the surface in steps of 2 × 2 texels.
 fn penumbra_filtered(at: vec3<f32>, slope: vec2<f32>, width: f32, scale: vec2<f32>) -> f32 {
     let low = at.xy - 0.5 * width;
     let high = at.xy + 0.5 * width;
@@ -82,12 +82,12 @@ fn penumbra_filtered(at: vec3<f32>, slope: vec2<f32>, width: f32, scale: vec2<f3
     return sum / (width * width);
 }
 
-// A box of 3 × 3 texels moved over the depth comparisons of 4 × 4: weights 1 − f, 1, 1, f.
+// Box filter of 3 × 3 texels over 4 × 4 depth comparisons, weighted 1 − f, 1, 1, f.
 fn shadow_filtered(at: vec3<f32>, scale: vec2<f32>) -> f32 {
     let corner = floor(at.xy - 0.5);
     let f = at.xy - 0.5 - corner;
     let depth = max(at.z, 0.0);
-    // Each gather stands on the corner between four texels: x, y, z, w are lower left, lower right, upper right, upper left.
+    // Each gather reads the four texels around a corner: x, y, z, w are lower left, lower right, upper right, upper left.
     let a = textureGatherCompare(shadow_map, shadow_sampler, corner * scale, depth);
     let b = textureGatherCompare(shadow_map, shadow_sampler, (corner + vec2(2.0, 0.0)) * scale, depth);
     let c = textureGatherCompare(shadow_map, shadow_sampler, (corner + vec2(0.0, 2.0)) * scale, depth);

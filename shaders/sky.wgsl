@@ -1,18 +1,18 @@
-// Image-based light. The maps are made on the CPU (core/render/src/sky): spherical harmonics for what is diffuse, an atlas
-// of octahedra, each blurred for a roughness, for what is mirrored.
+// Image-based light. The maps are computed on the CPU (core/render/src/sky): spherical harmonics for diffuse light, an atlas of
+// octahedral maps prefiltered by roughness for specular light.
 // CPU reference: core/render/src/cpu/sky.rs.
 
 @if(SKY || SKY_BACKGROUND)
 struct Sky {
     // Coefficients of 1, y, z, x, xy, yz, 3z² − 1, xz, x² − y²
     harmonics: array<vec4<f32>, 9>,
-    // First texel inside the border, texels a side
+    // xy: first texel inside the border; z: side in texels
     levels: array<vec4<f32>, 8>,
-    // Cosine and sine of the turn, strength, last level
+    // Cosine and sine of the rotation, strength, index of the last level
     turn: vec4<f32>,
-    // xy = 1 / texels of the atlas; z = 1 where it is seen behind everything
+    // xy = 1 / size of the atlas in texels; z = 1 if the sky is the background
     texel: vec4<f32>,
-    // The way of a pixel's ray is x · right + y · down + ahead, x and y from −1 to 1
+    // A pixel's ray has the direction x · right + y · down + ahead, with x and y from −1 to 1
     right: vec4<f32>,
     down: vec4<f32>,
     ahead: vec4<f32>,
@@ -60,7 +60,8 @@ fn sky_mirrored(direction: vec3<f32>, roughness: f32) -> vec3<f32> {
 @if(SKY_BACKGROUND)
 @group(2) @binding(8) var sky_picture: texture_2d<f32>;
 
-// The panorama behind everything, between the four nearest texels: at the seam filters of samplers would mix both ends.
+// The panorama as the background, interpolated between the four nearest texels: at the seam a sampler's filter would mix both
+// ends.
 @fragment
 fn sky_fs(in: BackgroundOut) -> @location(0) vec4<f32> {
     let at = in.position.xy / frame.size * 2.0 - 1.0;

@@ -1,6 +1,6 @@
-// Effects on surfaces: what they see of a place and of light. Their functions, and `surface_effects` and `light_effects`,
-// which call them, are appended. CPU reference: core/render/src/cpu/surface.rs.
-// CPU reference: `Seen` of core/plugin/src/effect.rs, filled in core/render/src/cpu/surface.rs.
+// Effects on surfaces: the samples of a surface and of light that they read. Their functions are appended, and `surface_effects`
+// and `light_effects`, which call them. CPU reference: `SurfaceSample` of core/plugin/src/effect_data.rs, filled in
+// core/render/src/cpu/surface.rs.
 
 @if(SURFACE)
 struct Seen {
@@ -34,7 +34,8 @@ struct Falling {
 @if(FAULT_RECORDS) @group(0) @binding(10) var<storage, read_write> effect_faults: array<atomic<u32>>;
 
 @if(EFFECTS)
-// The reach of up to eight effects in two rows; then the parameters of each. The functions that read them are appended.
+// The largest displacement of up to eight effects in two rows; then the parameters of each effect. Functions that read them are
+// appended.
 @group(0) @binding(6) var<uniform> surface_parameters: array<vec4<f32>, surface_rows>;
 
 @end

@@ -1,8 +1,8 @@
 // Thick lines and points. CPU reference: core/render/src/scene_resources/thick_lines.rs.
 
 @if(THICK_LINES)
-// The place of a vertex, from both ends of its line in clip space. What is added to an end is the same in the image wherever on
-// the line it is added, times w: so the near plane cuts off what is behind the eye, as of any triangle.
+// Clip-space position of a vertex, from both ends of its line. The offset is scaled by w, so that it is the same on screen
+// anywhere on the line; the near plane then clips it like any triangle.
 fn spread(own: vec4<f32>, other: vec4<f32>, corner: vec3<f32>, width: f32) -> vec4<f32> {
     let second = corner.z > 0.5;
     let a = select(own, other, second);
@@ -15,7 +15,7 @@ fn spread(own: vec4<f32>, other: vec4<f32>, corner: vec3<f32>, width: f32) -> ve
         let scaled = way / most;
         along = scaled / sqrt(dot(scaled, scaled));
     }
-    // Half a width, pixels times w.
+    // Half the width in pixels, times w.
     let least = 0.5 * own.w;
     var radius = least * max(width, 1.0);
     if (width < 0.0) {

@@ -1,7 +1,7 @@
 // MToon (VRMC_materials_mtoon 1.0). CPU reference: core/render/src/cpu/toon.rs.
 
 @if(TOON)
-// §"Lighting": how much of the lit color is seen, linearstep(−1 + toony, 1 − toony, NL + shift).
+// §"Lighting": share of the lit color, linearstep(−1 + toony, 1 − toony, NL + shift).
 fn toon_lit(nl: f32, shift: f32) -> f32 {
     let half = 1.0 - material.toon.shading_toony;
     return clamp((nl + shift + half) / max(2.0 * half, 1e-4), 0.0, 1.0);

@@ -1,7 +1,8 @@
 // Triplanar mapping: textures from three sides, mixed by where the surface faces. CPU reference: core/render/src/cpu/triplanar.rs.
 
 @if(TRIPLANAR)
-// In the space of the mesh: position from the middle in widths of the image; unit normal; −1 or 1 each; weights with sum 1.
+// Mesh space: position from the center in widths of the image; unit normal; sign of each of its components; weights with the sum
+// 1.
 struct Planes {
     at: vec3<f32>,
     normal: vec3<f32>,

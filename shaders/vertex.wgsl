@@ -1,4 +1,5 @@
-// Mesh space → morphs → skin or instance matrix (pose.wgsl, or read where a compute stage did both) → camera-relative space → clip space.
+// Mesh space → morphs → skin or instance matrix (pose.wgsl, or read from pre-skinned vertices) → camera-relative space → clip
+// space.
 // CPU reference: core/render/src/cpu/vertex.rs.
 
 struct VertexIn {
@@ -20,7 +21,7 @@ struct VertexIn {
 
 struct VertexOut {
     @if(!PEELED) @builtin(position) position: vec4<f32>,
-    // The same depths in the pass that finds a layer and in the one that shades it.
+    // Invariant, so that the pass that finds a layer and the one that shades it compute the same depths.
     @if(PEELED) @builtin(position) @invariant position: vec4<f32>,
     @if(POSITION_OUT) @location(0) relative: vec3<f32>,
     @if(NORMAL_OUT) @location(1) normal: vec3<f32>,
@@ -28,7 +29,7 @@ struct VertexOut {
     @if(UV0) @location(3) uv0: vec2<f32>,
     @if(UV1) @location(4) uv1: vec2<f32>,
     @if(VERTEX_COLOR || TINT) @location(5) color: vec4<f32>,
-    // How much longer the mesh's metres are here.
+    // Scale from mesh to world.
     @if(VOLUME || REFRACTION) @location(6) scale: f32,
     @if(EFFECT_JOINTS) @location(7) joints: vec3<f32>,
     @if(TRIPLANAR) @location(8) model_at: vec3<f32>,
@@ -40,7 +41,7 @@ struct VertexOut {
 }
 
 @if(EFFECT_JOINTS)
-// Neighbouring numbers get colors far apart: hues a golden ratio of the circle from each other.
+// Distinct color of a joint: hues of consecutive joints are a golden ratio of the circle apart.
 fn joint_color(joint: u32) -> vec3<f32> {
     let hue = fract(f32(joint) * 0.61803399) * 6.0;
     return clamp(vec3(abs(hue - 3.0) - 1.0, 2.0 - abs(hue - 2.0), 2.0 - abs(hue - 4.0)), vec3(0.05), vec3(1.0));
@@ -74,7 +75,7 @@ fn vs(in: VertexIn) -> VertexOut {
     var relative = placed(m, position);
     @end
     @if(PRE_SKINNED)
-    // The order of preskin.wgsl: all positions of the mesh, then all normals, then all tangents.
+    // Vertices are stored in the order of preskin.wgsl: all positions of the mesh, then all normals, then all tangents.
     let count = instances[in.instance].first_morph;
     let at = instances[in.instance].first_joint + 3u * in.index;
     var relative = vec3(posed[at], posed[at + 1u], posed[at + 2u]);
@@ -120,7 +121,7 @@ fn vs(in: VertexIn) -> VertexOut {
     @end
     @if(OUTLINE)
     if (material.outline.on_screen > 0.5) {
-        // Where the normal goes in the image, in pixels: d(xy/w) is proportional to this.
+        // Direction of the normal on screen, in pixels: d(xy/w) is proportional to this.
         let way = frame.clip_from_relative * vec4(unit_normal, 0.0);
         let pixels = (way.xy * out.position.w - out.position.xy * way.w) * frame.size;
         let step = unit(vec3(pixels, 0.0)).xy * (2.0 * width * frame.size.y) / frame.size;
@@ -128,8 +129,9 @@ fn vs(in: VertexIn) -> VertexOut {
     }
     @end
     @if(WIREFRAME)
-    // An edge lies in its surface, and its line is a pixel wide: nearer by two pixels' sizes it is seen on what slopes by
-    // up to two. In clip space that is a share of z where what is far is small, a distance where it is not.
+    // Depth bias of wireframes: an edge lies in its surface and is drawn one pixel wide; moved nearer by the size of two pixels
+    // it stays visible on slopes of up to two. In clip space the bias is proportional to z in perspective, and constant in
+    // orthographic views.
     let rows = transpose(frame.clip_from_relative);
     let pixel = 2.0 / (frame.size.y * tall(rows));
     out.position.z += 2.0 * pixel * (abs(out.position.z) * length(rows[3].xyz) + length(rows[2].xyz));
@@ -149,7 +151,7 @@ fn vs(in: VertexIn) -> VertexOut {
     let at_tangent = instances[in.instance].first_joint + 6u * count + 4u * in.index;
     out.tangent = vec4(posed[at_tangent], posed[at_tangent + 1u], posed[at_tangent + 2u], posed[at_tangent + 3u]);
     @end
-    // The root mean square of the three axes.
+    // Root mean square of the scales along the three axes.
     @if(VOLUME || REFRACTION) out.scale = sqrt((dot(m.x.xyz, m.x.xyz) + dot(m.y.xyz, m.y.xyz) + dot(m.z.xyz, m.z.xyz)) / 3.0);
     @if(TRIPLANAR) out.model_at = in.position;
     @if(TRIPLANAR) out.model_normal = in.normal.xyz;

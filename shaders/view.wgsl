@@ -1,10 +1,11 @@
-// The view transform: what a display shows of light, for lit surfaces and the sky. CPU reference: core/render/src/cpu/view_transform.rs.
+// The view transform from light to display colors, for lit surfaces and the sky. CPU reference:
+// core/render/src/cpu/view_transform.rs.
 
 @if(VIEW_TRANSFORM && !AGX)
 // Khronos PBR Neutral Tone Mapper 1.0. A dielectric's reflection of 0.04 is taken off, so that a matte surface in even light shows its
-// base color; from 0.76 on the brightest channel is compressed and the color turns pale. Hue and saturation stay below.
+// base color; from 0.76 on the brightest channel is compressed and the color turns pale; below, hue and saturation stay.
 fn view_transform(light: vec3<f32>) -> vec3<f32> {
-    // More than 2²⁴ would be no number below.
+    // Bounded, so that infinite light does not become NaN below.
     var color = clamp(light, vec3(0.0), vec3(16777216.0));
     let least = min(color.x, min(color.y, color.z));
     let low = min(least, 0.08);
@@ -35,13 +36,13 @@ fn view_transform(light: vec3<f32>) -> vec3<f32> {
         dot(vec3(-0.052896852, 1.1519032, -0.098961174), y),
         dot(vec3(-0.052971636, -0.09804345, 1.1510737), y),
     );
-    // The curve gives codes of a 2.2 display; the image is linear.
+    // The curve gives codes of a display with gamma 2.2; the image is linear.
     return clamp(pow(max(out, vec3(0.0)), vec3(2.2)), vec3(0.0), vec3(1.0));
 }
 @end
 
 @if(EXPOSURE || VIEW_TRANSFORM)
-// Light of the sky as a display shows it.
+// Display color of the sky's light.
 fn displayed(light: vec3<f32>) -> vec3<f32> {
     var color = light;
     @if(EXPOSURE) color *= frame.exposure;

@@ -1,4 +1,4 @@
-//! Draws files with the CPU renderer and prints frames a second:
+//! Draws files with the CPU renderer and prints the frame rate:
 //!
 //! ```text
 //! cargo run --release -p choreo-render --example cpu_frames -- ../shared/assets/gltf/Knight.glb \

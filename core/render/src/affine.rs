@@ -48,7 +48,7 @@ impl Affine3x4 {
         a.dot(b.cross(c))
     }
 
-    /// Length of the longest image of the three axes.
+    /// Largest scale factor along an axis: the length of the longest column of the 3×3 part.
     pub(crate) fn largest_stretch(&self) -> f32 {
         let square = |axis: usize| self.0.iter().map(|row| row[axis] * row[axis]).sum::<f32>();
         square(0).max(square(1)).max(square(2)).sqrt()

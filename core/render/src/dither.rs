@@ -1,10 +1,10 @@
-//! Dithering where neighboring colors are less than one 8-bit code apart: of what is behind everything (gradients, the sky, and fog over
-//! them), and of whole images that were floats until the end, after effects on images and motion blur.
+//! Dithering of images in which neighboring colors differ by less than one 8-bit code: backgrounds (gradients, the sky, and fog
+//! over them), and whole images that stay floats until the end, after effects on images and motion blur.
 //!
-//! A channel between two codes takes the upper one at as many pixels as its share of the step, so that the mean is exact. Which
-//! pixels these are follows from a fixed table of ranks with blue noise, by void-and-cluster (R. Ulichney, "The void-and-cluster
-//! method for dither array generation", SPIE 1913, 1993): equal frames stay equal. A color that is a code stays one; after a target of 16-bit floats, one that is nearer to a code than
-//! [`MARGIN`].
+//! A channel between two codes takes the upper one at as many pixels as its share of the step, so that the mean is exact. A fixed
+//! table of blue-noise ranks selects these pixels, by void-and-cluster (R. Ulichney, "The void-and-cluster method for dither
+//! array generation", SPIE 1913, 1993), so equal frames stay equal. A color that is exactly a code stays that code; in a target
+//! of 16-bit floats, so does a color within [`MARGIN`] of it.
 //! Counterpart: `shaders/dither.wgsl`.
 
 use crate::scene_resources::mipmap::{linear_to_srgb8, srgb_to_linear_table};
@@ -18,21 +18,21 @@ const COUNT: usize = SIDE * SIDE;
 /// Standard deviation of the Gaussian by which neighbors count, in pixels; Ulichney's choice.
 const SIGMA: f64 = 1.5;
 
-/// Distance from a code, in codes, up to which a color of a target of floats is that code. 16-bit floats are off by 1/12 of a code at most:
-/// 2⁻¹¹ at a light of ½, where a code is 0.006 wide, on devices that cut them off; by half of that where they are rounded.
+/// Largest distance, in codes, at which a color of a float target is taken for the code. 16-bit floats are off by at most 1/12 of
+/// a code on devices that truncate (2⁻¹¹ at a light of ½, where a code is 0.006 wide), and by half of that on devices that round.
 pub(crate) const MARGIN: f32 = 3.0 / 32.0;
 
-/// Each number below the table's length once.
+/// Rank of each pixel of the table: every number below `COUNT`, once.
 static RANKS: LazyLock<[u8; COUNT]> = LazyLock::new(ranks);
 
-/// The color of a pixel, linear, with its first three channels at 8-bit codes.
+/// Linear color of a pixel with its first three channels dithered to 8-bit codes.
 pub(crate) fn dithered(color: Vec4, x: usize, y: usize) -> Vec4 {
     let threshold = threshold(x, y);
     let channel = |linear: f32| srgb_to_linear_table()[usize::from(code(linear, threshold))];
     Vec4::new(channel(color.x), channel(color.y), channel(color.z), color.w)
 }
 
-/// The codes of a pixel of a target of floats, linear; alpha is rounded.
+/// Dithered 8-bit codes of a pixel of a float target. `color` is linear; alpha is rounded.
 pub(crate) fn dithered_bytes(color: Vec4, x: usize, y: usize) -> [u8; 4] {
     let threshold = (threshold(x, y) - 0.5) * (1.0 - 2.0 * MARGIN) + 0.5;
     let channel = |linear: f32| code(linear, threshold);
@@ -40,13 +40,14 @@ pub(crate) fn dithered_bytes(color: Vec4, x: usize, y: usize) -> [u8; 4] {
     [channel(color.x), channel(color.y), channel(color.z), (alpha * 255.0 + 0.5) as u8]
 }
 
-/// The share of a step above which a pixel takes the lower code, taken from 1; between 0 and 1.
+/// Dither threshold of a pixel, between 0 and 1: the pixel takes the upper code if its share of the step is more than 1 −
+/// threshold.
 fn threshold(x: usize, y: usize) -> f32 {
     let rank = RANKS[y % SIDE * SIDE + x % SIDE];
     (f32::from(rank) + 0.5) / COUNT as f32
 }
 
-/// One of the two codes around a channel.
+/// One of the two codes around a linear value, by the threshold.
 #[inline]
 fn code(linear: f32, threshold: f32) -> u8 {
     let table = srgb_to_linear_table();
@@ -58,7 +59,7 @@ fn code(linear: f32, threshold: f32) -> u8 {
     if linear - below > (1.0 - threshold) * (above - below) { high } else { low }
 }
 
-/// The table as WGSL, four ranks a number.
+/// The table in WGSL, four ranks in each number.
 pub(crate) fn wgsl_table() -> String {
     let mut text = format!(
         "const dither_margin: f32 = {MARGIN};\nconst dither_side: u32 = {SIDE}u;\nconst dither_ranks = array<u32, {}>(\n",
@@ -71,7 +72,7 @@ pub(crate) fn wgsl_table() -> String {
     text + ");\n"
 }
 
-/// Points of a pattern on a torus, with how close together they are at each place.
+/// Points of a pattern on a torus, and the density of points around each place.
 #[derive(Clone)]
 struct Pattern {
     is_on: [bool; COUNT],
@@ -89,7 +90,7 @@ impl Pattern {
         }
     }
 
-    /// The first of the points (`on`) or gaps with the most, or the least, around them.
+    /// The tightest cluster among the points (`on`), or the largest void among the gaps; the first of several.
     fn extreme(&self, on: bool) -> usize {
         let energy = |at: &usize| if on { -self.energy[*at] } else { self.energy[*at] };
         let places = (0..COUNT).filter(|at| self.is_on[*at] == on);
@@ -99,7 +100,7 @@ impl Pattern {
 
 fn ranks() -> [u8; COUNT] {
     let mut pattern = Pattern { is_on: [false; COUNT], energy: [0.0; COUNT] };
-    // A tenth of the places, anywhere.
+    // A tenth of the places, spread by a fixed stride.
     let first = COUNT / 10;
     (0..first).for_each(|i| pattern.set(i * 97 % COUNT, true));
     // Points move from the tightest cluster to the largest void, until both are the same place.

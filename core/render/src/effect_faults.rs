@@ -1,5 +1,5 @@
-//! Faults of effects: results that are no numbers, and loops that do not end. Pixels become magenta, other results are left out, and a warning
-//! names the effect and the first pixel, or the part. CPU reference of effect_faults.wgsl.
+//! Faults of effects: results that are not finite, and loops that do not end. Faulty pixels become magenta, other faulty results
+//! are left out, and a warning names the effect and the first pixel, or the part. CPU reference of effect_faults.wgsl.
 
 use choreo_plugin::effect::endless_loop;
 use choreo_plugin::{Effect, MAX_EFFECT_STEPS};
@@ -7,13 +7,14 @@ use glam::{Vec3, Vec4};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
 
-/// The sign of a faulty effect.
+/// Color of pixels in which an effect failed.
 pub(crate) const MAGENTA: Vec4 = Vec4::new(1.0, 0.0, 1.0, 1.0);
 
-/// Records of one effect on a device: results that are not finite, then loops by their numbers; the last for all further ones.
+/// Number of records of one effect on a device: the first for results that are not finite, then one for each loop by its number,
+/// and the last for all further loops.
 pub(crate) const RECORDS: u32 = 16;
 
-/// A record that nothing was written into, and one of a vertex.
+/// Values of an unused record, and of a fault at a vertex.
 pub(crate) const NO_FAULT: u32 = u32::MAX;
 const OF_VERTEX: u32 = u32::MAX - 1;
 
@@ -21,7 +22,7 @@ const OF_VERTEX: u32 = u32::MAX - 1;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Fault {
     NotFinite,
-    /// The number of the loop, from 1; 0 for none.
+    /// A call took too many steps. Holds the number of the loop, from 1; 0 if the call is not in a known loop.
     Endless(u32),
 }
 
@@ -104,7 +105,7 @@ struct SeenFaults {
 }
 
 impl EffectFaults {
-    /// Records a fault; of several places the first pixel stays.
+    /// Records a fault. If it has occurred in several places, the first pixel is kept.
     pub fn record(&self, effect: &Effect, fault: Fault, place: FaultPlace) {
         self.record_of(&effect.manifest().name, fault, place);
     }
@@ -115,7 +116,7 @@ impl EffectFaults {
         *first = place.min(*first);
     }
 
-    /// Magenta in place of faulty colors, which are recorded with their pixels.
+    /// Replaces faulty colors by magenta, and records their pixels.
     pub fn checked(&self, effect: &Effect, colors: &mut [Vec4], pixel: impl Fn(usize) -> [i32; 2]) {
         for (i, color) in colors.iter_mut().enumerate() {
             if let Some(fault) = Fault::of(*color) {
@@ -132,7 +133,7 @@ impl EffectFaults {
         Vec3::ZERO
     }
 
-    /// Reads what a device recorded. `at`: where the image that it drew lies in the whole one.
+    /// Reads the records of a device. `at`: position of the drawn part in the whole image.
     pub fn read(&self, effects: &[Effect], records: &[u8], at: [u32; 2]) {
         let records = records.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes));
         for (i, place) in records.enumerate().filter(|(_, place)| *place != NO_FAULT) {
@@ -157,7 +158,7 @@ impl EffectFaults {
         new.map(|((name, fault), place)| warning(&name, fault, place, effects)).collect()
     }
 
-    /// Forgets everything: other effects, other faults.
+    /// Forgets all faults, as when the effects are replaced.
     pub fn clear(&self) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = SeenFaults::default();
     }

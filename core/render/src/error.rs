@@ -19,7 +19,7 @@ pub enum RenderError {
     /// The driver may hang: the objects that it was given are never touched again.
     #[error("Vulkan: {object}: not finished after {secs} s")]
     TimedOut { object: String, secs: u64 },
-    /// Failed twice, the second time on a new device that was asked for less.
+    /// An operation failed twice, the second time on a new device with reduced demands.
     #[error("{second}; tried twice, before that: {first}")]
     Twice { first: Box<RenderError>, second: Box<RenderError> },
     /// The validation layer reported a message (tests only).

@@ -1,5 +1,5 @@
-//! Four pixels at once: a 2×2 quad as arrays of four. The compiler turns these loops into vector instructions;
-//! every operation is one IEEE operation per lane, so the bits do not depend on which.
+//! Four pixels at once: a 2×2 quad as arrays of four. The compiler turns these loops into vector instructions. Every operation is
+//! one IEEE operation per lane, so the results do not depend on the instruction set.
 
 use glam::{Vec2, Vec3};
 use std::ops::{Add, AddAssign, Mul, MulAssign, Neg, Sub};
@@ -67,7 +67,7 @@ impl F4 {
         let a = self.0;
         F4([f(a[0]), f(a[1]), f(a[2]), f(a[3])])
     }
-    /// `self < o ? self : o`: o where either is NaN, one instruction.
+    /// `self < o ? self : o`, one instruction. Gives `o` if either is NaN.
     #[inline(always)]
     pub fn min(self, o: F4) -> F4 {
         let (a, b) = (self.0, o.0);
@@ -92,7 +92,7 @@ impl F4 {
     }
 }
 
-/// The lanes that are meant.
+/// Mask of lanes.
 pub(crate) type Mask = [bool; 4];
 
 pub(crate) const ALL: Mask = [true; 4];
@@ -180,7 +180,7 @@ impl V3 {
 #[derive(Clone, Copy, Debug)]
 pub struct Weights {
     pub of: [F4; 3],
-    /// The pixels in which the triangle is seen; the others only give the differences between neighbours.
+    /// Pixels in which the triangle is visible. The others only serve for differences between neighbors.
     pub seen: Mask,
 }
 

@@ -1,4 +1,4 @@
-//! The interface of renderers, Vulkan and CPU: plans go in, frames come out, several in flight.
+//! The interface of both renderers, Vulkan and CPU: plans are submitted, frames are collected, with several in flight.
 
 use crate::error::RenderError;
 use crate::plan::Plan;
@@ -12,19 +12,19 @@ pub trait Renderer: Send {
     /// Number of frames that may be submitted before one is collected.
     fn frames_in_flight(&self) -> usize;
 
-    /// Makes meshes, materials and textures available. Those with equal content are kept from the resources loaded before.
+    /// Makes meshes, materials and textures available. Those with content equal to already loaded ones are kept.
     fn load(&mut self, resources: Arc<SceneResources>) -> Result<(), RenderError>;
 
-    /// Starts drawing. An error where `frames_in_flight` frames are submitted and not yet collected.
+    /// Starts drawing. Fails if `frames_in_flight` frames are submitted and not yet collected.
     fn submit(&mut self, plan: Plan) -> Result<(), RenderError>;
 
-    /// Waits for the oldest submitted frame. The buffer of `reuse` is reused.
+    /// Waits for the oldest submitted frame. Reuses the buffer of `reuse`.
     fn collect(&mut self, reuse: Option<Frame>) -> Result<Frame, RenderError>;
 
-    /// Waits for the oldest submitted frame, whose plan wishes for floats.
+    /// Waits for the oldest submitted frame, whose plan requests floats.
     fn collect_floats(&mut self) -> Result<FloatFrame, RenderError>;
 
-    /// Replaces the effects that plans may name. Everything else that the renderer has created stays.
+    /// Replaces the effects that plans may name. All other objects of the renderer stay.
     fn set_effects(&mut self, effects: &[Effect]) -> Result<(), RenderError>;
 
     /// Reads the shader folder again. After an error the last good shaders stay in use. Does nothing without a folder.

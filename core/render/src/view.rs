@@ -8,7 +8,7 @@ use glam::{DMat4, DVec3, DVec4, Mat4, Vec3, Vec4};
 pub struct View {
     /// Vulkan clip space: x right, y DOWN, depth 1 at the near plane and 0 at infinity or the far plane (reversed Z).
     pub clip_from_view: Mat4,
-    /// Rotation only: camera-relative space has its origin at the camera.
+    /// Rotation into view space. Camera-relative space has its origin at the camera, so that there is no translation.
     pub view_from_relative: Mat4,
     pub clip_from_relative: Mat4,
     /// World position of the camera.
@@ -18,7 +18,7 @@ pub struct View {
 }
 
 impl View {
-    /// `size` in pixels gives the aspect ratio.
+    /// View of a camera. `size` in pixels gives the aspect ratio.
     pub fn new(camera: &CameraState, size: [u32; 2]) -> View {
         let aspect = f64::from(size[0].max(1)) / f64::from(size[1].max(1));
         let clip_from_view = clip_from_view(camera.projection, aspect);
@@ -38,12 +38,12 @@ impl View {
         }
     }
 
-    /// Depth of a camera-relative point in metres in front of the camera.
+    /// Depth of a camera-relative point in meters in front of the camera.
     pub fn depth(&self, relative: Vec3) -> f32 {
         -self.view_from_relative.transform_point3(relative).z
     }
 
-    /// Pixels of the image's height that a metre covers at a depth; infinite at the camera and behind it.
+    /// Pixels that a meter covers at a depth; infinite at the camera and behind it.
     pub(crate) fn pixels_per_meter(&self, depth: f32, size: [u32; 2]) -> f32 {
         let tall = self.clip_from_view.y_axis.y.abs() * 0.5 * size[1] as f32;
         match self.eye.w == 0.0 {
@@ -54,7 +54,7 @@ impl View {
     }
 }
 
-/// glTF 2.0 §3.10.3, with y down, z swapped and mapped to 1 (near) … 0 (far or infinity).
+/// Projection matrix of glTF 2.0 §3.10.3, with y down, and z from 1 (near) to 0 (far or infinity).
 fn clip_from_view(projection: Projection, aspect: f64) -> DMat4 {
     let rows = match projection {
         Projection::Perspective { yfov, near, far } => {
@@ -90,15 +90,15 @@ pub fn relative(world: DVec3, view: &View) -> Vec3 {
     (world - view.position).as_vec3()
 }
 
-/// (right, down, ahead): a pixel's ray has the direction x · right + y · down + ahead, with x and y from −1 to 1. Only ahead is not
-/// zero if rays are parallel.
+/// Ray basis (right, down, ahead): a pixel's ray has the direction x · right + y · down + ahead, with x and y from −1 to 1. In
+/// orthographic views only ahead is not zero.
 pub(crate) fn rays(view: &View) -> [Vec3; 3] {
     let relative_from_view = view.view_from_relative.transpose();
     let turn = |v: Vec3| (relative_from_view * v.extend(0.0)).truncate();
     let m = view.clip_from_view;
     match view.eye.w > 0.5 {
         true => {
-            // The center of a tile is not straight ahead.
+            // The center of a tile lies off the view axis.
             let ahead = Vec3::new(m.z_axis.x / m.x_axis.x, m.z_axis.y / m.y_axis.y, -1.0);
             [turn(Vec3::X / m.x_axis.x), turn(Vec3::Y / m.y_axis.y), turn(ahead)]
         }
@@ -135,7 +135,7 @@ mod tests {
     fn the_edge_of_the_field_of_view_is_the_edge_of_the_image() {
         let yfov = 0.9f32;
         let mut c = camera(Projection::Perspective { yfov, near: 0.1, far: None });
-        // Looks along +X.
+        // The camera looks along +X.
         c.world_from_view = DAffine3::from_rotation_translation(
             DQuat::from_rotation_y(-std::f64::consts::FRAC_PI_2),
             DVec3::new(5e6, 1.0, 2.0),

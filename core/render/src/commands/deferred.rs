@@ -5,7 +5,7 @@ use crate::commands::{Command, Cull, Recorder, cull_of};
 use crate::plan::{Deferred, Features, PipelineKey};
 use crate::shader::{DeferredPass, SceneVariant};
 
-/// The pass before the scene's own: depth and G-buffer of the deferred surfaces.
+/// Records the G-buffer pass, which precedes the scene pass: depth and G-buffer of the deferred surfaces.
 pub(super) fn record_gbuffer(recorder: Recorder, commands: &mut Vec<Command>) {
     commands.push(Command::BeginGeometry);
     let mut draws = DrawRecorder::new(recorder, commands);
@@ -14,7 +14,7 @@ pub(super) fn record_gbuffer(recorder: Recorder, commands: &mut Vec<Command>) {
     commands.push(Command::EndPass);
 }
 
-/// Lights the G-buffer, first in the scene's pass.
+/// Records the lighting of the G-buffer, the first draw of the scene pass.
 pub(super) fn record_lighting(deferred: &Deferred, draws: &mut DrawRecorder) {
     let plan = draws.recorder.plan;
     let key = PipelineKey { surface: deferred.surface, ..PipelineKey::of(deferred.features) };
@@ -25,9 +25,9 @@ pub(super) fn record_lighting(deferred: &Deferred, draws: &mut DrawRecorder) {
     draws.draw_full_screen(Command::DrawLight { area: plan.dirty_rect.part_of(plan.size) });
 }
 
-/// The G-buffer pass's key of a draw with a forward key.
+/// Pipeline key of a draw in the G-buffer pass, from its key in forward shading.
 pub(super) fn gbuffer_key(key: PipelineKey) -> PipelineKey {
-    // Layers that are forced on and change no pixel.
+    // The G-buffer pass reads no lights. A layer can only be set here because it is forced on, and then changes no pixel.
     let unread = Features::LIGHTS.with(Features::ALL_LAYERS).with(Features::EFFECT_JOINTS);
     let features = key.features.without(unread);
     PipelineKey { features, surface: 0, ..key }

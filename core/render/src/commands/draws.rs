@@ -1,4 +1,4 @@
-//! Draws as commands. State that is bound is not bound again.
+//! Draws as commands. State that is already bound is not bound again.
 
 use crate::commands::deferred::gbuffer_key;
 use crate::commands::scene::ScenePass;
@@ -36,11 +36,11 @@ pub(super) fn record_peeled_layers(
 pub(super) struct DrawRecorder<'a> {
     pub recorder: Recorder<'a>,
     pub commands: &'a mut Vec<Command>,
-    /// Draws into shadow maps.
+    /// Whether the pass draws into shadow maps.
     pub shadow_pass: bool,
-    /// Draws into the G-buffer.
+    /// Whether the pass draws into the G-buffer.
     pub gbuffer: bool,
-    /// Draws the inputs of effects.
+    /// Whether and how the pass draws the inputs of effects.
     pub inputs: InputTargets,
     pub peel: PeelPass,
     bound: BoundState,
@@ -61,7 +61,7 @@ impl<'a> DrawRecorder<'a> {
         DrawRecorder { recorder, commands, shadow_pass: false, gbuffer: false, inputs, peel, bound }
     }
 
-    /// A new pass has begun, in which nothing is bound.
+    /// Forgets the bound state. A pass begins with nothing bound.
     pub(crate) fn forget_state(&mut self) {
         self.bound = BoundState::default();
     }
@@ -73,7 +73,7 @@ impl<'a> DrawRecorder<'a> {
         }
     }
 
-    /// Records a full-screen draw, which binds a pipeline of its own.
+    /// Records a full-screen draw, which binds its own pipeline.
     pub(crate) fn draw_full_screen(&mut self, command: Command) {
         self.set_cull(Cull::None);
         self.commands.push(command);
@@ -137,7 +137,7 @@ impl<'a> DrawRecorder<'a> {
         let drawn = plan.instances.get(first..end).unwrap_or(&[]);
         SceneVariant {
             key,
-            // The instances of inputs have other numbers there.
+            // The inputs of effects store indices in `Instance::tint`, not a color.
             tint: self.inputs == InputTargets::No && drawn.iter().any(|i| i.tint != Vec4::ONE),
             joints_uniform: key.features.has(Features::SKIN) && plan.joint_matrices.len() <= UNIFORM_JOINTS,
             lights: match key.features.is_lit() && !self.gbuffer {
@@ -155,7 +155,7 @@ impl<'a> DrawRecorder<'a> {
 /// The lights that a lit pixel evaluates.
 pub(super) fn light_loop(plan: &Plan, key: &PipelineKey) -> LightLoop {
     match &plan.light_clusters {
-        // A lighting effect may add light where a light has no effect.
+        // A lighting effect may add light beyond the range of a light, so it needs all of them.
         Some(_) if key.lighting == 0 => LightLoop::Lists,
         _ if plan.lights.len() == 1 => LightLoop::One,
         _ => LightLoop::All,

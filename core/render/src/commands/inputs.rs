@@ -1,4 +1,4 @@
-//! The pass that draws what effects on images read of the scene, before everything else.
+//! The pass of the inputs of image effects (depth, normals, motion vectors, actors), recorded before everything else.
 
 use crate::commands::draws::DrawRecorder;
 use crate::commands::{Command, Recorder, cull_of};

@@ -27,14 +27,14 @@ pub(crate) const UNIFORM_JOINTS: usize = 1365;
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Command {
-    /// Uploads the frame's data: numbers of each.
+    /// Uploads the frame's data. The fields are numbers of elements.
     UploadFrameData {
         instances: usize,
         joints: usize,
         morphs: usize,
         lights: usize,
     },
-    /// Pre-skins instances of one mesh by a compute pass: a range of `Recording::preskinned`.
+    /// Pre-skins the deformations of one mesh by a compute pass: a range of `Recording::preskinned`.
     Preskin {
         variant: PreskinVariant,
         primitive: u32,
@@ -42,22 +42,24 @@ pub enum Command {
         first: u32,
         count: u32,
     },
-    /// Later commands read the pre-skinned vertices.
+    /// Ends pre-skinning; later commands read the vertices.
     EndPreskin,
-    /// Begins the pass of all shadow maps: depth only, this part of the image. `clear`: it holds no map of the frame before.
+    /// Begins the depth-only pass of all shadow maps. `image`: size of the shared image; `size`: the part of it that is used;
+    /// `clear`: no map of the frame before is kept, so the pass clears the part.
     BeginShadows {
         image: [u32; 2],
         size: [u32; 2],
         clear: bool,
     },
-    /// The next draws go into this map (of `ShadowMaps::views`). `clear`: beside maps that are kept, so that it is cleared by itself.
+    /// Directs the next draws into one map (of `ShadowMaps::views`). `clear`: other maps are kept, so this one is cleared by
+    /// itself.
     ShadowView {
         index: usize,
         at: [u32; 2],
         size: [u32; 2],
         clear: bool,
     },
-    /// All shadow maps are those of the frame before.
+    /// Keeps all shadow maps of the frame before.
     KeepShadows {
         image: [u32; 2],
     },
@@ -69,7 +71,7 @@ pub enum Command {
     BeginInputs {
         motion: bool,
     },
-    /// Ends that pass; later commands read its images.
+    /// Ends the pass of the inputs of effects; later commands read its images.
     EndInputs,
     /// Begins a pass of the scene. Loads the target if there is no clear color.
     BeginPass {
@@ -78,12 +80,12 @@ pub enum Command {
         clear: Option<Vec4>,
         depth: bool,
         part: PassPart,
-        /// Loads the depth of the G-buffer pass.
+        /// Whether the pass loads the depth of the G-buffer pass.
         kept: bool,
         /// Render area: left, top, width and height, over the copied background; `None`: everything.
         area: Option<[u32; 4]>,
     },
-    /// Copies the image so far with mipmaps, for refraction.
+    /// Copies the image as drawn so far, with mipmaps, for refraction.
     CopySceneColor {
         from: Target,
         levels: u32,
@@ -132,7 +134,7 @@ pub enum Command {
     DrawBackground {
         surface: u8,
     },
-    /// Draws the sky in its place, with the same effects.
+    /// Draws the sky in place of the gradient or color, with the same effects.
     DrawSky {
         surface: u8,
         /// [`Plan::display`].
@@ -152,15 +154,15 @@ pub enum Command {
     PostPass {
         index: usize,
         effect: String,
-        /// Index of the pass, of an effect with several.
+        /// Index of the pass among those of its effect.
         number: u32,
         from: Target,
         /// Input of the effect's first pass.
         original: Target,
-        /// Textures that it reads, in the order of [`crate::plan::PostPass::reads`].
+        /// Textures that the pass reads, in the order of [`crate::plan::PostPass::reads`].
         textures: Vec<Target>,
         to: Target,
-        /// Pixels of the output.
+        /// Size of the output in pixels.
         size: [u32; 2],
     },
     ReadBack,
@@ -174,11 +176,11 @@ pub enum Command {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PassPart {
     Whole,
-    /// Until the scene color copy: color, samples and depth are stored.
+    /// The pass up to the scene color copy: color, samples and depth are stored.
     UntilCopy,
     /// The pass continues after the copy: color, samples and depth are loaded.
     AfterCopy,
-    /// Until the peeled layers: color, samples and depth are stored.
+    /// The pass up to the peeled layers: color, samples and depth are stored.
     UntilLayers,
     /// The pass continues after the layers, with the scene's own depth.
     AfterLayers,
@@ -191,23 +193,24 @@ pub enum Cull {
     Front,
 }
 
-/// Abilities of a device, and which ways of drawing are faster on it.
+/// Features that a device lacks, and facts that decide which way of drawing is faster on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RecordOptions {
-    /// A Vulkan driver on the CPU: a full-screen draw costs it more than all the rest of a small scene, a copy of rows hardly
-    /// anything; and shading hidden back faces of double-sided materials costs more than a second draw behind the front faces.
+    /// Whether the Vulkan driver runs on the CPU: there a full-screen draw costs more than all the rest of a small scene, and a
+    /// copy of rows hardly anything; and shading hidden back faces of double-sided materials costs more than a second draw behind
+    /// the front faces.
     pub cpu_device: bool,
     /// Largest number of textures that a material's shader may bind; `None`: unlimited.
     pub textures: Option<u32>,
-    /// Cut-outs lose whole pixels: the device does not support alpha to one.
+    /// Whether the device lacks alpha to one, so that cut-outs lose whole pixels.
     pub no_coverage: bool,
-    /// Transparent surfaces are sorted: the device does not support sample-rate shading.
+    /// Whether the device lacks sample-rate shading, so that transparent surfaces are sorted.
     pub no_depth_peeling: bool,
-    /// The device cannot draw into a G-buffer: everything is shaded forward.
+    /// Whether the device cannot draw into a G-buffer, so that everything is shaded forward.
     pub no_deferred: bool,
-    /// The device's queue cannot compute, or a buffer would be too large: every pass skins vertices.
+    /// Whether the device's queue cannot compute, or a buffer would be too large, so that every pass skins vertices.
     pub no_compute: bool,
-    /// Shadow maps of the frame before that are as they would be drawn now: a bit for each of `ShadowMaps::views`.
+    /// Shadow maps of the frame before that can be kept unchanged: one bit for each of `ShadowMaps::views`.
     pub kept_maps: u32,
 }
 
@@ -220,14 +223,14 @@ pub enum Target {
     Picture,
     /// Linear 16-bit floats, one of three.
     Float(u8),
-    /// Linear 16-bit floats: the texture of a pass of an effect, with a size of its own.
+    /// Linear 16-bit floats: the texture of an effect pass, with its own size.
     Texture(u8),
 }
 
 /// An effect in the scene's shaders.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct EffectOnSurfaces {
-    /// Its bit in [`crate::plan::PipelineKey::effects`].
+    /// Bit of the effect in [`crate::plan::PipelineKey::effects`].
     pub bit: u8,
     /// Row of its first four parameters in the uniform buffer of all these effects.
     pub first_row: u32,
@@ -260,7 +263,7 @@ pub struct Reads {
     pub layers_behind: bool,
 }
 
-/// Numbers of commands of a frame.
+/// Numbers of commands in a recording, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     pub passes: usize,
@@ -351,11 +354,11 @@ fn record_post_passes(plan: &Plan, scene: Target, commands: &mut Vec<Command>) {
     let (mut from, mut original) = (scene, scene);
     let mut slots = TextureSlots::default();
     for (index, pass) in plan.post.iter().enumerate() {
-        // The passes of an effect that have textures all read the image that it got.
+        // All passes of an effect with named textures read the image that the effect received.
         if pass.number == 0 || pass.texture.is_some() {
             original = from;
         }
-        // Neither the input nor what a later pass of the same effect reads is overwritten.
+        // Overwrites neither the input of the pass nor the effect's input, which its later passes may read.
         let free = (0..3).map(Target::Float).find(|t| *t != from && *t != original);
         let size = pass.size(plan.size);
         let textures = slots.read(&pass.reads);
@@ -373,10 +376,11 @@ fn record_post_passes(plan: &Plan, scene: Target, commands: &mut Vec<Command>) {
     }
 }
 
-/// The images in which textures of passes lie. One that no later pass reads is free for another texture of its size.
+/// Images that hold the textures of effect passes. An image whose texture no later pass reads is reused for a texture of the same
+/// size.
 #[derive(Default)]
 struct TextureSlots {
-    /// The size of each, and the number of the pass whose texture is in it.
+    /// Size of each image, and the number of the pass whose texture it holds.
     all: Vec<([u32; 2], Option<u32>)>,
 }
 
@@ -396,7 +400,7 @@ impl TextureSlots {
         Target::Texture(slot as u8)
     }
 
-    /// Frees what the later passes of the effect whose pass comes first do not read.
+    /// Frees the images whose textures no later pass of the current effect reads. `passes`: the current pass and all after it.
     fn release(&mut self, passes: &[PostPass]) {
         let own = passes.iter().position(|pass| pass.texture.is_none()).unwrap_or(passes.len());
         let later = passes.get(1..=own).unwrap_or_default();

@@ -1,5 +1,5 @@
 //! Pre-skinning: meshes that several passes draw are skinned and morphed once, by a compute pass, whose vertices all passes read.
-//! A recording is rewritten, so that the draws of all passes are counted.
+//! Runs on a finished recording, in which the draws of all passes can be counted.
 //!
 //! Meshes that are drawn once stay with the vertex shader: no compute pipeline, no buffer. So do those whose shader needs more
 //! than deformed vertices (displacement effects, refraction, triplanar textures, joint colors, thick lines).
@@ -43,7 +43,7 @@ impl PreskinVariant {
         3 + if self.normals { 3 } else { 0 } + if self.tangents { 4 } else { 0 }
     }
 
-    /// Layout of the vertices that are read.
+    /// Layout of the source vertices.
     fn layout(&self, order: u16) -> VertexLayout {
         let skin = if self.features.has(Features::SKIN) { 1 << 6 | 1 << 7 } else { 0 };
         let more = if self.features.has(Features::SKIN_8) { 1 << 8 | 1 << 9 } else { 0 };
@@ -54,14 +54,14 @@ impl PreskinVariant {
 /// A mesh with one set of joint matrices and morph weights.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PreskinnedMesh {
-    /// Indices into `Plan::instances` that draw it: all deform alike.
+    /// Indices into `Plan::instances` that draw the mesh, all with the same deformation.
     pub instances: Vec<u32>,
 }
 
-/// Primitive, order of its vertices, and features that deform them.
+/// Primitive, order of vertices, and features that deform them.
 type MeshKey = (u32, u16, Features);
 
-/// Draws of one mesh.
+/// Draws of one mesh, counted over all passes.
 #[derive(Default)]
 struct MeshDraws {
     normals: bool,
@@ -114,7 +114,7 @@ fn mesh_key(
     (pose != Features::default() && plain).then_some((primitive, order, pose))
 }
 
-/// Adds the pre-skinning that pays, and makes the draws read its vertices.
+/// Adds pre-skinning of the meshes for which it pays, and makes their draws read the pre-skinned vertices.
 pub(super) fn preskin(recorder: Recorder, recording: Recording) -> Recording {
     let plan = recorder.plan;
     let least = match plan.skin_once {
@@ -191,7 +191,7 @@ fn rewritten(
     let mut out = Vec::with_capacity(commands.len() + dispatches.len());
     let (mut variant, mut mesh) = (None, None);
     let (mut bound_variant, mut bound_mesh) = (None, None);
-    // Bound, and not yet used.
+    // The pipeline that the recording has bound and no draw has used yet.
     let mut waits = None;
     let mut dispatches = Some(dispatches);
     for command in commands {
@@ -270,7 +270,7 @@ impl Recording {
         })
     }
 
-    /// Why nothing is pre-skinned, if anything is skinned or morphed.
+    /// Report of the reason why nothing is pre-skinned; `None` if a mesh is, or if none is skinned or morphed.
     pub fn left_out(&self, plan: &Plan) -> Option<LeftOut> {
         let deformed = |c: &Command| match c {
             Command::BindPipeline(v) => v.key.features.only(Features::SKINNING) != Features::default(),

@@ -8,7 +8,7 @@ use crate::plan::{Draw, Glass, Plan, TopologyKey};
 use choreo_stage::Background;
 use glam::Vec4;
 
-/// How a pass begins and what its background is.
+/// Target, render area and kind of background of a scene pass.
 #[derive(Clone, Copy)]
 pub(super) struct ScenePass {
     pub target: Target,
@@ -16,10 +16,10 @@ pub(super) struct ScenePass {
     /// Render area; `None`: everything.
     pub area: Option<[u32; 4]>,
     depth: bool,
-    /// Loads the depth of the G-buffer pass.
+    /// Whether the pass loads the depth of the G-buffer pass.
     kept: bool,
     sky: bool,
-    /// The background is copied from the host rather than drawn.
+    /// Whether the background is copied from the host instead of drawn.
     copied: bool,
     gradient: bool,
 }
@@ -126,7 +126,7 @@ fn record_opaque(draws: &mut DrawRecorder, opaque: &[Draw], deferred: bool) {
     }
 }
 
-/// Transparent surfaces blend over the background, so it is drawn before them.
+/// Records the background. Transparent surfaces blend over it, so it is drawn before them.
 fn record_background(draws: &mut DrawRecorder, pass: &ScenePass) {
     let plan = draws.recorder.plan;
     let surface = plan.background_effects;
@@ -141,7 +141,8 @@ fn record_background(draws: &mut DrawRecorder, pass: &ScenePass) {
     }
 }
 
-/// Surfaces that are farther than the first refracting one are visible through all refracting surfaces.
+/// Records transparent draws in sorted order. The scene color copy precedes the first refracting draw: all refracting surfaces
+/// show only surfaces farther than that one.
 fn record_sorted(draws: &mut DrawRecorder, pass: &ScenePass, transparent: &[Draw]) {
     let first_refracting = transparent.iter().position(|d| d.pipeline.glass == Glass::Refract);
     for (index, draw) in transparent.iter().enumerate() {

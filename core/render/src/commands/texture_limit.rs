@@ -1,4 +1,4 @@
-//! Textures of a material that are left out on a device that binds few.
+//! Textures of materials that are left out on a device with few texture bindings.
 
 use crate::plan::Features;
 use crate::plan::features::material_textures;
@@ -25,7 +25,7 @@ const LEAST_VISIBLE: [(Features, &str); 16] = [
     (Features::SHEEN_COLOR_TEXTURE, "sheen color"),
 ];
 
-/// The features with as few textures as a device can bind, and the names of those left out.
+/// Reduces the features to as many textures as a device can bind. Also returns the names of the textures left out.
 pub(super) fn fitting(features: Features, most: Option<u32>) -> (Features, Vec<&'static str>) {
     let (mut features, mut out) = (features, Vec::new());
     let too_many = |f: Features| most.is_some_and(|most| texture_slots(f).count_ones() > most);

@@ -1,4 +1,4 @@
-//! Anisotropy: the direction along which highlights are drawn out, as of brushed metal. CPU reference of the part of scene.wgsl.
+//! Anisotropy: stretched highlights, as of brushed metal. CPU reference of `ANISOTROPY` in scene.wgsl.
 
 use super::brdf::Anisotropy;
 use super::shade::{Fragment, Quad};
@@ -7,7 +7,8 @@ use crate::plan::Features;
 use choreo_asset::MaterialLayers;
 
 impl Fragment<'_> {
-    /// KHR_materials_anisotropy: directions and alphas, and the direction of the sky's reflection ("Bent normal" of its notes).
+    /// KHR_materials_anisotropy: stretch directions, alphas, and the direction of the sky's reflection ("Bent normal" of its
+    /// notes).
     pub fn anisotropy(
         &self,
         quad: &Quad,

@@ -1,4 +1,4 @@
-//! The background after effects on everything. CPU reference of `background_effects` in background.wgsl.
+//! Applies the effects on everything to the background. CPU reference of `background_effects` in background.wgsl.
 
 use super::raster::TILE_WIDTH;
 use super::row_color;
@@ -8,7 +8,7 @@ use crate::plan::Plan;
 use choreo_plugin::{BACKGROUND_DISTANCE, Effect, SurfaceSample};
 use glam::{Vec2, Vec3, Vec4, Vec4Swizzles};
 
-/// The background where it is no color a row: the sky, or what effects make of it.
+/// Background that is not one color per row: the sky, or a background that surface effects change.
 pub(crate) struct BackgroundEffects<'a> {
     pub plan: &'a Plan,
     pub backdrop: Option<Backdrop<'a>>,
@@ -18,7 +18,8 @@ pub(crate) struct BackgroundEffects<'a> {
 }
 
 impl BackgroundEffects<'_> {
-    /// Linear, of the pixels of a row of the image from `x` on, at most a tile's width: effects run over all of them at once.
+    /// Writes the linear background colors of the pixels of row `y` from `x` on, at most a tile's width: effects run over all of
+    /// them at once.
     pub fn row(&self, x: i32, y: i32, colors: &mut [Vec4]) {
         for (color, x) in colors.iter_mut().zip(x..) {
             *color = match &self.backdrop {
@@ -46,7 +47,7 @@ impl BackgroundEffects<'_> {
     fn sample(&self, color: Vec4, x: i32, y: i32) -> SurfaceSample {
         let view = &self.plan.view;
         let size = Vec2::new(self.plan.size[0] as f32, self.plan.size[1] as f32);
-        // The rows of a perspective matrix without a translation stand at right angles, so that this is its inverse.
+        // The rows of a perspective matrix without translation are orthogonal, so dividing each by its squared length inverts it.
         let rows = view.clip_from_relative.transpose();
         let at = (Vec2::new(x as f32, y as f32) + 0.5) / size * 2.0 - 1.0;
         let along = |row: Vec3, at: f32| row * (at / row.dot(row).max(1e-20));

@@ -1,4 +1,4 @@
-//! Materials that differ from the scene resources in this frame.
+//! Materials that the plan overrides in this frame.
 
 use super::CpuRenderer;
 use super::shade::ShadeMaterial;
@@ -6,7 +6,7 @@ use crate::plan::Plan;
 use crate::scene_resources::material::MaterialResource;
 
 impl CpuRenderer {
-    /// The plan's own materials, with the textures of those that they stand for.
+    /// Material overrides of the plan, with the textures of the materials that they replace.
     pub(super) fn changed_materials(&self, plan: &Plan) -> Vec<ShadeMaterial> {
         let draws = plan.draws.iter().chain(plan.shadow_draws());
         let mut of: Vec<Option<u32>> = vec![None; plan.material_overrides.len()];

@@ -1,4 +1,5 @@
-//! Cut-outs with several samples per pixel: how many of them an edge of leaves or hair keeps. CPU reference of `COVERAGE` in scene.wgsl.
+//! Alpha to coverage: the samples of a pixel that a cut-out such as leaves or hair keeps. CPU reference of `COVERAGE` in
+//! scene.wgsl.
 
 use super::shade::ALL_SAMPLES;
 
@@ -7,8 +8,8 @@ use super::shade::ALL_SAMPLES;
 /// mesh or a second cut-out shares the pixel, it may differ by the weight of one sample.
 const SAMPLES: [u8; 5] = [0, 0b0001, 0b0011, 0b0111, 0b1111];
 
-/// Samples of a quad's pixels, a bit each: the cut is made one pixel wide, whatever the texture's own slope is (B. Golus,
-/// "Anti-aliased Alpha Test: The Esoteric Alpha To Coverage", 2017).
+/// Covered samples of a quad's pixels, one bit each. The alpha is sharpened so that edges are one pixel wide, independent of the
+/// texture's own gradient (B. Golus, "Anti-aliased Alpha Test: The Esoteric Alpha To Coverage", 2017).
 pub fn covered(alpha: [f32; 4], cutoff: f32) -> [u8; 4] {
     if cutoff <= 0.0 {
         return [ALL_SAMPLES; 4];
@@ -33,7 +34,7 @@ mod tests {
         // An edge through the middle of the left pixels, a steep one and a gentle one.
         assert_eq!(count([0.5, 1.5, 0.5, 1.5]), [2, 4, 2, 4]);
         assert_eq!(count([0.5, 0.52, 0.5, 0.52]), [2, 4, 2, 4]);
-        // A quarter of a pixel farther.
+        // The same edges, a quarter of a pixel farther.
         assert_eq!(count([0.25, 1.25, 0.25, 1.25]), [1, 4, 1, 4]);
         assert_eq!(covered([0.0; 4], 0.0), [ALL_SAMPLES; 4], "nothing is cut");
         assert_eq!(covered([f32::NAN; 4], 0.5), [0; 4]);

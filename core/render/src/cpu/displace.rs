@@ -8,7 +8,7 @@ use choreo_plugin::{Effect, VertexSample};
 use glam::{Vec3, Vec4Swizzles};
 use std::sync::Arc;
 
-/// An effect with its parameters and how far it moves anything at most, metres.
+/// A displacement effect with its parameters and its largest displacement in meters.
 pub struct Displacement {
     pub effect: Effect,
     pub parameters: Vec<f32>,
@@ -29,10 +29,11 @@ impl CpuRenderer {
     }
 }
 
-/// A power of two, so that adding it rounds little.
+/// Step of the finite differences of the normal, in meters: a power of two, so that adding it rounds little.
 const STEP: f32 = 0.003_906_25;
 
-/// How far all of them together move a vertex, metres in the world. `rows`: what brought it there.
+/// Sum of the effects' displacements of a vertex, in meters, world axes. `rows`: the vertex's camera-relative transform from mesh
+/// space.
 pub fn offset(effects: &[Displacement], place: &VertexSample, rows: &Affine3x4) -> Vec3 {
     effects.iter().fold(Vec3::ZERO, |sum, d| {
         let Effect::Vertex(effect) = &d.effect else { return sum };
@@ -45,7 +46,7 @@ pub fn offset(effects: &[Displacement], place: &VertexSample, rows: &Affine3x4) 
     })
 }
 
-/// Normal of the displaced surface, from what a step along two tangents becomes.
+/// Normal of the displaced surface, by finite differences along two tangents.
 pub fn normal(effects: &[Displacement], place: &VertexSample, rows: &Affine3x4, moved: Vec3) -> Vec3 {
     // Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017.
     let n = place.normal;
@@ -62,7 +63,7 @@ pub fn normal(effects: &[Displacement], place: &VertexSample, rows: &Affine3x4, 
 fn shifted(place: &VertexSample, rows: &Affine3x4, way: Vec3) -> VertexSample {
     let mut there = *place;
     there.world += way * STEP;
-    // The inverse by cofactors.
+    // Inverse of the transform's linear part, by cofactors.
     let [x, y, z] = rows.0.map(|r| r.xyz());
     let cofactors = [y.cross(z), z.cross(x), x.cross(y)];
     let determinant = x.dot(cofactors[0]);

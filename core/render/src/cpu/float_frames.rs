@@ -1,5 +1,5 @@
-//! Frames of floats, put together on the host for both renderers: the mean of exposures, effects on images by the functions that are
-//! the passes' specification, dissolves, 2D layers, and the passes that [`FrameWish::Scene`] names.
+//! Float frames, assembled on the host for both renderers: the mean of the sub-frames, image effects by their CPU functions (the
+//! reference of the GPU passes), dissolves, 2D layers, and the passes that [`FrameWish::Scene`] names.
 
 use super::id_mattes::IdSamples;
 use super::image_passes;
@@ -12,9 +12,9 @@ use crate::plan::passes::sample_places;
 use choreo_plugin::{Effect, FloatFrame, FrameWish, IdMatte, Passes, SceneImages};
 use glam::{Vec2, Vec4, Vec4Swizzles};
 
-/// The drawings of a renderer for a frame of floats.
+/// Images that a renderer draws for a float frame.
 pub(crate) trait DrawsFloats {
-    /// The scene of a plan alone: linear, without sub-frames, effects on images and layers over it.
+    /// Image of the scene alone: linear, without sub-frames, effects on images and layers over it.
     fn linear(&mut self, plan: &Plan) -> Result<Vec<Vec4>, RenderError>;
     /// Depth, normals, motion and actors, as far as the plan has them.
     fn inputs(&mut self, plan: &Plan) -> Result<InputImages, RenderError>;
@@ -22,14 +22,14 @@ pub(crate) trait DrawsFloats {
     fn faults(&self) -> &EffectFaults;
 }
 
-/// The frame of a plan whose wish is not bytes.
+/// Renders the float frame of a plan whose wish is not [`FrameWish::Bytes`].
 pub(crate) fn float_frame(plan: &Plan, renderer: &mut impl DrawsFloats) -> Result<FloatFrame, RenderError> {
     let (passes, finished) = match plan.wish {
         FrameWish::Scene(passes) => (passes, false),
         _ => (Passes { color: true, ..Passes::default() }, true),
     };
     let mut frame = FloatFrame::new(plan.size);
-    // The inputs of ids are drawn at places of their own.
+    // ID mattes draw inputs of their own, at several places within the pixel.
     let of_pixels = passes.color || passes.depth || passes.normal || passes.motion;
     let inputs = if of_pixels { renderer.inputs(plan)? } else { InputImages::default() };
     if passes.color {
@@ -63,7 +63,7 @@ pub(crate) fn float_frame(plan: &Plan, renderer: &mut impl DrawsFloats) -> Resul
     Ok(frame)
 }
 
-/// The actors and materials of each pixel, by one more pass of the inputs for each sample.
+/// ID mattes of actors and materials. Draws the inputs once for each sample.
 fn ids(
     plan: &Plan,
     passes: Passes,
@@ -82,7 +82,7 @@ fn ids(
     Ok([matte(actors, of_actors), matte(materials, of_materials)])
 }
 
-/// The linear image of a plan: the mean of its exposures, and the effects over it.
+/// The linear image of a plan: the mean of its sub-frames, with the effects on images applied.
 fn image(
     plan: &Plan,
     inputs: &InputImages,
@@ -99,7 +99,7 @@ fn image(
     Ok(image_passes::run_linear(&passes, inputs.of(plan), sum.mean(), &before, renderer.faults()))
 }
 
-/// Mixes a share of another image in. Both are premultiplied, so light is added to light.
+/// Mixes in a share of another image. Both are premultiplied, so light is added to light.
 fn mix(image: &mut [Vec4], other: &[Vec4], share: f32) {
     image.iter_mut().zip(other).for_each(|(pixel, other)| *pixel = *pixel * (1.0 - share) + *other * share);
 }

@@ -1,13 +1,13 @@
-//! The names that pixels show, of several samples of each pixel.
+//! ID mattes: the names of the actors or materials in each pixel and their shares, from several samples per pixel.
 
 use choreo_plugin::{IdMatte, IdShare};
 use rayon::prelude::*;
 
-/// Numbers of a name at each pixel, one image for each sample; 0 is nothing.
+/// Number of the name that each pixel shows, one image for each sample; 0 where nothing is drawn.
 pub(super) struct IdSamples(pub Vec<Vec<u32>>);
 
 impl IdSamples {
-    /// The names of each pixel in the order of their shares. Names with equal shares are in the order of their numbers.
+    /// The names in each pixel, sorted by share. Names with equal shares are in the order of their numbers.
     pub fn matte(&self, names: Vec<String>) -> IdMatte {
         let IdSamples(samples) = self;
         let pixels = samples.first().map_or(0, Vec::len);

@@ -1,4 +1,4 @@
-//! Full-screen passes over a whole image: effects that see the pixels around theirs, and those of one pixel between them.
+//! Full-screen passes over a whole image: effects that read neighboring pixels, and per-pixel effects between them.
 
 use super::scene_inputs::SceneOf;
 use super::target::{Float, PixelOf, Target};
@@ -12,11 +12,11 @@ use rayon::prelude::*;
 pub struct Pass {
     pub effect: Effect,
     pub parameters: Vec<f32>,
-    /// How often the effect has run.
+    /// Index of the pass among those of its effect.
     pub number: u32,
-    /// Pixels of what it makes.
+    /// Size of the output in pixels.
     pub size: [u32; 2],
-    /// Whether it makes a texture for later passes of the effect, not the image.
+    /// Whether the pass writes a texture for later passes of its effect instead of the image.
     pub makes_texture: bool,
 }
 
@@ -63,8 +63,8 @@ pub(crate) fn run(
     });
 }
 
-/// `scene`: what the effects read of it; `pixels`: linear, as the scene left them; `before`: those of the frames before. Gives the image
-/// of the last pass.
+/// Runs the passes and returns the image of the last one. `scene`: the inputs that effects read; `pixels`: the rendered scene,
+/// linear; `before`: images of earlier frames.
 pub(crate) fn run_linear(
     passes: &[Pass],
     scene: SceneOf<'_>,

@@ -1,5 +1,5 @@
-//! Layers of a metallic-roughness surface: what they do to the surface below and what they add. CPU reference of the parts of
-//! scene.wgsl that read the layers' uniform; their formulas are in layers.rs.
+//! Layers of a metallic-roughness surface (coat, sheen, film, glass): how they change the surface below and the light that they
+//! add. CPU reference of the parts of scene.wgsl that read the layers' uniform; the formulas are in layers.rs.
 
 use super::brdf::{Surface, ambient_specular};
 use super::layers::{coat_fresnel, coat_lobe, let_through, sheen_albedo, sheen_lobe};
@@ -16,7 +16,7 @@ use glam::Vec3;
 pub struct Over {
     /// Transmitted share of the scene behind.
     pub through: V3,
-    /// Transmitted light from all around, of rough thin glass.
+    /// Environment light transmitted by rough thin glass.
     pub blurred: V3,
     /// Transmitted part of the scene color copy, of refracting glass.
     pub behind: V3,
@@ -24,7 +24,7 @@ pub struct Over {
     pub sheen: V3,
     pub coat_weight: F4,
     pub coat: V3,
-    /// Color of the light from behind that is scattered out in front.
+    /// Factor on light that falls on the back and is scattered out in front (diffuse transmission).
     pub from_behind: V3,
     /// F0 and direction of the sky's reflection, where layers change them.
     pub sky_f0: Option<V3>,
@@ -55,7 +55,7 @@ pub(crate) struct LayeredPoint<'a> {
     pub quad: &'a Quad<'a>,
     pub point: &'a SurfacePoint,
     pub layers: &'a MaterialLayers,
-    /// `None` where no light comes from around.
+    /// Environment light; `None` if there is none.
     pub around: Option<&'a Around<'a>>,
     pub metallic: F4,
     pub roughness: F4,
@@ -64,7 +64,7 @@ pub(crate) struct LayeredPoint<'a> {
 }
 
 impl LayeredPoint<'_> {
-    /// Contributions of the layers; `s`, the surface below, is changed by them.
+    /// Contributions of the layers. Also changes `s`, the surface below.
     pub fn over(&self, s: &mut Surface) -> Over {
         let f = self.fragment.features;
         let mut over = Over::default();
@@ -99,7 +99,7 @@ impl LayeredPoint<'_> {
         self.fragment.texel(self.quad, feature)
     }
 
-    /// Reflected light from around.
+    /// Environment light reflected along `way`; zero without environment light.
     fn mirrored(&self, way: V3, roughness: F4) -> V3 {
         self.around.map_or(V3::splat(Vec3::ZERO), |around| around.mirrored(way, roughness))
     }
@@ -119,7 +119,7 @@ impl LayeredPoint<'_> {
         s.film = Some((film, share));
     }
 
-    /// Way of light through the volume, metres.
+    /// Path length of light through the volume, in meters.
     fn depth(&self) -> F4 {
         let depth = self.quad.scalar(|v| v.scale) * self.layers.thickness;
         self.texel(Features::THICKNESS_TEXTURE).map_or(depth, |[_, g, ..]| depth * g)

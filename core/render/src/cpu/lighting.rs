@@ -1,4 +1,4 @@
-//! The lights of a surface, and effects that decide what light does on it, in place of its own model. CPU reference of
+//! Direct lighting of a surface, and lighting effects, which replace the result of its reflection model. CPU reference of
 //! `light_effects` in scene.wgsl.
 
 use super::shade::{Fragment, Shaded};
@@ -9,26 +9,27 @@ use choreo_plugin::{Effect, LightSample};
 use glam::Vec3;
 use std::cell::Cell;
 
-/// Four points of a surface that lights fall on.
+/// Four points of a lit surface.
 #[derive(Clone, Copy)]
 pub(crate) struct SurfacePoint {
-    /// Camera-relative.
+    /// Camera-relative position in meters.
     pub relative: V3,
-    /// Normal without the normal map; the other is with it.
+    /// Normal without the normal map; `n` includes it.
     pub own_n: V3,
     pub n: V3,
-    /// Unit, to the viewer.
+    /// Unit direction to the viewer.
     pub v: V3,
     pub base: V3,
-    /// The pixels in which the surface is seen.
+    /// Pixels in which the surface is visible.
     pub seen: Mask,
 }
 
 impl Fragment<'_> {
-    /// The lights that may reach one of four places: where they lie in cells of different lists, all.
+    /// Lights that may reach one of four points: those of their light cluster, or all lights if the points lie in different
+    /// clusters.
     pub fn reaching(&self, relative: V3) -> impl Iterator<Item = &PlanLight> {
         let (plan, all) = (self.plan, &self.plan.lights);
-        // An effect on light may make something of lamps that do not reach.
+        // A lighting effect may also use lights that do not reach the point, so it gets all of them.
         let lists = plan.light_clusters.as_ref().filter(|_| self.lighting.is_empty()).and_then(|lists| {
             let at = |i: usize| Vec3::new(relative.x.0[i], relative.y.0[i], relative.z.0[i]);
             let list = |i| lists.of(at(i), &plan.view.clip_from_relative, plan.size);
@@ -48,7 +49,7 @@ impl Fragment<'_> {
         }
     }
 
-    /// Each light's part handed to the effects.
+    /// Adds the contribution of each light as the lighting effects change it.
     fn lights_by_effects(&self, on: &SurfacePoint, color: &mut V3, reflect: impl Fn(V3, F4) -> V3) {
         for light in &self.plan.lights {
             let (l, strength) = light.incoming(on.relative);
@@ -67,7 +68,7 @@ impl Fragment<'_> {
                     normal: lane(&on.n),
                     viewer: lane(&on.v),
                     light: lane(&l),
-                    // Where the light is behind the surface the division by NL in V means nothing.
+                    // The division by NL in V is meaningless for light from behind the surface.
                     lit: if nl.0[i] > 0.0 { lane(&lit) } else { Vec3::ZERO },
                 }
             };
@@ -89,7 +90,7 @@ thread_local! {
     static FAULTS: Cell<[Option<(u8, Fault)>; 4]> = const { Cell::new([None; 4]) };
 }
 
-/// Magenta in place of what is no light.
+/// Replaces results that are not finite by magenta, and notes the fault.
 fn check_lit(samples: &mut [LightSample; 4], effect: u8) {
     for (i, sample) in samples.iter_mut().enumerate() {
         if let Some(fault) = Fault::of(sample.lit.extend(0.0)) {
@@ -102,14 +103,14 @@ fn check_lit(samples: &mut [LightSample; 4], effect: u8) {
 }
 
 impl Fragment<'_> {
-    /// Pixels at which a lighting effect failed are magenta as a whole.
+    /// Colors each pixel magenta in which a lighting effect failed.
     pub(crate) fn mark_light_faults(&self, shaded: &mut Shaded) {
         shaded.faults = FAULTS.take();
         if self.glass == Glass::Filter {
             return;
         }
         for i in (0..4).filter(|i| shaded.faults[*i].is_some()) {
-            // The light of glass comes multiplied by its alpha.
+            // The light of glass is premultiplied by its alpha.
             let share = if self.glass == Glass::Light { shaded.rgba[3].0[i] } else { 1.0 };
             for (out, c) in shaded.rgba.iter_mut().zip(MAGENTA.truncate().to_array()) {
                 out.0[i] = c * share;

@@ -85,10 +85,10 @@ pub struct CpuRenderer {
     resources: Arc<SceneResources>,
     materials: Vec<ShadeMaterial>,
     textures: HashMap<TextureKey, Arc<Texture>>,
-    /// The scene's sky, once a plan has shown it.
+    /// The scene's sky, prepared when a plan first shows it.
     sky: Option<Sky>,
     submitted: VecDeque<Plan>,
-    /// Maps of the frame before, from which the next takes over what has not changed.
+    /// Shadow maps of the frame before. The next frame reuses those that have not changed.
     shadow_maps: Mutex<ShadowMaps>,
     times: Arc<StageTimes>,
     faults: Arc<EffectFaults>,
@@ -100,7 +100,7 @@ struct Sky {
     picture: Option<SkyBackground>,
 }
 
-/// Content, whether sRGB, whether with mipmaps.
+/// Content hash, whether sRGB, whether with mipmaps.
 type TextureKey = ([u8; 16], bool, bool);
 
 impl CpuRenderer {
@@ -123,7 +123,7 @@ impl CpuRenderer {
         }
     }
 
-    /// Time of the stages of the frames drawn so far; goes on counting.
+    /// Time of the stages of all frames so far. Later frames add to it.
     pub fn stage_times(&self) -> Arc<StageTimes> {
         self.times.clone()
     }
@@ -162,7 +162,7 @@ impl CpuRenderer {
         image_passes::effect(&self.effects, name)
     }
 
-    /// Makes the maps and the background of the sky that the plan shows, unless they exist.
+    /// Computes the maps and the background of the sky that the plan shows, unless they exist.
     fn prepare_sky(&mut self, plan: &Plan) {
         let (Some(shown), Some(panorama)) = (&plan.sky, &self.resources.sky) else { return };
         let sky = self.sky.get_or_insert_default();
@@ -182,7 +182,7 @@ impl CpuRenderer {
             .collect()
     }
 
-    /// All copies of the draws, projected by a matrix, on an image of a size.
+    /// Batches of all copies of the draws, projected by a matrix onto an image of this size.
     fn batches<'a>(
         &'a self,
         plan: &'a Plan,
@@ -263,7 +263,7 @@ impl CpuRenderer {
             .collect()
     }
 
-    /// Triangles, lines, points and lattices of effects.
+    /// Overlays of effects: triangles, lines, points and lattices.
     fn overlays<'a>(&self, plan: &'a Plan) -> Vec<Batch<'a>> {
         let pipeline =
             PipelineKey { double_sided: true, blend: true, ..PipelineKey::of(Features::default()) };
@@ -279,7 +279,7 @@ impl CpuRenderer {
         plan.overlay.parts.iter().map(batch).collect()
     }
 
-    /// The mean of the plans of an exposure, then what comes over the image.
+    /// Draws the mean of the sub-frames, then the full-screen passes over it.
     fn expose<const S: usize>(&self, plan: &Plan, frame: &mut Frame) -> Result<(), RenderError> {
         let count = plan.size[0] as usize * plan.size[1] as usize;
         let mut sum = Accumulated::new(count);
@@ -360,7 +360,8 @@ impl CpuRenderer {
         };
         let refracting = |b: &Batch| glass_of(b) == Some(Glass::Refract);
         if let (Some(behind), Some(first)) = (plan.scene_color_copy, batches.iter().position(refracting)) {
-            // Drawn as far as it is visible through such glass; then all of it, from the beginning.
+            // The scene color copy holds the batches before the first refracting one. The image is drawn again from the beginning
+            // below.
             let mut pixels = vec![Vec4::ZERO; out.len()];
             let before = || {
                 let (backdrop, faults) = (background.as_ref(), &*self.faults);
@@ -371,7 +372,7 @@ impl CpuRenderer {
             let glass = batches[first..].iter_mut().filter(|b| refracting(b));
             glass.for_each(|b| b.paint.sees_through(&behind));
         }
-        // Over all glass, so after the copy that it shows.
+        // Overlays lie over all glass and are not part of the scene color copy.
         batches.extend(self.overlays(plan));
         self.times.of(Stage::Pixels, || {
             bands::<T, P, S>(plan, &batches, background.as_ref(), post, &self.faults, out);
@@ -384,7 +385,7 @@ impl CpuRenderer {
     }
 }
 
-/// All batches into the tiles of the image, band by band.
+/// Draws all batches into the tiles of the image, band by band.
 fn bands<T: Target, P: PixelOf, const S: usize>(
     plan: &Plan,
     batches: &[Batch],
@@ -395,7 +396,7 @@ fn bands<T: Target, P: PixelOf, const S: usize>(
 ) {
     let spans: Vec<Vec<[u16; 4]>> =
         batches.par_iter().map(|b| b.triangles.iter().map(|t| tiles_of(t, plan.size)).collect()).collect();
-    // Bands of tiles that each batch touches, so that a band skips most of a crowd.
+    // Range of tile bands that each batch touches, so that each band skips most of a crowd.
     let bands: Vec<[u16; 2]> = spans
         .iter()
         .map(|s| s.iter().fold([u16::MAX, 0], |[low, high], s| [low.min(s[1]), high.max(s[3])]))

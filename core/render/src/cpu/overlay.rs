@@ -1,4 +1,4 @@
-//! CPU reference of overlay.wgsl: how much of each pixel triangles, lines, points and lattices cover, a 2×2 quad at a time.
+//! CPU reference of overlay.wgsl: coverage of pixels by triangles, lines, points and lattices, a 2×2 quad at a time.
 
 use super::shade::{ALL_SAMPLES, Shaded};
 use super::vertex::Vertex;
@@ -6,7 +6,7 @@ use crate::lanes::{F4, Weights};
 use crate::plan::OverlayVertex;
 use glam::{Vec3, Vec4};
 
-/// Vertices of an overlay for the assembly of triangles.
+/// Vertices of an overlay as triangle assembly reads them.
 pub fn vertices(overlay: &[OverlayVertex]) -> Vec<Vertex> {
     let vertex = |v: &OverlayVertex| Vertex {
         clip: v.clip,
@@ -42,7 +42,7 @@ pub fn shade(vertices: &[OverlayVertex], ids: [u32; 3], weights: &Weights) -> Sh
     Shaded { rgba: [r, g, b, alpha * cover], kept: [ALL_SAMPLES; 4], faults: [None; 4] }
 }
 
-/// Steps from pixel to pixel, right and down together, by the differences within the quad.
+/// Length of the screen-space gradient of a value at each pixel of a quad, per pixel, from differences within the quad.
 fn steps(at: F4) -> [f32; 4] {
     let [a, b, c, d] = at.0;
     let (top, bottom, left, right) = (b - a, d - c, c - a, d - b);

@@ -24,7 +24,7 @@ impl Fragment<'_> {
             let (n, t) = (lane(&normal), lane(&tangent));
             let v = eye.truncate() - lane(&relative) * eye.w;
             let b = n.cross(t) * sign.0[i];
-            // Rows of a texture go down, the second tangent up.
+            // Rows of a texture run downwards, the bitangent upwards.
             let scale = v.dot(n).abs().max(0.3 * v.length());
             way[0].0[i] = v.dot(t) / scale;
             way[1].0[i] = -v.dot(b) / scale;

@@ -5,8 +5,9 @@ use super::target::Target;
 use super::tile::{Against, Tile, TileBuffers, TriangleId};
 
 impl Tile<'_, '_> {
-    /// Peels layer by layer: at each sample it finds the farthest surface beyond the layer before (the first time: beyond the scene), then what has its depth is
-    /// blended; then the next layer. What is nearer than the last one is blended in the order in which it comes.
+    /// Peels layer by layer from the back: finds at each sample the farthest surface that is nearer than the layer before (at
+    /// first: than the opaque scene), and blends the surfaces at that depth. Surfaces nearer than the last layer are blended in
+    /// drawing order.
     pub fn peel<T: Target, const S: usize>(&self, b: &mut TileBuffers<T>, ids: &[TriangleId]) {
         let TileBuffers { layers: [layer, before], depth, .. } = b;
         layer.clone_from(depth);

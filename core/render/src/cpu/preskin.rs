@@ -1,5 +1,5 @@
-//! Meshes that are drawn more than once per frame (into the image, shadow maps, outlines) are pre-skinned.
-//! CPU reference of preskin.wgsl: what [`VertexStage::posed`] gives, shared by all draws.
+//! Meshes that are drawn more than once per frame (into the image, shadow maps, outlines) are pre-skinned. CPU reference of
+//! preskin.wgsl: the vertices of [`VertexStage::posed`], shared by all draws.
 
 use super::CpuRenderer;
 use super::vertex::{Hull, Vertex, VertexStage};
@@ -9,17 +9,17 @@ use glam::Mat4;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// A mesh, how it is posed, whether normals are those of a hull, and the instance's pose.
+/// Primitive, features that deform it, whether its normals are those of an outline hull, and the instance's deformation.
 type DeformedKey = (u32, Features, bool, [u32; 15]);
 
-/// Vertices before they are seen from anywhere.
+/// Pre-skinned vertices, not yet projected.
 #[derive(Default)]
 pub struct DeformedMeshes(BTreeMap<DeformedKey, Vec<Vertex>>);
 
 fn body(draw: &Draw, instance: &Instance) -> Option<DeformedKey> {
     let features = draw.pipeline.features;
     let pose = features.only(Features::SKINNING);
-    // Effects that move vertices look at what a draw has of them.
+    // Displacement effects read vertex data that depends on the draw's features, so such draws share nothing.
     let shared = pose != Features::default() && draw.pipeline.displaced == 0;
     shared.then(|| (draw.primitive, pose, features.has(Features::OUTLINE), instance.deformation()))
 }
@@ -30,7 +30,7 @@ impl DeformedMeshes {
         if plan.skin_once == SkinOnce::Never {
             return DeformedMeshes::default();
         }
-        // For each mesh: the features that any of its draws needs, one of its instances, and the number of draws.
+        // The features that any draw of a mesh needs, one of its instances, and its number of draws.
         let mut wanted: BTreeMap<DeformedKey, (Features, &Instance, u32)> = BTreeMap::new();
         for draw in plan.draws.iter().chain(plan.shadow_draws()) {
             let first = draw.first_instance as usize;
@@ -53,7 +53,7 @@ impl DeformedMeshes {
         DeformedMeshes(wanted.into_par_iter().map(pose).collect())
     }
 
-    /// A draw's vertices as this stage would make them.
+    /// Projected vertices of a draw: from the pre-skinned mesh if there is one, else skinned now.
     pub fn vertices(&self, draw: &Draw, stage: &VertexStage<'_>) -> Vec<Vertex> {
         match body(draw, stage.instance).and_then(|body| self.0.get(&body)) {
             Some(posed) => stage.seen(posed.clone()),

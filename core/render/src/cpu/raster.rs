@@ -11,11 +11,11 @@ pub(crate) const TILE_PIXELS: usize = (TILE_WIDTH * TILE_HEIGHT) as usize;
 /// in the middle.
 const FOUR_SAMPLES: [[i32; 2]; 4] = [[96, 32], [224, 96], [32, 160], [160, 224]];
 
-/// Four neighbouring samples in memory: the samples of one pixel, or one sample of four pixels in a row.
+/// Four neighboring samples in memory: the samples of one pixel, or one sample of four pixels in a row.
 struct Lanes {
     /// Offsets from the corner of the group's first pixel, 1/256 pixel.
     offsets: [[i32; 2]; 4],
-    /// Pixels a group covers.
+    /// Number of pixels in a group.
     pixels: i32,
 }
 
@@ -62,7 +62,7 @@ pub fn cover<const S: usize>(t: &Triangle, tile: [i32; 2], mut hit: impl FnMut(u
             return;
         }
         if low + span_x.min(0) + span_y.min(0) >= 0 {
-            // Inside over the whole rectangle: zero with zero steps.
+            // The whole rectangle is inside this edge: its value and steps stay zero.
             continue;
         }
         start[e] = values.map(|v| v as i32);

@@ -9,7 +9,7 @@ use glam::Vec3;
 use std::f32::consts::PI;
 
 impl Fragment<'_> {
-    /// The share that is mirrored, and what is seen in that direction; `None` where the draw mirrors nothing.
+    /// Reflectance and reflected color; `None` if the draw reflects nothing.
     pub fn reflection(&self, quad: &Quad, [n, v]: [V3; 2]) -> Option<[V3; 2]> {
         if !self.features.has(Features::REFLECTION) {
             return None;
@@ -29,7 +29,7 @@ impl Fragment<'_> {
         Some([share, seen])
     }
 
-    /// The environment map in four directions, which are a quad's.
+    /// The material's environment map, sampled in the four directions of a quad.
     fn environment(&self, way: V3, roughness: f32) -> V3 {
         let refs = self.material.factors.textures;
         let slot = texture_slot(Features::ENVIRONMENT_TEXTURE);

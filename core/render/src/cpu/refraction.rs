@@ -8,7 +8,7 @@ use choreo_asset::MaterialLayers;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-/// The image before the first such glass, and its halves.
+/// The image before the first refracting surface, with its mipmaps.
 pub struct SceneColorCopy {
     levels: Vec<Level>,
 }
@@ -28,7 +28,7 @@ impl SceneColorCopy {
         SceneColorCopy { levels: all }
     }
 
-    /// `at`: 0 to 1 from the top left; linear in and between the levels, the border beyond it.
+    /// Trilinear sample, clamped to the edge. `at`: 0 to 1 from the top left.
     fn sample(&self, at: Vec2, lod: f32) -> Vec3 {
         let last = self.levels.len() - 1;
         let lod = if lod > 0.0 { lod.min(last as f32) } else { 0.0 };
@@ -61,7 +61,7 @@ impl Level {
     }
 }
 
-/// The texels on both sides of a place, and how far it is to the second; the first where the place is no number.
+/// The two texels around a coordinate, and the weight of the second. NaN gives the first texel of all.
 fn pair(at: f32, size: usize) -> (usize, usize, f32) {
     let last = (size - 1) as f32;
     let x = at * size as f32 - 0.5;
@@ -70,7 +70,7 @@ fn pair(at: f32, size: usize) -> (usize, usize, f32) {
     (first, (first + 1).min(size - 1), x - first as f32)
 }
 
-/// The ray inside, by Snell's law; unit length. Nothing where no light enters.
+/// Refracted ray inside the volume by Snell's law, unit length; zero in total reflection.
 fn bent(n: V3, v: V3, ior: f32) -> V3 {
     let eta = F4::splat(1.0 / ior);
     let nv = n.dot(v);
@@ -80,7 +80,7 @@ fn bent(n: V3, v: V3, ior: f32) -> V3 {
 }
 
 impl Fragment<'_> {
-    /// Color where the ray leaves the volume, `depth` metres on, blurred according to the surface's roughness.
+    /// Color where the refracted ray leaves the volume after `depth` meters, blurred by the surface's roughness.
     pub(super) fn refracted(
         &self,
         relative: V3,

@@ -25,7 +25,7 @@ impl InputImages {
     }
 }
 
-/// Everything that effects on an image of this size read of its scene.
+/// The inputs that effects on an image of this size read from its scene.
 #[derive(Clone, Copy)]
 pub(crate) struct SceneOf<'a> {
     pub size: [u32; 2],
@@ -85,7 +85,7 @@ impl CpuRenderer {
     }
 }
 
-/// Nothing is there.
+/// Marks a pixel without a triangle.
 const NOWHERE: TriangleId = [u32::MAX; 2];
 
 fn draw(plan: &Plan, motion: bool, copies: &[DrawnCopy]) -> InputImages {
@@ -94,7 +94,7 @@ fn draw(plan: &Plan, motion: bool, copies: &[DrawnCopy]) -> InputImages {
     let mut moved = vec![Vec4::ZERO; if motion { width * height } else { 0 }];
     let lists = bands(copies, plan.size);
     let band = width * TILE_HEIGHT as usize;
-    // Without motion each band has an empty part of it.
+    // Each band gets an empty slice if there are no motion vectors.
     let mut parts: Vec<&mut [Vec4]> = moved.chunks_mut(band).collect();
     parts.resize_with(lists.len(), Default::default);
     let parts = surface.par_chunks_mut(band).zip(parts).zip(lists).enumerate();
@@ -116,7 +116,7 @@ fn draw(plan: &Plan, motion: bool, copies: &[DrawnCopy]) -> InputImages {
     InputImages { surface, motion: moved }
 }
 
-/// The triangles that each band of tiles shows, by copy.
+/// The triangles in each band of tiles, in the order of the copies.
 fn bands(copies: &[DrawnCopy], size: [u32; 2]) -> Vec<Vec<TriangleId>> {
     let mut lists = vec![Vec::new(); size[1].div_ceil(TILE_HEIGHT as u32) as usize];
     for (c, copy) in copies.iter().enumerate() {
@@ -169,7 +169,7 @@ fn weights(triangle: &Triangle, at: Vec2) -> [f32; 3] {
 }
 
 impl DrawnCopy<'_> {
-    /// Normal and depth.
+    /// World-space normal, and depth in meters in front of the camera.
     fn surface(&self, plan: &Plan, triangle: &Triangle, weights: [f32; 3]) -> Vec4 {
         let vertices = triangle.vertices.map(|v| &self.batch.vertices[v as usize]);
         let mixed = |of: [Vec3; 3]| of[0] * weights[0] + of[1] * weights[1] + of[2] * weights[2];
@@ -189,7 +189,7 @@ impl DrawnCopy<'_> {
                 let n = unit(mixed(vertices.map(|v| v.normal)));
                 if double_sided && !triangle.front { -n } else { n }
             }
-            // A mesh without normals has those of its triangles.
+            // A mesh without normals gets the normals of its triangles, turned to the viewer.
             false => {
                 let n = unit((places[1] - places[0]).cross(places[2] - places[0]));
                 let viewer = eye.truncate() - relative * eye.w;
@@ -199,7 +199,7 @@ impl DrawnCopy<'_> {
         normal.extend(depth)
     }
 
-    /// Pixels since the frame before. What was behind the camera has no place in the image before.
+    /// Motion in pixels since the frame before; zero for a point that was behind the camera.
     fn moved(&self, size: [u32; 2], triangle: &Triangle, weights: [f32; 3], at: Vec2) -> Vec2 {
         let [a, b, c] = triangle.vertices.map(|v| self.before[v as usize]);
         let before = a * weights[0] + b * weights[1] + c * weights[2];

@@ -1,4 +1,4 @@
-//! Primitive assembly: clip-space triangles, lines and points → screen triangles ready to be rasterised.
+//! Primitive assembly: clip-space triangles, lines and points → screen triangles ready to be rasterized.
 
 use super::vertex::Vertex;
 use crate::plan::{Features, PipelineKey, TopologyKey};
@@ -85,14 +85,15 @@ impl Assembly<'_> {
     fn line(&self, a: u32, b: u32, out: &mut Vec<Triangle>) {
         let [ca, cb] = [a, b].map(|i| self.vertices[i as usize].clip);
         let [w, h] = self.size.map(|s| s as f32);
-        // The direction on screen of a segment that may pass behind the eye: d(xy/w) is proportional to this.
+        // Direction on screen of a segment that may pass behind the camera: d(xy/w) is proportional to this.
         let x = (cb.x * ca.w - ca.x * cb.w) * w;
         let y = (cb.y * ca.w - ca.y * cb.w) * h;
         let length = (x * x + y * y).sqrt();
         if length.is_nan() || length <= 0.0 {
             return;
         }
-        // Half a pixel sideways; clip space spans two units over the image. Linear in w, so right behind the eye too.
+        // The offset is half a pixel sideways; clip space spans two units over the image. It is linear in w, so it is also
+        // correct behind the camera.
         let side =
             |c: Vec4, s: f32| c + Vec4::new(-y / length / w * c.w * s, x / length / h * c.w * s, 0.0, 0.0);
         let (a0, a1, b0, b1) = (side(ca, 1.0), side(ca, -1.0), side(cb, 1.0), side(cb, -1.0));
@@ -154,7 +155,7 @@ impl Assembly<'_> {
         }
     }
 
-    /// One screen triangle whose attributes are those of the whole, unclipped one: homogeneous rasterisation
+    /// One screen triangle whose attributes are those of the whole, unclipped one: homogeneous rasterization
     /// (Olano & Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", 1997) needs no clipped attributes.
     fn emit(
         &self,
@@ -213,7 +214,7 @@ impl Assembly<'_> {
 }
 
 /// Sutherland–Hodgman in f64 against near (z ≤ w), far (z ≥ 0) and the guard band. Intersections are computed from the
-/// inside to the outside vertex, so that neighbours sharing an edge get the same point.
+/// inside to the outside vertex, so that neighbors sharing an edge get the same point.
 fn clip_polygon(mut polygon: Vec<DVec4>, guard: [f64; 2]) -> Vec<DVec4> {
     let planes = [
         DVec4::new(0.0, 0.0, -1.0, 1.0),

@@ -24,14 +24,14 @@ use choreo_plugin::Effect;
 use glam::{Vec3, Vec4};
 use std::sync::Arc;
 
-/// A material with its textures at hand.
+/// A material with its textures loaded.
 pub(crate) struct ShadeMaterial {
     pub factors: MaterialResource,
     /// Textures in the order of `MaterialResource::textures`.
     pub textures: [Option<Arc<Texture>>; TEXTURE_SLOTS],
 }
 
-/// Everything that shading a quad needs beside its weights.
+/// All inputs of shading a quad except its weights.
 pub struct Fragment<'a> {
     pub plan: &'a Plan,
     /// Set if a light casts shadows.
@@ -42,11 +42,11 @@ pub struct Fragment<'a> {
     pub sky: Option<&'a SkyMaps>,
     /// Effects on the surface, in order.
     pub surface: Vec<(Effect, Vec<f32>)>,
-    /// Effects that decide what light does on it.
+    /// Lighting effects of the surface.
     pub lighting: Vec<(Effect, Vec<f32>)>,
     pub features: Features,
     pub blend: bool,
-    /// The alpha test keeps samples, not whole pixels.
+    /// Whether the alpha test keeps samples instead of whole pixels (alpha to coverage).
     pub coverage: bool,
     pub glass: Glass,
     pub double_sided: bool,
@@ -62,7 +62,7 @@ pub(crate) const ALL_SAMPLES: u8 = 0b1111;
 pub(crate) struct Shaded {
     pub rgba: [F4; 4],
     pub kept: [u8; 4],
-    /// Faults of effects: the effect's number among those on surfaces, or behind them among those of light.
+    /// Faults of effects. The number counts through the effects in `Fragment::surface`, then those in `Fragment::lighting`.
     pub faults: [Option<(u8, Fault)>; 4],
 }
 
@@ -79,13 +79,13 @@ pub struct Quad<'a> {
     pub vertices: [&'a Vertex; 3],
     /// Indices of the vertices.
     pub ids: [u32; 3],
-    /// The front face is seen.
+    /// Whether the front face is visible.
     pub front: bool,
     pub weights: &'a Weights,
     pub uvs: [[F4; 2]; 2],
-    /// How much of a motion of the textures each pixel makes, where a mask decides.
+    /// Factor on the material's UV animation at each pixel, from its mask texture; `None` without one.
     pub uv_mask: Option<F4>,
-    /// How far parallax mapping shifts the textures.
+    /// Shift of the texture coordinates by parallax mapping.
     pub parallax: Option<[F4; 2]>,
     /// The inputs of triplanar mapping.
     pub planes: Option<Planes>,
@@ -103,7 +103,7 @@ impl Quad<'_> {
         self.weights.scalar(a, b, c)
     }
 
-    /// Interpolated tangent, bitangent and normal, made neither orthogonal nor unit (MikkTSpace).
+    /// Interpolated tangent, bitangent and normal, left neither orthogonal nor normalized (MikkTSpace).
     pub fn frame(&self) -> [V3; 3] {
         let normal = self.vec3(|v| v.normal);
         let tangent = self.vec3(|v| v.tangent.truncate());
@@ -115,7 +115,7 @@ pub fn rgb([x, y, z, _]: [F4; 4]) -> V3 {
     V3 { x, y, z }
 }
 
-/// White without a texture.
+/// The color of a texel; white without a texture.
 fn rgb_or_white(texel: Option<[F4; 4]>) -> V3 {
     texel.map_or(V3::splat(Vec3::ONE), rgb)
 }
@@ -150,7 +150,7 @@ impl Fragment<'_> {
         }
         let point = self.surface_point(quad, rgb(rgba));
         let color = match self.features.has(Features::TOON) {
-            // Toon shading gives colors, as the unlit model does.
+            // The view transform does not apply to toon shading, which gives display colors.
             true => self.exposed(self.toon(quad, &point) + self.emission(quad)),
             false => self.lit_color(quad, &point, alpha),
         };
@@ -200,7 +200,7 @@ impl Fragment<'_> {
         SurfacePoint { relative, own_n, n, v, base, seen: quad.weights.seen }
     }
 
-    /// Color of the metallic-roughness model or of Blinn–Phong, with layers, emission and what glass makes of it.
+    /// Color by the metallic-roughness model or by Blinn–Phong, with layers, emission, exposure and view transform.
     fn lit_color(&self, quad: &Quad, point: &SurfacePoint, alpha: F4) -> V3 {
         let m = &self.material.factors.material;
         let tint = self.texel(quad, Features::SPECULAR_COLOR_TEXTURE);
@@ -224,7 +224,7 @@ impl Fragment<'_> {
         }
         color = transformed(self.features, self.exposed(color));
         if self.features.has(Features::REFRACTION) {
-            // The copy of the scene shows colors already.
+            // The scene color copy holds display colors already.
             color = color + over.behind * (over.below_sheen * (F4::ONE - over.coat_weight));
         }
         match self.glass {
@@ -300,7 +300,7 @@ impl Fragment<'_> {
 
     fn blinn_phong(&self, quad: &Quad, point: &SurfacePoint, specular_color: V3, occlusion: F4) -> V3 {
         let &SurfacePoint { n, v, .. } = point;
-        // The reflection replaces its share of the base color.
+        // A reflection replaces its share of the base color.
         let reflection = self.reflection(quad, [n, v]);
         let base = reflection.map_or(point.base, |[share, _]| point.base * (V3::splat(Vec3::ONE) - share));
         let mut color = base * self.around().diffuse(n) * occlusion;
@@ -315,7 +315,7 @@ impl Fragment<'_> {
         color
     }
 
-    /// Zero where the draw has none.
+    /// Emitted light; zero without emission.
     fn emission(&self, quad: &Quad) -> V3 {
         if !self.features.has(Features::EMISSIVE) {
             return V3::splat(Vec3::ZERO);
@@ -358,7 +358,7 @@ impl Fragment<'_> {
         Around::new(self.plan, self.sky.filter(|_| self.features.has(Features::SKY)))
     }
 
-    /// The texture of a feature at four pixels; `None` where the draw does not read it.
+    /// The texture of a feature, sampled at four pixels; `None` if the draw does not read it.
     pub fn texel(&self, quad: &Quad, feature: Features) -> Option<[F4; 4]> {
         if !self.features.has(feature) {
             return None;
@@ -368,7 +368,8 @@ impl Fragment<'_> {
         self.sample(quad, refs[slot].as_ref(), self.material.textures[slot].as_deref())
     }
 
-    /// The share of a light that shadows let through, where that is asked. `own_n`: without the normal map; `l`: to the light.
+    /// Share of a light that passes the shadow maps, 0 to 1, in the lanes of `asked`. `own_n`: normal without the normal map;
+    /// `l`: to the light.
     pub fn share(&self, light: &PlanLight, [relative, own_n, l]: [V3; 3], asked: Mask) -> F4 {
         let shadows = self.shadows.filter(|_| self.features.has(Features::SHADOW));
         shadows.map_or(F4::ONE, |s| s.share(light, [relative, own_n, l], asked))
@@ -392,14 +393,14 @@ impl Fragment<'_> {
             let asked = std::array::from_fn(|i| falling[i] & on.seen[i]);
             let strength = strength * self.share(light, [on.relative, own_n, l], asked);
             let lit = reflect(l, nl) * V3::splat(light.color) * (nl * strength);
-            // Where the light is behind the surface the division by NL in V means nothing.
+            // The division by NL in V is meaningless for light from behind the surface.
             let seen = |c: F4| F4(std::array::from_fn(|i| if nl.0[i] > 0.0 { c.0[i] } else { 0.0 }));
             *color = *color + V3 { x: seen(lit.x), y: seen(lit.y), z: seen(lit.z) };
         }
     }
 
-    /// Interpolated normal, or the normal map's as MikkTSpace has it: x·T + y·(N × T · sign) + z·N of the interpolated
-    /// vectors; the result is normalized. Turned on back faces.
+    /// Interpolated normal, or the normal map's by MikkTSpace: x·T + y·(N × T · sign) + z·N of the interpolated vectors, then
+    /// normalized. Flipped on back faces.
     pub fn normal(&self, quad: &Quad, map: Option<([F4; 4], f32)>) -> V3 {
         let n = match map {
             Some(([x, y, z, _], scale)) => {

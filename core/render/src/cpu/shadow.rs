@@ -12,40 +12,41 @@ use glam::Vec4Swizzles;
 use rayon::prelude::*;
 use std::collections::HashMap;
 
-/// All maps of a frame, drawn.
+/// The shadow maps of a frame.
 #[derive(Default)]
 pub struct ShadowMaps {
     maps: Vec<Map>,
 }
 
 struct Map {
-    /// Key of all that it was drawn from; none where it is not kept for the next frame.
+    /// Key of everything that the map was drawn from; `None` if it is not kept for the next frame.
     key: Option<MapKey>,
     at: [u32; 2],
     size: [u32; 2],
     lookup: ShadowUniform,
-    /// Row by row; 0 where nothing is.
+    /// Reversed-Z depth, row by row; 0 where nothing is drawn.
     depth: Vec<f32>,
-    /// Least and greatest depth of each block and those beside it, row by row, if its penumbras differ in width.
+    /// Least and greatest depth in each block of texels and its neighbors, row by row; empty for a map with edges of a fixed
+    /// width.
     ranges: Vec<[f32; 2]>,
 }
 
 /// Side of a block of texels.
 const BLOCK: usize = 8;
-/// Texels from a place that a lookup with a penumbra may read.
+/// Largest distance in texels of a texel that a lookup with a penumbra reads.
 const REACH: f32 = 0.5 * MAX_PENUMBRA + 2.0;
 const _: () = assert!(REACH <= BLOCK as f32);
 
 impl ShadowMaps {
-    /// `keys`: of each view; `before`: the maps of the frame before, of which those with equal keys are taken over; `batches`: what is
-    /// drawn into a view, seen from its light.
+    /// Draws the maps of a frame. `keys`: one for each view; `before`: maps of the frame before, of which those with equal keys
+    /// are kept; `batches`: the casters of a view, projected from its light.
     pub fn draw<'a>(
         plan: &plan::ShadowMaps,
         keys: Vec<Option<MapKey>>,
         before: ShadowMaps,
         batches: impl Fn(&ShadowView) -> Vec<Batch<'a>>,
     ) -> ShadowMaps {
-        // What is not taken over is gone before new maps need its memory.
+        // Maps that are not kept are freed before new ones need their memory.
         let kept = before.maps.into_iter().filter(|map| keys.contains(&map.key));
         let mut kept: HashMap<MapKey, Map> = kept.filter_map(|map| Some((map.key?, map))).collect();
         let draw = |(view, key): (&ShadowView, Option<MapKey>)| {
@@ -60,15 +61,16 @@ impl ShadowMaps {
         ShadowMaps { maps: plan.views.iter().zip(keys).map(draw).collect() }
     }
 
-    /// How much of a light arrives at four places, 0 to 1, where that is asked. `n`: the surface's own normal; `l`: to the light.
+    /// Share of a light that reaches four points, 0 to 1, in the lanes of `asked`. `n`: normal without the normal map; `l`: to
+    /// the light.
     pub fn share(&self, light: &PlanLight, [relative, n, l]: [V3; 3], asked: Mask) -> F4 {
         let [first, count] = light.shadow_views.map(usize::from);
         let Some(maps) = self.maps.get(first..first + count).filter(|m| !m.is_empty()) else {
             return F4::ONE;
         };
         let nl = n.dot(l).clamp(0.0, 1.0);
-        // A slope's depth changes by tan over a texel; a step of as many texels as the filter reaches along the normal, times
-        // the sine, makes up for it at every angle (Holbert, "Saying Goodbye to Shadow Acne", GDC 2011).
+        // Normal offset (Holbert, "Saying Goodbye to Shadow Acne", GDC 2011): the depth of a slope changes by tan over a texel.
+        // An offset along the normal by the filter's reach in texels, times the sine, compensates this at every angle.
         let slope = (F4::ONE - nl * nl).sqrt() * 3.0;
         let (mut share, mut left) = (F4::ONE, asked);
         for map in maps {
@@ -78,7 +80,7 @@ impl ShadowMaps {
             let (at, inside) = map.place([relative, n, l], slope);
             let here: Mask = std::array::from_fn(|i| left[i] & inside[i]);
             let Some(one) = here.iter().position(|here| *here) else { continue };
-            // Lanes that lie elsewhere follow one that is here, so that all look inside of the map.
+            // Lanes outside the map copy the position of a lane inside, so that all lookups stay in bounds.
             let here_or = |v: F4| select(here, v, F4::splat(v.0[one]));
             let [at, n] = [at, n].map(|v| V3 { x: here_or(v.x), y: here_or(v.y), z: here_or(v.z) });
             let found = if map.lookup.texel.y == 0.0 { map.filtered(at) } else { map.with_penumbra(at, n) };
@@ -90,7 +92,7 @@ impl ShadowMaps {
 }
 
 impl Map {
-    /// Texels and depth of four places, and which of them this map shows.
+    /// Texel and depth of four points in this map, and the lanes that lie inside it.
     fn place(&self, [relative, n, l]: [V3; 3], slope: F4) -> (V3, Mask) {
         let view = &self.lookup;
         let m = &view.texel_from_relative;
@@ -102,7 +104,7 @@ impl Map {
         let w = row(3, moved);
         let [x, y, z] = [0, 1, 2].map(|i| row(i, moved) / w.max(F4::splat(1e-6)));
         let [low, high] = [view.inside.xy(), view.inside.zw()];
-        // A point behind the depth range of this map lies in a later one.
+        // A point beyond the depth range of this map lies in a later one.
         let inside = std::array::from_fn(|i| {
             let (x, y) = (x.0[i], y.0[i]);
             let inside = (x >= low.x) & (y >= low.y) & (x <= high.x) & (y <= high.y);
@@ -111,7 +113,7 @@ impl Map {
         (V3 { x, y, z }, inside)
     }
 
-    /// The texels of this map at places of the image, by coordinate.
+    /// Columns and rows of texels in this map, for places in the shared image.
     fn texels(&self, place: [F4; 2]) -> [[usize; 4]; 2] {
         let texel =
             |k: usize| (place[k] - F4::splat(self.at[k] as f32)).0.map(|t| t.max(0.0) as i32 as usize);
@@ -127,7 +129,7 @@ impl Map {
         }
     }
 
-    /// A box of 3 × 3 texels moved over the depth comparisons of 4 × 4: weights 1 − f, 1, 1, f.
+    /// Box filter of 3 × 3 texels over 4 × 4 depth comparisons, weighted 1 − f, 1, 1, f.
     fn filtered(&self, at: V3) -> F4 {
         let half = F4::splat(0.5);
         let [x, y] = [at.x - half, at.y - half];
@@ -162,7 +164,7 @@ impl Map {
         select(std::array::from_fn(|i| lit[i] | dark[i]), all, filtered)
     }
 
-    /// How much the depth of a surface changes from texel to texel, at most as if it stood 79° to the light.
+    /// Change of a surface's depth per texel in x and y, limited to that of a surface at 79° to the light.
     fn slope(&self, n: V3) -> [F4; 2] {
         let m = &self.lookup.texel_from_relative;
         let [x, y, z] = [0, 1, 2].map(|i| m.row(i).xyz());
@@ -171,9 +173,9 @@ impl Map {
         [x, y].map(|axis| -n.dot(V3::splat(axis)) * steepness)
     }
 
-    /// Width of the penumbra in texels, from the mean depth of what is nearer to the light among 4 × 4 texels (Fernando,
-    /// "Percentage-Closer Soft Shadows", 2005), which span the widest one, so that none begins with a step. 3, the narrowest, where
-    /// all or none of them are nearer.
+    /// Width of the penumbra in texels, from the mean distance of the blockers among 4 × 4 texels (Fernando, "Percentage-Closer
+    /// Soft Shadows", 2005). The 4 × 4 texels span the widest penumbra, so that none begins with a step. The narrowest, 3, if all
+    /// or none of them are blockers.
     fn penumbra_width(&self, at: V3, slope: [F4; 2]) -> F4 {
         const STEP: usize = MAX_PENUMBRA as usize / 3;
         let first = [at.x, at.y].map(|v| whole(v) - F4::splat(1.5 * STEP as f32));
@@ -195,9 +197,9 @@ impl Map {
         select(count.0.map(|count| count == 0.0 || count == 16.0), F4::splat(3.0), width)
     }
 
-    /// A box of width × width texels; the depth follows the surface, in steps of 2 × 2 texels.
+    /// Box filter of width × width texels. The compared depth follows the surface in steps of 2 × 2 texels.
     fn penumbra_filtered(&self, at: V3, slope: [F4; 2], width: F4) -> F4 {
-        /// Texels that the widest box touches, to an even number.
+        /// Texels that the widest box touches, rounded up to an even number.
         const MOST: usize = MAX_PENUMBRA as usize + 2;
         let half = width * 0.5;
         let (low, high) = ([at.x - half, at.y - half], [at.x + half, at.y + half]);
@@ -232,8 +234,8 @@ impl Map {
         sum / (width * width)
     }
 
-    /// The places of which every texel that a lookup may read is lit, and those of which all are in shadow, by the ranges of
-    /// blocks: most places are one or the other.
+    /// Lanes whose whole lookup area is lit, and lanes whose whole area is in shadow, by the depth ranges of blocks. Most lanes
+    /// are one or the other and need no filter.
     fn uniform_around(&self, at: V3, slope: [F4; 2]) -> [Mask; 2] {
         let around = (slope[0].map(f32::abs) + slope[1].map(f32::abs)) * REACH;
         let (lowest, highest) = ((at.z - around).max(F4::ZERO), at.z + around);
@@ -250,12 +252,12 @@ impl Map {
     }
 }
 
-/// Whole texels of places in a map, which are never negative there.
+/// Rounds down to whole texels; places inside a map are never negative.
 fn whole(v: F4) -> F4 {
     v.map(|v| v as i32 as f32)
 }
 
-/// Least and greatest depth of each block of texels and those beside it, which is as far as lookups in it reach.
+/// Least and greatest depth of each block of texels and its neighbors, which is as far as lookups in it reach.
 fn ranges(size: [u32; 2], depth: &[f32]) -> Vec<[f32; 2]> {
     let [width, height] = size.map(|s| s as usize);
     let blocks = [width.div_ceil(BLOCK), height.div_ceil(BLOCK)];
@@ -284,7 +286,7 @@ fn ranges(size: [u32; 2], depth: &[f32]) -> Vec<[f32; 2]> {
     (0..own.len()).map(beside).collect()
 }
 
-/// The greatest depth of each texel: what is nearest to the light.
+/// The greatest depth of each texel: the surface nearest to the light.
 fn depths(size: [u32; 2], batches: &[Batch]) -> Vec<f32> {
     let [width, height] = size.map(|s| s as usize);
     let bands = height.div_ceil(TILE_HEIGHT as usize);

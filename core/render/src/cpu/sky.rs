@@ -35,7 +35,7 @@ impl<'a> Around<'a> {
         light + positive * F4::splat(sky.strength)
     }
 
-    /// Light reflected by a mirror of this roughness.
+    /// Environment light reflected along `way` by a surface of this roughness.
     pub fn mirrored(&self, way: V3, roughness: F4) -> V3 {
         let light = brdf::ambient(self.up, self.down, way);
         let Some((maps, sky)) = self.sky else { return light };
@@ -47,14 +47,14 @@ impl<'a> Around<'a> {
         light + V3 { x: part(|v| v.x), y: part(|v| v.y), z: part(|v| v.z) }
     }
 
-    /// The mean from above and below.
+    /// Mean of the diffuse light from above and from below.
     pub fn even(&self) -> V3 {
         let half = F4::splat(0.5);
         (self.diffuse(V3::splat(Vec3::Y)) + self.diffuse(V3::splat(Vec3::NEG_Y))) * half
     }
 }
 
-/// Direction from the world to the panorama.
+/// Rotates a world direction into the space of the panorama.
 fn turned(sky: &PlanSky, way: V3) -> V3 {
     let [c, s] = sky.turn;
     V3 { x: way.x * c - way.z * s, y: way.y, z: way.x * s + way.z * c }
@@ -79,7 +79,7 @@ fn polynomial(h: &[Vec3; 9], V3 { x, y, z }: V3) -> V3 {
         + c(8) * (x * x - y * y)
 }
 
-/// The panorama behind everything.
+/// The panorama as the background of a frame.
 pub(crate) struct Backdrop<'a> {
     pub picture: &'a SkyBackground,
     pub sky: &'a PlanSky,

@@ -45,7 +45,7 @@ impl StageTimes {
         self.shadow_maps.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Shadow maps drawn so far; those that were taken over from the frame before are not among them.
+    /// Number of shadow maps drawn so far, without those kept from the frame before.
     pub fn shadow_maps(&self) -> u64 {
         self.shadow_maps.load(Ordering::Relaxed)
     }

@@ -1,5 +1,5 @@
-//! The stages of the rasterizer as images: the vertices of each mesh, all of them before the camera, in clip space, the pixels
-//! that triangles cover, their depths, and the shaded frame.
+//! Images of the rasterizer's stages: the vertices of each mesh, the scene in front of the camera, clip space, the pixels that
+//! triangles cover, their depths, and the shaded frame.
 
 use super::CpuRenderer;
 use super::preskin::DeformedMeshes;
@@ -18,7 +18,7 @@ pub const STAGES: [&str; 6] = ["model", "view", "clip", "raster", "depth", "shad
 const BACKGROUND: [u8; 4] = [18, 20, 26, 255];
 const FAINT: [u8; 3] = [120, 130, 150];
 
-/// Three times a golden ratio's turn apart: neighbours differ.
+/// A color for each index. Hues follow each other by the golden ratio, so that neighbors differ.
 fn color_of(index: usize) -> [u8; 3] {
     let hue = |shift: f32| {
         let turn = index as f32 * 0.618_034 + shift;
@@ -39,8 +39,8 @@ fn put(frame: &mut Frame, x: i64, y: i64, color: [u8; 3]) {
     }
 }
 
-/// Draws one pixel for each step along the longer side, or a square of pixels in large images; what is not finite or far
-/// outside is left out.
+/// Draws a line, one pixel for each step along the longer side, or a square of pixels in large images. Lines with an end that is
+/// not finite or far outside are left out.
 fn line(frame: &mut Frame, a: Vec2, b: Vec2, color: [u8; 3]) {
     let most = 4.0 * frame.width.max(frame.height) as f32;
     if !(a.abs().max_element() < most && b.abs().max_element() < most) {
@@ -56,7 +56,7 @@ fn line(frame: &mut Frame, a: Vec2, b: Vec2, color: [u8; 3]) {
     }
 }
 
-/// Places of points in an image: as large as fits with a margin, the same along both axes.
+/// Transform that fits points into an image with a margin, with the same scale along both axes.
 struct Fit {
     scale: f32,
     middle: Vec2,
@@ -73,14 +73,14 @@ impl Fit {
         Fit { scale, middle: (low + high) * 0.5, center: picture * 0.5 }
     }
 
-    /// y up.
+    /// Pixel position of a point whose y axis points up.
     fn place(&self, p: Vec2) -> Vec2 {
         let p = (p - self.middle) * self.scale;
         self.center + Vec2::new(p.x, -p.y)
     }
 }
 
-/// Edges of every triangle, by the places of its vertices.
+/// Draws the edges of every triangle. `place`: pixel position of a vertex.
 fn edges(frame: &mut Frame, indices: &[u32], place: &dyn Fn(u32) -> Option<Vec2>, color: [u8; 3]) {
     for t in indices.chunks_exact(3) {
         for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
@@ -127,7 +127,7 @@ impl CpuRenderer {
     }
 }
 
-/// Each mesh as its file has it, from the front, before anything is placed.
+/// Each mesh in its own space, seen from the front.
 fn model(meshes: &[Mesh], size: [u32; 2]) -> Frame {
     let mut frame = blank(size);
     let all = meshes.iter().flat_map(|(_, primitive)| &primitive.positions);
@@ -151,7 +151,7 @@ fn view(meshes: &[Mesh], plan: &Plan) -> Frame {
     };
     let all = meshes.iter().flat_map(|(batch, _)| &batch.vertices).map(|v| seen(v.relative));
     let fit = Fit::new(all.chain([Vec2::ZERO]), plan.size);
-    // Left and right side of what the camera sees.
+    // Left and right edge of the view frustum.
     let far = plan.size[0].max(plan.size[1]) as f32 / fit.scale;
     let half = 1.0 / plan.view.clip_from_view.x_axis.x;
     for side in [-1.0, 1.0] {
@@ -168,7 +168,7 @@ fn view(meshes: &[Mesh], plan: &Plan) -> Frame {
     frame
 }
 
-/// After the division by w: the frame's border is where x and y are ±1. What is behind the camera has no place.
+/// Meshes after the division by w: x and y are ±1 at the frame's border. Vertices behind the camera are left out.
 fn clip(meshes: &[Mesh], size: [u32; 2]) -> Frame {
     let mut frame = blank(size);
     let picture = Vec2::new(size[0] as f32, size[1] as f32);
@@ -188,7 +188,7 @@ fn clip(meshes: &[Mesh], size: [u32; 2]) -> Frame {
     frame
 }
 
-/// The nearest triangle of every pixel, each in a color of its own; and how near it is: white at the nearest.
+/// The nearest triangle of every pixel, each in its own color; and the depth of every pixel, the nearest white.
 fn raster(batches: &[Batch], size: [u32; 2]) -> [Frame; 2] {
     let [mut covered, mut depths] = [blank(size), blank(size)];
     let width = size[0] as usize;
@@ -211,7 +211,7 @@ fn raster(batches: &[Batch], size: [u32; 2]) -> [Frame; 2] {
             }
         }
     }
-    // Reversed Z is 1 / distance, up to a factor: its root spreads what is far.
+    // Reversed Z is 1 / distance, up to a factor. Its square root spreads large distances.
     let roots = nearest.iter().filter(|(_, id)| *id != usize::MAX).map(|(z, _)| z.sqrt());
     let (low, high) = roots.fold((f32::INFINITY, 0.0f32), |(l, h), z| (l.min(z), h.max(z)));
     for (i, (z, id)) in nearest.iter().enumerate().filter(|(_, (_, id))| *id != usize::MAX) {
@@ -242,7 +242,7 @@ mod tests {
         line(&mut frame, Vec2::new(1.5, 1.5), Vec2::new(6.5, 3.5), [255; 3]);
         let lit = |x: usize, y: usize| frame.rgba[4 * (y * 8 + x)] == 255;
         assert!(lit(1, 1) && lit(6, 3) && !lit(7, 3) && !lit(0, 1));
-        // Neither NaN nor what is far away is drawn.
+        // Neither NaN nor a distant point is drawn.
         let before = frame.rgba.clone();
         line(&mut frame, Vec2::NAN, Vec2::ONE, [9; 3]);
         line(&mut frame, Vec2::splat(1e30), Vec2::ONE, [9; 3]);

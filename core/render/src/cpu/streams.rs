@@ -1,4 +1,4 @@
-//! Textures that are there only for the frames that show them.
+//! Streamed textures, which are in memory only while a frame shows them.
 
 use super::CpuRenderer;
 use super::texture::Texture;
@@ -8,7 +8,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 impl CpuRenderer {
-    /// Makes those that the plan shows, and forgets all others.
+    /// Loads the streamed textures that the plan shows, and drops all others.
     pub(super) fn stream(&mut self, plan: &Plan) -> Result<(), RenderError> {
         if self.resources.textures.iter().all(|t| t.streamed.is_none()) {
             return Ok(());

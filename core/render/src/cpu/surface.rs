@@ -1,4 +1,4 @@
-//! Effects on surfaces, one after the other, and what they read. CPU reference of surface.wgsl.
+//! Effects on surfaces, applied in order, and their inputs. CPU reference of surface.wgsl.
 
 use super::row_color;
 use super::shade::{Fragment, Shaded};
@@ -10,11 +10,11 @@ use crate::plan::{Features, Glass};
 use choreo_plugin::{Effect, SurfaceSample};
 use glam::{Vec2, Vec3, Vec4};
 
-/// Quads that effects on surfaces are given at once: effects in WGSL run over 32 pixels together.
+/// Number of quads that effects on surfaces get at once: effects in WGSL run over 32 pixels together.
 pub const QUADS: usize = 8;
 
 impl Fragment<'_> {
-    /// A quad with the effects on surfaces; `at` is its first pixel.
+    /// Shades a quad and applies the effects on surfaces. `at` is its first pixel.
     pub fn seen(
         &self,
         vertices: &[Vertex],
@@ -87,14 +87,14 @@ impl Fragment<'_> {
         std::array::from_fn(sample)
     }
 
-    /// The effects' functions, one after the other, on up to [`QUADS`] quads; four samples for each.
+    /// Applies the effects in order to up to [`QUADS`] quads. `samples`: four for each quad.
     pub(crate) fn apply_surface_effects(&self, quads: &mut [Shaded], samples: &[SurfaceSample]) {
         let mut colors = [Vec4::ZERO; 4 * QUADS];
         let colors = &mut colors[..samples.len()];
         for (colors, shaded) in colors.chunks_exact_mut(4).zip(&*quads) {
             for (i, color) in colors.iter_mut().enumerate() {
                 *color = shaded.pixel(i);
-                // The light of glass comes multiplied by its alpha.
+                // The light of glass is premultiplied by its alpha.
                 if self.glass == Glass::Light && color.w > 0.0 {
                     *color = (color.truncate() / color.w).extend(color.w);
                 }
@@ -124,7 +124,7 @@ impl Fragment<'_> {
         }
     }
 
-    /// Share of the light that a white matte surface would give back and that shadows take, by luminance.
+    /// Share of the light on a white diffuse surface that shadows take, by luminance.
     fn lost_light(&self, relative: V3, n: V3, seen: Mask) -> F4 {
         // ITU-R BT.709.
         let luminance = Vec3::new(0.2126, 0.7152, 0.0722);

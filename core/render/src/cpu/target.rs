@@ -6,7 +6,7 @@ use glam::Vec4;
 
 /// Colors go in and out as linear RGBA.
 pub trait Target: Copy + PartialEq + Send + Sync {
-    /// Backgrounds are dithered.
+    /// Whether backgrounds are dithered in this format.
     const DITHERED: bool;
 
     fn encode(linear: Vec4) -> Self;
@@ -55,7 +55,7 @@ pub trait Target: Copy + PartialEq + Send + Sync {
 pub(crate) trait PixelOf: Copy + Send + Sync {
     fn of<T: Target>(sample: T) -> Self;
 
-    /// A pixel of the finished image, of a target of floats.
+    /// Makes a pixel of the finished image from a color of a float target.
     fn finished(color: Vec4, at: [usize; 2]) -> Self;
 }
 
@@ -71,7 +71,7 @@ impl PixelOf for [u8; 4] {
     }
 }
 
-/// Linear, for what is still to be done with it.
+/// Linear colors, for later passes.
 impl PixelOf for Vec4 {
     fn of<T: Target>(sample: T) -> Vec4 {
         sample.decode()
@@ -122,7 +122,7 @@ impl Target for Float {
 
     #[inline]
     fn encode(c: Vec4) -> Float {
-        // The largest half; NaN becomes 0.
+        // Limits are those of 16-bit floats; NaN becomes 0.
         let limit = |v: f32| if v.is_nan() { 0.0 } else { v.clamp(-65504.0, 65504.0) };
         Float(Vec4::new(limit(c.x), limit(c.y), limit(c.z), limit(c.w)))
     }

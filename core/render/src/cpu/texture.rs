@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 pub struct Texture {
     image: Arc<Image>,
-    /// Levels 1 and up.
+    /// Mip levels 1 and up.
     below: Vec<MipLevel>,
     color: [f32; 256],
     linear: [f32; 256],
@@ -62,12 +62,12 @@ impl Texture {
         out
     }
 
-    /// Texels in a row of the whole image.
+    /// Width of the whole image in texels.
     pub fn width(&self) -> f32 {
         self.image.width as f32
     }
 
-    /// One sample of a level that is given, not below 0: r, g, b, a.
+    /// Samples at a given level of detail, not below 0: r, g, b, a.
     pub(crate) fn sample_level(&self, sampler: &Sampler, [u, v]: [f32; 2], lod: f32) -> F4 {
         let (level, blend, linear) = self.levels(sampler, lod);
         let near = self.filtered(&self.level(level), sampler, linear, u, v);
@@ -77,7 +77,7 @@ impl Texture {
         near * (1.0 - blend) + self.filtered(&self.level(level + 1), sampler, linear, u, v) * blend
     }
 
-    /// The level that is read, how much of the next is mixed in, and whether texels are interpolated.
+    /// The level to read, the weight of the next level, and whether texels are interpolated.
     fn levels(&self, sampler: &Sampler, lod: f32) -> (usize, f32, bool) {
         let last = self.below.len() as f32;
         let magnified = lod <= 0.0;
@@ -96,7 +96,7 @@ impl Texture {
     }
 
     /// λ = log₂ of the longer of the two pixel footprint axes, in texels; from the quad's first pixel and its
-    /// neighbours, as lavapipe takes it.
+    /// neighbors, as lavapipe takes it.
     fn level_of_detail(&self, u: &[f32; 4], v: &[f32; 4]) -> f32 {
         let (w, h) = (self.image.width as f32, self.image.height as f32);
         let length_squared = |i: usize| {
@@ -105,7 +105,7 @@ impl Texture {
         };
         let (x, y) = (length_squared(1), length_squared(2));
         let rho_squared = if x > y { x } else { y };
-        // NaN and infinity (behind the eye) take the finest level.
+        // NaN and infinity (behind the camera) select the finest level.
         if rho_squared > 1.0 && rho_squared < f32::MAX { 0.5 * libm::log2f(rho_squared) } else { 0.0 }
     }
 
@@ -136,7 +136,7 @@ impl Texture {
     }
 }
 
-/// Coordinate wrapped to where the index arithmetic below is exact: [0,1], mirrored [0,2].
+/// Wraps a coordinate to a range in which the index arithmetic below is exact: [0,1], mirrored [0,2].
 #[inline(always)]
 fn wrapped(wrap: Wrap, u: f32) -> f32 {
     match wrap {
@@ -164,7 +164,7 @@ fn index(wrap: Wrap, i: i32, size: i32) -> i32 {
         Wrap::Repeat if i < 0 => i + size,
         Wrap::Repeat if i >= size => i - size,
         Wrap::MirroredRepeat if i >= size => 2 * size - 1 - i,
-        // The texel left of the first is the first again; and the one right of 2·size is the first.
+        // Mirrored, the index before the first texel is the first texel, and so is the index at 2·size.
         _ => i,
     };
     i.max(0).min(size - 1)
@@ -213,7 +213,7 @@ mod tests {
                     min_linear: linear,
                     mip_linear: None,
                 };
-                // Texel centres −2 … 6: filtering changes nothing there.
+                // Texel centers −2 … 6: filtering changes nothing there.
                 for (i, e) in expected.iter().enumerate() {
                     let u = (i as f32 - 2.0 + 0.5) / 4.0;
                     assert!((red(&t, &s, u) - e).abs() < 1e-4, "{wrap:?} linear {linear} texel {i}");

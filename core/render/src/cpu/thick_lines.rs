@@ -1,4 +1,4 @@
-//! Lines and points of a width as triangles on the screen; see [`crate::scene_resources::thick_lines`].
+//! Thick lines and points as screen triangles; see [`crate::scene_resources::thick_lines`].
 
 use super::setup::{Assembly, Triangle};
 use super::vertex::Vertex;
@@ -7,7 +7,8 @@ use crate::scene_resources::thick_lines::{Spread, thick_mesh};
 use choreo_asset::Primitive;
 use glam::Mat4;
 
-/// `vertices`: one per vertex of the primitive, which the triangles refer to.
+/// Screen triangles of a primitive's lines or points. `vertices`: one for each vertex of the primitive; the triangles refer to
+/// these.
 pub fn triangles(
     primitive: &Primitive,
     vertices: &[Vertex],
@@ -25,7 +26,7 @@ pub fn triangles(
     let corners: Vec<Vertex> = (0..wide.of.len()).map(corner).collect();
     let pipeline = PipelineKey { topology: TopologyKey::Triangles, ..pipeline };
     let mut out = Assembly { vertices: &corners, indices: &wide.indices, pipeline, size }.run();
-    // All vertices of an end share its interpolated values.
+    // All triangle vertices at one end of a line share the interpolated values of that end.
     out.iter_mut().for_each(|t| t.vertices = t.vertices.map(|i| wide.of[i as usize]));
     out
 }

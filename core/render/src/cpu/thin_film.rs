@@ -4,7 +4,7 @@ use crate::lanes::{F4, V3};
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
 
-/// Terms of Airy's sum beside its mean, as the shader has them; `cargo xtask report film` measures others.
+/// Number of terms of Airy's sum in addition to its mean, as in the shader; `cargo xtask report film` measures others.
 pub const ORDERS: u32 = 2;
 
 /// [`reflectance`], four pixels at once.
@@ -17,12 +17,12 @@ pub(crate) fn film_reflectance(ior: f32, nanometres: F4, nv: F4, f0: V3) -> V3 {
     V3 { x: F4(all.map(|c| c.x)), y: F4(all.map(|c| c.y)), z: F4(all.map(|c| c.z)) }
 }
 
-/// Reflectance of a film on a surface that reflects `f0` at normal incidence, looked at under the cosine `nv`: Airy's sum, some
-/// terms beside the mean, seen by the eye's receptors (Belcour & Barla, "A Practical Extension to Microfacet Theory for the
-/// Modeling of Varying Iridescence", 2017). Linear sRGB, not negative.
+/// Reflectance of a film on a surface with the normal reflectance `f0`, at an angle of incidence with the cosine `nv`: the mean
+/// of Airy's sum and `ORDERS` further terms, weighted by the sensitivity of the eye (Belcour & Barla, "A Practical Extension to
+/// Microfacet Theory for the Modeling of Varying Iridescence", 2017). Linear sRGB, not negative.
 pub fn reflectance<const ORDERS: u32>(ior: f32, nanometres: f32, nv: f32, f0: Vec3) -> Vec3 {
     let squared = |v: f32| v * v;
-    // A film of nothing is air.
+    // The index of refraction fades to that of air as the thickness goes to zero.
     let t = (nanometres / 0.03).clamp(0.0, 1.0);
     let there = t * t * (3.0 - 2.0 * t);
     let eta = 1.0 - there + ior * there;
@@ -40,7 +40,7 @@ pub fn reflectance<const ORDERS: u32>(ior: f32, nanometres: f32, nv: f32, f0: Ve
     let root = f0.clamp(Vec3::ZERO, Vec3::splat(0.9999)).to_array().map(f32::sqrt);
     let base = root.map(|r| (1.0 + r) / (1.0 - r));
     let r23 = Vec3::from(base.map(|b| schlick(squared((b - eta) / (b + eta)), inside)));
-    // A wave turns around where it meets what is denser.
+    // Reflection at a denser medium shifts the phase by π.
     let phi = Vec3::from(base.map(|b| if b < eta { PI + PI } else { PI }));
     let path = 2e-9 * eta * nanometres * inside;
     let r123 = (r23 * r12).min(Vec3::splat(0.9999));
@@ -55,7 +55,8 @@ pub fn reflectance<const ORDERS: u32>(ior: f32, nanometres: f32, nv: f32, f0: Ve
     sum.max(Vec3::ZERO)
 }
 
-/// §4 of the paper: the receptors' answer to a cosine of the frequency, as sums of Gaussians. Metres, radians a channel.
+/// Color of one interference term: sensitivity of the eye in Fourier space, as sums of Gaussians (§4 of the paper). `path`:
+/// optical path difference in meters; `shift`: phase in radians, per channel.
 fn film_color(path: f32, shift: Vec3) -> Vec3 {
     let phase = TAU * path;
     let p2 = phase * phase;
@@ -72,7 +73,7 @@ fn film_color(path: f32, shift: Vec3) -> Vec3 {
     )
 }
 
-/// The F0 of which Schlick's Fresnel makes this at such an angle.
+/// Inverse of Schlick's Fresnel: the F0 that gives this reflectance at this angle.
 pub(crate) fn film_f0(reflectance: V3, nv: F4) -> V3 {
     let x = F4::ONE - nv;
     let x5 = (x * x * x * x * x).min(F4::splat(0.9999));

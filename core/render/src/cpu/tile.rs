@@ -1,5 +1,6 @@
-//! One tile: opaque triangles into a visibility buffer, each visible one shaded once per pixel, then masked and blended
-//! ones in order, then samples resolved. The same image as drawing one after the other, without shading what is hidden.
+//! One tile: opaque triangles into a visibility buffer, each visible one shaded once per pixel, then alpha-tested and blended
+//! triangles in order, then samples are resolved. The image equals that of drawing one triangle after the other, but hidden ones
+//! are not shaded.
 
 use super::background_effects::BackgroundEffects;
 use super::image_passes::{Pass, pixel_uv};
@@ -25,7 +26,7 @@ pub(crate) enum Paint<'a> {
     Surface(Fragment<'a>),
     Overlay {
         vertices: &'a [OverlayVertex],
-        /// Drawn over nearer surfaces, too.
+        /// Whether it is drawn over nearer surfaces, too.
         over: bool,
     },
 }
@@ -38,7 +39,7 @@ impl Paint<'_> {
         }
     }
 
-    /// Sets the image behind glass for refraction.
+    /// Sets the scene color copy for refraction.
     pub(crate) fn sees_through(&mut self, behind: &Arc<SceneColorCopy>) {
         if let Paint::Surface(fragment) = self {
             fragment.behind = Some(behind.clone());
@@ -50,11 +51,11 @@ impl Paint<'_> {
     }
 }
 
-/// One drawn copy: its triangles on screen and what shades them.
+/// One drawn copy: its triangles on screen and their shading.
 pub struct Batch<'a> {
     pub paint: Paint<'a>,
     pub phase: Phase,
-    /// Mixed in its place among the layers.
+    /// Blended by depth peeling.
     pub peeled: bool,
     pub vertices: Vec<Vertex>,
     pub triangles: Vec<Triangle>,
@@ -72,13 +73,13 @@ pub enum Phase {
 pub(super) enum Against {
     /// Samples nearer than the scene.
     Scene,
-    /// Samples of the peeled layer.
+    /// Samples at the depth of the peeled layer.
     Layer,
     /// Samples nearer than the peeled layer.
     Nearer,
 }
 
-/// (batch, triangle of it), in drawing order.
+/// (index of a batch, index of a triangle in it), in drawing order.
 pub(crate) type TriangleId = [u32; 2];
 
 const NONE: u32 = u32::MAX;
@@ -118,23 +119,23 @@ pub struct Tile<'a, 'b> {
     /// Pixels of the image that lie in this tile.
     pub size: [usize; 2],
     pub picture: [u32; 2],
-    /// Linear RGBA of each row.
+    /// Linear RGBA background of each row.
     pub background: [Vec4; TILE_HEIGHT as usize],
-    /// Rows differ.
+    /// Whether the rows differ.
     pub gradient: bool,
-    /// Backdrop that replaces it, one color per pixel.
+    /// Background with one color per pixel, which replaces `background`.
     pub backdrop: Option<&'a BackgroundEffects<'a>>,
-    /// Layers over either.
+    /// 2D layers over the background.
     pub under: Option<&'a LayerImage>,
-    /// Layers of transparent surfaces, sorted pixel by pixel.
+    /// Number of depth-peeling layers.
     pub layers: u32,
-    /// Functions of one pixel alone.
+    /// Per-pixel image effects.
     pub post: &'a [Pass],
     pub faults: &'a EffectFaults,
 }
 
 impl Tile<'_, '_> {
-    /// `rows` starts at the tile's first pixel; rows are `stride` pixels apart.
+    /// Draws the tile. `rows` starts at its first pixel; rows are `stride` pixels apart.
     pub fn draw<T: Target, P: PixelOf, const S: usize>(
         &self,
         b: &mut TileBuffers<T>,
@@ -143,7 +144,7 @@ impl Tile<'_, '_> {
     ) {
         let plain = self.backdrop.is_none() && self.under.is_none();
         if self.list.is_empty() && self.post.is_empty() && plain {
-            // Most of a usual image: every sample of a row is the background.
+            // The most common tile: every sample of a row is the background.
             for y in 0..self.size[1] {
                 let row = self.row::<T>(y);
                 let pixels = rows[y * stride..y * stride + self.size[0]].iter_mut();
@@ -204,7 +205,7 @@ impl Tile<'_, '_> {
         self.finish::<T, P, S>(b, rows, stride);
     }
 
-    /// The background of a row, which repeats itself.
+    /// Encoded background of a row, as a pattern that repeats after `dither::SIDE` pixels.
     fn row<T: Target>(&self, row: usize) -> [T; dither::SIDE] {
         let color = self.background[row];
         let [x, y] = [self.at[0] as usize, self.at[1] as usize + row];
@@ -252,7 +253,7 @@ impl Tile<'_, '_> {
         self.flush::<T, S>(b, &mut waiting);
     }
 
-    /// A quad of a visible triangle. Where it has effects on surfaces, it waits for others of its batch.
+    /// Shades a quad of a visible triangle. With effects on surfaces, the quad waits until others of its batch are shaded.
     fn shade_triangle<T: Target, const S: usize>(
         &self,
         b: &mut TileBuffers<T>,
@@ -293,7 +294,7 @@ impl Tile<'_, '_> {
         waiting.samples.clear();
     }
 
-    /// One triangle after the other: alpha test before the depth is written, or blending without writing it.
+    /// Draws one triangle: with an alpha test before the depth is written, or blended without writing depth.
     pub(super) fn forward<T: Target, const S: usize>(
         &self,
         b: &mut TileBuffers<T>,
@@ -363,7 +364,8 @@ impl Tile<'_, '_> {
         }
     }
 
-    /// Attributes at the centres of a quad's pixels, inside the triangle or not. `seen`: the pixels that it is drawn in.
+    /// Shades a quad. Attributes are taken at the centers of its pixels, inside the triangle or not. `seen`: the pixels that are
+    /// drawn.
     fn shade(&self, id: &TriangleId, quad: [usize; 2], seen: Mask) -> Shaded {
         let batch = &self.batches[id[0] as usize];
         let t = &batch.triangles[id[1] as usize];
@@ -442,19 +444,19 @@ pub(crate) fn tiles_of(t: &Triangle, size: [u32; 2]) -> [u16; 4] {
     ]
 }
 
-/// Quads of one batch that wait for their effects on surfaces.
+/// Quads of one batch whose effects on surfaces are still to be applied.
 #[derive(Default)]
 struct Waiting {
     /// Index of the batch.
     batch: u32,
     quads: Vec<Shaded>,
     samples: Vec<SurfaceSample>,
-    /// The triangle of each quad, and where it is in the tile.
+    /// The triangle of each quad, and the quad's position in the tile.
     places: Vec<(u32, [usize; 2])>,
 }
 
 impl Tile<'_, '_> {
-    /// Writes a quad into the samples in which its triangle is visible.
+    /// Writes a shaded quad into the samples in which its triangle is visible.
     fn write_visible<T: Target, const S: usize>(
         &self,
         b: &mut TileBuffers<T>,
@@ -474,7 +476,7 @@ impl Tile<'_, '_> {
         }
     }
 
-    /// Records a fault of an effect at a pixel of a quad, which is drawn.
+    /// Records the fault of an effect at a pixel of a quad, if there is one.
     fn record_fault(&self, id: &TriangleId, shaded: &Shaded, pixel: usize, [qx, qy]: [usize; 2]) {
         let Some(fault) = shaded.faults[pixel] else { return };
         if let Paint::Surface(fragment) = &self.batches[id[0] as usize].paint {

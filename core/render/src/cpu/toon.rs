@@ -11,7 +11,7 @@ pub(crate) struct ToonSurface<'a> {
     pub base: V3,
     /// Shade color with its texture and the actor's tint.
     pub shade: V3,
-    /// Shift with its texture.
+    /// Shading shift with its texture.
     pub shift: F4,
     /// Matcap color times its texture; zero without one.
     pub matcap: V3,
@@ -20,8 +20,8 @@ pub(crate) struct ToonSurface<'a> {
 }
 
 impl ToonSurface<'_> {
-    /// Color without emission. `relative`: the place seen from the camera; `n` and `v` unit; `share`: of a light that
-    /// shadows leave, by the direction to it.
+    /// Color without emission. `relative`: camera-relative position; `n` and `v`: unit; `share`: unshadowed share of a light, by
+    /// the direction to it.
     pub fn lit(
         &self,
         plan: &Plan,

@@ -13,11 +13,11 @@ use glam::{Affine2, Vec2};
 pub struct Planes {
     /// Offset from the center, in widths of the image.
     at: V3,
-    /// Unit.
+    /// Unit normal in mesh space.
     normal: V3,
-    /// −1 where the normal's part is below zero, else 1.
+    /// Sign of each component of the normal; 1 for zero.
     signs: V3,
-    /// Sum 1.
+    /// Weights of the three sides, with the sum 1.
     weights: V3,
 }
 
@@ -55,7 +55,7 @@ impl Fragment<'_> {
         })
     }
 
-    /// A texture from all three sides.
+    /// Samples a texture on all three sides and mixes the texels.
     pub(crate) fn sample_planes(&self, planes: &Planes, r: &MaterialTexture, texture: &Texture) -> [F4; 4] {
         let [x, y, z] = self.sides(planes, r, texture);
         let w = &planes.weights;

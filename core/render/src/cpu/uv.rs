@@ -35,7 +35,7 @@ impl Fragment<'_> {
         quad
     }
 
-    /// `None` where the material has no such texture: white.
+    /// Samples a texture of the material; `None` if it has none.
     pub fn sample(
         &self,
         quad: &Quad,
@@ -56,7 +56,7 @@ impl Fragment<'_> {
             uv = [uv[0] + u, uv[1] + v];
         }
         if let (Some(mask), Some(toon)) = (quad.uv_mask, &self.material.factors.material.toon) {
-            // Turned about the middle, then moved, each place as much as the mask says.
+            // UV animation of MToon: rotation about the center, then translation, both scaled by the mask.
             let angle = mask * toon.uv_moved.z;
             let (sin, cos) = (angle.map(libm::sinf), angle.map(libm::cosf));
             let [x, y] = uv.map(|v| v - F4::splat(0.5));

@@ -21,7 +21,7 @@ pub struct Vertex {
     pub normal: Vec3,
     /// xyz unit, w the sign of the bitangent; zero where not needed.
     pub tangent: Vec4,
-    /// How much longer the mesh's metres are here; zero where not needed.
+    /// Scale from mesh to world; zero where not needed.
     pub scale: f32,
     /// Colors of its joints by weight; zero where not needed.
     pub joints: Vec3,
@@ -33,7 +33,7 @@ pub(crate) struct VertexStage<'a> {
     pub moved: &'a [Range<u32>],
     pub features: Features,
     pub instance: &'a Instance,
-    /// All of the plan's.
+    /// Joint matrices of the whole plan.
     pub joint_matrices: &'a [Affine3x4],
     pub morphs: &'a [ActiveMorph],
     pub clip_from_relative: &'a Mat4,
@@ -41,7 +41,7 @@ pub(crate) struct VertexStage<'a> {
     pub size: [u32; 2],
     /// Inverted hull, if the pass draws one.
     pub hull: Option<Hull<'a>>,
-    /// Effects that move it.
+    /// Effects that displace the vertices.
     pub displaced: Vec<Displacement>,
     /// World position of the camera.
     pub camera: Vec3,
@@ -87,7 +87,7 @@ impl VertexStage<'_> {
         (0..count).into_par_iter().with_min_len(2048).map(|i| self.vertex(i, normals)).collect()
     }
 
-    /// Projected by the stage's matrix.
+    /// Projects posed vertices to clip space, and pushes out an outline's hull.
     pub fn seen(&self, mut posed: Vec<Vertex>) -> Vec<Vertex> {
         posed.par_iter_mut().with_min_len(2048).enumerate().for_each(|(i, out)| {
             out.clip = *self.clip_from_relative * out.relative.extend(1.0);
@@ -137,13 +137,13 @@ impl VertexStage<'_> {
             joints: self.joint_colors(i),
         };
         if self.features.has(Features::VOLUME) || self.features.has(Features::REFRACTION) {
-            // The root mean square of the three axes.
+            // Root mean square of the scales along the three axes.
             let [x, y, z] = rows.0.map(|r| r.truncate());
             out.scale = ((x.dot(x) + y.dot(y) + z.dot(z)) / 3.0).sqrt();
         }
         if lit {
-            // Normals by the cofactor matrix: the inverse transpose times the determinant, whose sign is taken out
-            // again (right under non-uniform scale and mirroring, and finite where the matrix is flat).
+            // Normals are transformed by the cofactor matrix: the inverse transpose times the determinant, whose sign is removed
+            // again. This is correct under non-uniform scale and mirroring, and finite if the matrix is flat.
             let [x, y, z] = rows.0.map(|r| r.truncate());
             let cofactor = [y.cross(z), z.cross(x), x.cross(y)];
             let handedness = if x.dot(cofactor[0]) < 0.0 { -1.0 } else { 1.0 };
@@ -160,7 +160,7 @@ impl VertexStage<'_> {
         out
     }
 
-    /// Displacement by effects, and the normal after it.
+    /// Displaces a vertex by the effects, and computes its new normal.
     fn displace(&self, i: usize, model: Vec3, rows: &Affine3x4, out: &mut Vertex) {
         let uvs = self.features.has(Features::UV0).then(|| self.primitive.uvs[0].get(i).copied()).flatten();
         let place = VertexSample {
@@ -189,7 +189,7 @@ impl VertexStage<'_> {
             .fold(Vec3::ZERO, |sum, (j, w)| sum + joint_color(*j) * *w)
     }
 
-    /// Along the normal: metres in the world, or a share of the image's height.
+    /// Pushes a vertex of an outline's hull out along its normal: meters in world space, or a share of the image's height.
     fn push_out(&self, hull: &Hull, i: usize, out: &mut Vertex) {
         let factors = &hull.material.factors;
         let Some(outline) = factors.material.toon.as_ref().and_then(|t| t.outline.as_ref()) else { return };
@@ -209,22 +209,23 @@ impl VertexStage<'_> {
             return;
         }
         let size = Vec2::new(self.size[0] as f32, self.size[1] as f32);
-        // Where the normal goes in the image, in pixels: d(xy/w) is proportional to this.
+        // Direction of the normal on screen, in pixels: d(xy/w) is proportional to this.
         let way = *self.clip_from_relative * out.normal.extend(0.0);
         let pixels = (way.xy() * out.clip.w - out.clip.xy() * way.w) * size;
         let step = unit(pixels.extend(0.0)).xy() * (2.0 * width * size.y) / size * out.clip.w;
         out.clip += Vec4::new(step.x, step.y, 0.0, 0.0);
     }
 
-    /// An edge lies in its surface, and its line is a pixel wide: nearer by two pixels' sizes it is seen on what slopes by
-    /// up to two. In clip space that is a share of `z` where what is far is small, a distance where it is not.
+    /// Depth bias of wireframes, in clip space. An edge lies in its surface and is drawn one pixel wide; moved nearer by the size
+    /// of two pixels it stays visible on slopes of up to two. In clip space the bias is proportional to `z` in perspective, and
+    /// constant in orthographic views.
     fn nearer(&self, z: f32) -> f32 {
         let rows = self.clip_from_relative.transpose();
         let pixel = 2.0 / (self.size[1] as f32 * rows.y_axis.xyz().length());
         2.0 * pixel * (z.abs() * rows.w_axis.xyz().length() + rows.z_axis.xyz().length())
     }
 
-    /// The vertex's matrix: the instance's, or its joints' weighted by influence.
+    /// The vertex's matrix: that of the instance, or the weighted sum of those of its joints.
     fn rows(&self, i: usize) -> Affine3x4 {
         if !self.features.has(Features::SKIN) {
             return self.instance.relative_from_mesh;
@@ -254,7 +255,8 @@ impl VertexStage<'_> {
         }
     }
 
-    /// Stretches blended as matrices, then motions as dual quaternions on the side of the heaviest (`choreo_motion::skinning::dual_quaternion`).
+    /// Dual-quaternion skinning: stretches are blended as matrices, rigid motions as dual quaternions, each with the sign nearer
+    /// to the heaviest one (`choreo_motion::skinning::dual_quaternion`).
     fn dual(&self, first: usize, joints: &[u16], weights: &[f32]) -> Affine3x4 {
         let mut heaviest = 0;
         for k in 1..weights.len() {
@@ -276,7 +278,7 @@ impl VertexStage<'_> {
     }
 }
 
-/// Neighbouring numbers get colors far apart: hues a golden ratio of the circle from each other.
+/// Distinct color of a joint: hues of consecutive joints are a golden ratio of the circle apart.
 fn joint_color(joint: u16) -> Vec3 {
     let x = f32::from(joint) * 0.618_034;
     let hue = (x - x.floor()) * 6.0;
@@ -290,7 +292,7 @@ fn add(sum: &mut Affine3x4, rows: &Affine3x4, weight: f32) {
     }
 }
 
-/// The rotation and translation of a dual quaternion of any length.
+/// The rotation and translation of a dual quaternion, which need not be normalized.
 fn motion(q: Vec4, d: Vec4) -> Affine3x4 {
     let k = 2.0 / q.dot(q).max(1e-30);
     let (v, e) = (q.truncate(), d.truncate());

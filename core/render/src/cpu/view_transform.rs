@@ -1,10 +1,10 @@
-//! The view transform: what a display shows of light, four pixels at once. CPU reference of view.wgsl.
+//! The view transform from light to display colors, four pixels at once. CPU reference of view.wgsl.
 
 use crate::lanes::{F4, V3};
 use crate::plan::{Features, Plan};
 use glam::Vec3;
 
-/// Light of the sky as a display shows it.
+/// Display color of the sky's light.
 pub(crate) fn displayed(plan: &Plan, light: Vec3) -> Vec3 {
     if plan.display.is_empty() {
         return light;
@@ -81,6 +81,6 @@ pub fn agx(light: V3) -> V3 {
         ],
         each(inset, curve),
     );
-    // The curve gives codes of a 2.2 display; the image is linear.
+    // The curve gives codes of a display with gamma 2.2; the image is linear.
     each(out, |c| c.max(F4::ZERO).map(|c| libm::powf(c, 2.2)).clamp(0.0, 1.0))
 }

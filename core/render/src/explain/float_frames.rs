@@ -1,11 +1,11 @@
-//! Frames of floats: the passes that are drawn for them, and their images on the host.
+//! Costs of float frames: the passes that are drawn for them, and their images on the host.
 
 use crate::explain::{CostKind, Costs, RequestedBy, plural};
 use crate::plan::passes::sample_places;
 use choreo_plugin::{FrameWish, IdMatte, Passes};
 
 impl Costs<'_> {
-    /// The costs that `--passes` adds beside the commands of the plan itself.
+    /// Adds the costs of the passes that `--passes` requests, which are not among the commands of the plan.
     pub fn float_frame(&mut self) {
         let FrameWish::Scene(passes) = self.plan.wish else { return };
         let [width, height] = self.plan.size;
@@ -43,7 +43,7 @@ impl Costs<'_> {
         }
     }
 
-    /// The effects and passes that read depth, normals and motion.
+    /// The effects, and the passes of the frame, that read depth, normals and motion.
     pub(crate) fn inputs_read_by(&self) -> RequestedBy {
         let effects = self.plan.scene_inputs.iter().flat_map(|pass| pass.effects.iter().cloned()).collect();
         let other = match self.plan.wish {

@@ -59,7 +59,7 @@ pub struct RequestedBy {
     pub materials: BTreeSet<u32>,
     /// Plugin names.
     pub effects: BTreeSet<String>,
-    /// Name of what is none of these: "the stage's background".
+    /// Name of another source: "the stage's background".
     pub other: Option<&'static str>,
 }
 
@@ -73,7 +73,7 @@ impl RequestedBy {
     }
 }
 
-/// One thing that a frame needs.
+/// A pass, pipeline, buffer, texture or other item that a frame needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cost {
     pub kind: CostKind,
@@ -118,7 +118,7 @@ impl Costs<'_> {
             let first = draw.first_instance as usize;
             let copies = self.plan.instance_actors.get(first..first + draw.instance_count as usize);
             requested_by.actors.extend(copies.unwrap_or_default());
-            // Shadow maps have materials only where these cut holes.
+            // Shadow maps depend on a material only if it cuts holes.
             if !in_shadow.contains(&draw.first_instance) || draw.pipeline.features.has(Features::ALPHA_MASK) {
                 requested_by.materials.insert(draw.material);
             }
@@ -130,7 +130,7 @@ impl Costs<'_> {
         self.plan.draws.iter().filter(|d| d.pipeline.glass == Glass::Refract)
     }
 
-    /// The cause of depth peeling.
+    /// The cause of depth peeling: actors, or the stage.
     fn peeled_by(&self) -> RequestedBy {
         let mut requested_by = RequestedBy::default();
         match self.plan.depth_peeling.map(|peel| peel.cause) {
@@ -151,12 +151,13 @@ impl Costs<'_> {
         requested_by
     }
 
-    /// The actors that request the draws, without materials.
+    /// The actors whose draws these are, without materials.
     fn actors<'d>(&self, draws: impl Iterator<Item = &'d Draw>) -> RequestedBy {
         RequestedBy { materials: BTreeSet::new(), ..self.requested_by(draws) }
     }
 
-    /// Draws of each scene pipeline. Each draw follows the commands that bind its state; back and front faces may be drawn apart.
+    /// The draws of each scene pipeline. Each draw follows the commands that bind its state; back and front faces may be drawn
+    /// separately.
     fn draws_of_variants(&self, recording: &Recording) -> BTreeMap<SceneVariant, Vec<Draw>> {
         let mut of_variant: BTreeMap<SceneVariant, Vec<Draw>> = BTreeMap::new();
         let mut bound = None;
@@ -217,7 +218,7 @@ impl Costs<'_> {
         }
     }
 
-    /// Triangles, lines or points of all copies.
+    /// Number of triangles, lines or points of all copies.
     fn elements(&self, draw: &Draw) -> usize {
         let primitive = self.resources.primitives[draw.primitive as usize].primitive();
         let vertices = match primitive.topology {
@@ -352,7 +353,7 @@ impl Costs<'_> {
             let bytes =
                 (0..levels).map(|l| 4 * u64::from((w >> l).max(1)) * u64::from((h >> l).max(1))).sum();
             let color = if entry.srgb { "colors" } else { "data" };
-            // The plan does not know the device. See `GpuOptions::anisotropy`.
+            // The plan does not know the device, so both cases are named; see `GpuOptions::anisotropy`.
             let filter = if anisotropic { ", anisotropic on GPUs" } else { "" };
             let levels = plural(levels as usize, "level");
             let what = format!("\"{}\": {w}×{h}, {levels}, {color}{filter}", entry.image.name);

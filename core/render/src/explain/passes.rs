@@ -1,4 +1,4 @@
-//! Passes of a frame, and pipelines that belong to one.
+//! Costs of the passes of a frame, and of pipelines that belong to one pass.
 
 use crate::commands::{Command, PassPart, Recording};
 use crate::explain::{CostKind, Costs, RequestedBy, plural, target_name};

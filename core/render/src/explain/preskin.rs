@@ -1,14 +1,14 @@
-//! Pre-skinning.
+//! Costs of pre-skinning.
 
 use crate::commands::{Command, Recording};
 use crate::explain::{CostKind, Costs};
 use std::collections::BTreeSet;
 
-/// Size of a mesh's parameters as the compute shader reads them.
+/// Size in bytes of the parameters of one pre-skinned mesh, as the compute shader reads them.
 const JOB_BYTES: u64 = 64;
 
 impl Costs<'_> {
-    /// The compute pass, its pipelines, and the buffers of its vertices.
+    /// Adds the compute pass, its pipelines, and the buffers of its vertices.
     pub(crate) fn preskinning(&mut self, recording: &Recording) {
         let read: BTreeSet<u32> =
             recording.preskinned.iter().flat_map(|b| b.instances.iter().copied()).collect();

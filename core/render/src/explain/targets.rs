@@ -1,4 +1,4 @@
-//! Images that a frame is drawn into.
+//! Costs of the images that a frame is drawn into.
 
 use crate::commands::{Command, Recording, Target};
 use crate::explain::{CostKind, Costs, RequestedBy};
@@ -7,7 +7,7 @@ use crate::vulkan::deferred::{BYTES, FORMATS};
 use std::collections::BTreeMap;
 
 impl Costs<'_> {
-    /// Color and depth targets.
+    /// Adds the color and depth targets.
     pub fn targets(&mut self, recording: &Recording) {
         let [width, height] = recording.size;
         let pixels = u64::from(width) * u64::from(height);
@@ -78,7 +78,7 @@ impl Costs<'_> {
         }
     }
 
-    /// Textures of passes of effects; those that share an image are named together.
+    /// Adds the textures of effect passes; textures that share an image are named together.
     fn texture_targets(&mut self, recording: &Recording) {
         let mut slots: BTreeMap<u8, ([u32; 2], Vec<&str>, RequestedBy)> = BTreeMap::new();
         for command in &recording.commands {

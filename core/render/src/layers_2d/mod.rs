@@ -23,7 +23,7 @@ pub struct LayerImage {
     pub area: [u32; 2],
     /// Pixels of that area: linear, premultiplied alpha.
     pub pixels: Vec<Vec4>,
-    /// Hash of everything that it is made of.
+    /// Hash of all inputs.
     pub hash: [u8; 32],
 }
 
@@ -33,7 +33,7 @@ impl fmt::Debug for LayerImage {
     }
 }
 
-/// Text of an effect beside a point of the frame.
+/// Text of an effect next to a point of the frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScreenLabel {
     /// Position as shares of the frame, from its top left.
@@ -47,7 +47,7 @@ pub struct ScreenLabel {
     pub color: Vec4,
 }
 
-/// The layers behind the scene and those in front, if there are any. Cached while they do not change.
+/// The 2D layers behind the scene and in front of it; `None` if there are none. Cached while they do not change.
 pub fn compose_layers(
     stage: &Stage,
     snapshot: &Snapshot,
@@ -103,7 +103,7 @@ fn hash(stage: &Stage, states: &[&Layer2dState], labels: &[ScreenLabel], size: [
     labels.iter().for_each(|label| add(format!("{label:?}").as_bytes()));
     for state in states {
         let layer_2d = &stage.layers_2d[state.layer_2d];
-        // Numbers are printed so that no two that differ look alike.
+        // Numbers are printed so that different numbers give different texts.
         match &layer_2d.content {
             Layer2dContent::Picture { hash, fit, image: _ } => {
                 add(hash);
@@ -127,7 +127,7 @@ fn hash(stage: &Stage, states: &[&Layer2dState], labels: &[ScreenLabel], size: [
 struct Canvas {
     size: [u32; 2],
     pixels: Vec<Vec4>,
-    /// First and last pixel that were changed, the last not included.
+    /// First changed pixel, and the end of the changed area (exclusive).
     low: [u32; 2],
     high: [u32; 2],
 }
@@ -143,7 +143,7 @@ impl Canvas {
             && (outline.is_some() || panel.is_some())
             && state.opacity < 1.0
         {
-            // Its parts fade as one.
+            // The parts of a layer fade as one image.
             let mut whole = Canvas::new(self.size);
             whole.draw(layer_2d, &Layer2dState { opacity: 1.0, ..state.clone() });
             return self.add(&whole, state.opacity);
@@ -259,7 +259,7 @@ impl Canvas {
         self.high = [0, 1].map(|i| self.high[i].max(other.high[i]));
     }
 
-    /// `None` if nothing was drawn.
+    /// The changed area of the canvas; `None` if nothing was drawn.
     fn finish(self, hash: [u8; 32]) -> Option<LayerImage> {
         let Canvas { size, pixels, low, high } = self;
         if low[0] >= high[0] || low[1] >= high[1] {
@@ -276,7 +276,7 @@ impl Canvas {
 }
 
 impl LayerImage {
-    /// Premultiplied; zero outside the area.
+    /// Linear, premultiplied color of a pixel; zero outside the area.
     pub fn pixel(&self, x: u32, y: u32) -> Vec4 {
         let (x, y) = (x.wrapping_sub(self.at[0]), y.wrapping_sub(self.at[1]));
         if x >= self.area[0] || y >= self.area[1] {
@@ -285,7 +285,7 @@ impl LayerImage {
         self.pixels[(y * self.area[0] + x) as usize]
     }
 
-    /// Blends it over a linear, premultiplied image.
+    /// Blends the layers over a linear, premultiplied image.
     pub(crate) fn over_floats(&self, size: [u32; 2], image: &mut [Vec4]) {
         if size != self.size {
             return;
@@ -297,7 +297,7 @@ impl LayerImage {
         }
     }
 
-    /// Blends it over a finished frame of its size.
+    /// Blends the layers over a finished frame of the same size.
     pub fn over(&self, frame: &mut Frame) {
         if [frame.width, frame.height] != self.size {
             return;
@@ -342,7 +342,7 @@ mod tests {
         let over = over.unwrap();
         assert_eq!(over.pixel(0, 0), Vec4::new(1.0, 0.0, 0.0, 1.0));
         assert_eq!(over.pixel(4, 2), Vec4::new(0.5, 0.5, 0.0, 1.0));
-        // The frame below shows through where it is transparent: half green over blue, in linear light.
+        // The frame below is visible through transparent pixels: half green over blue, in linear light.
         stage.layers_2d.remove(0);
         let mut frame = Frame { width: 8, height: 4, rgba: [0, 0, 255, 255].repeat(32) };
         drawn(&stage, [8, 4])[1].as_ref().unwrap().over(&mut frame);
@@ -357,7 +357,7 @@ mod tests {
         let layer_2d = drawn(&stage, [80, 60])[1].clone().unwrap();
         let dark = (0..60).filter(|y| layer_2d.pixel(40, *y).w > 0.5).count();
         assert_eq!(dark, 20, "80 wide, 2 to 1: 40 high");
-        // Already of that ratio: nothing to draw.
+        // The frame already has that ratio, so there are no bars.
         assert!(drawn(&stage, [80, 40])[1].is_none());
     }
 }

@@ -1,4 +1,4 @@
-//! Deferred shading: which surfaces, and why.
+//! Deferred shading: the cause, and the features of its lighting pass.
 
 use crate::plan::Features;
 
@@ -9,16 +9,16 @@ pub struct Deferred {
     pub cause: DeferredCause,
     /// Features of the lighting pass, for all deferred surfaces together.
     pub features: Features,
-    /// Bits of the effects among `Plan::scene_effects` that all deferred surfaces have.
+    /// Bits of the effects in `Plan::scene_effects` that all deferred surfaces have in common.
     pub surface: u8,
 }
 
 /// Why shading is deferred.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DeferredCause {
-    /// The stage requests it.
+    /// The stage requests deferred shading.
     Requested,
-    /// It is estimated to be faster. Means over the covered part of the frame: light evaluations per shaded surface, overlapping
-    /// surfaces, and light evaluations per pixel that forward shading would waste on hidden surfaces.
+    /// Deferred shading is estimated to be faster. Means over the covered part of the frame: light evaluations per shaded
+    /// surface, overlapping surfaces, and light evaluations per pixel that forward shading would waste on hidden surfaces.
     Pays { lights: f32, surfaces: f32, wasted: f32 },
 }

@@ -12,9 +12,9 @@ pub struct DepthPeeling {
 /// Why sorting is not enough. Numbers are indices into `Stage::actors`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PeelCause {
-    /// The stage requests it.
+    /// The stage requests depth peeling.
     Requested,
-    /// An actor requests it for itself.
+    /// An actor requests depth peeling for itself.
     RequestedBy(u32),
     /// Copies of two actors, or of one, intersect or are in the wrong order.
     Order(u32, u32),

@@ -3,11 +3,11 @@
 use choreo_asset::Aabb;
 use glam::{Mat4, Vec2, Vec4, Vec4Swizzles};
 
-/// Largest share of the frame with which a rectangle is worth a copy of the background.
+/// Largest share of the frame for which a rectangle is worth a copy of the background.
 const LARGEST_SHARE: f32 = 0.7;
 /// Edges of boxes are clipped at this distance in front of the camera.
 const NEAREST: f32 = 1e-4;
-/// Pixels added around what is drawn: half the width of points and lines, and rounding.
+/// Margin in pixels around each drawn box: half the width of points and lines, and rounding.
 pub(crate) const MARGIN: f32 = 3.0;
 /// Rectangles begin and end at multiples of this number of pixels: software rasterizers work in blocks.
 const BLOCK: u32 = 4;
@@ -23,7 +23,7 @@ impl DirtyRect {
     pub const NOTHING: DirtyRect = DirtyRect { from: Vec2::INFINITY, to: Vec2::NEG_INFINITY };
     pub const EVERYTHING: DirtyRect = DirtyRect { from: Vec2::NEG_INFINITY, to: Vec2::INFINITY };
 
-    /// Adds the projection of a camera-relative box. `beyond`: pixels added around it.
+    /// Adds the projection of a camera-relative box. `beyond`: margin around it in pixels.
     pub fn add(&mut self, b: Aabb, clip_from_relative: &Mat4, size: [u32; 2], beyond: f32) {
         let corners = b.corners().map(|c| *clip_from_relative * c.extend(1.0));
         if !corners.iter().all(|c| c.is_finite()) {
@@ -51,11 +51,11 @@ impl DirtyRect {
         }
     }
 
-    /// Left, top, width and height in pixels of the frame; `None` if that is most of it.
+    /// Left, top, width and height in pixels of the frame; `None` if the rectangle is most of the frame.
     pub fn part_of(&self, size: [u32; 2]) -> Option<[u32; 4]> {
         let ends = |i: usize| {
             let last = size[i] as f32;
-            // Never empty: a pass needs a pixel.
+            // The rectangle is never empty, because a pass needs a pixel.
             let from = (self.from[i].clamp(0.0, last - 1.0) as u32) / BLOCK * BLOCK;
             let to = (self.to[i].clamp(0.0, last).ceil() as u32).next_multiple_of(BLOCK);
             [from, to.clamp(from + 1, size[i]) - from]
@@ -65,14 +65,15 @@ impl DirtyRect {
         (share <= LARGEST_SHARE).then_some([x, y, width, height])
     }
 
-    /// Left top and right bottom of the part inside the frame, pixels.
+    /// Left top and right bottom of the part inside the frame, in pixels; `None` if it is empty.
     pub(crate) fn inside(&self, size: [u32; 2]) -> Option<[Vec2; 2]> {
         let whole = Vec2::new(size[0] as f32, size[1] as f32);
         let (from, to) = (self.from.max(Vec2::ZERO), self.to.min(whole));
         from.cmplt(to).all().then_some([from, to])
     }
 
-    /// First and last column, first and last row of the screen tiles of a size that it touches; `None` if it lies outside the frame.
+    /// First and last column, first and last row of the screen tiles that the rectangle touches; `None` if it lies outside the
+    /// frame. `side`: side of a tile in pixels.
     pub(crate) fn tiles(&self, size: [u32; 2], side: u32) -> Option<[[u32; 2]; 2]> {
         let ends = |i: usize| {
             let last = size[i] as f32;
@@ -90,7 +91,7 @@ mod tests {
 
     const SIZE: [u32; 2] = [400, 200];
 
-    /// 57° high, twice as wide as high; y down, as in images.
+    /// A view 57° high, twice as wide as high; y down, as in images.
     fn view() -> Mat4 {
         let row = Vec4::new;
         let [up, right] = [1.83, 0.915];
@@ -137,7 +138,7 @@ mod tests {
         rect.add(around(Vec3::new(f32::NAN, 0.0, -6.0), 1.0), &view(), SIZE, 0.0);
         assert_eq!(rect.part_of(SIZE), None);
         assert_eq!(DirtyRect::EVERYTHING.part_of(SIZE), None);
-        // One pixel has no part.
+        // An image of one pixel has no smaller part.
         assert_eq!(DirtyRect::NOTHING.part_of([1, 1]), None);
     }
 

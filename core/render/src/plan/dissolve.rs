@@ -1,19 +1,19 @@
-//! Dissolves between cameras: the finished images of two plans, mixed as they are shown, below the 2D layers over the frame. Editing
-//! programs call it a cross dissolve (Blender's sequencer: Cross).
+//! Cross dissolves between cameras (Blender's sequencer: Cross): the finished display images of two plans are mixed, below the 2D
+//! layers over the frame.
 
 use crate::plan::Plan;
 use choreo_plugin::Frame;
 
-/// The image of the camera before a cut, which goes over into that of the frame's plan.
+/// The image of the camera before a cut, which dissolves into the image of the frame's plan.
 #[derive(Clone, Debug)]
 pub struct PlanDissolve {
-    /// It has sub-frames and full-screen passes of its own, and no 2D layers over the frame.
+    /// Plan with its own sub-frames and full-screen passes, without 2D layers over the frame.
     pub plan: Plan,
-    /// The share of the frame, above 0, at most 1.
+    /// Share of the earlier camera in the mix, above 0, at most 1.
     pub share: f32,
 }
 
-/// Draws both images of a plan that dissolves, and its 2D layers over them.
+/// Draws a plan; if it dissolves, mixes in the image of the camera before, and then draws the 2D layers over both.
 pub(crate) fn dissolved<E>(
     mut plan: Plan,
     reuse: Option<Frame>,
@@ -30,7 +30,7 @@ pub(crate) fn dissolved<E>(
     Ok(frame)
 }
 
-/// Mixes a share of another image in. Colors count by their opacity.
+/// Mixes in a share of another image. Colors are weighted by their alpha.
 fn mix(image: &mut [u8], other: &[u8], share: f32) {
     for (pixel, other) in image.as_chunks_mut::<4>().0.iter_mut().zip(other.as_chunks::<4>().0) {
         let weights = [f32::from(pixel[3]) * (1.0 - share), f32::from(other[3]) * share];
@@ -59,7 +59,7 @@ mod tests {
         assert_eq!(mixed([0, 100, 255, 255], [255, 200, 55, 255], 0.25), [64, 125, 205, 255]);
         assert_eq!(mixed([9, 8, 7, 255], [1, 2, 3, 255], 0.0), [9, 8, 7, 255]);
         assert_eq!(mixed([9, 8, 7, 255], [1, 2, 3, 255], 1.0), [1, 2, 3, 255]);
-        // Half of a red that covers all and half of nothing: red that covers half.
+        // Half of an opaque red and half of a transparent image give a red with half the alpha.
         assert_eq!(mixed([255, 0, 0, 255], [0, 0, 0, 0], 0.5), [255, 0, 0, 128]);
     }
 }

@@ -12,10 +12,10 @@ pub struct Draw {
     pub material: u32,
     /// Index into `Plan::material_overrides`, if the material is overridden in this frame.
     pub material_override: Option<u32>,
-    /// Number of indices, of those that `crate::scene_resources::watertight` puts first, whose back faces are culled although
-    /// the material is double-sided.
+    /// Number of indices of watertight surfaces (sorted first by `crate::scene_resources::watertight`), whose back faces are
+    /// culled although the material is double-sided.
     pub watertight: u32,
-    /// Whether it is drawn into the G-buffer if [`crate::plan::Plan::deferred`] is set.
+    /// Whether the draw goes into the G-buffer if [`crate::plan::Plan::deferred`] is set.
     pub deferred: bool,
     /// Range of `Plan::instances`.
     pub first_instance: u32,

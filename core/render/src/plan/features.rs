@@ -12,25 +12,25 @@ use choreo_asset::{AlphaMode, MaterialLayers, Shading, TextureSlot};
 use choreo_plugin::SceneInputs;
 use glam::{Affine2, Vec3};
 
-/// Requests of a draw for features, beside those of its primitive and material.
+/// The requests of a draw for features that do not come from its primitive and material.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DrawNeeds {
     pub skinned: bool,
-    /// Its joints lead to model space, and the instance's own matrix on from there.
+    /// The joints lead to model space, and the instance's matrix leads on from there.
     pub placed: bool,
-    /// Skinned by dual quaternions.
+    /// The skin uses dual quaternions.
     pub dual: bool,
     pub morphed: bool,
     pub local_lights: bool,
-    /// A sky shines.
+    /// Whether a sky lights the surface.
     pub sky: bool,
-    /// Some light falls off by a polynomial.
+    /// Some light has a polynomial falloff.
     pub polynomial: bool,
     /// Features of exposure and view transform.
     pub display: Features,
 }
 
-/// How a draw is lit, as far as features depend on it.
+/// Shading model of a draw, as far as features depend on it.
 struct Model {
     lit: bool,
     metallic_roughness: bool,
@@ -38,7 +38,7 @@ struct Model {
     phong: bool,
     /// Blinn–Phong or Phong with reflections.
     reflects: bool,
-    /// Textures come from three sides; those that cannot are not read.
+    /// Textures are mapped from three sides (triplanar); textures that do not support this are not read.
     triplanar: bool,
 }
 
@@ -57,7 +57,7 @@ impl Model {
         }
     }
 
-    /// The textures that this model reads, with their features.
+    /// The textures that this shading model reads, with their features.
     fn textures(&self, m: &MaterialResource) -> Vec<(Option<MaterialTexture>, Features)> {
         let of_toon = |toon: Features, other: Features| if self.toon { toon } else { other.when(self.lit) };
         let [of_metallic_roughness, of_specular] = match (self.toon, self.reflects) {
@@ -83,14 +83,14 @@ impl Model {
     }
 }
 
-/// The textures that triplanar mapping lays on from three sides; the others are not read then.
+/// Textures that triplanar mapping supports. The others are not read with it.
 const FROM_THREE_SIDES: Features = Features::BASE_COLOR_TEXTURE
     .with(Features::NORMAL_TEXTURE)
     .with(Features::SPECULAR_COLOR_TEXTURE)
     .with(Features::REFLECTION_TEXTURE);
 
-/// Features of a draw: only those that change a pixel. `force_all` sets every bit that leaves the pixels as they are; see
-/// [`Features`] for what a renderer then feeds to a shader whose primitive or material lacks the data.
+/// Features of a draw: only those that change a pixel. `force_all` also sets every bit that leaves the pixels as they are; see
+/// [`Features`] for the values that a shader reads if its primitive or material lacks the data.
 pub fn features(
     primitive: &PrimitiveResource,
     material: &MaterialResource,
@@ -124,7 +124,7 @@ pub fn features(
         (Features::SKY, lit && needs.sky),
         (Features::POLYNOMIAL_FALLOFF, lit && needs.polynomial),
         (Features::EXPOSURE, lit && (needs.display.has(Features::EXPOSURE) || force_all)),
-        // Toon shading gives colors.
+        // The view transform does not apply to toon shading, which gives display colors.
         (needs.display.without(Features::EXPOSURE), lit && !toon),
     ];
     let all = set.iter().fold(Features::default(), |all, (bit, on)| all.with(bit.when(*on)));
@@ -142,12 +142,13 @@ fn texture_features(
     let p = primitive.primitive();
     let mut f = Features::default();
     for (texture, bit) in model.textures(material) {
-        // A matcap is looked up by the normal; an environment map by the reflected direction, and without one that is the sky.
+        // A matcap is looked up by the normal, an environment map by the reflected direction: neither needs texture coordinates.
+        // Without an environment map the sky is reflected.
         if bit == Features::MATCAP_TEXTURE || bit == Features::ENVIRONMENT_TEXTURE {
             f = f.with(bit.when(texture.is_some() || (model.toon && force_all)));
             continue;
         }
-        // A texture without its uvs, a normal map without tangents: out, even where everything is forced in.
+        // A texture without texture coordinates, or a normal map without tangents, is left out even if everything is forced in.
         let needs_tangents = bit.has_tangents() || bit == Features::ANISOTROPY_TEXTURE;
         let unusable = texture.is_some_and(|t| {
             let without_uvs = p.uvs[t.uv_set as usize].is_empty() && !model.triplanar;
@@ -171,13 +172,13 @@ fn texture_features(
     mask.map_or(f, |mask| f.with(Features::UV_MOTION_MASK).with(uv_features(mask)))
 }
 
-/// The textures that a material's shading model reads, as far as the material has them.
+/// The textures that a material has and that its shading model reads.
 pub(crate) fn material_textures(material: &MaterialResource) -> Features {
     let there = Model::of(true, material).textures(material).into_iter().filter(|(t, _)| t.is_some());
     there.fold(Features::default(), |all, (_, bit)| all.with(bit))
 }
 
-/// The set of texture coordinates of a texture, and its transform.
+/// Features of a texture's set of texture coordinates and of its transform.
 fn uv_features(t: MaterialTexture) -> Features {
     let set = if t.uv_set == 0 { Features::UV0 } else { Features::UV1.when(t.uv_set == 1) };
     set.with(Features::UV_TRANSFORM.when(t.uv_transform != Affine2::IDENTITY))
@@ -213,8 +214,8 @@ fn layer_textures(
     textures.into_iter().zip(bits)
 }
 
-/// Features of the layers themselves. A coat, sheen, film and light from behind of nothing change no pixel, so they can be forced
-/// in where the material has layers at all.
+/// Features of the layers themselves. A coat, sheen, film or diffuse transmission with weight 0 changes no pixel, so each can be
+/// forced in if the material has layers at all.
 pub(crate) fn layer_features(layers: Option<&MaterialLayers>, tangents: bool, force_all: bool) -> Features {
     let Some(l) = layers else { return Features::default() };
     let set = [
@@ -232,7 +233,7 @@ pub(crate) fn layer_features(layers: Option<&MaterialLayers>, tangents: bool, fo
     set.iter().fold(Features::default(), |all, (bit, on)| all.with(bit.when(*on)))
 }
 
-/// Whether its normal map can be read.
+/// Whether the primitive has the data that the material's normal map needs.
 fn reads_normal_map(primitive: &PrimitiveResource, material: &MaterialResource) -> bool {
     let p = primitive.primitive();
     let has_uvs = |t: MaterialTexture| !p.uvs[t.uv_set as usize].is_empty();
@@ -241,7 +242,7 @@ fn reads_normal_map(primitive: &PrimitiveResource, material: &MaterialResource) 
         && material.texture(TextureSlot::Normal).is_some_and(has_uvs)
 }
 
-/// Features of the outline around a surface with these features: where light on the surface does not count, its shape alone.
+/// Features of the outline around a surface with these features. Without a mix of the surface's lighting it only needs the shape.
 pub(crate) fn outline_features(
     features: Features,
     primitive: &PrimitiveResource,
@@ -254,58 +255,58 @@ pub(crate) fn outline_features(
     let uvs = &primitive.primitive().uvs;
     let width = material.textures[TOON_SLOT].filter(|t| !uvs[t.uv_set as usize].is_empty());
     let width = width.map_or_else(Features::default, |width| {
-        // An outline's width is read from the second set wherever it is not the first.
+        // The width texture uses the second set of texture coordinates unless it names the first.
         let set = if width.uv_set == 0 { Features::UV0 } else { Features::UV1 };
         uv_features(width).with(set).with(Features::OUTLINE_WIDTH_TEXTURE)
     });
     base.with(Features::OUTLINE).with(width)
 }
 
-/// Facts of a frame from which the reasons are reported.
+/// Facts about a frame that give the reasons why parts are left out.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Facts {
-    /// Features that something of the stage has, visible or not: skins, morph targets, lit materials, a sky.
+    /// Features of all objects of the stage, visible or not: skins, morph targets, lit materials, a sky.
     pub in_stage: Features,
     pub lit_exist: bool,
     pub lights_exist: bool,
-    /// 2D layers under and over the scene.
+    /// 2D layers behind and in front of the scene.
     pub flats: usize,
     pub lit_drawn: bool,
     pub blended: usize,
     pub copies: usize,
     pub culled: usize,
     pub hidden_actors: usize,
-    /// Culled with their shadows in any pose, and so not even posed.
+    /// Actors that are culled with their shadows in any pose, so that they are not posed.
     pub unposed_actors: usize,
     pub draws: usize,
     pub drawn_copies: usize,
     pub samples: u32,
-    /// Some cut-out keeps samples.
+    /// Whether some cut-out uses alpha to coverage.
     pub coverage: bool,
     pub post_passes: usize,
     /// The inputs from the scene that effects on images read.
     pub inputs: SceneInputs,
     pub surface_effects: usize,
     pub dark_lights: usize,
-    /// Some light that shines casts shadows.
+    /// Whether some light that shines casts shadows.
     pub casting: bool,
     pub shadow_views: usize,
     /// Actors that do not cast or do not receive shadows.
     pub unshadowed: usize,
     pub overlays: usize,
     pub shadows_beyond: usize,
-    /// Enough lights have a range for clustered lighting.
+    /// Whether enough lights have a range for clustered lighting.
     pub many_lights: bool,
     /// Instances that are drawn at a coarser level of detail, in view or casting shadows.
     pub coarse: usize,
-    /// Copies of models that are small enough for levels of detail, where these are not made.
+    /// Copies small enough for levels of detail, of models whose levels are not made.
     pub small: usize,
-    /// Triangles in view of watertight surfaces of double-sided materials.
+    /// Triangles in view of watertight surfaces with double-sided materials.
     pub closed: usize,
 }
 
-/// The features and passes that a frame does without, and why: first of the scene, then of the features in the table's order, then of
-/// whole passes.
+/// The features and passes that a frame does not use, and why: those of the scene, then features in the table's order, then whole
+/// passes.
 pub fn left_out(all: Features, facts: &Facts) -> Vec<LeftOut> {
     let of_features = absences(all, facts.in_stage).map(|(what, why)| (what, why.to_string()));
     let reports = of_scene(facts).into_iter().chain(of_features);

@@ -1,5 +1,5 @@
-//! The key of a frame by its content: its plan, the scene resources and the effects. Plans with equal keys give equal images
-//! on one device, at any time and of any version of the script.
+//! The key of a frame by its content: its plan, the scene resources and the effects. Plans with equal keys give equal images on
+//! one device, at any time and with any version of the script.
 
 use crate::plan::{Draw, Plan, PostPass, ShadowMaps, ShadowView};
 use crate::scene_resources::SceneResources;
@@ -8,7 +8,7 @@ use choreo_plugin::{Effect, FrameWish};
 
 pub type Key = [u8; 32];
 
-/// A draw by the content of what it refers to.
+/// A draw as text, by the content of the resources that it refers to.
 fn draw_text(draw: &Draw, resources: &SceneResources) -> String {
     let primitive = resources.primitives.get(draw.primitive as usize).map(|p| p.hash);
     let material = resources.materials.get(draw.material as usize).map(|m| m.hash);
@@ -16,7 +16,7 @@ fn draw_text(draw: &Draw, resources: &SceneResources) -> String {
     format!("{primitive:?} {material:?} {material_override:?} {pipeline:?} {first_instance} {instance_count}")
 }
 
-/// Hash of everything that the image is made from.
+/// Hash of all inputs of the frame's image.
 pub fn frame_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) -> Key {
     let layers = plan.layers_in_front.as_ref().map(|layers| layers.hash);
     let mut hasher = blake3::Hasher::new();
@@ -25,14 +25,15 @@ pub fn frame_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) ->
     *hasher.finalize().as_bytes()
 }
 
-/// Hash of everything that the image is made from but the 2D layers over it.
+/// Hash of all inputs of the frame's image except the 2D layers over it.
 pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) -> Key {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
         hasher.update(bytes);
     };
-    // One list makes this function longer than 80 lines: a new field does not compile until it is hashed or left out here.
+    // All fields are listed, which makes this function longer than 80 lines: a new field does not compile until it is hashed or
+    // ignored here.
     let Plan {
         size,
         samples,
@@ -74,11 +75,11 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) ->
         left_out: _,
         effect_faults: _,
         shutter_motion: _,
-        // They follow from instances and lights.
+        // Both follow from instances and lights.
         dirty_rect: _,
         light_clusters: _,
     } = plan;
-    // Numbers are printed so that no two that differ look alike: the shortest text that reads as the same number.
+    // Numbers are printed so that different numbers give different texts: the shortest text that reads as the same number.
     add(format!("{size:?} {samples} {view:?} {background:?} {ambient_up:?} {ambient_down:?}").as_bytes());
     add(format!("{exposure:?} {display:?}").as_bytes());
     add(format!("{:?}", layers_behind.as_ref().map(|layers| layers.hash)).as_bytes());
@@ -95,7 +96,7 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) ->
         add_shadow_maps(shadows, &draw_text, &mut add);
     }
     add(format!("{scene_color_copy:?}").as_bytes());
-    // Other roundings.
+    // Deferred shading rounds differently.
     add(&[u8::from(deferred.is_some())]);
     add(format!("{:?}", depth_peeling.as_ref().map(|peeling| peeling.layers)).as_bytes());
     scene_effects.iter().chain(post).for_each(|pass| add_pass(pass, effects, &mut add));
@@ -105,7 +106,7 @@ pub fn scene_key(plan: &Plan, resources: &SceneResources, effects: &[Effect]) ->
     if *wish != FrameWish::Bytes {
         add(format!("{wish:?}").as_bytes());
     }
-    // Its draws follow from those above, its instances are among them.
+    // The draws of the inputs follow from those above, and their instances are among the plan's.
     let inputs = scene_inputs.as_ref().map(|pass| (pass.inputs, pass.clip_before, pass.camera_before));
     add(format!("{inputs:?} {inputs_only} {effect_frame:?}").as_bytes());
     add(format!("{} {}", subframes.len(), history.len()).as_bytes());

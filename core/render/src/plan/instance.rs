@@ -15,12 +15,12 @@ pub struct Instance {
     pub first_joint: u32,
     pub first_morph: u32,
     pub morph_count: u32,
-    /// Line width in pixels; negative: in metres. See `crate::scene_resources::thick_lines`.
+    /// Line width in pixels; negative: in meters. See `crate::scene_resources::thick_lines`.
     pub width: f32,
 }
 
 impl Instance {
-    /// Everything that the positions of its vertices depend on, bit by bit.
+    /// All fields that the positions of the instance's vertices depend on, as bits.
     pub(crate) fn deformation(&self) -> [u32; 15] {
         let rows = self.relative_from_mesh.0.map(|r| r.to_array().map(f32::to_bits));
         let numbers = [self.first_joint, self.first_morph, self.morph_count];

@@ -7,7 +7,7 @@ pub fn left_out_names() -> impl Iterator<Item = &'static str> {
     FEATURES.iter().filter_map(|f| Some(f.absence?.what)).chain(OTHERS.iter().copied())
 }
 
-/// Names of what can be left out beside shader features.
+/// Names of parts other than shader features that can be left out.
 const OTHERS: &[&str] = &[
     "hidden actors",
     "actors outside the view",
@@ -46,13 +46,13 @@ pub struct LeftOut {
 }
 
 impl LeftOut {
-    /// `Some` if it was not needed, with the reason.
+    /// `Some` with the reason if the part was not needed.
     pub(crate) fn unless<T>(what: &str, needed: &Result<T, NotNeeded>) -> Option<LeftOut> {
         needed.as_ref().err().map(|why| LeftOut { what: what.into(), why: why.0.clone() })
     }
 }
 
-/// Why a frame does not need something.
+/// The reason why a frame does not need something.
 pub(crate) struct NotNeeded(pub String);
 
 impl From<&str> for NotNeeded {

@@ -1,5 +1,5 @@
 //! Clustered lighting: point and spot lights with a range are binned into clusters of the view, so that a pixel evaluates only
-//! those that can reach it.
+//! the lights that can reach it.
 //!
 //! The frame is divided into screen tiles, and the depth into slices, each longer than the one before (O. Olsson, M. Billeter,
 //! U. Assarsson, "Clustered Deferred and Forward Shading", HPG 2012). Each cluster lists the lights whose sphere or cone may
@@ -25,8 +25,8 @@ const HEADER: usize = 8;
 /// Tolerance in slices: larger than the error of any device's logarithm.
 const SLACK: f32 = 0.02;
 
-/// Clusters as shaders read them: the header; the start of each cluster's list, and the end of the last one; the lists, indices
-/// of lights in ascending order. Lights without a range come first in `Plan::lights` and are in no list: they reach everywhere.
+/// Clusters as shaders read them: the header; the start of each cluster's list, then the end of the last list; the lists of light
+/// indices in ascending order. Lights without a range come first in `Plan::lights` and are in no list: they reach everywhere.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LightClusters(pub Vec<u32>);
 
@@ -43,7 +43,8 @@ fn reach(light: &PlanLight, range: f32) -> (Vec3, f32) {
     (at + light.direction * radius, radius)
 }
 
-/// Sorts lights without a range to the front, each with its shadow. False if too few have a range for clusters.
+/// Sorts lights without a range to the front, together with their shadows. Returns false if too few have a range for clusters to
+/// pay.
 pub(crate) fn sort(lights: &mut Vec<PlanLight>, shadows: &mut Vec<Option<Shadow>>) -> bool {
     if lights.iter().filter(|l| l.range().is_some()).count() < MANY {
         return false;
@@ -54,7 +55,7 @@ pub(crate) fn sort(lights: &mut Vec<PlanLight>, shadows: &mut Vec<Option<Shadow>
     true
 }
 
-/// An error if a plan has more lights than renderers draw.
+/// Fails if a plan has more lights than renderers draw.
 pub(crate) fn check(plan: &Plan) -> Result<(), RenderError> {
     let count = plan.lights.len();
     if count > MAX_LIGHTS {
@@ -153,7 +154,7 @@ impl LightClusters {
     }
 }
 
-/// Depth in metres in front of the camera; 1 in orthographic views.
+/// Depth of a camera-relative point in meters in front of the camera; 1 in orthographic views.
 pub(crate) fn depth(clip_from_relative: &Mat4, at: Vec3) -> f32 {
     clip_from_relative.row(3).dot(at.extend(1.0))
 }

@@ -1,4 +1,4 @@
-//! Lights as shaders read them, and what one light gives to a point.
+//! Lights as shaders read them, and the light that a point receives from one of them.
 
 use crate::lanes::{F4, V3};
 use crate::plan::View;
@@ -33,18 +33,19 @@ pub struct PlanLight {
     /// Position of point and spot lights.
     pub position: Vec3,
     pub kind: LightType,
-    /// Unit direction in which it shines.
+    /// Unit direction in which the light shines.
     pub direction: Vec3,
-    /// Its first view in `ShadowMaps::views`, and its number of views.
+    /// The light's first view in `ShadowMaps::views`, and its number of views.
     pub shadow_views: [u16; 2],
-    /// Color · intensity / π, linear: lux or candela, with the 1/π of glTF's diffuse BRDF, so that the BRDFs are times π.
+    /// Color · intensity / π, linear, intensity in lux or candela. The BRDFs are multiplied by π in return (glTF's diffuse BRDF
+    /// has 1/π).
     pub color: Vec3,
     /// 1/range², or 0 without a range.
     pub inverse_range_squared: f32,
     /// Spot lights: scale and offset of the cosine (KHR_lights_punctual, "Inner and Outer Cone Angles").
     pub cone: Vec2,
-    /// Falloff by a polynomial of the distance: the shares of its linear and its quadratic term, whose rest is constant.
-    /// [`PlanLight::INVERSE_SQUARE`]: physical falloff.
+    /// Weights of the linear and the quadratic term of a polynomial falloff over distance; the constant term has the rest, so
+    /// that all sum to 1. [`PlanLight::INVERSE_SQUARE`]: physical falloff.
     pub polynomial: Vec2,
 }
 
@@ -62,10 +63,10 @@ impl PlanLight {
             return None;
         }
         let inverse_range_squared = light.range.filter(|r| *r > 0.0 && local).map_or(0.0, |r| 1.0 / (r * r));
-        // Shares of the polynomial; its sum is divided out of the color.
+        // The coefficients are divided by their sum, and so is the color.
         let polynomial = state.attenuation.filter(|_| local).map(|a| (a, a[0] + a[1] + a[2]));
         let (inverse_range_squared, polynomial, color) = match polynomial {
-            // Rounded to multiples of 2⁻²³: a share that is next to nothing is nothing.
+            // The quadratic weight is rounded to a multiple of 2⁻²³, so that a negligible one becomes 0.
             Some((a, sum)) => (0.0, Vec2::new(a[1] / sum, (1.0 + a[2] / sum) - 1.0), color / sum),
             None => (inverse_range_squared, PlanLight::INVERSE_SQUARE, color),
         };
@@ -116,17 +117,17 @@ impl PlanLight {
         self.kind != LightType::Directional
     }
 
-    /// Whether it falls off by a polynomial.
+    /// Whether the light has a polynomial falloff.
     pub(crate) fn is_polynomial(&self) -> bool {
         self.polynomial.y >= 0.0
     }
 
-    /// Distance in metres beyond which a point or spot light has no effect.
+    /// Distance in meters beyond which a point or spot light has no effect.
     pub(crate) fn range(&self) -> Option<f32> {
         (self.inverse_range_squared > 0.0).then(|| 1.0 / self.inverse_range_squared.sqrt())
     }
 
-    /// Cosine of a spot's outer cone angle, from clamp(cos · scale + offset); −1 of a light that shines in all directions.
+    /// Cosine of a spot's outer cone angle, from clamp(cos · scale + offset); −1 for a light that shines in all directions.
     pub(crate) fn cos_outer(&self) -> f32 {
         if self.kind == LightType::Spot { -self.cone.y / self.cone.x } else { -1.0 }
     }
@@ -135,9 +136,9 @@ impl PlanLight {
 /// The sky; its maps are in the scene resources.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlanSky {
-    /// Cosine and sine of its rotation about +Y.
+    /// Cosine and sine of the sky's rotation about +Y.
     pub turn: [f32; 2],
     pub strength: f32,
-    /// Whether it is drawn behind everything, in place of the background.
+    /// Whether the sky is drawn as the background.
     pub background: bool,
 }

@@ -1,4 +1,4 @@
-//! The keys of shadow maps by their content: a map of the frame before with an equal key is as it would be drawn now.
+//! Keys of shadow maps by their content. A map of the frame before with an equal key can be kept.
 
 use crate::plan::{Draw, Features, Plan, ShadowMaps, ShadowView};
 use crate::scene_resources::SceneResources;
@@ -6,11 +6,12 @@ use crate::scene_resources::SceneResources;
 /// Hash of everything that a shadow map is drawn from.
 pub type MapKey = [u8; 32];
 
-/// Features by which a map depends on more than the places of vertices: textures, widths of lines in pixels. Such maps are always drawn.
+/// Features with which a map depends on more than vertex positions: textures, line widths in pixels. Such maps are always
+/// redrawn.
 const MORE: Features =
     Features::ALPHA_MASK.with(Features::OUTLINE).with(Features::WIREFRAME).with(Features::THICK_LINES);
 
-/// The keys of maps; none where one must be drawn anew each time.
+/// Key of each map; `None` for a map that must be redrawn in every frame.
 pub fn map_keys(shadows: &ShadowMaps, plan: &Plan, resources: &SceneResources) -> Vec<Option<MapKey>> {
     let all = shadows.views.iter().flat_map(|view| &view.draws).map(|draw| draw.pipeline.features);
     let features = all.fold(Features::default(), Features::with);
@@ -20,7 +21,7 @@ pub fn map_keys(shadows: &ShadowMaps, plan: &Plan, resources: &SceneResources) -
     shadows.views.iter().map(|view| key(view, plan, resources, [joints, morphs])).collect()
 }
 
-/// `shapes`: hashes of the joint matrices and the morph weights of the frame.
+/// Key of one map. `joints`, `morphs`: hashes of the frame's joint matrices and morph weights.
 fn key(
     view: &ShadowView,
     plan: &Plan,

@@ -1,7 +1,8 @@
-//! The plan of one frame, as plain data: cameras, lights, instances, skin matrices, sorted draws; and what was left out, and why.
+//! The plan of one frame as plain data: camera, lights, instances, skin matrices, sorted draws; and the parts that are left out,
+//! with the reasons.
 //!
 //! All positions are camera-relative: world axes, with the origin at the camera. They are computed in f64 and stored as f32.
-//! [`build`] makes a plan of a snapshot; the other modules are the plan's types.
+//! [`build`] makes a plan from a snapshot; the other modules hold the plan's types.
 
 pub mod build;
 pub(crate) mod deferred;
@@ -59,7 +60,7 @@ pub use crate::plan::shadow_maps::{ShadowMaps, ShadowView};
 pub use crate::plan::shutter_motion::ShutterMotion;
 pub use crate::view::View;
 
-/// Rows before the parameters of effects on surfaces: the reach of each, four a row.
+/// Rows of the uniform buffer before the parameters of surface effects: the largest displacement of each effect, four in a row.
 pub const REACH_ROWS: u32 = 2;
 
 #[derive(Clone, Debug)]
@@ -68,7 +69,7 @@ pub struct Plan {
     pub size: [u32; 2],
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
-    /// The pixels that are made of it. Unless they are bytes, the frame is collected with
+    /// The requested kind of pixels. Unless they are bytes, the frame is collected with
     /// [`collect_floats`](crate::Renderer::collect_floats).
     pub wish: FrameWish,
     pub view: View,
@@ -94,15 +95,14 @@ pub struct Plan {
     /// Index into `Stage::actors` for each instance.
     pub instance_actors: Vec<u32>,
     /// Linear skins: one matrix for each joint in use, relative-from-mesh; model-from-mesh if an actor's file places its model
-    /// several times ([`Features::SKIN_INSTANCED`]).
-    /// Dual-quaternion skins: two entries for each joint, model-from-mesh: real part, dual part, nothing; then the stretch that
-    /// is applied before them.
+    /// several times ([`Features::SKIN_INSTANCED`]). Dual-quaternion skins: two entries for each joint, model-from-mesh: real
+    /// part, dual part and an unused row; then the stretch that is applied before them.
     pub joint_matrices: Vec<Affine3x4>,
-    /// (target, weight) pairs with a weight other than 0; instances give ranges of them.
+    /// (target, weight) pairs with a weight other than 0; each instance has a range of them.
     pub morphs: Vec<ActiveMorph>,
     /// Opaque draws sorted for few state changes, then alpha-tested ones, then blended ones back to front.
     pub draws: Vec<Draw>,
-    /// Per-frame overrides of scene materials; their textures are the same.
+    /// Per-frame overrides of scene materials, which keep their textures.
     pub material_overrides: Vec<Arc<MaterialResource>>,
     /// `None` if no light casts a visible shadow.
     pub shadow_maps: Option<ShadowMaps>,
@@ -110,36 +110,36 @@ pub struct Plan {
     pub scene_color_copy: Option<SceneColorCopy>,
     /// `None` if transparent draws are blended in their sorted order.
     pub depth_peeling: Option<DepthPeeling>,
-    /// `None` if all surfaces are shaded as they are drawn.
+    /// `None` if all surfaces are shaded forward.
     pub deferred: Option<Deferred>,
     /// Effects in the scene's shaders, each a bit in [`PipelineKey::surface`], `displaced` and `lighting`.
     pub scene_effects: Vec<PostPass>,
-    /// Largest displacement of surfaces by each of these, in metres.
+    /// Largest displacement by each of the scene effects, in meters.
     pub displacement_limits: [f32; 8],
-    /// Bits of those that change the background, too.
+    /// Bits of the scene effects that also change the background.
     pub background_effects: u8,
-    /// Part of the frame that anything is drawn into.
+    /// The part of the frame that is drawn into.
     pub dirty_rect: DirtyRect,
     /// Full-screen passes in order.
     pub post: Vec<PostPass>,
     /// Depth, normals and motion that effects on images read; `None` if none does.
     pub scene_inputs: Option<InputPass>,
-    /// Nothing but `scene_inputs` is drawn and read back.
+    /// Whether only `scene_inputs` is drawn and read back.
     pub inputs_only: bool,
     /// Time, camera and sun, as far as effects on images read them.
     pub effect_frame: EffectFrame,
     /// Triangles, lines, points and grids of effects, over the scene and below the full-screen passes.
     pub overlay: PlanOverlay,
-    /// Plans of the times while the shutter is open. If there are any, the frame is their mean in linear light, and this plan
-    /// gives the stage at the frame's own time and the passes over the image. See [`motion_blur`].
+    /// Plans of the sub-frames while the shutter is open. If there are any, the frame is their mean in linear light, and this
+    /// plan gives the stage at the frame's own time and the passes over the image. See [`motion_blur`].
     pub subframes: Vec<Plan>,
-    /// The reason for their number; `None` without motion blur, or if all are drawn.
+    /// The reason for the number of sub-frames; `None` without motion blur, or if all are drawn.
     pub shutter_motion: Option<ShutterMotion>,
     /// Plans of the scene one frame ago, two frames ago and so on, for effects that read them; `subframes` is then not empty.
     pub history: Vec<Plan>,
-    /// The camera before a cut, while that dissolves.
+    /// The camera before a cut, while its image dissolves.
     pub dissolve: Option<Box<PlanDissolve>>,
-    /// The image stays linear, to be accumulated.
+    /// Whether the image stays linear, to be accumulated.
     pub linear: bool,
     /// Whether vertices are pre-skinned; see `crate::commands::preskin`.
     pub skin_once: SkinOnce,
@@ -158,7 +158,7 @@ impl Plan {
         })
     }
 
-    /// Rows of that buffer; 0 without effects.
+    /// Number of rows of that buffer; 0 without effects.
     pub fn surface_rows(&self) -> usize {
         let last = self.scene_effects.last().map_or(0, PostPass::rows);
         self.first_rows().last().map_or(0, |first| first as usize + last)
@@ -171,7 +171,7 @@ impl Plan {
         }
     }
 
-    /// The plan of the scene alone, whose image stays linear: without sub-frames, effects on images and layers over it.
+    /// The plan of the scene alone with a linear image: without sub-frames, effects on images and layers over it.
     pub(crate) fn scene_alone(&self) -> Plan {
         Plan {
             linear: true,
@@ -185,19 +185,19 @@ impl Plan {
         }
     }
 
-    /// Every plan that is drawn for this one.
+    /// Every further plan that is drawn for this one.
     pub(crate) fn sub_plans(&self) -> impl Iterator<Item = &Plan> {
         let dissolve = self.dissolve.iter().map(|dissolve| &dissolve.plan);
         let of_dissolve = dissolve.flat_map(|p| std::iter::once(p).chain(&p.subframes).chain(&p.history));
         self.subframes.iter().chain(&self.history).chain(of_dissolve)
     }
 
-    /// Draws into all shadow maps.
+    /// The draws of all shadow maps.
     pub fn shadow_draws(&self) -> impl Iterator<Item = &Draw> {
         self.shadow_maps.iter().flat_map(|s| &s.views).flat_map(|v| &v.draws)
     }
 
-    /// Draws into the frame, then into shadow maps, then of the inputs of effects.
+    /// All draws: those of the frame, of shadow maps and of the inputs of effects.
     pub(crate) fn all_draws(&self) -> impl Iterator<Item = &Draw> {
         let inputs = self.scene_inputs.iter().flat_map(|pass| &pass.draws);
         self.draws.iter().chain(self.shadow_draws()).chain(inputs)

@@ -1,7 +1,7 @@
 //! Motion blur by accumulation: a frame is the mean, in linear light, of sub-frames at several exact times while the shutter is
 //! open (Haeberli and Akeley, "The Accumulation Buffer", SIGGRAPH 1990, §3.2). Full-screen effects are applied to the mean.
 //!
-//! Earlier frames that an effect reads are planned here, too, without motion blur.
+//! Earlier frames that an effect reads are also planned here, without motion blur.
 
 use crate::plan::build::effects::{exposure_of, history_of};
 use crate::plan::build::scene_inputs::reads_motion;
@@ -14,7 +14,8 @@ use choreo_plugin::{FrameWish, Hook, Shutter};
 use choreo_stage::{CameraState, Cut, Evaluator, Snapshot, Stage, StageError};
 use glam::Vec4;
 
-/// The stage at a time and its plan, with the sub-frames and earlier frames that effects request. `camera` replaces the stage's.
+/// Snapshot and plan of the stage at a time, with the sub-frames and earlier frames that effects request. `camera` replaces the
+/// stage's.
 pub fn plan_at(
     resources: &SceneResources,
     evaluator: &mut Evaluator,
@@ -32,7 +33,7 @@ pub fn plan_at(
     })
 }
 
-/// The same as [`plan_at`], with snapshots that the caller makes.
+/// Like [`plan_at`], with snapshots from the caller.
 pub fn plan_with<E>(
     resources: &SceneResources,
     stage: &Stage,
@@ -47,7 +48,7 @@ pub fn plan_with<E>(
         let cut = cut.map_or(Cut::new(time, 0), |cut| *cut);
         let share = dissolve.share;
         let mut before_cut = |time: Time| {
-            // Before the cut its camera is the one that is on.
+            // Snapshots before the cut have the earlier camera already.
             let mut then = at(time.min(cut.at + cut.dissolve - Time(1)))?;
             if let Some(dissolve) = then.dissolve.take().filter(|_| time >= cut.at) {
                 (then.camera, then.effects) = (dissolve.camera, dissolve.effects);
@@ -73,7 +74,7 @@ fn plan_shot<E>(
 ) -> Result<Plan, E> {
     let moves = reads_motion(stage, snapshot, options);
     let before = moves.then(|| at(frames_ago(stage, time, 1))).transpose()?;
-    // After a cut nothing has moved.
+    // Motion vectors are zero right after a cut.
     let moved_from = before.as_ref().filter(|before| before.camera.camera == snapshot.camera.camera);
     let of_frame = PlanOptions { moved_from, ..options.clone() };
     let mut plan = plan_alone(resources, stage, snapshot, &of_frame, &mut at)?;
@@ -110,12 +111,12 @@ fn plan_shot<E>(
     Ok(plan)
 }
 
-/// A plan whose image is accumulated: full-screen passes and layers over the image come later.
+/// A plan whose image is accumulated: without full-screen passes and layers over the image, which come later.
 fn linear(plan: Plan) -> Plan {
     Plan { post: Vec::new(), scene_inputs: None, linear: true, layers_in_front: None, ..plan }
 }
 
-/// The time of an earlier frame; the first frame repeats before the start.
+/// The time of an earlier frame, not before the first one.
 fn frames_ago(stage: &Stage, time: Time, frames: i64) -> Time {
     (time - stage.settings.fps.time_of(frames)).max(Time(0).min(time))
 }
@@ -134,7 +135,7 @@ pub fn plan_alone<E>(
     Ok(Plan::new(resources, stage, snapshot, &PlanOptions { before: &before, ..options.clone() }))
 }
 
-/// The parts of a frame, in words, that [`plan_alone`] leaves out: those that need other frames.
+/// Names of the parts of a frame that [`plan_alone`] leaves out because they need other frames.
 pub fn left_out_alone(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> Vec<&'static str> {
     let parts = [
         ("motion blur", exposure_of(stage, snapshot, options.effects).is_some()),
@@ -152,7 +153,7 @@ pub fn times(stage: &Stage, time: Time, exposure: &Shutter) -> Vec<Time> {
     (0..samples).map(|i| time_of((f64::from(i) + 0.5) / f64::from(samples))).collect()
 }
 
-/// The time at a share of the time that the shutter is open, never beyond a cut, so that no shot bleeds into the next.
+/// The time at a fraction of the open shutter, clamped between cuts, so that no shot bleeds into the next.
 fn time_of(stage: &Stage, time: Time, exposure: &Shutter) -> impl Fn(f64) -> Time {
     let fps = stage.settings.fps;
     let frame = f64::from(fps.den) / f64::from(fps.num.max(1));

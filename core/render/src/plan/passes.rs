@@ -1,4 +1,5 @@
-//! Plans of the passes of a frame of floats: base colors without light, and the inputs of effects as seen from a place within the pixel.
+//! Plans of the passes of a float frame: base colors without light, and effect inputs sampled at given positions within each
+//! pixel.
 
 use crate::plan::dirty_rect::DirtyRect;
 use crate::plan::{Features, Glass, PipelineKey, Plan, PlanOverlay};
@@ -6,7 +7,7 @@ use choreo_plugin::FrameWish;
 use choreo_stage::Background;
 use glam::{DMat4, DVec4, Mat4, Vec3, Vec4};
 
-/// Places of samples in a pixel, in sixteenths of its side from the top left: those of Vulkan's standard (1.3, "Multisampling").
+/// Sample positions in a pixel, in sixteenths of its side from the top left: Vulkan's standard positions (1.3, "Multisampling").
 const ONE: [[u8; 2]; 1] = [[8, 8]];
 const FOUR: [[u8; 2]; 4] = [[6, 2], [14, 6], [2, 10], [10, 14]];
 const SIXTEEN: [[u8; 2]; 16] = [
@@ -28,7 +29,7 @@ const SIXTEEN: [[u8; 2]; 16] = [
     [1, 0],
 ];
 
-/// The places of 1, 4 or 16 samples.
+/// The positions of 1, 4 or 16 samples.
 pub(crate) fn sample_places(samples: u32) -> &'static [[u8; 2]] {
     match samples {
         1 => &ONE,
@@ -38,7 +39,7 @@ pub(crate) fn sample_places(samples: u32) -> &'static [[u8; 2]] {
 }
 
 impl Plan {
-    /// The plan that is drawn first: without the pass of color it is that of another one.
+    /// The plan that is drawn first: if no color is requested, the plan of the inputs or of base colors.
     pub fn first_drawn(self) -> Plan {
         match self.wish {
             FrameWish::Scene(passes) if !passes.color => self.of_inputs().unwrap_or_else(|| self.albedo()),
@@ -47,7 +48,8 @@ impl Plan {
         }
     }
 
-    /// The plan of base colors: the surfaces of the frame without light, exposure and effects that change their color, over nothing.
+    /// The plan of base colors: the surfaces of the frame without light, exposure and color effects, over a transparent
+    /// background.
     pub(crate) fn albedo(&self) -> Plan {
         let mut plan = Plan {
             background: Background::Color(Vec4::ZERO),
@@ -67,7 +69,7 @@ impl Plan {
             ..self.scene_alone()
         };
         let lines = Features::OUTLINE.with(Features::WIREFRAME);
-        // Thin glass is drawn twice.
+        // Thin glass is drawn twice, once with `Glass::Filter`; base colors need one draw.
         plan.draws
             .retain(|draw| draw.pipeline.glass != Glass::Filter && !draw.pipeline.features.has_any(lines));
         for draw in &mut plan.draws {
@@ -83,7 +85,8 @@ impl Plan {
         plan
     }
 
-    /// The plan that draws only the inputs of effects, at this place in each pixel instead of its middle.
+    /// The plan that only draws the inputs of effects, sampled at a position in each pixel other than its center. `place`: in
+    /// sixteenths.
     pub(crate) fn of_inputs_at(&self, place: [u8; 2]) -> Option<Plan> {
         let mut plan = self.of_inputs()?;
         let shift = |i: usize| (8.0 - f64::from(place[i])) / 8.0 / f64::from(self.size[i]);

@@ -1,4 +1,4 @@
-//! The key that selects a pipeline: as few different ones as the scene needs.
+//! The key that selects a pipeline. A scene needs as few different keys as possible.
 
 use crate::plan::Features;
 use choreo_asset::Topology;
@@ -7,22 +7,22 @@ use choreo_asset::Topology;
 pub struct PipelineKey {
     pub features: Features,
     pub topology: TopologyKey,
-    /// No faces are culled (double-sided material).
+    /// Whether no faces are culled (double-sided material).
     pub double_sided: bool,
-    /// The transform mirrors, so front faces are clockwise.
+    /// Whether the transform mirrors, so that front faces are clockwise.
     pub mirrored: bool,
-    /// Blended over what is behind it by its alpha.
+    /// Whether the surface is blended over the image by its alpha.
     pub blend: bool,
-    /// Alpha to coverage: cut-outs keep samples instead of whole pixels.
+    /// Whether cut-outs use alpha to coverage, which keeps samples instead of whole pixels.
     pub coverage: bool,
-    /// Blended in its depth-peeling layer ([`crate::plan::Plan::depth_peeling`]).
+    /// Whether the surface is blended in its depth-peeling layer ([`crate::plan::Plan::depth_peeling`]).
     pub peeled: bool,
     pub glass: Glass,
-    /// Bits of the effects among `Plan::scene_effects` that change its color.
+    /// Bits of the effects in `Plan::scene_effects` that change the surface's color.
     pub surface: u8,
-    /// Bits of the effects that displace its vertices.
+    /// Bits of the effects that displace vertices.
     pub displaced: u8,
-    /// Bits of the effects that replace its lighting.
+    /// Bits of the effects that replace the lighting.
     pub lighting: u8,
 }
 
@@ -44,23 +44,23 @@ impl PipelineKey {
         }
     }
 
-    /// Whether it is transparent: drawn back to front after everything opaque.
+    /// Whether the surface is transparent, and so drawn back to front after all opaque ones.
     pub fn is_transparent(&self) -> bool {
         self.blend || self.glass != Glass::No
     }
 
-    /// The key without lighting effects if no light reaches the surface, or if toon shading has its own.
+    /// The key without lighting effects if the surface is unlit or toon-shaded.
     pub(crate) fn of_lit(self) -> PipelineKey {
         let lit = self.features.is_lit() && !self.features.has(Features::TOON);
         PipelineKey { lighting: if lit { self.lighting } else { 0 }, ..self }
     }
 
-    /// Bits of all effects that its shader calls.
+    /// Bits of all effects that the shader calls.
     pub fn effects(&self) -> u8 {
         self.surface | self.displaced | self.lighting
     }
 
-    /// Blended surfaces leave the depth buffer as it is.
+    /// Whether the surface writes depth. Blended surfaces do not.
     pub(crate) fn writes_depth(&self) -> bool {
         !self.blend && matches!(self.glass, Glass::No | Glass::Refract)
     }
@@ -71,11 +71,11 @@ impl PipelineKey {
 pub enum Glass {
     #[default]
     No,
-    /// Multiplies what is behind by the transmitted color.
+    /// Multiplies the image behind by the transmitted color.
     Filter,
-    /// Adds what the surface itself reflects and emits.
+    /// Adds the light that the surface reflects and emits.
     Light,
-    /// Shows itself and, refracted, [`crate::plan::Plan::scene_color_copy`].
+    /// Draws the surface with [`crate::plan::Plan::scene_color_copy`] refracted in it.
     Refract,
 }
 

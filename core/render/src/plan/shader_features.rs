@@ -1,7 +1,7 @@
-//! The table of shader features: for each its name, which is its switch in WGSL too, what requests it, what it needs, which texture
-//! it reads, and the text that a frame reports when it does not use the feature. Everything else that is known of features is made from this table:
-//! the bits of [`Features`], the switches of `@if`, the bindings of material textures, the reports, and the set of all pipeline
-//! keys that the planner can produce, which `tests/shaders/keys.rs` compiles.
+//! The table of shader features. Each row has the feature's name, which is also its switch in WGSL, the part of the scene that
+//! requests it, its conditions, the texture that it reads, and the report of a frame that does not use it. Everything else about
+//! features is derived from this table: the bits of [`Features`], the switches of `@if`, the bindings of material textures, the
+//! reports, and the set of all pipeline keys that the planner can produce, which `tests/shaders/keys.rs` compiles.
 
 /// A set of shader features, a bit for each row of [`FEATURES`], in the table's order.
 ///
@@ -27,7 +27,7 @@ impl Features {
     pub const fn without(self, other: Features) -> Features {
         Features(self.0 & !other.0)
     }
-    /// `self` where it is on, else nothing.
+    /// `self` if `on`, else the empty set.
     pub const fn when(self, on: bool) -> Features {
         if on { self } else { Features(0) }
     }
@@ -45,16 +45,16 @@ impl Features {
         all
     }
 
-    /// The features that a draw's depth depends on.
+    /// The features that the depth of a draw depends on.
     pub(crate) const fn of_depth(self) -> Features {
         self.of_alpha(false)
     }
-    /// The same, and those of its alpha where it is `blended` or cut out.
+    /// The features that depth depends on, and those of alpha if the surface is `blended` or cut out.
     pub(crate) const fn of_alpha(self, blended: bool) -> Features {
         let alpha = ALPHA.when(blended || self.has(Features::ALPHA_MASK));
         self.only(Features::SKINNING.with(alpha))
     }
-    /// Whether some normal map is read, or highlights follow the tangents.
+    /// Whether tangents are read, by a normal map or by anisotropy.
     pub(crate) const fn has_tangents(self) -> bool {
         const READ: Features =
             Features::NORMAL_TEXTURE.with(Features::CLEARCOAT_NORMAL_TEXTURE).with(Features::ANISOTROPY);
@@ -70,7 +70,7 @@ impl Features {
         self.has_any(MODELS)
     }
 
-    /// How vertices are posed: skin and morph targets.
+    /// Features that deform vertices: skin and morph targets.
     pub const SKINNING: Features = Features::of_part(ShaderPart::Pose);
     /// Every feature.
     pub const ALL: Features = Features((1 << FEATURES.len()) - 1);
@@ -92,18 +92,18 @@ pub enum RequestedBy {
     /// The scene's lights, shadows and sky.
     Lights,
     Effects,
-    /// The recording, for draws that many passes make.
+    /// The recording, for meshes with many draws.
     Recording,
 }
 
-/// The part of the shader that a feature belongs to: passes leave whole parts out.
+/// The part of the shader that a feature belongs to. Some passes leave out whole parts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ShaderPart {
-    /// How vertices are posed.
+    /// Deformation of vertices.
     Pose,
     /// Alpha test and blending.
     Alpha,
-    /// The shading model and what it reads.
+    /// The shading model and its inputs.
     Surface,
     /// Layers over, in or behind a metallic-roughness surface.
     Layer,
@@ -118,7 +118,7 @@ pub enum ShaderPart {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TextureSlot {
     pub slot: usize,
-    /// The vertex stage reads it, else the fragment stage.
+    /// Whether the vertex stage reads the texture instead of the fragment stage.
     pub vertex: bool,
 }
 
@@ -127,9 +127,9 @@ pub struct TextureSlot {
 pub struct Absence {
     pub what: &'static str,
     pub why: &'static str,
-    /// Replaces `why` where nothing of the stage has it, in view or not.
+    /// Replaces `why` if nothing in the stage has the feature, in view or not.
     pub absent_from_stage: Option<&'static str>,
-    /// Reported only where this condition on the features of all draws holds.
+    /// Condition on the features of all draws under which the absence is reported.
     pub when: &'static str,
 }
 
@@ -192,10 +192,10 @@ const UV: &str = "UV0 || UV1";
 const UV_OR_TRIPLANAR: &str = "UV0 || UV1 || TRIPLANAR";
 
 features! {
-    /// Linear blend skinning by up to 4 joints a vertex.
+    /// Linear blend skinning by up to 4 joints per vertex.
     SKIN { by: RequestedBy::Mesh, part: ShaderPart::Pose,
         absence: absence_by_stage("skinning", ["no skinned mesh is in view", "no mesh has a skin"], "") }
-    /// Up to 8 joints a vertex instead of 4.
+    /// Skinning by up to 8 joints per vertex instead of 4.
     SKIN_8 { by: RequestedBy::Mesh, part: ShaderPart::Pose, needs: &["SKIN"],
         absence: absence("influences 5 to 8", "no vertex is moved by more than four joints", "SKIN") }
     /// Morph targets (blend shapes).
@@ -208,13 +208,13 @@ features! {
         absence: absence("second texture coordinates", "no drawn texture uses them", "UV0") }
     /// Lit by the metallic-roughness model.
     METALLIC_ROUGHNESS { needs: &["!BLINN_PHONG", "!TOON"] }
-    /// Lit by Blinn–Phong. Without this, METALLIC_ROUGHNESS and TOON: unlit.
+    /// Lit by Blinn–Phong. A surface without this, METALLIC_ROUGHNESS and TOON is unlit.
     BLINN_PHONG { needs: &["!TOON"] }
     BASE_COLOR_TEXTURE { part: ShaderPart::Alpha, needs: &[UV_OR_TRIPLANAR], texture: slot(0),
         absence: absence("base color textures", "no drawn material has a base color texture", "") }
     METALLIC_ROUGHNESS_TEXTURE { needs: &["METALLIC_ROUGHNESS", UV], texture: slot(1),
         absence: absence("metallic-roughness textures", "no drawn material has one that matters", "LIT") }
-    /// Toon: an image of all light, looked up by the normal.
+    /// Toon: matcap, an image of all light that is looked up by the normal.
     MATCAP_TEXTURE { needs: &["TOON"], texture: slot(1) }
     /// Reflections of Blinn–Phong: an equirectangular panorama in place of the sky.
     ENVIRONMENT_TEXTURE { needs: &["REFLECTION"], texture: slot(1) }
@@ -222,16 +222,16 @@ features! {
         absence: absence("normal maps and tangents", "no drawn material has a normal map", "LIT") }
     OCCLUSION_TEXTURE { needs: &["LIT", "!TOON", UV], texture: slot(3),
         absence: absence("occlusion textures", "no drawn material has one", "LIT") }
-    /// Toon: the share of the rim light.
+    /// Toon: mask of the rim light.
     RIM_TEXTURE { needs: &["TOON", UV], texture: slot(3) }
     EMISSIVE { needs: &["LIT"], absence: absence("emission", "no drawn material emits light", "LIT") }
     EMISSIVE_TEXTURE { needs: &["LIT", UV], texture: slot(4),
         absence: absence("emissive textures", "no drawn material has one that is not multiplied by zero", "LIT") }
     SPECULAR_TEXTURE { needs: &["METALLIC_ROUGHNESS", UV], texture: slot(5),
         absence: absence("specular textures", "no drawn material has one", "LIT") }
-    /// Toon: moves the border between light and shade.
+    /// Toon: shifts the border between light and shade.
     SHADING_SHIFT_TEXTURE { needs: &["TOON", UV], texture: slot(5) }
-    /// The share that a Blinn–Phong surface reflects of its surroundings.
+    /// Reflectivity of a Blinn–Phong surface.
     REFLECTION_TEXTURE { needs: &["REFLECTION", UV_OR_TRIPLANAR], texture: slot(5) }
     SPECULAR_COLOR_TEXTURE { needs: &["LIT", "!TOON", UV_OR_TRIPLANAR], texture: slot(6),
         absence: absence("specular color textures", "no drawn material has one", "LIT") }
@@ -242,39 +242,39 @@ features! {
     /// Some texture has a uv transform other than identity.
     UV_TRANSFORM { part: ShaderPart::Alpha,
         absence: absence("texture transforms", "all are identity", "UV0 || UV1") }
-    /// Point or spot lights shine, beside directional ones.
+    /// Point or spot lights shine, in addition to directional ones.
     LOCAL_LIGHTS { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT"] }
     /// Lit by toon shading (MToon).
     TOON { }
-    /// Some light's shadow may fall on it.
+    /// The surface receives shadows.
     SHADOW { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT"] }
-    /// An inverted hull in place of the surface: pushed out along the normals, back faces only, in the outline's color.
+    /// Inverted-hull outline in place of the surface: pushed out along the normals, back faces only, in the outline's color.
     OUTLINE { part: ShaderPart::Other, needs: &["!WIREFRAME", "!THICK_LINES"],
         absence: absence("outlines", "no drawn material and no effect has one", "") }
     OUTLINE_WIDTH_TEXTURE { part: ShaderPart::Other, needs: &["OUTLINE", UV],
         texture: Some(TextureSlot { slot: 19, vertex: true }) }
-    /// Toon: a mask of how much of a motion of the textures each place makes.
+    /// Toon: mask of the UV animation.
     UV_MOTION_MASK { part: ShaderPart::Alpha, needs: &["!PARALLAX", "!TRIPLANAR", UV], texture: slot(20) }
-    /// Normals for effects on surfaces, whatever the shading model.
+    /// Normals for effects on surfaces, even with an unlit shading model.
     EFFECT_NORMALS { by: RequestedBy::Effects, part: ShaderPart::Other }
     /// Colors of joints for effects on surfaces.
     EFFECT_JOINTS { by: RequestedBy::Effects, part: ShaderPart::Other, needs: &["SKIN", "!DUAL_QUATERNIONS"] }
     /// The edges of triangles as lines, a little nearer than the surface, in the outline's color.
     WIREFRAME { by: RequestedBy::Effects, part: ShaderPart::Other, needs: &["!LIT", "!THICK_LINES"],
         absence: absence("edges", "no effect shows them", "") }
-    /// The share of light that shadows take, for effects on surfaces.
+    /// The share of light taken by shadows, for effects on surfaces.
     EFFECT_SHADOW { by: RequestedBy::Effects, part: ShaderPart::Light, needs: &["SURFACE"] }
-    /// Lines and points have a width. Another way of drawing rather than more of one: never forced in.
+    /// Lines and points have a width. A different way of drawing, not an addition: never forced in.
     THICK_LINES { by: RequestedBy::Mesh, part: ShaderPart::Other }
     /// Points are discs, lines have round ends.
     ROUND_LINES { by: RequestedBy::Mesh, part: ShaderPart::Other, needs: &["THICK_LINES"] }
-    /// Triplanar mapping: textures come from three sides. Never forced in.
+    /// Triplanar mapping: textures are mapped from three sides. Never forced in.
     TRIPLANAR { part: ShaderPart::Alpha, needs: &["!TOON"] }
-    /// The skin's joints are dual quaternions. Another way rather than more of one: never forced in.
+    /// The skin's joints are dual quaternions. A different way of skinning, not an addition: never forced in.
     DUAL_QUATERNIONS { by: RequestedBy::Mesh, part: ShaderPart::Pose, needs: &["SKIN"],
         absence: absence("dual quaternions", "every skin is blended linearly", "SKIN") }
 
-    /// Some layer is on: the layers' uniform is read.
+    /// Some layer is on, so the layers' uniform is read.
     LAYERS { part: ShaderPart::Layer, needs: &["METALLIC_ROUGHNESS"] }
     CLEARCOAT { part: ShaderPart::Layer, needs: &["LAYERS"],
         absence: absence("clear coats", "no drawn material has one", "LIT") }
@@ -288,63 +288,64 @@ features! {
     TRANSMISSION { part: ShaderPart::Layer, needs: &["LAYERS"],
         absence: absence("transmission", "no drawn material has any: none lets light through", "LIT") }
     TRANSMISSION_TEXTURE { part: ShaderPart::Layer, needs: &["TRANSMISSION", UV], texture: slot(12) }
-    /// Transmitted light is absorbed on its way.
+    /// Transmitted light is absorbed in a volume.
     VOLUME { part: ShaderPart::Layer, needs: &["TRANSMISSION || DIFFUSE_TRANSMISSION"],
         absence: absence("absorption", "no drawn material has a volume that takes light", "LIT") }
     THICKNESS_TEXTURE { part: ShaderPart::Layer, needs: &["VOLUME || REFRACTION", UV], texture: slot(13) }
-    /// A thin film colors what the surface reflects.
+    /// A thin film tints reflections.
     IRIDESCENCE { part: ShaderPart::Layer, needs: &["LAYERS"],
         absence: absence("iridescence", "no drawn material has a thin film", "LIT") }
     IRIDESCENCE_TEXTURE { part: ShaderPart::Layer, needs: &["IRIDESCENCE", UV], texture: slot(14) }
     IRIDESCENCE_THICKNESS_TEXTURE { part: ShaderPart::Layer, needs: &["IRIDESCENCE", UV], texture: slot(15) }
-    /// Highlights are drawn out along the tangent. Never forced in: it needs tangents.
+    /// Highlights are stretched along the tangent. Never forced in: it needs tangents.
     ANISOTROPY { part: ShaderPart::Layer, needs: &["LAYERS"],
         absence: absence("anisotropy", "no drawn material has highlights that are drawn out", "LIT") }
     ANISOTROPY_TEXTURE { part: ShaderPart::Layer, needs: &["LAYERS", UV], texture: slot(16) }
-    /// Light from behind is scattered out in front.
+    /// Light that falls on the back is scattered out in front.
     DIFFUSE_TRANSMISSION { part: ShaderPart::Layer, needs: &["LAYERS"],
         absence: absence("diffuse transmission", "no drawn material has any: none lets light from behind through", "LIT") }
     DIFFUSE_TRANSMISSION_TEXTURE { part: ShaderPart::Layer, needs: &["DIFFUSE_TRANSMISSION", UV], texture: slot(17) }
     DIFFUSE_TRANSMISSION_COLOR_TEXTURE { part: ShaderPart::Layer, needs: &["DIFFUSE_TRANSMISSION", UV], texture: slot(18) }
-    /// The scene color copy is seen where the refracted ray leaves the volume.
+    /// The scene color copy is sampled where the refracted ray leaves the volume.
     REFRACTION { part: ShaderPart::Layer, needs: &["TRANSMISSION"],
         absence: absence("refraction", "no drawn material has a volume that bends light", "LIT") }
-    /// Each color is refracted by an index of its own.
+    /// Red, green and blue are refracted by different indices.
     DISPERSION { part: ShaderPart::Layer, needs: &["REFRACTION"],
         absence: absence("dispersion", "no drawn material has a volume that bends colors apart", "LIT") }
 
-    /// Parallax mapping by the heights in the normal texture's alpha. Never forced in: other files keep other things there.
+    /// Parallax mapping by heights in the normal texture's alpha. Never forced in: other files store other data there.
     PARALLAX { needs: &["NORMAL_TEXTURE", "!TOON", "!TRIPLANAR", UV] }
-    /// The skin is pre-skinned in model space, and instanced: joints lead to model space, the instance's matrix on from there, as
-    /// with dual quaternions. Never forced in.
+    /// A skin whose copies are placed by instance matrices: joints lead to model space, the instance's matrix leads on from
+    /// there, as with dual quaternions. Never forced in.
     SKIN_INSTANCED { by: RequestedBy::Mesh, part: ShaderPart::Pose, needs: &["SKIN"],
         absence: absence("copies of skinned meshes", "every skinned mesh stands once", "SKIN") }
-    /// Blinn–Phong that reflects its surroundings.
+    /// Blinn–Phong with reflections of its surroundings.
     REFLECTION { needs: &["BLINN_PHONG"],
         absence: absence("reflections of Blinn–Phong", "no drawn Blinn–Phong material mirrors its surroundings", "LIT") }
-    /// A sky's maps light it, or effects see it behind. Never forced in.
+    /// A sky's maps light the surface, or effects sample the sky behind it. Never forced in.
     SKY { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT || SURFACE"],
         absence: absence_by_stage("image-based light", ["its strength is zero", "the stage has no sky"], "LIT") }
-    /// Highlights of Phong in place of Blinn's. Never forced in.
+    /// Phong's highlights in place of Blinn's. Never forced in.
     PHONG { needs: &["BLINN_PHONG"] }
-    /// Some light falls off by a polynomial of the distance. Never forced in.
+    /// Some light has a polynomial falloff over distance. Never forced in.
     POLYNOMIAL_FALLOFF { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT"] }
     /// Light is multiplied by the stage's exposure.
     EXPOSURE { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT || SKY"],
         absence: absence("exposure", "it is 0 stops", "LIT") }
-    /// The view transform brings the light of surfaces and of the sky to the colors of a display: Khronos PBR Neutral. Never forced in.
+    /// The view transform from the light of surfaces and of the sky to display colors: Khronos PBR Neutral. Never forced in.
     VIEW_TRANSFORM { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["LIT || SKY"],
         absence: absence("view transform", "the stage's view is \"none\", or an effect on images brings light to colors", "LIT") }
-    /// AgX in its place. Never forced in.
+    /// AgX in place of Khronos PBR Neutral. Never forced in.
     AGX { by: RequestedBy::Lights, part: ShaderPart::Light, needs: &["VIEW_TRANSFORM"] }
-    /// Vertices are read where the compute pass left them. In recordings only: a plan keeps how they are posed.
+    /// Vertices are read from the pre-skinning compute pass. Occurs in recordings only; a plan keeps the features that deform
+    /// vertices.
     PRE_SKINNED { by: RequestedBy::Recording, part: ShaderPart::Other,
         needs: &["!SKIN", "!MORPH", "!DISPLACED", "!THICK_LINES", "!VOLUME", "!REFRACTION", "!TRIPLANAR"] }
 }
 
 const _: () = assert!(FEATURES.len() <= u128::BITS as usize, "Features needs a wider type");
 
-/// Names of the features in a set, in the table's order.
+/// Names of the features in a set, in the order of the table.
 pub fn names(features: Features) -> impl Iterator<Item = &'static str> {
     FEATURES.iter().filter(move |f| features.has(f.bit)).map(|f| f.name)
 }
@@ -358,7 +359,7 @@ pub fn holds(condition: &str, is_on: impl Fn(&str) -> bool) -> bool {
     condition.split("||").any(|group| group.split("&&").all(term))
 }
 
-/// Reports of the features that none of a frame's draws has, with the reason. `in_stage`: the features of all objects of the
+/// Reports of the features that none of a frame's draws has, with the reasons. `in_stage`: the features of all objects of the
 /// stage, in view or not.
 pub(crate) fn absences(
     all: Features,
@@ -374,7 +375,7 @@ pub(crate) fn absences(
     })
 }
 
-/// Slots of material textures that the features read, a bit each.
+/// Slots of material textures that the features read, one bit each.
 pub fn texture_slots(features: Features) -> u32 {
     let read = FEATURES.iter().filter(|f| features.has(f.bit)).filter_map(|f| f.texture);
     read.fold(0, |slots, t| slots | 1 << t.slot)

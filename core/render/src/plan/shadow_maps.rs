@@ -8,15 +8,15 @@ pub(crate) const MAX_PENUMBRA: f32 = 12.0;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShadowMaps {
-    /// Texels of the image that all maps share: powers of two, so that it seldom changes.
+    /// Size in texels of the image that all maps share: powers of two, so that it rarely changes.
     pub image: [u32; 2],
-    /// Part of the image that the maps lie in.
+    /// Used part of the image, in texels.
     pub size: [u32; 2],
-    /// The views of one light are adjacent; cascades of a directional light come with the finest first.
+    /// Views, those of one light adjacent; the cascades of a directional light are sorted from fine to coarse.
     pub views: Vec<ShadowView>,
 }
 
-/// One shadow map: what it shows and what is drawn into it.
+/// One shadow map: its view and its draws.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ShadowView {
     /// Index into `Plan::lights`.
@@ -25,11 +25,11 @@ pub struct ShadowView {
     pub at: [u32; 2],
     /// Texels.
     pub size: [u32; 2],
-    /// Reversed Z, as the camera's: greater is nearer to the light.
+    /// Light's clip space with reversed Z, as the camera's: greater is nearer to the light.
     pub clip_from_relative: Mat4,
-    /// Size of a texel in metres where clip w is 1.
+    /// Size of a texel in meters where clip w is 1.
     pub texel: f32,
-    /// Width of an edge in texels for each unit of depth between caster and receiver; 0: the same width everywhere.
+    /// Penumbra width in texels per unit of depth between caster and receiver; 0: fixed width.
     pub penumbra: f32,
     pub draws: Vec<Draw>,
 }

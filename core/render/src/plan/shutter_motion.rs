@@ -1,9 +1,9 @@
-//! How far the fastest pixel moves while the shutter is open: motion blur draws as many sub-frames as that takes.
+//! Motion of the fastest pixel while the shutter is open, which decides how many sub-frames motion blur draws.
 //!
 //! The stage is evaluated at a few times while the shutter is open. Between two of them, the boxes of visible joints and meshes
-//! move by some pixels, and their shadows by some texels of the shadow maps, which are about as large as pixels. The distance of
-//! the fastest of the eight corners is an upper bound: a vertex is a mean of where its joints take it. Other changes, such as a
-//! light that moves, take all sub-frames.
+//! move by some pixels, and their shadows by some texels of the shadow maps, which are about as large as pixels. The distance
+//! that the fastest of the eight corners moves is an upper bound: a skinned vertex is a weighted mean of its positions under each
+//! joint. Other changes, such as a moving light, take all sub-frames.
 
 use crate::affine::to_f64;
 use crate::plan::build::effects::{effect_parameters, history_of, uses};
@@ -21,20 +21,21 @@ use choreo_stage::{ActorState, LightState, Snapshot, Stage};
 use glam::{Affine3A, DAffine3, DMat4, DVec2, DVec3, DVec4, Vec3, Vec4};
 use std::fmt;
 
-/// Pixels that anything moves from one sub-frame to the next. A pixel shows the mean over its own width, so that such steps leave
+/// Largest motion in pixels from one sub-frame to the next. A pixel shows the mean over its own width, so that such steps leave
 /// no gaps (decision 56).
 pub const STEP: f64 = 1.0;
-/// Shares of the open time at which the stage is evaluated: uneven, so that nothing that repeats itself looks still.
+/// Fractions of the open shutter at which the stage is evaluated. They are uneven, so that periodic motion is not missed.
 const LOOKS: [f64; 5] = [0.0, 0.21, 0.47, 0.76, 1.0];
-/// A color or a light may change so much from one of them to the next: the color in the middle is close to the mean.
+/// Largest change of a color or a light between two of these times that counts as none: the color in the middle is close to the
+/// mean.
 const FAINT: f32 = 0.02;
 
-/// Motion while the shutter is open, and how many sub-frames it takes.
+/// Motion while the shutter is open, and the number of sub-frames that it takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShutterMotion {
-    /// Sub-frames at most.
+    /// Largest number of sub-frames.
     pub most: u32,
-    /// Pixels that the fastest pixel moves, or a change that is no motion.
+    /// Motion of the fastest pixel in pixels, or the change other than motion that takes all sub-frames.
     pub found: Result<f64, &'static str>,
 }
 
@@ -59,7 +60,7 @@ impl fmt::Display for ShutterMotion {
     }
 }
 
-/// A stage as one plan shows it.
+/// Inputs of the estimate: a stage and the plan that shows it.
 pub(super) struct Shown<'a> {
     pub resources: &'a SceneResources,
     pub stage: &'a Stage,
@@ -69,7 +70,8 @@ pub(super) struct Shown<'a> {
 }
 
 impl Shown<'_> {
-    /// `time_of` gives the time of a share of the open time. Ends early where `most` sub-frames are needed anyway.
+    /// Estimates the motion. `time_of` gives the time at a fraction of the open shutter. Ends early once `most` sub-frames are
+    /// needed.
     pub fn motion<E>(
         &self,
         most: u32,
@@ -92,7 +94,7 @@ impl Shown<'_> {
         Ok(ShutterMotion { most, found: Ok(pixels) })
     }
 
-    /// Pixels that the fastest pixel moves from one time to the next, or a change that is no motion.
+    /// Pixels that the fastest pixel moves between two snapshots, or a change other than motion.
     fn between(&self, a: &Snapshot, b: &Snapshot) -> Result<f64, &'static str> {
         self.other_changes(a, b).map_or(Ok(()), Err)?;
         let eyes = [a, b].map(|s| Eye::new(&View::new(&s.camera, self.options.size), self.options.size));
@@ -103,7 +105,7 @@ impl Shown<'_> {
         let lights = self.shadow_eyes();
         for (actor, states) in a.actors.iter().zip(&b.actors).enumerate().take(self.stage.actors.len()) {
             let carried;
-            // The place of an actor that is culled at one of the times is known; its pose counts as that of the other time.
+            // The placement of an actor that is culled at one of the times is known; its pose is taken from the other time.
             let states = match (states.0, states.1) {
                 (a, b) if a.culled && !b.culled => {
                     carried = ActorState { world_from_model: a.world_from_model, ..b.clone() };
@@ -124,7 +126,7 @@ impl Shown<'_> {
         Ok(fastest)
     }
 
-    /// The views of shadow maps, and the actors that are drawn into each.
+    /// The views of shadow maps, and the actors drawn into each.
     fn shadow_eyes(&self) -> Vec<(Vec<u32>, Eye)> {
         let views = self.plan.shadow_maps.iter().flat_map(|maps| &maps.views);
         let eye = |view: &crate::plan::ShadowView| {
@@ -164,7 +166,7 @@ impl Shown<'_> {
         fastest
     }
 
-    /// A change that is no motion of what is drawn.
+    /// A change other than motion that needs all sub-frames, if there is one.
     fn other_changes(&self, a: &Snapshot, b: &Snapshot) -> Option<&'static str> {
         let (stage, options) = (self.stage, self.options);
         if a.lights.len() != b.lights.len()
@@ -235,7 +237,7 @@ fn differs(a: Vec3, b: Vec3) -> bool {
     (a - b).abs().max_element() > FAINT * a.max(b).max_element()
 }
 
-/// Whether two states of a light differ by more than a hardly visible change of its color.
+/// Whether a light changes by more than a barely visible change of color.
 fn light_changes(a: &LightState, b: &LightState) -> bool {
     let color = |l: &LightState| l.light.color * l.light.intensity;
     let mut colored = *b;
@@ -243,15 +245,15 @@ fn light_changes(a: &LightState, b: &LightState) -> bool {
     *a != colored || differs(color(a), color(b))
 }
 
-/// A camera, or a light that sees what shadow maps show.
+/// A view: the camera's, or that of a light's shadow map.
 struct Eye {
     clip_from_relative: DMat4,
     position: DVec3,
     /// Half a side of the image in pixels.
     half: DVec2,
-    /// The least clip w that counts.
+    /// Least clip w that counts; smaller ones are clamped to it.
     nearest: f64,
-    /// Pixels of a metre where clip w is 1.
+    /// Pixels per meter where clip w is 1.
     metre: f64,
 }
 
@@ -283,7 +285,7 @@ struct MovingBox<'a> {
     world_from_mesh: [DAffine3; 2],
     /// The mesh, if it is rigid.
     shape: Option<&'a PrimitiveResource>,
-    /// Metres of the mesh that morph targets move it.
+    /// Largest distance that morph targets move a vertex, in meters of the mesh.
     morph: f64,
 }
 
@@ -315,7 +317,7 @@ impl MovingBox<'_> {
         let mut fastest = 0.0f64;
         let mut add = |polygon: Vec<Ends>| fastest = fastest.max(farthest(&in_frustum(polygon)));
         match self.shape.map(PrimitiveResource::primitive) {
-            // The camera may stand inside of the box, as on a ground or in a room.
+            // The camera may stand inside the box, as on a ground or in a room; then the triangles are used.
             Some(shape)
                 if shape.topology == Topology::Triangles && corners.iter().any(|(a, _)| a.w < near) =>
             {
@@ -327,7 +329,7 @@ impl MovingBox<'_> {
         if fastest == 0.0 { 0.0 } else { fastest + morph }
     }
 
-    /// Texels that its shadow moves in a shadow map.
+    /// Texels that the box's shadow moves in a shadow map.
     fn motion_of_shadow(&self, light: &Eye) -> f64 {
         if self.world_from_mesh[0] == self.world_from_mesh[1] {
             return 0.0;
@@ -346,7 +348,7 @@ impl MovingBox<'_> {
     }
 }
 
-/// The boxes of a primitive that move as one, at two times, and whether they are rigid.
+/// Calls `add` with each box of a primitive that moves as one, its transforms at two times, and whether the mesh is rigid.
 fn parts(
     asset: &choreo_asset::Asset,
     instance: &MeshInstance,
@@ -379,7 +381,7 @@ fn parts(
     }
 }
 
-/// Metres of the mesh that a change of morph weights moves a vertex at most.
+/// Largest distance that a change of morph weights moves a vertex, in meters of the mesh.
 fn morph_motion(resource: &PrimitiveResource, instance: usize, states: [&ActorState; 2]) -> f64 {
     let [a, b] = states.map(|s| s.morph_weights.get(instance).map_or(&[][..], Vec::as_slice));
     let reach = |b: &Aabb| f64::from(b.min.abs().max(b.max.abs()).length());
@@ -387,7 +389,7 @@ fn morph_motion(resource: &PrimitiveResource, instance: usize, states: [&ActorSt
     targets.map(|(bounds, (a, b))| f64::from((a - b).abs()) * reach(bounds)).sum()
 }
 
-/// Pixels that the sky moves where the camera turns.
+/// Pixels that the sky moves as the camera turns.
 fn sky_motion(a: &Snapshot, eyes: &[Eye; 2], size: [u32; 2]) -> f64 {
     let [right, down, ahead] = rays(&View::new(&a.camera, size)).map(|v| v.as_dvec3());
     let places = [[0.0, 0.0], [-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];

@@ -1,7 +1,7 @@
-//! Tiles: images larger than a device draws at once are drawn in parts, each with a plan of its own.
+//! Tiles: an image larger than a device can draw at once is drawn in parts, each with its own plan.
 //!
-//! A tile is a part of the camera's image: its part of clip space is enlarged. Full-screen passes and layers in front run on the
-//! whole image once all tiles are drawn; layers behind are cut. Edges may differ by the rounding of a vertex.
+//! Each tile enlarges its part of the camera's clip space. Full-screen passes and layers in front run on the whole image once all
+//! tiles are drawn; layers behind are cut into tiles. Edges may differ by the rounding of a vertex.
 
 use crate::error::RenderError;
 use crate::layers_2d::LayerImage;
@@ -23,8 +23,8 @@ const AT_ONCE: u64 = 1 << 26;
 /// Side of a tile of such an image in pixels.
 const SIDE: u32 = 4096;
 
-/// Side of an image's tiles in pixels; `None` if it is drawn as a whole. `longest`: the device's largest image side.
-/// `whole`: the image cannot be drawn in tiles, and is so only if it must.
+/// Side of an image's tiles in pixels; `None` if it is drawn as a whole. `longest`: the device's largest image side. `whole`: the
+/// image should not be drawn in tiles, so it is only if the device's limit requires it.
 pub(crate) fn side_of_tiles(size: [u32; 2], longest: u32, whole: bool) -> Option<u32> {
     let many = u64::from(size[0]) * u64::from(size[1]) > AT_ONCE;
     match size.iter().any(|side| *side > longest) {
@@ -39,12 +39,12 @@ pub(crate) fn side_of_tiles(size: [u32; 2], longest: u32, whole: bool) -> Option
 pub struct Tile {
     pub at: [u32; 2],
     pub size: [u32; 2],
-    /// Number of its columns and rows, from its left and top, that lie in the image.
+    /// Number of the tile's columns and rows, from its left and top, that lie in the image.
     pub keep: [u32; 2],
 }
 
 /// Tiles of one size, whose sides are at most `limit` long; the last of a row or column may reach beyond the image. They begin at
-/// multiples of 16 pixels, or of four, if the limit allows: dithering repeats itself after 16 pixels, and derivatives are computed in
+/// multiples of 16 pixels, or of four, if the limit allows: dithering repeats after 16 pixels, and derivatives are computed in
 /// quads of two by two.
 pub fn tiles(size: [u32; 2], limit: u32) -> Vec<Tile> {
     let step = [crate::dither::SIDE as u32, 4, 1].into_iter().find(|step| *step <= limit).unwrap_or(1);
@@ -56,7 +56,7 @@ pub fn tiles(size: [u32; 2], limit: u32) -> Vec<Tile> {
 }
 
 impl Plan {
-    /// The plan of a tile, without full-screen passes and layers in front; an error if a tile would need the pixels of others.
+    /// The plan of a tile, without full-screen passes and layers in front. Fails if the tile would need pixels of other tiles.
     pub fn tile(&self, tile: Tile, resources: &SceneResources) -> Result<Plan, RenderError> {
         if self.scene_color_copy.is_some() {
             let text = format!(
@@ -101,7 +101,7 @@ impl Plan {
         Ok(part)
     }
 
-    /// Scales outlines whose width is a share of the image's height.
+    /// Scales the width of outlines that is a share of the image's height.
     fn widen_outlines(&mut self, factor: f32, resources: &SceneResources) {
         let views = self.shadow_maps.iter_mut().flat_map(|s| &mut s.views).flat_map(|v| &mut v.draws);
         let outlines =

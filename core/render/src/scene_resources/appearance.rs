@@ -1,7 +1,7 @@
-//! Appearance of a model and of a simplified version of it: small images from all sides, compared at several sizes of pixels.
+//! Compares the appearance of a model with that of a simplified version: small images from all sides, at several pixel sizes.
 //!
-//! After P. Lindstrom, G. Turk, "Image-Driven Simplification", ACM TOG 2000: a bound of the geometric error says nothing about a
-//! head that comes through its helmet, or about a stripe that has got the color of the trousers.
+//! After P. Lindstrom, G. Turk, "Image-Driven Simplification", ACM TOG 2000: a bound of the geometric error does not detect a
+//! head that pokes through its helmet, or a stripe that has got the color of the trousers.
 
 use crate::scene_resources::simplify::{Model, ModelPrimitive};
 use glam::{Mat3, Vec2, Vec3, Vec4};
@@ -9,14 +9,15 @@ use rayon::prelude::{IntoParallelRefIterator, ParallelIterator};
 
 /// Pixels along each side of the finest images, a power of two.
 const SIDE: usize = 256;
-/// Each size of pixels is twice the one before.
+/// Number of pixel sizes, each twice the one before.
 const SIZES: usize = 7;
-/// Largest mean difference of coverage and of color over the pixels that show the model, and largest difference of the mean color of
-/// two by two pixels, all of 1.
+/// Limits of visible differences, as shares of 1: mean difference of coverage and mean difference of color over the pixels that
+/// show the model, and largest difference of the mean color of two by two pixels.
 const SHAPE: f32 = 0.06;
 const COLOR: f32 = 0.03;
 const WORST: f32 = 0.25;
-/// Pixels by which a vertex may lie behind the center of its pixel: one view looks at its surface less than 35° from the normal.
+/// Depth in pixels by which a visible vertex may lie behind the center of its pixel: in one of the views its surface is less than
+/// 35° from facing the viewer.
 const NEAR: f32 = 0.6;
 /// Directions from which the model is seen: the faces and corners of a cube.
 const DIRECTIONS: [Vec3; 14] = [
@@ -36,14 +37,14 @@ const DIRECTIONS: [Vec3; 14] = [
     Vec3::new(-1.0, -1.0, -1.0),
 ];
 
-/// A part with other triangles.
+/// Simplified triangles of a part.
 pub(super) struct Shape {
     pub indices: Vec<u32>,
     /// One for each vertex of the part, in model space.
     pub positions: Vec<Vec3>,
 }
 
-/// Triangles of a part to be drawn.
+/// Triangles of a part to draw.
 #[derive(Clone, Copy)]
 struct Drawn<'a> {
     part: &'a ModelPrimitive,
@@ -51,17 +52,17 @@ struct Drawn<'a> {
     positions: &'a [Vec3],
 }
 
-/// A model from all directions.
+/// Images of a model from all directions.
 pub(super) struct Appearance {
     views: Vec<View>,
-    /// Metres that a pixel of the finest images is wide.
+    /// Width of a pixel of the finest images in meters.
     pixel: f32,
 }
 
 struct View {
     /// x right, y up in pixels, z towards the viewer.
     pixels_from_model: (Mat3, Vec3),
-    /// Color times coverage, and coverage, at each size of pixels, the finest first.
+    /// Color times coverage, and coverage, at each pixel size, the finest first.
     images: Vec<Vec<Vec4>>,
     /// Whether each vertex of each part can be seen.
     seen: Vec<Vec<bool>>,
@@ -93,7 +94,7 @@ impl Appearance {
         (0..self.views[0].seen.len()).map(part).collect()
     }
 
-    /// The smallest size of pixels in metres from which other shapes of the parts look like the model; `None` if none does.
+    /// The smallest pixel size in meters from which other shapes of the parts look like the model; `None` if none does.
     pub(crate) fn smallest_pixel(&self, model: &Model, shapes: &[Shape]) -> Option<f32> {
         let drawn: Vec<Drawn> = model
             .parts
@@ -107,7 +108,7 @@ impl Appearance {
             (0..SIZES).map(compare).collect::<Vec<_>>()
         };
         let by_view: Vec<Vec<Difference>> = self.views.par_iter().map(compared).collect();
-        // The excess over what is allowed, by size.
+        // Difference as a share of the allowed one, for each pixel size.
         let excess: Vec<f32> = (0..SIZES)
             .map(|size| {
                 let all = || by_view.iter().map(|view| &view[size]);
@@ -124,7 +125,7 @@ impl Appearance {
             0 => Some(wide(0.0)),
             SIZES => None,
             _ => {
-                // Between the two sizes.
+                // Interpolated between the two pixel sizes.
                 let [above, below] = [excess[first - 1], excess[first].max(1e-6)].map(libm::log2f);
                 Some(wide((first - 1) as f32 + above / (above - below)))
             }
@@ -132,15 +133,15 @@ impl Appearance {
     }
 }
 
-/// How two images of one size differ.
+/// Differences between two images of one size.
 struct Difference {
-    /// Pixels that show either.
+    /// Number of pixels that either image covers.
     pixels: f32,
     /// Sum of the differences of coverage.
     shape: f32,
-    /// Sum of the differences of color where both are.
+    /// Sum of the differences of color where both images are covered.
     color: f32,
-    /// Largest difference of a square's mean color where both are.
+    /// Largest difference of the mean color of two by two pixels where both images are covered.
     worst: f32,
 }
 
@@ -161,7 +162,7 @@ impl Difference {
     }
 }
 
-/// An orthographic view of the whole model: rotation with scale, and what is added.
+/// Orthographic view of the whole model: rotation with scale, and offset, from model space to pixels.
 fn look(direction: Vec3, model: &Model, pixel: f32) -> (Mat3, Vec3) {
     let back = direction.normalize();
     let up = if back.y.abs() > 0.99 { Vec3::NEG_Z } else { Vec3::Y };
@@ -173,7 +174,7 @@ fn look(direction: Vec3, model: &Model, pixel: f32) -> (Mat3, Vec3) {
     (rotation, Vec3::new(half, half, 0.0) - rotation * all.center())
 }
 
-/// Whether points lie on what is nearest to the viewer.
+/// Whether each point lies on the nearest surface of its pixel.
 fn seen(points: &[Vec3], (rotation, offset): (Mat3, Vec3), nearest: &[f32]) -> Vec<bool> {
     let seen = |point: &Vec3| {
         let here = rotation * *point + offset;
@@ -183,7 +184,7 @@ fn seen(points: &[Vec3], (rotation, offset): (Mat3, Vec3), nearest: &[f32]) -> V
     points.iter().map(seen).collect()
 }
 
-/// The image, and how near what it shows is.
+/// The image, and the depth of the nearest surface at each pixel, greater towards the viewer.
 fn draw(drawn: &[Drawn], (rotation, offset): (Mat3, Vec3)) -> (Vec<Vec4>, Vec<f32>) {
     let mut nearest = vec![f32::NEG_INFINITY; SIDE * SIDE];
     let mut ids = vec![(u32::MAX, 0); SIDE * SIDE];
@@ -213,14 +214,14 @@ fn draw(drawn: &[Drawn], (rotation, offset): (Mat3, Vec3)) -> (Vec<Vec4>, Vec<f3
         let normal = |v: &u32| d.part.normals.get(*v as usize).copied().unwrap_or_default();
         let normals = [normal(&triangle[0]), normal(&triangle[1]), normal(&triangle[2])];
         let normal = normals[0] * weights.x + normals[1] * weights.y + normals[2] * weights.z;
-        // A lamp over the viewer's shoulder; surfaces are lit from both sides.
+        // Light from over the viewer's shoulder; both sides of a surface are lit.
         let lit = 0.3 + 0.7 * normal.normalize_or_zero().dot(light.normalize()).abs();
         image[at] = (color(d, triangle, weights).truncate() * lit).extend(1.0);
     }
     (image, nearest)
 }
 
-/// Color of a place of a triangle.
+/// Color at a point of a triangle.
 fn color(d: &Drawn, triangle: &[u32], weights: Vec3) -> Vec4 {
     let uvs = d.part.uvs();
     let uv = |v: u32| uvs.get(v as usize).copied().unwrap_or_default();
@@ -232,7 +233,7 @@ fn color(d: &Drawn, triangle: &[u32], weights: Vec3) -> Vec4 {
     d.part.paint.at(uv) * own
 }
 
-/// Barycentric coordinates of a point in the image; `None` for a triangle without area there.
+/// Barycentric coordinates of a point in the image; `None` if the triangle has no area there.
 fn weights_at([a, b, c]: [Vec3; 3], at: Vec2) -> Option<Vec3> {
     let [a, b, c] = [a, b, c].map(Vec3::truncate);
     let area = (b - a).perp_dot(c - a);
@@ -240,11 +241,11 @@ fn weights_at([a, b, c]: [Vec3; 3], at: Vec2) -> Option<Vec3> {
     (area != 0.0).then(|| weights / area)
 }
 
-/// Each pixel whose center is in a triangle, with barycentric coordinates.
+/// Calls `each` for every pixel whose center lies in a triangle, with its barycentric coordinates.
 fn each_pixel(vertices: [Vec3; 3], mut each: impl FnMut(usize, Vec3)) {
     let low = vertices[0].min(vertices[1]).min(vertices[2]) - 0.5;
     let high = vertices[0].max(vertices[1]).max(vertices[2]) - 0.5;
-    // Casts cut off at the image's edges.
+    // Casts to unsigned integers clamp at the left and top edges.
     let first = |v: f32| v.ceil() as usize;
     let end = |v: f32| ((v.floor() + 1.0) as usize).min(SIDE);
     for y in first(low.y)..end(high.y) {
@@ -258,7 +259,7 @@ fn each_pixel(vertices: [Vec3; 3], mut each: impl FnMut(usize, Vec3)) {
     }
 }
 
-/// An image and its halves, as many as there are sizes of pixels.
+/// An image and its halves, one for each pixel size.
 fn pyramid(finest: Vec<Vec4>) -> Vec<Vec<Vec4>> {
     let mut images = vec![finest];
     while images.len() < SIZES {

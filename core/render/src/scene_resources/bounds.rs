@@ -1,5 +1,5 @@
-//! Axis-aligned bounding boxes of primitives and of their morphed, skinned instances. They are conservative: never too small, so
-//! that culling never shows.
+//! Axis-aligned bounding boxes of primitives and of their morphed, skinned instances. They are conservative (never too small), so
+//! that culling removes nothing visible.
 
 use crate::affine::Affine3x4;
 use crate::scene_resources::watertight::WatertightOrder;
@@ -20,12 +20,12 @@ pub(crate) fn transformed(b: Aabb, rows: &Affine3x4) -> Aabb {
     Aabb { min: center - half, max: center + half }
 }
 
-/// Facts about a primitive that planning needs beside its arrays, computed once for the scene resources.
+/// Facts about a primitive that planning needs in addition to its arrays, computed once for the scene resources.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrimitiveInfo {
-    /// Array lengths fit together and every index is in range. Broken primitives are never drawn.
+    /// Whether array lengths fit together and every index is in range. Broken primitives are never drawn.
     pub valid: bool,
-    /// Unmorphed positions in mesh space.
+    /// Bounds of the unmorphed positions in mesh space.
     pub bounds: Aabb,
     /// (skin joint, bounds of the vertices that it moves), sorted by joint.
     pub joint_bounds: Vec<(u16, Aabb)>,
@@ -33,9 +33,9 @@ pub struct PrimitiveInfo {
     pub morph_bounds: Vec<Aabb>,
     /// Influences per vertex with a weight other than zero, rounded up: 0, 4 or 8.
     pub influences: usize,
-    /// Some vertex color is not white.
+    /// Whether some vertex color is not white.
     pub colored: bool,
-    /// The triangles fill all faces of `bounds`: it is a rectangle along the axes, or a box.
+    /// Whether the triangles fill all faces of `bounds`: the primitive is a rectangle along the axes, or a box.
     pub fills_bounds: bool,
     /// Joints that share a vertex with each joint, itself included. Computed on first use.
     companions: OnceLock<Vec<Vec<u16>>>,
@@ -126,8 +126,8 @@ impl PrimitiveInfo {
         transformed(grown(self.bounds, morph_offset), relative_from_mesh)
     }
 
-    /// Camera-relative bounds of a skinned instance. A skinned vertex is a convex combination of its joints' images of it,
-    /// so the union of the joints' transformed boxes contains it.
+    /// Camera-relative bounds of a skinned instance. A skinned vertex is a convex combination of its positions under each joint,
+    /// so the union of the boxes that the joints transform contains it.
     pub fn skinned(&self, joints: &[Affine3x4], morph_offset: Aabb) -> Aabb {
         let mut all = Aabb::EMPTY;
         for (joint, b) in &self.joint_bounds {
@@ -140,9 +140,9 @@ impl PrimitiveInfo {
 
     /// Camera-relative bounds of an instance with dual-quaternion skinning.
     ///
-    /// With q = Σ wᵢ qᵢ, a vertex goes to Σᵢⱼ wᵢ wⱼ pᵢ qᵢ q̄ⱼ / |q|², where pᵢ is where motion i alone takes its
-    /// stretched position. Since the same sum of any fixed point c is c, it is at most max |pᵢ − c| / |q| from c; and where all
-    /// qᵢ are at least κ alike, |q| ≥ κ + (1 − κ) / n for n influences, since the heaviest weighs at least 1/n.
+    /// With q = Σ wᵢ qᵢ, a vertex moves to Σᵢⱼ wᵢ wⱼ pᵢ qᵢ q̄ⱼ / |q|², where pᵢ is its stretched position moved by joint i alone.
+    /// Since the same sum of any fixed point c is c, the vertex is at most max |pᵢ − c| / |q| from c. If all pairs of qᵢ have a
+    /// dot product of at least κ, |q| ≥ κ + (1 − κ) / n for n influences, since the heaviest weighs at least 1/n.
     pub fn dual_skinned(
         &self,
         primitive: &Primitive,
@@ -198,7 +198,8 @@ fn grown(b: Aabb, by: Aabb) -> Aabb {
     Aabb { min: b.min + by.min, max: b.max + by.max }
 }
 
-/// Whether triangles lie in the faces of their bounds and have the area of these: of one for a flat primitive, else of all six.
+/// Whether all triangles lie in the faces of the bounds and fill their area: that of one face for a flat primitive, else of all
+/// six.
 fn fills_bounds(p: &Primitive, bounds: &Aabb) -> bool {
     let size = (bounds.max - bounds.min).as_dvec3();
     let faces = size.x * size.y + size.y * size.z + size.z * size.x;
@@ -223,7 +224,7 @@ pub(crate) fn outside(b: Aabb, clip_from_relative: &Mat4, margin: Vec2) -> bool 
     if corners.iter().any(|c| !c.is_finite()) {
         return false;
     }
-    // Lines and points reach half a pixel out of their boxes; and rounding: a little wider than exact.
+    // Lines and points extend half a pixel beyond their boxes, and results are rounded, so the test is a little wider than exact.
     let slack = |w: f32| w.abs() * 1e-3 + 1e-6;
     let side = |w: f32, margin: f32| w + w.abs() * margin + slack(w);
     corners.iter().all(|c| c.x > side(c.w, margin.x))
@@ -237,7 +238,7 @@ pub(crate) fn outside(b: Aabb, clip_from_relative: &Mat4, margin: Vec2) -> bool 
 /// Whether a box lies in front of a view's near plane, so that the viewer is outside of the box.
 pub(crate) fn is_before(b: Aabb, clip_from_relative: &Mat4) -> bool {
     let corners = b.corners().map(|c| *clip_from_relative * c.extend(1.0));
-    // False for numbers that are not finite; rounding counts against it.
+    // False for numbers that are not finite, and within the rounding error of the near plane.
     corners.iter().all(|c| c.w > 0.0 && c.z < c.w * (1.0 - 1e-4))
 }
 

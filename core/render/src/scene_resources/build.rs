@@ -21,7 +21,7 @@ impl SceneResources {
         SceneResources::after(&SceneResources::default(), stage)
     }
 
-    /// The same as `new`. Assets that the earlier resources were made of are not hashed and measured again.
+    /// Like `new`. Assets of the earlier resources are not hashed and measured again.
     pub fn after(earlier: &SceneResources, stage: &Stage) -> SceneResources {
         let (mut resources, assets) = SceneResources::collected(earlier, stage);
         let pays = paying(&resources, stage);
@@ -31,7 +31,7 @@ impl SceneResources {
         resources
     }
 
-    /// The same as `new` without levels of detail, which take time: it is only noted which assets would have them.
+    /// Like `new`, but without levels of detail, which take time. Marks the assets for which they would pay.
     pub fn without_levels(stage: &Stage) -> SceneResources {
         let (mut resources, _) = SceneResources::collected(&SceneResources::default(), stage);
         let pays = paying(&resources, stage);
@@ -39,7 +39,7 @@ impl SceneResources {
         resources
     }
 
-    /// The resources without levels of detail, and the assets.
+    /// The resources without levels of detail, and the distinct assets.
     fn collected<'a>(earlier: &SceneResources, stage: &'a Stage) -> (SceneResources, Vec<&'a Asset>) {
         let mut builder = Builder::default();
         for p in &earlier.primitives {
@@ -89,7 +89,7 @@ impl SceneResources {
             |i: usize, p: usize| self.primitives[entry.primitives[i][p].primitive as usize].info.valid;
         let levels = Model::new(asset, valid).map_or(Vec::new(), |model| model.levels());
         for Level { error, primitives } in levels {
-            // Primitives that are no part of the model, such as lines, stay as they are.
+            // Primitives that are not simplified, such as lines, stay as they are.
             let own =
                 |of_instance: &Vec<PrimitiveEntry>| of_instance.iter().map(|e| Some(e.primitive)).collect();
             let mut level = LodLevel { error, primitives: entry.primitives.iter().map(own).collect() };
@@ -103,7 +103,7 @@ impl SceneResources {
         }
     }
 
-    /// Index of a primitive that is added where there is no equal one.
+    /// Index of a primitive. Adds it if no equal one exists.
     fn add(&mut self, primitive: PrimitiveResource) -> u32 {
         let known = self.primitives.iter().position(|p| p.hash == primitive.hash);
         known.unwrap_or_else(|| {
@@ -119,7 +119,7 @@ struct Builder {
     primitives: HashMap<[u8; 16], u32>,
     materials: HashMap<[u8; 16], u32>,
     textures: HashMap<([u8; 16], bool), u32>,
-    /// Primitives of the earlier resources, which hold the meshes alive.
+    /// Primitives of the earlier resources, which keep the meshes alive.
     known_primitives: HashMap<(*const Mesh, u32), ([u8; 16], PrimitiveInfo)>,
     /// Files share images by `Arc`, so each is hashed once.
     image_hashes: HashMap<*const Image, [u8; 16]>,
@@ -182,7 +182,7 @@ impl Builder {
         })
     }
 
-    /// `animated`: factors that hide a texture now may show it later.
+    /// Index of a material. `animated`: keeps textures that its current factors hide, because later factors may show them.
     fn material(&mut self, asset: &Asset, m: &Material, animated: bool) -> u32 {
         let mut material = MaterialResource::new(m, animated);
         let keep_all = animated && m.shading != Shading::Unlit;
@@ -219,7 +219,7 @@ impl Builder {
     fn texture(&mut self, asset: &Asset, t: &TextureRef, srgb: bool) -> Option<MaterialTexture> {
         let image = asset.images.get(t.image as usize)?;
         let bytes = 4 * u64::from(image.width) * u64::from(image.height);
-        // Scenes that are described and not drawn know the sizes of their images alone.
+        // Scenes that are only described, not drawn, know no pixels of their images, only the sizes.
         let is_header = image.rgba.is_empty();
         if bytes == 0 || !is_header && bytes != image.rgba.len() as u64 {
             return None;
@@ -241,7 +241,7 @@ impl Builder {
     }
 }
 
-/// Hash of the primitives, materials and places of a model.
+/// Hash of the primitives, materials and placements of a model.
 fn model_content(
     entry: &AssetEntry,
     asset: &Asset,

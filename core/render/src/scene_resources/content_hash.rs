@@ -5,25 +5,25 @@ use crate::scene_resources::material::MaterialResource;
 use choreo_asset::ContentHash;
 use choreo_asset::hash::{Hashed, hash_of};
 
-/// The first 16 bytes, which name buffers: they tell contents apart as well and are compared at half the cost.
+/// The first 16 bytes of a hash. They still distinguish contents, and cost half as much to compare.
 pub(crate) fn short(hash: ContentHash) -> [u8; 16] {
     let mut out = [0; 16];
     out.copy_from_slice(&hash[..16]);
     out
 }
 
-/// Hash of a material with its textures by index: equal materials of one stage.
+/// Hash of a material with its textures by index, for comparing materials of one stage.
 pub(crate) fn material_hash(m: &MaterialResource) -> [u8; 16] {
     hash_with(m, |texture| texture)
 }
 
-/// Hash of a material with its textures by content: equal materials of different stages.
+/// Hash of a material with its textures by content, for comparing materials of different stages.
 pub(crate) fn material_content(m: &MaterialResource, textures: &[TextureResource]) -> [u8; 16] {
     let content = |t: &TextureResource| (t.hash.to_vec(), t.srgb, t.mipmaps);
     hash_with(m, |texture| textures.get(texture as usize).map(content))
 }
 
-/// The textures are those of the scene, not of the file.
+/// Hash of a material with the scene's textures in place of the file's.
 fn hash_with<T: Hashed>(m: &MaterialResource, texture_id: impl Fn(u32) -> T) -> [u8; 16] {
     let textures = m
         .textures

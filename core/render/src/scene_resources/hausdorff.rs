@@ -1,21 +1,21 @@
 //! Hausdorff distance between a triangle mesh and a simplified version of it, by sampling.
 //!
-//! Distances are measured from each vertex of the fine mesh, and from a grid of points on each triangle of the simplified one:
-//! simplification drops vertices, and inside its triangles the simplified mesh leaves the fine one. After P. Cignoni,
-//! C. Rocchini, R. Scopigno, "Metro: Measuring Error on Simplified Surfaces", Computer Graphics Forum 1998.
+//! Distances are measured from each vertex of the fine mesh, because simplification drops vertices, and from a grid of points on
+//! each triangle of the simplified mesh, because its interior leaves the fine surface. After P. Cignoni, C. Rocchini, R.
+//! Scopigno, "Metro: Measuring Error on Simplified Surfaces", Computer Graphics Forum 1998.
 
 use choreo_asset::Aabb;
 use glam::Vec3;
 use rayon::prelude::{ParallelIterator, ParallelSlice};
 
-/// Steps of the grid along a triangle's edge: 28 points, its vertices, centroid and edge midpoints among them.
+/// Steps of the grid along a triangle's edge. The 28 points include its vertices, centroid and edge midpoints.
 const STEPS: u32 = 6;
-/// Vertices or triangles that one thread looks at together.
+/// Number of vertices or triangles in one parallel task.
 const CHUNK: usize = 256;
-/// Most triangles of a leaf.
+/// Largest number of triangles in a leaf.
 const LEAF_SIZE: usize = 4;
 
-/// Positions and triangles; indices in range.
+/// A triangle mesh. Indices must be in range.
 #[derive(Clone, Copy)]
 pub struct Surface<'a> {
     pub positions: &'a [Vec3],
@@ -28,7 +28,8 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// Distance in metres between a surface and a simplified version with a subset of its vertices; 0 if either has no triangles.
+/// Hausdorff distance in meters between a surface and a simplified version that uses a subset of its vertices; 0 if either has no
+/// triangles.
 pub(crate) fn hausdorff_distance(fine: Surface, coarse: Surface) -> f32 {
     let (of_fine, of_coarse) = (Tree::new(fine), Tree::new(coarse));
     let mut used = fine.indices.to_vec();
@@ -43,7 +44,7 @@ pub(crate) fn hausdorff_distance(fine: Surface, coarse: Surface) -> f32 {
             of_fine.farther(a + (b - a) * u + (c - a) * v, worst)
         })
     };
-    // Points that are no farther than these few need not be measured.
+    // A coarse sample first gives a lower bound: points within it need no exact distance.
     let few = used.iter().step_by(CHUNK / 8).fold(0.0, of_vertex);
     let few = coarse.indices.chunks_exact(3).step_by(CHUNK / 8).fold(few, of_triangle);
     let vertices = used.par_chunks(CHUNK).map(|vertices| vertices.iter().fold(few, of_vertex));
@@ -95,7 +96,7 @@ impl Tree {
         node
     }
 
-    /// The greater of `than` and the squared distance from a point to the nearest triangle.
+    /// The larger of `than` and the squared distance from a point to the nearest triangle.
     fn farther(&self, from: Vec3, than: f32) -> f32 {
         let outside = |b: &Aabb| from.distance_squared(from.clamp(b.min, b.max));
         let mut nearest = f32::INFINITY;
@@ -109,7 +110,7 @@ impl Tree {
             if node.second == 0 {
                 let all = &self.triangles[node.first as usize..(node.first + node.count) as usize];
                 nearest = all.iter().fold(nearest, |least, t| least.min(squared_distance(from, *t)));
-                // Too near to be the farthest.
+                // The point is too near to increase the maximum.
                 if nearest <= than {
                     return than;
                 }
@@ -150,7 +151,7 @@ fn squared_distance(p: Vec3, [a, b, c]: [Vec3; 3]) -> f32 {
 mod tests {
     use super::*;
 
-    /// Squares of a grid over heights.
+    /// A grid of squares with a height at each vertex.
     fn sheet(squares: u32, height: impl Fn(f32, f32) -> f32) -> (Vec<Vec3>, Vec<u32>) {
         let n = squares + 1;
         let at = |i: u32| i as f32 / squares as f32;
@@ -210,7 +211,7 @@ mod tests {
         ] {
             assert!((squared_distance(p, t) - square).abs() < 1e-6, "{p}");
         }
-        // A triangle without area has the distance to its edges.
+        // The distance to a triangle without area is that to its edges.
         assert_eq!(squared_distance(Vec3::new(0.5, 1.0, 0.0), [Vec3::ZERO, Vec3::X, Vec3::X]), 1.0);
         let nothing = Surface { positions: &[], indices: &[] };
         assert_eq!(hausdorff_distance(nothing, nothing), 0.0);

@@ -1,5 +1,5 @@
-//! Image sequences as textures. Each image has a material and a texture of its own in the scene resources, without pixels: a
-//! renderer loads the images that a frame shows, and drops those that no recent frame has shown.
+//! Image sequences as textures. Each image has its own material and texture in the scene resources, without pixels: a renderer
+//! loads the images that a frame shows, and drops those that no recent frame has shown.
 
 use crate::error::RenderError;
 use crate::scene_resources::material::{MaterialResource, MaterialTexture};
@@ -8,7 +8,7 @@ use choreo_asset::{Image, ImageSource, ImageStream, Shading, TextureSlot};
 use choreo_motion::Time;
 use std::sync::Arc;
 
-/// The image sequence of a streamed texture, and the index of its image there.
+/// The image sequence of a streamed texture, and the index of the image in it.
 pub(crate) type Streamed = (Arc<dyn ImageSource>, usize);
 
 impl TextureResource {
@@ -25,16 +25,16 @@ impl TextureResource {
         Ok(TextureResource { image, streamed: None, ..self.clone() })
     }
 
-    /// Size of its pixels in bytes, without mipmaps.
+    /// Size of the pixels in bytes, without mipmaps.
     pub fn bytes(&self) -> u64 {
         4 * u64::from(self.image.width) * u64::from(self.image.height)
     }
 }
 
 impl MaterialResource {
-    /// Streams that can change a pixel, with the texture of the first image.
+    /// Image streams that can change a pixel, with the texture of the first image.
     fn streams(&self) -> impl Iterator<Item = (&ImageStream, MaterialTexture)> {
-        // Toon shading keeps other textures in the other slots.
+        // Toon shading uses the other slots for other textures.
         let toon = self.material.shading == Shading::Toon;
         let read = move |s: &&ImageStream| {
             !toon || matches!(s.slot, TextureSlot::BaseColor | TextureSlot::Normal | TextureSlot::Emissive)

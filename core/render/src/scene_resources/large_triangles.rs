@@ -1,11 +1,11 @@
-//! Triangles that are far larger than the view of what is near them, such as the two of a ground of 100 km, are split.
+//! Splits triangles that are far larger than the view of nearby objects, such as the two triangles of a ground of 100 km.
 //!
-//! A device clips a triangle and interpolates positions, depths and texture coordinates of its vertices in f32. On 100 km that is
-//! exact to a centimetre: the ground trembles under the feet of a character, and shadows on it move. Parts that are short near
-//! cameras and actors, and long far from them, are exact everywhere, on every device, and cost some hundred triangles.
+//! A device clips a triangle and interpolates its positions, depths and texture coordinates in f32. On 100 km that is exact to a
+//! centimeter: the ground jitters under the feet of a character, and shadows on it move. Parts that are short near cameras and
+//! actors, and long far from them, are exact everywhere, on every device, and cost some hundred triangles.
 //!
-//! Whether an edge is split depends on the edge alone, so that triangles beside each other stay without gaps. The result depends on
-//! the stage, not on the frame.
+//! Whether an edge is split depends on the edge alone, so that adjacent triangles stay without gaps. The result depends on the
+//! stage, not on the frame.
 
 use crate::affine::to_f64;
 use crate::scene_resources::{PrimitiveResource, SceneResources};
@@ -15,14 +15,14 @@ use choreo_stage::{Snapshot, Stage};
 use glam::{Affine3A, DAffine3, DVec3, Vec3, Vec4};
 use std::collections::{HashMap, HashSet};
 
-/// Times of its distance from what is near that an edge may be long. A place on it is exact to 256 · 2⁻²³ of that distance, a
-/// twentieth of a pixel of an image 1,080 pixels high.
+/// Largest length of an edge, as a multiple of its distance from the nearest camera or actor. A point on it is exact to 256 ·
+/// 2⁻²³ of that distance, a twentieth of a pixel of an image 1,080 pixels high.
 const LONGEST: f64 = 256.0;
-/// Times of its near plane from a camera that count as near it.
+/// Radius around a camera that counts as near it, as a multiple of its near plane.
 const NEAR_PLANES: f64 = 16.0;
-/// Times at which actors and cameras are looked at; between these they go straight.
+/// Number of times at which actors and cameras are evaluated. Between these they are taken to move in straight lines.
 const TIMES: i64 = 17;
-/// A mesh that needs more triangles is split less.
+/// Largest number of triangles of a split mesh. One that needs more is split less.
 const MOST_TRIANGLES: usize = 1 << 16;
 
 /// Splits the large triangles of rigid meshes.
@@ -49,14 +49,14 @@ pub(super) fn split(resources: &mut SceneResources, stage: &Stage) {
     }
 }
 
-/// A rigid mesh with large triangles, as one actor has it.
+/// A rigid mesh with large triangles, as an actor uses it.
 struct LargeMesh {
     primitive: u32,
     actor: usize,
     model_from_joint: Affine3A,
 }
 
-/// Rigid meshes with an edge that may be too long for the smallest thing in the scene.
+/// Rigid meshes with an edge that may be too long for the smallest object in the scene.
 fn large_meshes(resources: &SceneResources, stage: &Stage) -> Vec<LargeMesh> {
     let scale = |index: usize| stage.actors[index].transform.scale.abs().max_element();
     let sizes = (0..stage.actors.len()).map(|i| f64::from(diagonal(stage, i)) * scale(i));
@@ -103,14 +103,14 @@ fn diagonal(stage: &Stage, actor: usize) -> f32 {
     if bounds.is_empty() { 0.0 } else { (bounds.max - bounds.min).length() }
 }
 
-/// Something near which triangles must be short: a ball that goes straight from one place to another.
+/// A region in which triangles must be short: a ball that moves straight from one place to another.
 #[derive(Clone, Copy, Debug)]
 struct Near {
     way: [DVec3; 2],
     radius: f64,
 }
 
-/// A mesh and what is near it, both in the space in which its actor is placed at the first time.
+/// A use of a mesh by an actor with the balls near it, in world space with the actor at its first placement.
 #[derive(Debug)]
 struct Use {
     place: DAffine3,
@@ -119,12 +119,12 @@ struct Use {
 }
 
 impl Use {
-    /// `None` if a scale of zero flattens the mesh.
+    /// The use of a mesh; `None` if a scale of zero flattens it.
     fn new(mesh: &LargeMesh, stage: &Stage, snapshots: &[Snapshot]) -> Option<Use> {
         let joint = to_f64(mesh.model_from_joint);
         let world_from_mesh = |s: &Snapshot| s.actors[mesh.actor].world_from_model * joint;
         let place = world_from_mesh(snapshots.first()?);
-        // The mesh is taken to stand still at its first place.
+        // The mesh stays at its first placement; everything else moves relative to it.
         let still = |s: &Snapshot| place * world_from_mesh(s).inverse();
         let actors: Vec<usize> =
             (0..stage.actors.len()).filter(|i| *i != mesh.actor && diagonal(stage, *i) > 0.0).collect();
@@ -132,7 +132,7 @@ impl Use {
         let mut near = Vec::new();
         for pair in snapshots.windows(2) {
             let [from, to] = [&pair[0], &pair[1]].map(|s| balls(stage, s, &actors, &still(s)));
-            // The camera is elsewhere after a cut.
+            // The camera jumps at a cut, so it does not move in between.
             let cut = pair[0].camera.camera != pair[1].camera.camera;
             for (i, (from, to)) in from.into_iter().zip(to).enumerate() {
                 let ways = if i == 0 && cut { vec![[from.0; 2], [to.0; 2]] } else { vec![[from.0, to.0]] };
@@ -147,14 +147,14 @@ impl Use {
     fn is_long(&self, [a, b]: [Vec3; 2], longest: f64) -> bool {
         let [a, b] = [a, b].map(|p| self.place.transform_point3(p.as_dvec3()));
         let length = a.distance(b);
-        // Nothing is gained below the rounding of the mesh's own numbers.
+        // Splitting gains nothing below the rounding error of the mesh's own positions.
         let least = a.length().max(b.length()) * f64::from(f32::EPSILON);
         let long = |ball: &Near| length > longest * (ball.radius.max(least) + distance([a, b], ball.way));
         length > longest * self.smallest && self.near.iter().any(long)
     }
 }
 
-/// The camera, then the actors: centers and radii.
+/// Balls around the camera and the actors: centers and radii.
 fn balls(stage: &Stage, s: &Snapshot, actors: &[usize], still: &DAffine3) -> Vec<(DVec3, f64)> {
     let near = s.camera.camera.and_then(|camera| stage.cameras.get(camera)).map_or(0.0, |c| c.near());
     let camera = (s.camera.world_from_view.translation, NEAR_PLANES * f64::from(near));
@@ -173,7 +173,7 @@ impl Near {
         self.way.iter().all(|p| p.is_finite()) && self.radius.is_finite()
     }
 
-    /// Balls of one cell are as good as one.
+    /// Key of nearly equal balls, of which only one is kept.
     fn cell(&self) -> [i64; 7] {
         let exponent = if self.radius > 0.0 { libm::ilogb(self.radius) } else { -20 };
         let side = libm::ldexp(1.0, exponent);
@@ -182,7 +182,7 @@ impl Near {
     }
 }
 
-/// Distance of two segments (Ericson, "Real-Time Collision Detection", 2005, §5.1.9).
+/// Distance between two segments (Ericson, "Real-Time Collision Detection", 2005, §5.1.9).
 fn distance([p1, q1]: [DVec3; 2], [p2, q2]: [DVec3; 2]) -> f64 {
     let (d1, d2, r) = (q1 - p1, q2 - p2, p1 - p2);
     let (a, e, b) = (d1.dot(d1), d2.dot(d2), d1.dot(d2));
@@ -190,7 +190,7 @@ fn distance([p1, q1]: [DVec3; 2], [p2, q2]: [DVec3; 2]) -> f64 {
     let share = |over: f64, under: f64| if under > 0.0 { (over / under).clamp(0.0, 1.0) } else { 0.0 };
     let mut s = share(b * f - c * e, a * e - b * b);
     let t = share(b * s + f, e);
-    // The nearest place of the first to where the second was clamped.
+    // Nearest point of the first segment to the clamped point of the second.
     s = share(b * t - c, a);
     (p1 + d1 * s).distance(p2 + d2 * t)
 }
@@ -200,12 +200,12 @@ struct Splitter<'a> {
     shape: Primitive,
     uses: &'a [Use],
     longest: f64,
-    /// The vertex in the middle of each edge that was looked at; `None` where it is short enough.
+    /// The vertex in the middle of each visited edge; `None` if the edge is short enough.
     middles: HashMap<[u32; 2], Option<u32>>,
 }
 
 impl Splitter<'_> {
-    /// `None` if it takes too many triangles.
+    /// The split mesh; `None` if it would need too many triangles.
     fn run(shape: &Primitive, uses: &[Use], longest: f64) -> Option<Primitive> {
         let mut splitter = Splitter {
             shape: Primitive { indices: Vec::new(), ..shape.clone() },
@@ -226,7 +226,7 @@ impl Splitter<'_> {
         Some(splitter.shape)
     }
 
-    /// Keeps a triangle, or hands back its parts.
+    /// Keeps a triangle whose edges are short, or pushes its parts.
     fn split(&mut self, [a, b, c]: [u32; 3], parts: &mut Vec<[u32; 3]>) {
         let middles = [[a, b], [b, c], [c, a]].map(|edge| self.middle(edge));
         match middles {
@@ -249,7 +249,7 @@ impl Splitter<'_> {
             return *known;
         }
         let mut ends = [a, b].map(|i| self.shape.positions[i as usize]);
-        // Two meshes with one edge must agree about it.
+        // The order of the ends is canonical, so that two meshes decide alike about a shared edge.
         ends.sort_by(|a, b| a.to_array().map(f32::to_bits).cmp(&b.to_array().map(f32::to_bits)));
         let long = self.uses.iter().any(|of| of.is_long(ends, self.longest));
         let middle = long.then(|| self.add_middle(a as usize, b as usize));
@@ -260,7 +260,7 @@ impl Splitter<'_> {
     fn add_middle(&mut self, a: usize, b: usize) -> u32 {
         let shape = &mut self.shape;
         shape.positions.push(shape.positions[a].midpoint(shape.positions[b]));
-        // Not made unit: interpolation is as before.
+        // Normals are not normalized, so that interpolation gives the same values as before.
         if !shape.normals.is_empty() {
             shape.normals.push(shape.normals[a].midpoint(shape.normals[b]));
         }
@@ -283,7 +283,7 @@ mod tests {
     use super::*;
     use glam::Vec2;
 
-    /// A level square, sides and texture coordinates in metres.
+    /// A level square, sides and texture coordinates in meters.
     fn ground(side: f32) -> Primitive {
         let corners = [Vec2::new(-1.0, 1.0), Vec2::ONE, Vec2::new(1.0, -1.0), Vec2::splat(-1.0)];
         let at = corners.map(|c| c * 0.5 * side);
@@ -296,7 +296,7 @@ mod tests {
         }
     }
 
-    /// A character of two metres that walks from one place to another.
+    /// A character of two meters that walks from one place to another.
     fn walker(way: [DVec3; 2]) -> Use {
         Use { place: DAffine3::IDENTITY, near: vec![Near { way, radius: 2.0 }], smallest: 2.0 }
     }
@@ -323,7 +323,7 @@ mod tests {
                 }
             }
             assert!((area / 1e10 - 1.0).abs() < 1e-9, "{area}");
-            // A side that only one triangle has lies on the border; else a gap could open there.
+            // An edge that only one triangle uses must lie on the border; elsewhere a gap could open.
             let on_border = |i: usize| at(i).x.abs() == 5e4 || at(i).z.abs() == 5e4;
             assert!(sides.iter().all(|((a, b), n)| *n == 2 || *n == 1 && on_border(*a) && on_border(*b)));
             for (p, uv) in parts.positions.iter().zip(&parts.uvs[0]) {

@@ -1,13 +1,13 @@
-//! Levels of detail (LOD): simplified versions of whole models, which are drawn where a copy is so small that the difference is
-//! not visible.
+//! Levels of detail (LOD): simplified versions of whole models, drawn for copies that are so small that the difference is not
+//! visible.
 //!
-//! A level has a simplified version of each primitive of a model, so that one layer of it does not come through another, and the
-//! size of the pixels from which it looks like the model (`appearance`). A plan takes the coarsest level whose pixels are no
-//! larger than those of the image. A version is a primitive with some of the vertices (`simplify`), so that joints, morph targets
-//! and textures work as before.
+//! A level simplifies all primitives of a model together, so that one layer does not poke through another, and records the pixel
+//! size from which it looks like the model (`appearance`). A plan takes the coarsest level whose pixel size is no larger than
+//! that of the image. A simplified primitive keeps a subset of the vertices (`simplify`), so that joints, morph targets and
+//! textures work as before.
 //!
-//! Levels are made only where they pay: where enough copies, over all frames of the stage, are so small that their triangles are
-//! smaller than pixels. That is estimated from where actors and the camera stand, and depends on the stage alone.
+//! Levels are made only if they pay: if enough copies, over all frames of the stage, are so small that their triangles are
+//! smaller than pixels. That is estimated from the placements of actors and the camera, and depends on the stage alone.
 
 use crate::affine::{Affine3x4, to_f64};
 use crate::scene_resources::SceneResources;
@@ -18,22 +18,22 @@ use choreo_motion::Time;
 use choreo_stage::{ActorState, Stage};
 use glam::{Affine3A, DAffine3, Vec2};
 
-/// Pixels that the error of a level may be large.
+/// Largest error of a drawn level in pixels.
 pub const TOLERANCE: f32 = 1.0;
-/// Images of a small copy, over all frames, that cost as much as its levels do. On the CPU renderer's threads the levels of a model
-/// take as long as 150 images of it.
+/// Number of drawn small copies, over all frames, from which levels pay. On the CPU renderer's threads, making the levels of a
+/// model takes as long as drawing it 150 times.
 pub const PAYS_FROM: f64 = 256.0;
 /// Times at which the sizes of copies are estimated, spread over the stage.
 const TIMES: i64 = 5;
-/// Models with fewer triangles have no levels.
+/// Least number of triangles of a model with levels.
 pub(super) const LEAST: usize = 64;
 
 /// A simplified version of a model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LodLevel {
-    /// Metres of the model at rest that one pixel may cover without a visible difference.
+    /// Pixel size from which the level shows no visible difference, in meters of the model at rest.
     pub error: f32,
-    /// Indices into `SceneResources::primitives`: `[mesh instance][primitive of its mesh]`; `None` where nothing of it is left.
+    /// Indices into `SceneResources::primitives`: `[mesh instance][primitive of its mesh]`; `None` where no triangle is left.
     pub primitives: Vec<Vec<Option<u32>>>,
 }
 
@@ -41,7 +41,7 @@ pub struct LodLevel {
 pub(super) fn paying(resources: &SceneResources, stage: &Stage) -> Vec<bool> {
     let assets = resources.assets.len();
     let frames = stage.settings.fps.frames_in(stage.settings.length).max(1) as f64;
-    // How often each asset can be seen at most.
+    // Largest number of times that each asset can be drawn.
     let mut copies = vec![0.0f64; assets];
     let mut triangles = vec![0usize; assets];
     for (index, actor) in stage.actors.iter().enumerate() {
@@ -74,7 +74,7 @@ pub(super) fn paying(resources: &SceneResources, stage: &Stage) -> Vec<bool> {
     pays
 }
 
-/// How often the model is drawn; where only parts of it have copies, how often the most frequent one is.
+/// Number of copies of the model; if only parts of it have copies, the number of the most frequent part.
 fn copies_of(asset: &Asset) -> usize {
     asset.instances.iter().map(|instance| asset.times(instance)).max().unwrap_or(0)
 }
@@ -85,7 +85,7 @@ pub(crate) fn triangles_of(resources: &SceneResources, asset: usize) -> usize {
     resources.assets[asset].primitives.iter().flatten().map(|entry| of(entry.primitive)).sum()
 }
 
-/// How many copies of an actor are in view and have triangles that are smaller than pixels.
+/// Number of copies of an actor that are in view with triangles smaller than pixels.
 pub(crate) fn small_copies(
     asset: &Asset,
     triangles: usize,
@@ -99,7 +99,7 @@ pub(crate) fn small_copies(
     };
     let bounds = asset.rest_bounds();
     let count_parts = |instance: &choreo_asset::MeshInstance| instance.copies.len();
-    // Copies of parts, such as blades of grass, stand all over their model.
+    // Copies of parts, such as blades of grass, are spread over their model.
     let parts = asset.instances.iter().map(count_parts).max().unwrap_or(0);
     let is_small = |place: &Affine3A| {
         let relative_from_place = Affine3x4::from_affine(relative_from_model * to_f64(*place));
@@ -110,7 +110,7 @@ pub(crate) fn small_copies(
     asset.first_placements(state.copies).filter(is_small).count() * parts.max(1)
 }
 
-/// Pixels that the two largest sides of a box cover where it is nearest; infinite around the camera.
+/// Pixels that the two largest sides of a box cover at its nearest point; infinite around the camera.
 fn pixels_of(bounds: Aabb, view: &View, size: [u32; 2]) -> f32 {
     let sides = bounds.max - bounds.min;
     let area = (sides.x * sides.y).max(sides.y * sides.z).max(sides.z * sides.x);

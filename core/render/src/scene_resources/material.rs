@@ -8,13 +8,14 @@ pub(crate) const BASE_SLOTS: usize = 7;
 /// Slots of a material's layers, in the order of `MaterialLayers::textures`: clearcoat, its roughness, its normal, sheen color,
 /// its roughness, transmission, thickness, iridescence, its thickness, anisotropy, diffuse transmission, its color.
 pub(crate) const LAYER_SLOTS: usize = 12;
-/// Slots of toon shading: width of the outline, mask of the animated texture coordinates.
+/// Slots of toon shading: outline width, mask of the UV animation.
 pub(crate) const TOON_SLOTS: usize = 2;
 /// First slot of toon shading.
 pub(crate) const TOON_SLOT: usize = BASE_SLOTS + LAYER_SLOTS;
-/// All slots of a material. Vulkan guarantees 16 bindings; `commands::texture_limit` leaves out what a device cannot bind.
+/// All texture slots of a material. Vulkan guarantees 16 bindings; `commands::texture_limit` leaves out textures that a device
+/// cannot bind.
 pub(crate) const TEXTURE_SLOTS: usize = TOON_SLOT + TOON_SLOTS;
-/// Thickness of the thin film, among the slots of the layers.
+/// Slot of the thin film's thickness.
 const FILM_THICKNESS_SLOT: usize = BASE_SLOTS + 8;
 
 /// A material with its textures as indices into [`crate::scene_resources::SceneResources::textures`].
@@ -26,7 +27,7 @@ const FILM_THICKNESS_SLOT: usize = BASE_SLOTS + 8;
 #[derive(Clone, Debug)]
 pub struct MaterialResource {
     pub material: Material,
-    /// Content hash, with that of its textures: equal in the resources of different stages.
+    /// Content hash, including that of the textures: equal in the resources of different stages.
     pub hash: [u8; 16],
     pub textures: [Option<MaterialTexture>; TEXTURE_SLOTS],
 }
@@ -44,14 +45,14 @@ pub struct MaterialTexture {
 /// Source of a slot's texture.
 pub(crate) struct SlotSource<'a> {
     pub texture: Option<&'a TextureRef>,
-    /// Color channels are sRGB-encoded.
+    /// Whether color channels are sRGB-encoded.
     pub srgb: bool,
-    /// The texture can change a pixel.
+    /// Whether the texture can change a pixel.
     pub visible: bool,
 }
 
 impl MaterialResource {
-    /// The material without layers that do not show, without textures and hash.
+    /// The material without invisible layers, textures and hash.
     pub(crate) fn new(m: &Material, animated: bool) -> MaterialResource {
         let alpha_mode = match m.alpha_mode {
             // A cutoff of zero discards nothing.
@@ -63,12 +64,13 @@ impl MaterialResource {
         MaterialResource { material, hash: [0; 16], textures: [None; TEXTURE_SLOTS] }
     }
 
-    /// The same material with the factors and texture transforms of `now`. `white`: the base color comes with each instance's tint.
+    /// The same material with the factors and texture transforms of `now`. `white`: the base color is in each instance's tint
+    /// instead.
     pub(crate) fn with_values(&self, now: &Material, white: bool) -> MaterialResource {
         let mut textures = self.textures;
         let sources = base_sources(now);
         for (slot, (texture, source)) in textures.iter_mut().zip(sources).enumerate() {
-            // A matcap is sampled by the normal, an environment map by the reflected ray.
+            // The slot of matcaps and environment maps is not sampled by texture coordinates.
             let has_uv = slot != TextureSlot::MetallicRoughness as usize || now.shading != Shading::Toon;
             if let (Some(texture), Some(source)) = (texture, source.texture.filter(|_| has_uv)) {
                 texture.uv_transform = source.uv_transform;
@@ -88,8 +90,8 @@ impl MaterialResource {
         self.textures[slot as usize]
     }
 
-    /// Thickness of the thin film in nanometres where the texture's green channel is 0 and where it is 1. Both are the same
-    /// without a texture, so that forcing the texture in changes nothing.
+    /// Thickness of the thin film in nanometers where the texture's green channel is 0, and where it is 1. Without a texture both
+    /// are equal, so that forcing the texture in changes nothing.
     pub(crate) fn film_thickness(&self) -> Vec2 {
         let [thin, thick] = self.material.layers.as_deref().map_or([0.0; 2], |l| l.iridescence_thickness);
         let textured = self.textures[FILM_THICKNESS_SLOT].is_some();
@@ -102,7 +104,8 @@ impl MaterialResource {
     }
 }
 
-/// Whether GPUs filter a texture anisotropically: only if levels are blended, so that a request for hard texels is honored.
+/// Whether GPUs filter a texture anisotropically: only if it is filtered between texels and levels, so that a request for hard
+/// texels is honored.
 pub(crate) fn is_anisotropic(s: &Sampler) -> bool {
     s.mag_linear && s.min_linear && s.mip_linear == Some(true)
 }
@@ -175,12 +178,12 @@ fn layer_sources(m: &Material) -> [SlotSource<'_>; LAYER_SLOTS] {
     ]
 }
 
-/// Whether a rim or a matcap adds anything.
+/// Whether a rim light or a matcap adds anything.
 fn has_rim(t: &Toon) -> bool {
     t.rim_color != Vec3::ZERO || (t.matcap != Vec3::ZERO && t.matcap_texture.is_some())
 }
 
-/// The layers of a metallic-roughness material, where any of them shows.
+/// The layers of a metallic-roughness material, if any of them is visible.
 fn visible_layers(m: &Material) -> Option<&MaterialLayers> {
     let shows = |l: &&MaterialLayers| {
         let over = l.clearcoat > 0.0 || l.sheen_color != Vec3::ZERO || l.iridescence > 0.0;

@@ -12,15 +12,16 @@ pub struct MipLevel {
     pub rgba: Vec<u8>,
 }
 
-/// Number of levels of a full chain.
+/// Number of levels of a full mip chain.
 pub fn level_count(width: u32, height: u32) -> u32 {
     32 - width.max(height).max(1).leading_zeros()
 }
 
 /// All levels below the image itself, down to 1×1: each is half of the one above, rounded down. An odd side is covered by three
-/// taps weighted by their share, so that nothing is dropped. Colors are not weighted by alpha, nor are they by a sampler's filter.
+/// taps weighted by their overlap, so that no texel is dropped. Colors are not weighted by alpha, as a sampler's filter does not
+/// weight them.
 ///
-/// The values are not rounded from level to level. Level 1 is held row by row, since its values take as much memory as the image.
+/// Values are not rounded between levels. Level 1 is kept row by row, since its float values take as much memory as the image.
 pub fn levels_below(image: &Image, srgb: bool) -> Vec<MipLevel> {
     let decode = if srgb { srgb_to_linear_table() } else { unorm_table() };
     let (w, h) = (image.width.max(1) as usize, image.height.max(1) as usize);
@@ -59,7 +60,7 @@ pub fn levels_below(image: &Image, srgb: bool) -> Vec<MipLevel> {
         },
     );
     if first.height == 2 * second.height + 1 {
-        // The third row that the last row of an odd height covers.
+        // The last row of an odd height covers a third row.
         let mut row = vec![[0.0f32; 4]; first.width];
         first.row(first.height - 1, texel, &mut row);
         let at = (first.height - 1) * first.width * 4;
@@ -139,7 +140,7 @@ struct Taps {
     weights: [f32; 3],
 }
 
-/// The texels of a side of `size` that texel `i` of a side of `half` covers, and how much of each.
+/// The texels of a side of `size` that texel `i` of a side of `half` covers, with their weights.
 fn taps(i: usize, size: usize, half: usize) -> Taps {
     if size == half {
         return Taps { first: i, count: 1, weights: [1.0, 0.0, 0.0] };
@@ -171,7 +172,7 @@ fn unorm_table() -> &'static [f32; 256] {
     TABLE.get_or_init(|| std::array::from_fn(|i| i as f32 / 255.0))
 }
 
-/// The nearest sRGB code: the thresholds lie at the decoded values of code + ½. A table by the upper bits finds the code to
+/// The nearest sRGB code. Thresholds are the decoded values of code + ½. A table indexed by the upper bits finds the code to
 /// within one or two steps.
 pub fn linear_to_srgb8(v: f32) -> u8 {
     const BITS: usize = 12;
@@ -245,7 +246,7 @@ mod tests {
         }
     }
 
-    /// Level by level, each held whole: the same sums in the same order.
+    /// Reference: level by level, each kept whole, with the same sums in the same order.
     fn plainly(image: &Image, srgb: bool) -> Vec<MipLevel> {
         let decode = if srgb { srgb_to_linear_table() } else { unorm_table() };
         let (mut w, mut h) = (image.width as usize, image.height as usize);

@@ -1,4 +1,4 @@
-//! Data that all frames of a stage share: every distinct primitive, material and texture once, keyed by content.
+//! Data that all frames of a stage share: each distinct primitive, material and texture once, keyed by content.
 
 mod appearance;
 pub mod bounds;
@@ -32,7 +32,7 @@ pub struct SceneResources {
     pub primitives: Vec<PrimitiveResource>,
     pub materials: Vec<MaterialResource>,
     pub textures: Vec<TextureResource>,
-    /// The stage's sky. Its maps are computed where a renderer first requests them ([`crate::sky::SkyMaps::of`]).
+    /// The stage's sky. Its maps are computed when a renderer first requests them ([`crate::sky::SkyMaps::of`]).
     pub sky: Option<Arc<Panorama>>,
     /// Entries of each asset; see [`SceneResources::entry`].
     pub assets: Vec<AssetEntry>,
@@ -40,7 +40,7 @@ pub struct SceneResources {
     pub asset_of_actor: Vec<u32>,
 }
 
-/// One distinct primitive. Holds its asset's mesh alive.
+/// One distinct primitive. Keeps its asset's mesh alive.
 #[derive(Clone, Debug)]
 pub struct PrimitiveResource {
     pub mesh: Arc<Mesh>,
@@ -52,7 +52,7 @@ pub struct PrimitiveResource {
 }
 
 impl PrimitiveResource {
-    /// A primitive in a mesh of its own.
+    /// A primitive in its own new mesh.
     fn alone(name: String, primitive: Primitive) -> PrimitiveResource {
         let (hash, info) = (short(primitive.content_hash()), PrimitiveInfo::new(&primitive));
         let morph_targets = primitive.morphs.len();
@@ -64,7 +64,7 @@ impl PrimitiveResource {
         &self.mesh.primitives[self.index as usize]
     }
 
-    /// Its triangles with those of watertight surfaces first. The primitive must be valid.
+    /// The triangles, those of watertight surfaces first. The primitive must be valid.
     pub fn watertight(&self) -> &WatertightOrder {
         self.info.watertight.get_or_init(|| WatertightOrder::of(self.primitive()))
     }
@@ -76,7 +76,7 @@ impl PrimitiveResource {
         self.info.morphed_ranges.get_or_init(|| morph_buffers::morphed_ranges(p, &every()))
     }
 
-    /// Its indices in the order of a vertex buffer of this layout.
+    /// The indices in the order of a vertex buffer of this layout.
     pub fn indices(&self, layout: VertexLayout) -> &[u32] {
         match layout.0 & VertexLayout::WATERTIGHT_FIRST {
             0 => &self.primitive().indices,
@@ -88,12 +88,12 @@ impl PrimitiveResource {
 #[derive(Clone, Debug)]
 pub struct TextureResource {
     pub image: Arc<Image>,
-    /// Color channels are sRGB-encoded and filtered in linear light.
+    /// Whether color channels are sRGB-encoded, and so filtered in linear light.
     pub srgb: bool,
-    /// Some use of it requests mipmaps.
+    /// Whether some use of the texture requests mipmaps.
     pub mipmaps: bool,
     pub hash: [u8; 16],
-    /// Set where the image has no pixels: they are loaded when the texture is visible.
+    /// Set if the image has no pixels yet: they are loaded while the texture is visible.
     pub streamed: Option<Streamed>,
 }
 
@@ -101,11 +101,11 @@ pub struct TextureResource {
 #[derive(Clone, Debug, Default)]
 pub struct AssetEntry {
     pub primitives: Vec<Vec<PrimitiveEntry>>,
-    /// The finest first; empty where they do not pay.
+    /// Levels of detail, the finest first; empty if they do not pay.
     pub levels: Vec<LodLevel>,
-    /// Levels pay and are not made ([`SceneResources::without_levels`]).
+    /// Whether levels would pay but are not made ([`SceneResources::without_levels`]).
     pub wants_levels: bool,
-    /// Hash of everything that levels of detail depend on.
+    /// Hash of all inputs of levels of detail.
     content: [u8; 16],
 }
 
@@ -118,9 +118,10 @@ pub struct PrimitiveEntry {
     pub material: u32,
     /// The asset's material; `None`: the default one.
     pub of_asset: Option<u32>,
-    /// The asset's material if clips animate its base color: white in the scene resources, it comes with each instance's tint.
+    /// The asset's material if clips animate its base color, which is then white in the scene resources and in each instance's
+    /// tint instead.
     pub animated_color: Option<u32>,
-    /// The asset's material if anything else of it may be animated; see `ActorState::materials`.
+    /// The asset's material if any other property of it may be animated; see `ActorState::materials`.
     pub animated: Option<u32>,
 }
 

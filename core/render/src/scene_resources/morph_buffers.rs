@@ -1,8 +1,8 @@
-//! Morph targets: the vertices that each moves, and their offsets as shaders read them (pose.wgsl).
+//! Morph targets: the vertices that each target moves, and their offsets as shaders read them (pose.wgsl).
 //!
-//! A target costs memory and time only from the first vertex that it moves to the last, so vertices that a target moves are
-//! grouped. RobotExpressive's face keeps 31 % of its offsets, all of which move a vertex, Godette's 40 % (17 % move one; an
-//! index for each vertex would save the rest and cost a second read). Some exporters move every vertex
+//! A target costs memory and time from the first vertex that it moves to the last, so vertices moved by the same targets are
+//! grouped. RobotExpressive's face keeps 31 % of its offsets, all of which move a vertex, Godette's 40 % (17 % move one; an index
+//! for each vertex would save the rest and cost a second read). Some exporters move every vertex
 //! (`cargo test -p choreo-render --test geometry morphs -- --nocapture`).
 
 use choreo_asset::{MorphTarget, Primitive};
@@ -15,8 +15,8 @@ fn moves(target: &MorphTarget, vertex: u32) -> bool {
     [&target.positions, &target.normals, &target.tangents].into_iter().any(is_there)
 }
 
-/// Range of `order`, vertices of the primitive, from the first vertex that each target moves to the last; empty if it
-/// moves none.
+/// Range of positions in `order` (vertices of the primitive) from the first vertex that each target moves to the last; empty if
+/// it moves none.
 pub fn morphed_ranges(p: &Primitive, order: &[u32]) -> Vec<Range<u32>> {
     let span = |target: &MorphTarget| {
         let first = order.iter().position(|v| moves(target, *v)).unwrap_or(0);
@@ -31,7 +31,7 @@ pub fn morphed_vertices(p: &Primitive) -> usize {
     (0..p.positions.len() as u32).filter(|v| p.morphs.iter().any(|target| moves(target, *v))).count()
 }
 
-/// Groups vertices that the same targets move, with those that none moves at the end; otherwise they keep their order.
+/// Groups vertices that the same targets move, unmoved ones at the end. The order is otherwise kept.
 pub(crate) fn group_morphed(p: &Primitive, order: &mut [u32]) {
     if p.morphs.is_empty() {
         return;
@@ -41,8 +41,8 @@ pub(crate) fn group_morphed(p: &Primitive, order: &mut [u32]) {
     order.sort_by_cached_key(|v| (first(v), last(v)));
 }
 
-/// Packs morph targets as words of 16 bytes: for each target its first vertex, their number and where its offsets begin; then
-/// for each its positions and, with 2 and 3 `lists`, normals and tangents.
+/// Packs morph targets as words of 16 bytes: for each target its first vertex, the number of vertices and the start of its
+/// offsets; then for each target the offsets of positions and, with 2 and 3 `lists`, of normals and tangents.
 pub(crate) fn pack_morphs(p: &Primitive, order: &[u32], lists: usize) -> Vec<u8> {
     let spans = morphed_ranges(p, order);
     if spans.is_empty() {

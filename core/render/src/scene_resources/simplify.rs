@@ -1,8 +1,9 @@
-//! Simplifies a whole model: every primitive up to the same error.
+//! Simplifies a whole model, every primitive up to the same error.
 //!
 //! Edge collapse by quadric error (M. Garland, P. Heckbert, "Surface Simplification Using Quadric Error Metrics", SIGGRAPH 1997;
-//! by meshoptimizer) keeps some of the vertices. Colors, texture coordinates and normals count beside positions. A count of
-//! triangles per primitive would not do: of a head and the helmet around it, the one with more triangles would be off by less.
+//! by meshoptimizer) keeps a subset of the vertices. Colors, texture coordinates and normals count beside positions. A target
+//! number of triangles per primitive would not do: of a head and the helmet around it, the one with more triangles would get the
+//! smaller error.
 
 use crate::scene_resources::appearance::{Appearance, Shape};
 use crate::scene_resources::hausdorff::{Surface, hausdorff_distance};
@@ -19,43 +20,43 @@ use std::sync::Arc;
 /// Errors of the levels as shares of the model's size.
 const ERRORS: [f32; 7] =
     [1.0 / 512.0, 1.0 / 360.0, 1.0 / 256.0, 1.0 / 180.0, 1.0 / 128.0, 1.0 / 90.0, 1.0 / 64.0];
-/// Share of the model's size by which a vertex may be off instead of having quite another color or quite another normal.
+/// Displacement of a vertex, as a share of the model's size, that counts as much as a completely different color or normal.
 const COLOR_WEIGHT: f32 = 0.05;
 const NORMAL_WEIGHT: f32 = 0.01;
-/// Factor for the error between the sampled points of the Hausdorff distance.
+/// Factor on the Hausdorff distance for the error between its sampled points.
 const SLACK: f32 = 1.1;
 
 /// A model at rest.
 pub(super) struct Model {
     pub parts: Vec<ModelPrimitive>,
-    /// Diagonal of its bounds, metres.
+    /// Diagonal of the model's bounds in meters.
     pub size: f32,
 }
 
 /// A simplified version of a model.
 pub(super) struct Level {
-    /// Metres of the model that a pixel may cover without a visible difference.
+    /// Pixel size from which the level shows no visible difference, in meters of the model.
     pub error: f32,
-    /// Simplified primitives with the places of their parts; `None` where no triangle is left.
+    /// Place of each part, and its simplified primitive; `None` where no triangle is left.
     pub primitives: Vec<((usize, usize), Option<Primitive>)>,
 }
 
-/// One primitive of a model. A mesh that several nodes have is a part for each.
+/// One primitive of a model. A mesh used by several nodes gives a part for each.
 pub(super) struct ModelPrimitive {
-    /// Mesh instance of the asset, and primitive of its mesh.
+    /// Index of the mesh instance in the asset, and of the primitive in its mesh.
     pub place: (usize, usize),
     mesh: Arc<Mesh>,
     /// Positions at rest in model space.
     pub positions: Vec<Vec3>,
     pub normals: Vec<Vec3>,
     pub paint: Paint,
-    /// Metres of the model per metre of the mesh.
+    /// Meters of the model per meter of the mesh.
     stretch: f32,
 }
 
 /// The material inputs that give a surface its color.
 pub(super) struct Paint {
-    /// Square roots of linear RGB, about as they are seen; alpha.
+    /// Square roots of linear RGB, roughly perceptual; alpha.
     factor: Vec4,
     texture: Option<(Arc<Image>, TextureRef)>,
     /// Fragments with a smaller alpha are not drawn.
@@ -102,19 +103,19 @@ impl ModelPrimitive {
         &self.mesh.primitives[self.place.1]
     }
 
-    /// Texture coordinates of its color; empty where it has none.
+    /// Texture coordinates of the color texture; empty without one.
     pub fn uvs(&self) -> &[Vec2] {
         &self.primitive().uvs[self.paint.uv_set()]
     }
 
-    /// The triangles simplified to an error of at most `error` metres of the model.
+    /// The triangles simplified up to an error of `error` meters of the model.
     fn simplified(&self, error: f32, size: f32) -> Vec<u32> {
         let p = self.primitive();
         let bytes: &[u8] = bytemuck::cast_slice(&self.positions);
         let Ok(vertices) = VertexDataAdapter::new(bytes, size_of::<Vec3>(), 0) else {
             return p.indices.clone();
         };
-        // meshoptimizer weighs attributes against positions as shares of the part's own extent.
+        // meshoptimizer weighs attributes against positions relative to the part's own extent.
         let bounds = Aabb::of(self.positions.iter().copied());
         let share = size / (bounds.max - bounds.min).max_element().max(1e-9);
         let [color, normal] = [COLOR_WEIGHT * share, NORMAL_WEIGHT * share];
@@ -136,7 +137,7 @@ impl ModelPrimitive {
         )
     }
 
-    /// Color, texture coordinates and normal of a vertex.
+    /// Color, texture coordinates and normal of a vertex as simplification compares them.
     fn attributes(&self, v: usize) -> [f32; 8] {
         let uv = self.uvs().get(v).copied().unwrap_or_default();
         let vertex_color = self.primitive().colors.get(v).map_or(Vec4::ONE, |c| *c);
@@ -148,7 +149,7 @@ impl ModelPrimitive {
 }
 
 impl Model {
-    /// `None` where nothing of it can be simplified.
+    /// The model at rest; `None` if no part of it can be simplified.
     pub fn new(asset: &Asset, valid: impl Fn(usize, usize) -> bool) -> Option<Model> {
         let weights: Vec<Vec<f32>> = asset.instances.iter().map(|i| i.weights.clone()).collect();
         let posed = posed_meshes_by(
@@ -160,7 +161,7 @@ impl Model {
         );
         let (mut parts, mut before) = (Vec::new(), None);
         for instance in posed {
-            // Of several copies the first.
+            // Only the first of several copies is kept.
             if before.replace(instance.instance) == Some(instance.instance) {
                 continue;
             }
@@ -190,7 +191,7 @@ impl Model {
         (!parts.is_empty() && parts.iter().all(finite) && size > 0.0).then_some(Model { parts, size })
     }
 
-    /// The finest first.
+    /// Levels of detail, the finest first.
     pub fn levels(&self) -> Vec<Level> {
         let appearance = Appearance::new(self);
         let hidden = appearance.hidden();
@@ -204,12 +205,12 @@ impl Model {
                 continue;
             }
             let distance = SLACK * self.distance(&indices);
-            // Twice: the outside may have come in by that, and the inside out.
+            // Twice the distance: the outer surface may have moved inwards by it, and the inner one outwards.
             let inwards = 2.0 * distance;
             let shapes = self.shapes(indices, &hidden, inwards);
             let Some(pixel) = appearance.smallest_pixel(self, &shapes) else { continue };
             let error = pixel.max(distance);
-            // A finer level that shows no sooner than a coarser one is not worth its memory.
+            // A finer level with no smaller error than a coarser one is not worth its memory.
             levels.retain(|finer| finer.error < error);
             before = left;
             levels.push(Level { error, primitives: self.primitives(shapes, &hidden, inwards) });
@@ -217,7 +218,7 @@ impl Model {
         levels
     }
 
-    /// Largest distance between the surfaces of the model and those of its simplified parts.
+    /// Hausdorff distance between the model and its simplified parts.
     fn distance(&self, shapes: &[Vec<u32>]) -> f32 {
         let mut positions: Vec<Vec3> = Vec::new();
         let (mut fine, mut coarse) = (Vec::new(), Vec::new());
@@ -231,7 +232,7 @@ impl Model {
         hausdorff_distance(surface(&fine), surface(&coarse))
     }
 
-    /// The parts with these triangles. What is inside of the model is moved inwards, so that it stays behind what is outside.
+    /// The parts with these triangles. Hidden vertices are moved inwards, so that they stay behind the outer surface.
     fn shapes(&self, indices: Vec<Vec<u32>>, hidden: &[Vec<bool>], inwards: f32) -> Vec<Shape> {
         let shape = |((part, indices), hidden): ((&ModelPrimitive, Vec<u32>), &Vec<bool>)| {
             let positions = moved(&part.positions, &part.normals, hidden, inwards);
@@ -240,7 +241,7 @@ impl Model {
         self.parts.iter().zip(indices).zip(hidden).map(shape).collect()
     }
 
-    /// The same as primitives in the spaces of their meshes.
+    /// The shapes as primitives in mesh space.
     fn primitives(
         &self,
         shapes: Vec<Shape>,
@@ -257,7 +258,7 @@ impl Model {
     }
 }
 
-/// Positions, the marked ones moved against their normals.
+/// Positions with the marked ones moved against their normals.
 fn moved(positions: &[Vec3], normals: &[Vec3], marked: &[bool], by: f32) -> Vec<Vec3> {
     let moved = |(v, position): (usize, &Vec3)| match marked[v] {
         true => *position - normals.get(v).copied().unwrap_or_default() * by,
@@ -266,7 +267,7 @@ fn moved(positions: &[Vec3], normals: &[Vec3], marked: &[bool], by: f32) -> Vec<
     positions.iter().enumerate().map(moved).collect()
 }
 
-/// How much larger points are after a map.
+/// Ratio of the size of points after a transform to that before.
 fn stretch(before: &[Vec3], after: &[Vec3]) -> f32 {
     let size = |points: &[Vec3]| {
         let bounds = Aabb::of(points.iter().copied());
@@ -276,7 +277,7 @@ fn stretch(before: &[Vec3], after: &[Vec3]) -> f32 {
     if ratio.is_finite() && ratio > 0.0 { ratio } else { 1.0 }
 }
 
-/// The primitive with these triangles and the vertices that they use, in order of first use. `positions` replaces its own.
+/// The primitive reduced to these triangles and their vertices, in order of first use. `positions` replaces its own.
 fn with_triangles(p: &Primitive, positions: &[Vec3], mut indices: Vec<u32>) -> Primitive {
     let mut places = vec![u32::MAX; p.positions.len()];
     let mut used: Vec<usize> = Vec::new();

@@ -1,5 +1,5 @@
-//! Thick lines and points: each is a polygon in the image plane, which the vertex shader spreads out. Multisampling smooths its
-//! edges as those of any triangle, and no device needs to support wide lines.
+//! Thick lines and points: each is a polygon in the image plane, spread out by the vertex shader. Multisampling smooths its edges
+//! like those of any triangle, and no device needs to support wide lines.
 
 use crate::affine::Affine3x4;
 use choreo_asset::{LineStyle, Material, Primitive, Topology};
@@ -13,8 +13,8 @@ pub(crate) fn pen(topology: Topology, material: &Material) -> Option<LineStyle> 
     material.line_style.filter(|_| topology != Topology::Triangles)
 }
 
-/// Line width as in [`crate::plan::Instance::width`]: pixels, or negative metres. `of_actor` replaces the pen's own width, and
-/// `pixel_scale` is the number of pixels for one of the pen's.
+/// Line width as in [`crate::plan::Instance::width`]: pixels, or negative meters. `of_actor` replaces the width of the line
+/// style, and `pixel_scale` is the number of image pixels per pixel of the style.
 pub(crate) fn width(
     pen: LineStyle,
     of_actor: Option<f32>,
@@ -33,20 +33,20 @@ pub(crate) fn width(
     }
 }
 
-/// Vertices in place of a primitive's own, and triangles of them.
+/// Vertices that replace a primitive's own, and their triangles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct ThickMesh {
-    /// The primitive's vertex that each vertex stands at.
+    /// The primitive's vertex at whose position each vertex stands.
     pub of: Vec<u32>,
-    /// The vertex at the other end of its line; the same for points.
+    /// The vertex at the other end of the line; the same vertex for points.
     pub other: Vec<u32>,
-    /// x along the line away from its other end, y across, in half widths; z: 0 at the first end, 1 at the second.
+    /// Offsets in half widths: x along the line, away from the other end, y across it. z: 0 at the first end, 1 at the second.
     pub offsets: Vec<Vec3>,
     pub indices: Vec<u32>,
 }
 
-/// Segments of half a disc. A polygon of 32 sides differs from a circle by half a percent of its radius, one of 8 sides by 8 %:
-/// where there are many elements, each is small.
+/// Number of segments of a half disc. A polygon of 32 sides differs from a circle by half a percent of its radius, one of 8 sides
+/// by 8 %; if there are many elements, each is small.
 fn segments(elements: usize) -> usize {
     match elements {
         ..=1_000 => 16,
@@ -71,7 +71,7 @@ pub(crate) fn thick_mesh(primitive: &Primitive, round: bool) -> ThickMesh {
     }
 }
 
-/// A rectangle between two ends, which are half discs or cut off.
+/// Each line as a rectangle with round (half discs) or flat ends.
 fn lines(indices: &[u32], round: bool) -> ThickMesh {
     let steps = if round { segments(indices.len() / 2) } else { 1 };
     let end: Vec<Vec2> = if round { half_circle(steps).collect() } else { vec![Vec2::Y, Vec2::NEG_Y] };
@@ -96,7 +96,7 @@ fn lines(indices: &[u32], round: bool) -> ThickMesh {
     out
 }
 
-/// A square, or a polygon of a disc's area.
+/// Each point as a square, or as a polygon with a disc's area.
 fn points(indices: &[u32], round: bool) -> ThickMesh {
     let corners: Vec<Vec2> = match round {
         false => vec![Vec2::NEG_ONE, Vec2::new(1.0, -1.0), Vec2::ONE, Vec2::new(-1.0, 1.0)],
@@ -122,11 +122,11 @@ fn points(indices: &[u32], round: bool) -> ThickMesh {
     out
 }
 
-/// Spreads the vertices of thick lines and points in an image.
+/// Moves the vertices of thick lines and points to their positions in an image.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spread {
     clip_from_relative: Mat4,
-    /// Pixels.
+    /// Image size in pixels.
     size: Vec2,
 }
 
@@ -138,8 +138,8 @@ impl Spread {
 
     /// Clip-space position of a vertex, from both ends of its line. CPU reference of `spread` in thick_lines.wgsl.
     ///
-    /// The offset is scaled by w, so that it is the same in the image anywhere on the line: the near plane then clips what is
-    /// behind the camera as of any triangle, and ends there need no position in the image.
+    /// The offset is scaled by w, so that it is the same on screen anywhere on the line. The near plane then clips it like any
+    /// triangle, and ends behind the camera need no screen position.
     pub fn vertex(&self, own: Vec4, other: Vec4, offset: Vec3, width: f32) -> Vec4 {
         let (a, b) = if offset.z > 0.5 { (other, own) } else { (own, other) };
         // The direction from the first end to the second in the image: d(xy/w) is proportional to this.
@@ -151,7 +151,7 @@ impl Spread {
         } else {
             Vec2::X
         };
-        // Half a width in pixels, times w.
+        // Half the width in pixels, times w.
         let least = 0.5 * own.w;
         let radius = if width < 0.0 {
             let rows = self.clip_from_relative.transpose();
@@ -185,7 +185,7 @@ mod tests {
         }
         let square = points(&[7], false);
         assert_eq!((area(&square, |i| square.offsets[i].xy()), &square.of[..]), (4.0, &[7, 7, 7, 7][..]));
-        // Ends ten half widths apart.
+        // The ends are ten half widths apart.
         let ends = |w: &ThickMesh, i: usize| w.offsets[i].xy() + Vec2::X * 10.0 * w.offsets[i].z;
         let flat = lines(&[0, 1], false);
         assert_eq!(area(&flat, |i| ends(&flat, i)), 20.0);
@@ -193,7 +193,7 @@ mod tests {
         let exact = 20.0 + std::f64::consts::PI;
         let got = area(&round, |i| ends(&round, i));
         assert!(got < exact && exact - got < 0.03, "{got} {exact}");
-        // A missing end shows.
+        // A missing end would be noticed.
         assert!((area(&flat, |i| ends(&flat, i)) - exact).abs() > 1.0);
     }
 
@@ -223,7 +223,7 @@ mod tests {
         let edges = [1.0, -1.0].map(|y| {
             let near = spread.vertex(front, behind, Vec3::new(0.0, y, 0.0), 8.0);
             let far = spread.vertex(behind, front, Vec3::new(0.0, y, 1.0), 8.0);
-            // Where the edge is a metre in front of the camera.
+            // Point of the edge that is a meter in front of the camera.
             near + (far - near) * ((near.w - 1.0) / (near.w - far.w))
         });
         let [a, b] = edges.map(|e| e.xy() / e.w * Vec2::new(100.0, 50.0));

@@ -8,7 +8,7 @@ use crate::scene_resources::thick_lines::thick_mesh;
 use choreo_asset::Primitive;
 use glam::{Vec3, Vec4};
 
-/// Set of vertex attributes, a bit for each location of vertex.wgsl; the upper bits are the order of vertices and indices.
+/// Set of vertex attributes, one bit for each location of vertex.wgsl; the upper bits select the order of vertices and indices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct VertexLayout(pub u16);
 
@@ -38,7 +38,7 @@ pub enum Format {
 }
 
 impl VertexLayout {
-    /// Thick lines and points are round.
+    /// Thick lines have round ends, and points are discs.
     pub(crate) const ROUND: u16 = 1 << 12;
     /// Triangles of watertight surfaces come first; see [`crate::scene_resources::watertight`].
     pub(crate) const WATERTIGHT_FIRST: u16 = 1 << 13;
@@ -51,7 +51,7 @@ impl VertexLayout {
         self.0 & (1 << location) != 0
     }
 
-    /// (location, byte offset, format) of the attributes in the set, and the stride.
+    /// (location, byte offset, format) of each attribute in the set, and the stride.
     pub fn attributes(self) -> (Vec<(u32, u32, Format)>, u32) {
         let mut offset = 0;
         let mut list = Vec::new();
@@ -70,7 +70,7 @@ impl VertexLayout {
 pub struct PackedMesh {
     pub vertices: Vec<u8>,
     pub vertex_count: u32,
-    /// 16-bit if every index fits.
+    /// Indices of 16 bits if all fit, else of 32.
     pub indices: Vec<u8>,
     pub index_count: u32,
     pub wide_indices: bool,
@@ -85,7 +85,7 @@ fn unorm16(v: f32) -> u16 {
     libm::roundf(v.clamp(0.0, 1.0) * 65535.0) as u16
 }
 
-/// Four or eight weights in units of 1/65535 that sum to 65535: the largest absorbs the rounding of the others.
+/// Four or eight weights in units of 1/65535 that sum to 65535. The largest weight absorbs the rounding of the others.
 fn weights16(weights: &[f32]) -> [u16; 8] {
     let mut out = [0u16; 8];
     let mut largest = 0;
@@ -118,7 +118,7 @@ pub fn pack(p: &Primitive, indices: &[u32], layout: VertexLayout) -> PackedMesh 
             bytes.extend_from_slice(bytemuck::bytes_of(&p.positions[v]));
         }
         if layout.has(1) {
-            // Lines and points may be lit without normals: they face up.
+            // Lines and points without normals may be lit; their normals point up.
             let n = normals.get(v).copied().unwrap_or(Vec3::Y);
             bytes.extend_from_slice(bytemuck::cast_slice(&snorm4(n.extend(0.0))));
         }
@@ -188,7 +188,8 @@ pub fn edges(triangles: &[u32]) -> Vec<u32> {
     all.into_iter().flat_map(|(edge, _)| edge).collect()
 }
 
-/// One normal for all vertices at a position, the mean of theirs: an inverted hull pushed out along them has no gaps at hard edges.
+/// One normal for all vertices at a position, the mean of theirs, so that an inverted hull pushed out along the normals has no
+/// gaps at hard edges.
 pub(crate) fn welded_normals(p: &Primitive) -> Vec<Vec3> {
     if p.normals.len() != p.positions.len() {
         return Vec::new();
@@ -200,7 +201,7 @@ pub(crate) fn welded_normals(p: &Primitive) -> Vec<Vec3> {
     let mut out = p.normals.clone();
     for vertices in order.chunk_by(|a, b| key(a) == key(b)).filter(|vertices| vertices.len() > 1) {
         let own: Vec<Vec3> = vertices.iter().map(|i| p.normals[*i as usize]).collect();
-        // Each direction counts once, however many triangles share it.
+        // Each distinct direction counts once, however many triangles share it.
         let mut sum = Vec3::ZERO;
         for (i, n) in own.iter().enumerate() {
             if !own[..i].iter().any(|m| m.dot(*n) > 0.999) {
@@ -214,8 +215,8 @@ pub(crate) fn welded_normals(p: &Primitive) -> Vec<Vec3> {
     out
 }
 
-/// Vertices renumbered in the order in which the indices first use them (unused ones are dropped): fetches are sequential, and
-/// the driver's small post-transform cache hits more often. Vertices that morph targets move are then grouped.
+/// Vertices renumbered in the order in which the indices first use them, without unused ones: fetches are sequential, and the
+/// small post-transform cache hits more often. Vertices that morph targets move are then grouped.
 fn first_use_order(p: &Primitive, indices: &[u32]) -> (Vec<u32>, Vec<u32>) {
     let mut is_used = vec![false; p.positions.len()];
     let first_use = |i: &&u32| !std::mem::replace(&mut is_used[**i as usize], true);

@@ -1,11 +1,11 @@
-//! Watertight surfaces of a primitive. Their back faces need neither be drawn nor shaded while the viewer is outside, in frames
-//! and in shadow maps, even if the material is double-sided, as exporters mark most materials.
+//! Watertight surfaces of a primitive. While the viewer is outside, their back faces need neither be drawn nor shaded, in frames
+//! and in shadow maps, even with a double-sided material (which exporters set on most materials).
 //!
-//! Along a ray from outside, a surface without a border is entered before it is left: each edge has as many triangles in one
+//! Along a ray from outside, a surface without a border is entered before it is left. Each edge has as many triangles in one
 //! direction as in the other, so the surface is a boundary, whose winding number is 0 outside. Skins and morph targets add no
-//! border, so however a mesh is bent no hole opens and its outline stays. Where a part of it is turned inside out, the face
-//! behind that part is drawn in its place: at most 0.05 % of a sample's pixels in its clips and with a joint turned by
-//! 2.5 radians (`cargo test -p choreo --test watertight -- --nocapture`).
+//! border, so however a mesh is bent no hole opens and its silhouette stays. Where a part is turned inside out, the face behind
+//! it is drawn in its place: at most 0.05 % of the pixels of a sample model in its clips and with a joint turned by 2.5 radians
+//! (`cargo test -p choreo --test watertight -- --nocapture`).
 
 use choreo_asset::{Primitive, Topology};
 use glam::Vec3;
@@ -19,12 +19,12 @@ pub struct WatertightOrder {
     pub count: u32,
 }
 
-/// Least sphericity of a watertight surface: 36π volume² over area³, which is 1 for a sphere. Two sheets back to back do not
-/// hide each other.
+/// Least sphericity of a watertight surface: 36π volume² over area³, which is 1 for a sphere. Two sheets back to back have nearly
+/// none and do not hide each other's back faces.
 const LEAST_SPHERICITY: f64 = 1e-6;
 
 impl WatertightOrder {
-    /// Indices must be in range.
+    /// Sorts the triangles of a primitive. Indices must be in range.
     pub fn of(p: &Primitive) -> WatertightOrder {
         if p.topology != Topology::Triangles || !p.indices.len().is_multiple_of(3) {
             return WatertightOrder::default();
@@ -44,7 +44,7 @@ impl WatertightOrder {
     }
 }
 
-/// Joins triangles that share an edge, and finds those that touch a border.
+/// Joins triangles that share an edge into components, and marks triangles at a border.
 fn connect(p: &Primitive) -> (Components, Vec<bool>) {
     let (point, torn) = weld(p);
     let triangles: Vec<[u32; 3]> =
@@ -70,8 +70,8 @@ fn connect(p: &Primitive) -> (Components, Vec<bool>) {
     (components, open)
 }
 
-/// Welds vertices at the same position into points. Gives each vertex its point, and for each point whether its vertices may
-/// part because different joints or morph targets move them.
+/// Welds vertices at the same position into points. Returns the point of each vertex, and for each point whether its vertices may
+/// separate because different joints or morph targets move them.
 fn weld(p: &Primitive) -> (Vec<u32>, Vec<bool>) {
     // -0 and 0 are the same position.
     let key = |v: &u32| (p.positions[*v as usize] + Vec3::ZERO).to_array().map(f32::to_bits);
@@ -95,7 +95,7 @@ fn weld(p: &Primitive) -> (Vec<u32>, Vec<bool>) {
 
 /// Connected components of triangles (union-find), named by their first triangle.
 struct Components {
-    /// Another triangle of the same component for each triangle, towards the first.
+    /// Another triangle of the same component for each triangle, one step towards the root.
     parent: Vec<u32>,
     /// Measures of each component, at its first triangle: six times its volume, twice its area, whether it has no border.
     measures: Vec<(f64, f64, bool)>,
@@ -106,7 +106,7 @@ impl Components {
         Components { parent: (0..triangles as u32).collect(), measures: vec![(0.0, 0.0, true); triangles] }
     }
 
-    /// The first triangle of a component. Shortens the way to it.
+    /// The first triangle of a component. Shortens the path to it.
     fn root(&mut self, mut at: u32) -> u32 {
         while self.parent[at as usize] != at {
             let above = self.parent[at as usize];
@@ -189,7 +189,7 @@ mod tests {
         let mut hole = whole.clone();
         hole.indices.truncate(33);
         assert_eq!(WatertightOrder::of(&hole), WatertightOrder::default());
-        // Its triangles do not all face outwards.
+        // A mesh whose triangles do not all face outwards.
         let mut turned = whole.clone();
         turned.indices.swap(0, 1);
         assert_eq!(WatertightOrder::of(&turned).count, 0);

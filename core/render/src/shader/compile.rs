@@ -1,4 +1,4 @@
-//! Files → one module → SPIR-V. Errors name the file and line that the user wrote.
+//! WGSL files → one module → SPIR-V. Errors name the file and line that the user wrote.
 
 use super::{SourceFile, preprocess};
 use crate::error::RenderError;
@@ -13,7 +13,7 @@ pub struct Entry {
     pub words: Vec<u32>,
 }
 
-/// Sources of the lines of the joined text.
+/// Maps lines of the joined text to their source files.
 struct Lines<'a> {
     files: &'a [SourceFile],
     /// First line (from 0) of each file in the joined text.
@@ -30,7 +30,7 @@ impl Lines<'_> {
     }
 }
 
-/// Preprocesses, joins, parses and validates.
+/// Preprocesses, joins, parses and validates the files.
 pub fn parse(files: &[SourceFile], on: &[&str]) -> Result<(naga::Module, ModuleInfo), RenderError> {
     let mut joined = String::new();
     let mut starts = Vec::new();
@@ -45,9 +45,9 @@ pub fn parse(files: &[SourceFile], on: &[&str]) -> Result<(naga::Module, ModuleI
     let lines = Lines { files, starts };
     let module = naga::front::wgsl::parse_str(&joined)
         .map_err(|e| shader_error(&lines, &joined, &mistakes::of_parser(&e, joined.len())))?;
-    // Naga's own limits of array sizes and nesting stay on. Of what it counts as beyond plain WGSL only unpack2x16float is
-    // used, which is an instruction of every SPIR-V; and the sample's number, where the device has what it needs.
-    // And push constants, which every device has.
+    // Naga's own limits of array sizes and nesting stay on. The capabilities beyond plain WGSL are unpack2x16float, an
+    // instruction of every SPIR-V version; the sample index, used on devices with sample-rate shading; early depth tests; and
+    // push constants, which every device has.
     let allowed = Capabilities::SHADER_FLOAT16_IN_FLOAT32
         | Capabilities::MULTISAMPLED_SHADING
         | Capabilities::EARLY_DEPTH_TEST
@@ -65,13 +65,13 @@ pub fn compile(
     entries: &[(&'static str, naga::ShaderStage)],
     point_size: bool,
 ) -> Result<Vec<Entry>, RenderError> {
-    /// naga goes down trees, whatever thread this is called on.
+    /// Stack size: naga recurses deeply, whatever stack the calling thread has.
     const STACK: usize = 64 << 20;
     std::thread::scope(|scope| {
         let thread = std::thread::Builder::new().name("shader".into()).stack_size(STACK);
         match thread.spawn_scoped(scope, || compile_here(files, on, entries, point_size)) {
             Ok(thread) => thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
-            // Our own shaders are not deep, and those of users were checked.
+            // The built-in shaders do not nest deeply, and those of users are checked before.
             Err(_) => compile_here(files, on, entries, point_size),
         }
     })
@@ -91,9 +91,10 @@ fn compile_here(
     let options = spv::Options {
         lang_version: (1, 3),
         flags,
-        // A binding that no map renames keeps its own group and number.
+        // A binding without an entry in the map keeps its own group and number.
         fake_missing_bindings: true,
-        // Loops run over counts that the program itself wrote, and those of effects are counted by their text.
+        // Loops of the built-in shaders are bounded by counts that the program writes; loops of effects have counters in their
+        // text.
         force_loop_bounding: false,
         ..Default::default()
     };

@@ -1,5 +1,5 @@
-//! WGSL modules → SPIR-V: a line-preserving `@if` preprocessor, and naga. No Vulkan here, so that every combination
-//! of features a plan can request is validated without a GPU.
+//! WGSL modules → SPIR-V: a line-preserving `@if` preprocessor, and naga. Does not use Vulkan, so that every combination of
+//! features that a plan can request is validated without a GPU.
 
 pub mod switches;
 pub mod uniforms;
@@ -23,15 +23,15 @@ use choreo_files::Folder;
 use choreo_shaders::MODULES;
 use std::path::{Path, PathBuf};
 
-/// Source of a module's text: the program itself, or a folder for live editing (whose files win), as it was when
-/// it was read: a file that is being edited changes nothing before it is read again as a whole.
+/// Texts of the shader modules: built in, or from a folder for live editing, whose files take precedence. Texts are a snapshot of
+/// the folder: a file that is being edited changes nothing until all are read again.
 #[derive(Clone, Debug, Default)]
 pub struct ShaderSources {
     pub folder: Option<PathBuf>,
     texts: Vec<SourceFile>,
 }
 
-/// Name of the module that the table of features makes: the bindings of material textures.
+/// Name of the module generated from the table of features: the bindings of material textures.
 const MATERIAL_TEXTURES: &str = "material_textures.wgsl";
 /// Name of the module with the table of [`crate::dither`].
 const DITHER_RANKS: &str = "dither_ranks.wgsl";
@@ -67,7 +67,7 @@ pub const BACKGROUND: [&str; 6] =
     ["frame.wgsl", "effect_faults.wgsl", "surface.wgsl", DITHER_RANKS, "dither.wgsl", "background.wgsl"];
 pub const LAYERS_BEHIND: [&str; 5] =
     ["frame.wgsl", "effect_faults.wgsl", "surface.wgsl", "background.wgsl", "layers_behind.wgsl"];
-/// Modules with the switch `SKY_BACKGROUND`.
+/// Files of a sky module, with the switch `SKY_BACKGROUND`.
 pub const SKY: [&str; 8] = [
     "frame.wgsl",
     "effect_faults.wgsl",
@@ -89,11 +89,11 @@ pub struct SourceFile {
 impl ShaderSources {
     /// Reads the folder's modules.
     pub fn read(folder: Option<PathBuf>) -> Result<ShaderSources, RenderError> {
-        /// No module is larger.
+        /// Largest size of a module.
         const MOST_BYTES: u64 = 4 << 20;
         let mut texts = Vec::new();
         if let Some(folder) = &folder {
-            // One that is not there holds no module.
+            // A missing folder holds no modules.
             let opened = Folder::open(folder).ok();
             for (module, _) in MODULES {
                 let Some(opened) = &opened else { break };
@@ -143,8 +143,8 @@ impl ShaderSources {
         names.iter().map(|n| self.file(n)).collect()
     }
 
-    /// The text that a full-screen effect is compiled from: our template, then the plugin's function. With the switch
-    /// `TEXTURES`, where it reads any. `faults`: the effect's place among the recorded ones.
+    /// The text that a full-screen effect is compiled from: the template, then the plugin's function. Uses the switch `TEXTURES`
+    /// if the effect reads textures. `faults`: index of the effect's first fault record.
     pub fn post(
         &self,
         effect: &str,

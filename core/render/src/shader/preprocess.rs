@@ -1,5 +1,5 @@
-//! `@if(A && !B || C)`, `@else`, `@end`: lines are blanked, never removed, so that line and column of an error are
-//! those of the file. `@if(A) text` on one line keeps or drops that line alone.
+//! Preprocessor for `@if(A && !B || C)`, `@else`, `@end`: lines are blanked, never removed, so that line and column of an error
+//! are those of the file. `@if(A) text` on one line keeps or drops that line alone.
 
 use super::switches::switch_names;
 use crate::plan::shader_features::holds;
@@ -15,7 +15,7 @@ pub struct PreprocessError {
 
 pub fn preprocess(text: &str, on: &[&str]) -> Result<String, PreprocessError> {
     let mut out = String::with_capacity(text.len());
-    // One entry an open `@if`: (line it opened on, this branch is kept, everything around it is kept).
+    // One entry for each open `@if`: (line number, whether this branch is kept, whether everything around it is kept).
     let mut open: Vec<(usize, bool, bool)> = Vec::new();
     for (i, line) in text.lines().enumerate() {
         let line_number = i + 1;
@@ -34,7 +34,7 @@ pub fn preprocess(text: &str, on: &[&str]) -> Result<String, PreprocessError> {
             if after.trim().is_empty() {
                 open.push((line_number, holds, kept));
             } else if kept && holds {
-                // Blanks in place of the condition: columns stay.
+                // Blanks replace the condition, so that columns stay.
                 let directive = line.len() - after.len();
                 out.extend(std::iter::repeat_n(' ', directive));
                 out.push_str(after);
@@ -55,7 +55,7 @@ pub fn preprocess(text: &str, on: &[&str]) -> Result<String, PreprocessError> {
     }
 }
 
-/// An unknown name is a typing mistake, not "off".
+/// Refuses unknown names: they are typing mistakes, not switches that are off.
 fn check_names(condition: &str, line: usize) -> Result<(), PreprocessError> {
     let names = condition.split("||").flat_map(|group| group.split("&&"));
     for name in names.map(|term| term.trim().trim_start_matches('!').trim()) {

@@ -1,4 +1,5 @@
-//! Effects as part of a scene shader: each plugin's text with names of its own, and what calls them in order.
+//! Effects as part of a scene shader: each plugin's text with unique names, and the generated functions that call the effects in
+//! order.
 
 use super::SourceFile;
 use crate::plan::REACH_ROWS;
@@ -6,7 +7,7 @@ use choreo_plugin::{Effect, EffectFrame, Hook};
 
 /// An effect whose function a shader calls.
 pub struct SceneEffect {
-    /// Its bit in [`crate::plan::PipelineKey::effects`].
+    /// Bit of the effect in [`crate::plan::PipelineKey::effects`].
     pub bit: u8,
     /// Plugin name.
     pub name: String,
@@ -19,11 +20,11 @@ pub struct SceneEffect {
     pub parameters: ParameterRows,
 }
 
-/// The parameters of an effect in a uniform array of rows of four, and the numbers of the frame behind them where it reads those.
+/// Rows of an effect's parameters in a uniform array of vec4, followed by the frame's numbers if the effect reads them.
 #[derive(Clone, Copy)]
 pub struct ParameterRows {
     pub first: u32,
-    /// Length of the array of its parameters.
+    /// Number of parameters.
     pub length: u32,
     pub reads_frame: bool,
 }
@@ -39,12 +40,12 @@ impl ParameterRows {
         self.first + self.length.div_ceil(4)
     }
 
-    /// The row after its last one.
+    /// The row after the last one of the effect.
     pub fn end(self) -> u32 {
         self.frame() + if self.reads_frame { EffectFrame::NUMBERS as u32 / 4 } else { 0 }
     }
 
-    /// A function `name` that gives the parameters as an array.
+    /// A WGSL function `name` that returns the parameters as an array.
     pub fn function(self, name: &str, rows: &str) -> String {
         let length = self.length;
         let number =
@@ -56,7 +57,7 @@ impl ParameterRows {
         )
     }
 
-    /// The functions with the numbers of the frame; nothing where the effect does not read them.
+    /// WGSL functions that return the frame's numbers; empty if the effect does not read them.
     pub(crate) fn frame_functions(self, rows: &str) -> String {
         let function = |row: u32| {
             format!("fn effect_frame_row_{}() -> vec4<f32> {{ return {rows}[{row}]; }}\n", row - self.frame())
@@ -83,7 +84,7 @@ fn call(effect: &SceneEffect) -> String {
 
 /// The texts of the effects whose functions a shader calls.
 pub fn surface_files(effects: &[SceneEffect]) -> Vec<SourceFile> {
-    // A shader without light calls none of those that speak of it: their texts would not compile there.
+    // A shader without lighting calls no lighting effects, whose texts would not compile there.
     let calls_of = |hook: Hook| effects.iter().filter(|e| e.hook == hook).map(call).collect::<String>();
     let functions = [
         (
@@ -115,7 +116,7 @@ pub fn surface_files(effects: &[SceneEffect]) -> Vec<SourceFile> {
         let name = format!("surface_parameters_{}", effect.bit);
         text += &effect.parameters.function(&name, "surface_parameters");
     }
-    // All read the same frame.
+    // All effects read the numbers of the same frame.
     if let Some(effect) = effects.iter().find(|effect| effect.parameters.reads_frame) {
         text += &effect.parameters.frame_functions("surface_parameters");
     }
@@ -133,7 +134,8 @@ fn is_word(c: char) -> bool {
     c.is_ascii_alphanumeric() || c == '_'
 }
 
-/// Every function, constant and type that the text declares, with an ending: two effects may use the same names. Lines stay.
+/// Appends a suffix to every function, constant and type that the text declares, because two effects may use the same names. Line
+/// numbers stay.
 fn renamed(text: &str, ending: &str) -> String {
     let mut declared: Vec<&str> = Vec::new();
     let mut last = "";

@@ -4,24 +4,24 @@ use super::{DeferredPass, InputTargets, LightLoop, PeelPass, SceneVariant};
 use crate::plan::shader_features::{ALPHA, FEATURES, Feature, TextureSlot, holds, names};
 use crate::plan::{Features, Glass};
 
-/// The origin of a switch that is no feature.
+/// The origin of a switch other than a feature's.
 #[derive(Clone, Copy)]
 pub enum SwitchSource {
     /// The switch is on exactly where a condition on features and earlier switches holds.
     Condition(&'static str),
     Variant(fn(&SceneVariant) -> bool),
-    /// Set by those who compile other modules than the scene's.
+    /// Set when modules other than the scene's are compiled.
     OtherModules,
 }
 
-/// A switch that is no feature: what else a scene shader is compiled for.
+/// A switch that is not a feature: another property that a scene shader is compiled for.
 #[derive(Clone, Copy)]
 pub struct Switch {
     pub name: &'static str,
     pub source: SwitchSource,
-    /// Switches that it needs, as in [`Feature`].
+    /// Conditions on other switches, as in [`Feature`].
     pub needs: &'static [&'static str],
-    /// The features that may be on with it.
+    /// The only features that may be on together with this switch.
     pub only: Option<Features>,
 }
 
@@ -46,7 +46,7 @@ const fn pass(
     Switch { name, source: SwitchSource::Variant(is_on), needs, only: Some(only) }
 }
 
-/// The features that stay where a surface is drawn into the G-buffer.
+/// The features that a shader keeps while it draws a surface into the G-buffer.
 const OF_GEOMETRY: Features = Features::ALL
     .without(
         Features::LIGHTS.with(Features::ALL_LAYERS).with(Features::EFFECT_JOINTS).with(Features::OUTLINE),
@@ -60,7 +60,7 @@ const OF_LIGHT_PASS: Features = Features::METALLIC_ROUGHNESS
     .with(Features::EFFECT_NORMALS);
 const OF_SHADOW_PASS: Features =
     Features::SKINNING.with(ALPHA).with(Features::EFFECT_NORMALS).with(Features::PRE_SKINNED);
-/// All switches beside the features'. A condition reads those above it only.
+/// All switches other than features. A condition may only name switches above it.
 pub const SWITCHES: &[Switch] = &[
     pass(
         "INPUT_PASS",
@@ -154,12 +154,12 @@ pub const SWITCHES: &[Switch] = &[
     Switch { name: "PICTURE", source: SwitchSource::OtherModules, needs: &[], only: None },
 ];
 
-/// Names of all switches, the features' first.
+/// Names of all switches, features first.
 pub fn switch_names() -> impl Iterator<Item = &'static str> {
     FEATURES.iter().map(|f| f.name).chain(SWITCHES.iter().map(|s| s.name))
 }
 
-/// Names of the switches that are on, as the modules write them.
+/// Names of the switches of a variant that are on, as modules write them.
 pub fn switches(variant: &SceneVariant) -> Vec<&'static str> {
     let on = resolved(variant);
     debug_assert_eq!(broken_rule(&on), None, "{on:?}");
@@ -181,7 +181,7 @@ fn resolved(variant: &SceneVariant) -> Vec<&'static str> {
     on
 }
 
-/// A rule of the table that a set of switches breaks: then the planner's keys and the table disagree.
+/// A rule of the table that a set of switches breaks. If there is one, the planner and the table disagree.
 pub fn broken_rule(on: &[&str]) -> Option<String> {
     let of_features = FEATURES.iter().map(|f| (f.name, f.needs, None));
     let of_switches = SWITCHES.iter().map(|s| (s.name, s.needs, s.only));
@@ -197,7 +197,7 @@ pub fn broken_rule(on: &[&str]) -> Option<String> {
     None
 }
 
-/// The declarations of the material textures, as one more module of the scene's shader.
+/// The generated module with the declarations of the material textures.
 pub(super) fn texture_bindings() -> String {
     let mut text = String::new();
     for (feature, TextureSlot { slot, .. }) in FEATURES.iter().filter_map(|f| Some((f, f.texture?))) {

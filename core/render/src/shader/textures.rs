@@ -1,11 +1,12 @@
-//! Textures of effects: one buffer for all of them, and the functions that read it; and functions that read textures of passes.
+//! Textures of effects: one buffer for all of them, and WGSL functions that read it; and functions that read the textures of
+//! passes.
 
 use choreo_plugin::{Effect, ImagePass};
 
-/// The first binding of the textures of passes in the set of a full-screen pass.
+/// First binding of the textures of passes in the descriptor set of a full-screen pass.
 pub(crate) const POST_TEXTURES: u32 = 7;
 
-/// Functions with the names of an effect's textures. `effects`: all, whose textures lie one after the other.
+/// WGSL functions named after an effect's textures. `effects`: all effects, whose textures follow each other in the buffer.
 pub fn texture_functions(effects: &[Effect], effect: &Effect) -> String {
     let name = &effect.manifest().name;
     let before = effects.iter().take_while(|e| e.manifest().name != *name);
@@ -22,7 +23,7 @@ pub fn texture_functions(effects: &[Effect], effect: &Effect) -> String {
     text
 }
 
-/// Functions with the names of the textures of passes, and the bindings of those that a pass reads. The others are not read.
+/// WGSL functions named after the textures of passes, and the bindings of those that the pass reads. The others are not bound.
 pub fn pass_functions(passes: &[ImagePass], number: u32) -> String {
     let reads = passes.get(number as usize).map_or(&[][..], |pass| &pass.reads);
     let mut text = String::new();
@@ -44,7 +45,7 @@ pub fn pass_functions(passes: &[ImagePass], number: u32) -> String {
                      return mix(above, mix({name}_at(c + vec2(0, 1)), {name}_at(c + vec2(1, 1)), f.x), f.y);\n}}\n"
                 )
             }
-            // A pass may ask for the size of what it makes.
+            // A pass may ask for the size of the texture that it writes.
             None => format!(
                 "fn {name}_size() -> vec2<i32> {{ return vec2<i32>(post.size); }}\n\
                  fn {name}_at(at: vec2<i32>) -> vec4<f32> {{ return vec4(0.0); }}\n\
@@ -55,7 +56,7 @@ pub fn pass_functions(passes: &[ImagePass], number: u32) -> String {
     text
 }
 
-/// Content of the texel buffer: 8 bytes a texel.
+/// Content of the texel buffer, 8 bytes for each texel.
 pub fn texture_bytes(effects: &[Effect]) -> Vec<u8> {
     let halves = effects.iter().flat_map(|e| e.textures()).flat_map(|t| t.halves.iter().flatten());
     halves.flat_map(|half| half.to_le_bytes()).collect()

@@ -42,7 +42,7 @@ uniforms! {
         camera_before: Vec4,
     }
 
-    /// How a place is found again from its pixel and depth; deferred.wgsl.
+    /// Transform from clip space back to camera-relative space, for deferred.wgsl.
     RebuiltUniform {
         relative_from_clip: Mat4,
     }
@@ -50,11 +50,11 @@ uniforms! {
     /// A sky as sky.wgsl reads it.
     SkyUniform {
         harmonics: [Vec4; 9],
-        /// xy: first texel inside the border; z: texels a side.
+        /// xy: first texel inside the border; z: side in texels.
         levels: [Vec4; MAX_LEVELS],
-        /// Cosine and sine of the turn, strength, last level.
+        /// Cosine and sine of the rotation, strength, index of the last level.
         turn: Vec4,
-        /// xy: 1 / texels of the atlas; z: 1 where it is seen behind everything.
+        /// xy: 1 / size of the atlas in texels; z: 1 if the sky is the background.
         texel: Vec4,
         /// See `crate::view::rays`.
         right: Vec4,
@@ -81,7 +81,7 @@ uniforms! {
     PhongUniform {
         specular_color: Vec3,
         shininess: f32,
-        /// The share of the surroundings that is reflected.
+        /// Reflectivity, linear RGB.
         reflection: Vec3,
         reflection_roughness: f32,
     }
@@ -102,9 +102,9 @@ uniforms! {
 
     OutlineUniform {
         color: Vec3,
-        /// How much the surface's light counts.
+        /// Share of the surface's lighting in the outline's color.
         lighting_mix: f32,
-        /// Metres, or a share of the image's height where `on_screen` is 1.
+        /// Width in meters, or as a share of the image's height if `on_screen` is 1.
         width: f32,
         on_screen: f32,
         pad: Vec2,
@@ -122,7 +122,7 @@ uniforms! {
         triplanar_middle: Vec3,
         /// 1 / width of the textures.
         triplanar_scale: f32,
-        /// How far a masked motion has come: widths of the texture, radians.
+        /// Current state of the masked UV animation: offset in widths of the texture, rotation in radians.
         uv_motion: Vec3,
         pad: f32,
         metallic_roughness: MetallicRoughnessUniform,
@@ -148,7 +148,7 @@ uniforms! {
         anisotropy_direction: Vec2,
         anisotropy: f32,
         iridescence: f32,
-        /// Nanometres of the film: where its texture is 0, and where it is 1.
+        /// Thickness of the film in nanometers where its texture is 0, and where it is 1.
         iridescence_thickness: Vec2,
         iridescence_ior: f32,
         pad: f32,
@@ -158,31 +158,31 @@ uniforms! {
         uv: [UvTransform; LAYER_SLOTS],
     }
 
-    /// One shadow map as it is looked up.
+    /// Lookup parameters of one shadow map.
     ShadowUniform {
-        /// xy: texels of the image; z: depth; all times w.
+        /// xy: texels of the shared image; z: depth; all multiplied by w.
         texel_from_relative: Mat4,
-        /// The rectangle of the map that holds all texels of the filter: from (xy) and to (zw), texels.
+        /// Rectangle in which all texels of the filter lie inside the map: from (xy) and to (zw), texels.
         inside: Vec4,
-        /// x: metres of a texel where w is 1; y: `ShadowView::penumbra`; zw: 1 / texels of the image.
+        /// x: size of a texel in meters where w is 1; y: `ShadowView::penumbra`; zw: 1 / size of the image in texels.
         texel: Vec4,
     }
 
     PostUniform {
         /// Size of the image that the pass writes, in pixels.
         size: Vec2,
-        /// The number of completed passes of an effect that has several.
+        /// Index of the pass among those of its effect.
         number: u32,
-        /// How many times smaller than the whole image the smaller of its input and output is.
+        /// Factor by which the smaller one of the input and the output is smaller than the whole image.
         shrink: u32,
-        /// Size of the image that the pass before wrote, in pixels, and of the whole image.
+        /// Size in pixels of the image that the pass before wrote; `whole`: size of the whole image.
         input: Vec2,
         whole: Vec2,
-        /// How many times smaller than the whole the textures of passes are that it reads.
+        /// Factors by which the textures of passes that it reads are smaller than the whole image.
         textures: [Vec4; ImagePass::MOST_READ / 4],
         /// [`EffectFrame::rows`].
         scene: [Vec4; EffectFrame::ROWS],
-        /// The first eight parameters; the others follow it, [`PostUniform::rest`].
+        /// The first eight parameters. The others follow the struct; see [`PostUniform::rest`].
         parameters: [Vec4; 2],
     }
 }
@@ -195,7 +195,7 @@ impl RebuiltUniform {
 }
 
 impl SkyUniform {
-    /// Uniforms of a sky without maps: what is visible behind everything.
+    /// Uniforms of a sky. `maps`: `None` if only its background is drawn.
     pub fn new(sky: &PlanSky, view: &View, maps: Option<&SkyMaps>) -> SkyUniform {
         let [right, down, ahead] = crate::view::rays(view).map(|v| v.extend(0.0));
         let [c, s] = sky.turn;
@@ -214,10 +214,10 @@ impl SkyUniform {
 }
 
 impl LayersUniform {
-    /// Binding after those of the textures.
+    /// Binding of the layers' uniform, after those of the textures.
     pub(crate) const BINDING: u32 = 1 + 2 * TEXTURE_SLOTS as u32;
 
-    /// `None` where the material has no layers.
+    /// The layers of a material; `None` if it has none.
     pub fn new(resource: &MaterialResource) -> Option<LayersUniform> {
         let l = resource.material.layers.as_deref()?;
         let refs = resource.textures;
@@ -284,17 +284,17 @@ fn uv_transform(t: &MaterialTexture) -> UvTransform {
 }
 
 impl PostUniform {
-    /// Bytes in the uniform buffer of a pass.
+    /// Size of the uniform data of a pass in bytes.
     pub fn bytes(pass: &PostPass) -> usize {
         size_of::<PostUniform>() + size_of_val(Self::rest(pass))
     }
 
-    /// The parameters behind the first eight.
+    /// The parameters after the first eight.
     pub fn rest(pass: &PostPass) -> &[f32] {
         pass.parameters.get(8..).unwrap_or_default()
     }
 
-    /// `before`: how many times smaller the image is that it reads.
+    /// Uniform data of a pass. `before`: factor by which its input is smaller than the whole image.
     pub fn new(
         pass: &PostPass,
         before: u32,
@@ -321,7 +321,7 @@ impl PostUniform {
 impl MaterialUniform {
     pub fn new(resource: &MaterialResource) -> MaterialUniform {
         let m = &resource.material;
-        // A feature may be on where the material has no such texture (`PlanOptions::force_all`): identity then.
+        // A feature may be on for a material without that texture (`PlanOptions::force_all`); its transform is then the identity.
         let identity = UvTransform { x: Vec4::X, y: Vec4::Y };
         let mut uv = [identity; BASE_SLOTS + TOON_SLOTS];
         let refs = resource.textures;
@@ -383,7 +383,7 @@ impl ToonUniform {
             shading_shift: t.shading_shift,
             rim_color: t.rim_color,
             rim_fresnel_power: t.rim_fresnel_power,
-            // A factor of a texture that is not there counts nothing.
+            // The factor of a missing matcap texture is zero.
             matcap: if resource.texture(TextureSlot::MetallicRoughness).is_some() {
                 t.matcap
             } else {

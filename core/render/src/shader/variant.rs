@@ -1,4 +1,4 @@
-//! The key of a scene shader: the plan's pipeline key, and what the recording knows beside it.
+//! The key of a scene shader: the plan's pipeline key, and properties that only the recording knows.
 
 use crate::plan::PipelineKey;
 use naga::ShaderStage;
@@ -6,23 +6,23 @@ use naga::ShaderStage;
 /// The lights that a lit pixel evaluates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum LightLoop {
-    /// The only one.
+    /// The only light of the frame, without a loop.
     One,
     All,
     /// The lights of the pixel's light cluster.
     Lists,
 }
 
-/// All that a scene shader is compiled for: the plan's key, and what the recording knows beside it.
+/// Everything that a scene shader is compiled for: the plan's key, and properties that only the recording knows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct SceneVariant {
     pub key: PipelineKey,
-    /// Some instance has a tint other than white.
+    /// Whether some instance has a tint other than white.
     pub tint: bool,
-    /// All joint matrices fit a uniform buffer, which is read faster than a storage buffer.
+    /// Whether all joint matrices fit a uniform buffer, which is read faster than a storage buffer.
     pub joints_uniform: bool,
     pub lights: LightLoop,
-    /// Depth alone, into a shadow map.
+    /// Whether only depth is drawn, into a shadow map.
     pub shadow_pass: bool,
     pub peel: PeelPass,
     pub deferred: DeferredPass,
@@ -30,7 +30,7 @@ pub struct SceneVariant {
 }
 
 impl SceneVariant {
-    /// Forward shading of a key, without tint, by all lights.
+    /// Forward shading with a key, without tint, by all lights.
     pub const fn of(key: PipelineKey) -> SceneVariant {
         SceneVariant {
             key,
@@ -60,7 +60,7 @@ pub fn entry_points(on: &[&str]) -> Vec<(&'static str, ShaderStage)> {
     [(vertex, ShaderStage::Vertex)].into_iter().chain(fragment).collect()
 }
 
-/// Whether a pass finds the depths of a peeled layer.
+/// Kind of depth pass that finds a peeled layer, if any.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum PeelPass {
     #[default]
@@ -71,10 +71,10 @@ pub enum PeelPass {
     Several,
 }
 
-/// The half of deferred shading that a shader does.
+/// The part of deferred shading that a shader does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum DeferredPass {
-    /// Forward: both at once.
+    /// Forward shading: surface and lighting at once.
     #[default]
     No,
     /// Renders to the G-buffer.
@@ -83,7 +83,7 @@ pub enum DeferredPass {
     Light,
 }
 
-/// Whether a pass draws what effects on images read of the scene.
+/// Kind of pass that draws the inputs of effects on images, if any.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum InputTargets {
     #[default]

@@ -1,5 +1,5 @@
-//! Diffuse light of a sky by direction: real spherical harmonics to order 2, each times its factor of the cosine lobe
-//! (Ramamoorthi & Hanrahan, "An Efficient Representation for Irradiance Environment Maps", 2001), over π: a white sky of
+//! Diffuse light of a sky by direction, as real spherical harmonics to order 2, each multiplied by its factor of the cosine lobe
+//! (Ramamoorthi & Hanrahan, "An Efficient Representation for Irradiance Environment Maps", 2001) and divided by π: a white sky of
 //! radiance 1 lights a white surface to 1.
 
 use crate::sky::octahedral::{OctahedralMap, solid_angle};
@@ -14,7 +14,7 @@ fn polynomials(n: DVec3) -> [f64; 9] {
     [1.0, y, z, x, x * y, y * z, 3.0 * z * z - 1.0, x * z, x * x - y * y]
 }
 
-/// Squares of the factors that make the polynomials orthonormal, times the cosine's share of their band over π: 1, ⅔, ¼.
+/// Squares of the factors that make the polynomials orthonormal, times each band's factor of the cosine lobe over π: 1, ⅔, ¼.
 fn factors() -> [f64; 9] {
     let pi = std::f64::consts::PI;
     let (one, two) = (3.0 / (4.0 * pi) * 2.0 / 3.0, 15.0 / (4.0 * pi) / 4.0);
@@ -22,7 +22,7 @@ fn factors() -> [f64; 9] {
     [1.0 / (4.0 * pi), one, one, one, two, two, zonal, two, sectoral]
 }
 
-/// Projects a map. Summed in f64, row by row: the same bits on any number of threads.
+/// Projects a map. Sums are f64, row by row, with the same bits on any number of threads.
 pub fn harmonics(sky: &OctahedralMap) -> Harmonics {
     let mut sums = [DVec3::ZERO; 9];
     for y in 0..sky.size {

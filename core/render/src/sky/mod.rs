@@ -1,5 +1,5 @@
-//! Image-based lighting: computed once from a panorama on the CPU, and read by both renderers. Diffuse light is spherical
-//! harmonics, specular light an atlas of octahedral maps prefiltered by roughness.
+//! Image-based lighting, computed once from a panorama on the CPU and read by both renderers. Diffuse light is stored as
+//! spherical harmonics, specular light as an atlas of octahedral maps prefiltered by roughness.
 
 pub mod harmonics;
 pub mod octahedral;
@@ -21,7 +21,8 @@ pub(crate) const MAX_LEVELS: usize = 8;
 pub struct SkyOptions {
     /// Side of the sharpest map in texels, a power of two.
     pub size: u32,
-    /// Number of maps, at even steps of roughness from 0 to 1; each half as large as the one before, down to `smallest`.
+    /// Number of maps, at even steps of roughness from 0 to 1. Each map is half as large as the one before, but not smaller than
+    /// `smallest`.
     pub levels: usize,
     pub smallest: u32,
     /// Samples of the specular lobe for each texel.
@@ -34,7 +35,7 @@ impl Default for SkyOptions {
     }
 }
 
-/// A level's place in the atlas.
+/// The position of a level in the atlas.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AtlasLevel {
     /// First texel inside the border.
@@ -48,15 +49,15 @@ pub struct AtlasLevel {
 pub struct SkyMaps {
     pub harmonics: Harmonics,
     pub levels: Vec<AtlasLevel>,
-    /// Texels of the atlas.
+    /// Size of the atlas in texels.
     pub size: [u32; 2],
-    /// RGBA, 16-bit floats, rows of the atlas. Each level has a border of one texel, so that filters reach over its edges.
+    /// RGBA of 16-bit floats, rows of the atlas. Each level has a border of one texel, so that filters reach over its edges.
     pub texels: Vec<[f16; 4]>,
 }
 
 impl SkyMaps {
     pub fn new(panorama: &Panorama, options: &SkyOptions) -> SkyMaps {
-        // As fine as the panorama: its height is half a turn, and so is roughly a side of the octahedron.
+        // The base map is as fine as the panorama, whose height spans half a turn, as roughly a side of the octahedron does.
         let fine = panorama.size()[1].next_power_of_two().clamp(16, 1024).max(options.size);
         let pyramid = prefilter::pyramid(prefilter::base(panorama, fine));
         let harmonics = harmonics::harmonics(pyramid.iter().find(|l| l.size <= 256).unwrap_or(&pyramid[0]));
@@ -68,7 +69,7 @@ impl SkyMaps {
                 prefilter::level(&pyramid, roughness, size, options.samples)
             })
             .collect();
-        // The sharpest at the left, the others below each other at its right.
+        // The sharpest map is at the left, the others are stacked to the right of it.
         let mut levels = Vec::with_capacity(count);
         let (mut x, mut y) = (1, 1);
         for (i, map) in maps.iter().enumerate() {
@@ -114,7 +115,7 @@ impl SkyMaps {
         Vec3::new(r, g, b)
     }
 
-    /// Specular light of a roughness from a direction, interpolated between the two nearest levels.
+    /// Specular light for a roughness from a direction, interpolated between the two nearest levels.
     pub fn specular(&self, way: Vec3, roughness: f32) -> Vec3 {
         let sum = way.x.abs() + way.y.abs() + way.z.abs();
         if !(sum.is_finite() && sum > 0.0) {
@@ -122,7 +123,7 @@ impl SkyMaps {
         }
         let place = octahedral::octahedral(way);
         let last = self.levels.len() - 1;
-        // NaN is sharp.
+        // NaN counts as roughness 0.
         let level = if roughness > 0.0 { roughness.min(1.0) } else { 0.0 } * last as f32;
         let low = level as usize;
         let sharp = self.sample(place, low);
@@ -143,7 +144,7 @@ impl SkyMaps {
     }
 }
 
-/// The panorama as 16-bit floats, drawn behind everything; at a lower resolution if a device does not support its width.
+/// The panorama as 16-bit floats for the background; at a lower resolution if a device does not support its width.
 #[derive(Clone, Debug)]
 pub(crate) struct SkyBackground {
     pub size: [u32; 2],

@@ -1,5 +1,5 @@
-//! The sphere of directions as a square: an octahedron unfolded (Engelhardt & Dachsbacher, "Octahedron Environment Maps", 2008).
-//! No trigonometry, and texels of nearly equal size.
+//! Octahedral maps: the sphere of directions unfolded to a square (Engelhardt & Dachsbacher, "Octahedron Environment Maps",
+//! 2008). They need no trigonometry, and their texels have nearly equal solid angles.
 
 use glam::{Vec2, Vec3};
 
@@ -50,7 +50,7 @@ impl OctahedralMap {
         direction((Vec2::new(x as f32, y as f32) + 0.5) / size as f32)
     }
 
-    /// A texel up to one texel outside: beyond an edge the square continues at the same edge, mirrored about its center.
+    /// A texel up to one texel outside the square: beyond an edge the map continues at the same edge, mirrored about its center.
     pub fn texel(&self, x: i32, y: i32) -> Vec3 {
         let last = self.size as i32 - 1;
         let (mut x, mut y) = (x, y);
@@ -87,8 +87,8 @@ impl OctahedralMap {
     }
 }
 
-/// Solid angle of a texel in steradians, to second order in its size: the octahedron's faces lie 1/√3 from the middle, so that a piece of
-/// area a at a distance d subtends a / (√3 d³).
+/// Solid angle of a texel in steradians, to second order in its size. The octahedron's faces lie 1/√3 from the center, so that a
+/// piece of area a at a distance d subtends a / (√3 d³).
 pub(crate) fn solid_angle(size: u32, x: u32, y: u32) -> f64 {
     let p = [x, y].map(|v| (f64::from(v) + 0.5) / f64::from(size) * 2.0 - 1.0);
     let height = 1.0 - p[0].abs() - p[1].abs();
@@ -121,7 +121,7 @@ mod tests {
         };
         let off = (sum(64) - 4.0 * std::f64::consts::PI).abs();
         assert!(off < 1e-3, "{off}");
-        // Second order: a quarter of the error at half the size.
+        // The error is of second order: a quarter at half the texel size.
         let off2 = (sum(128) - 4.0 * std::f64::consts::PI).abs();
         assert!(off2 < off * 0.3, "{off} {off2}");
     }
@@ -137,7 +137,7 @@ mod tests {
             let flat = (1.0 - down * down).max(0.0).sqrt();
             let way = Vec3::new(libm::cosf(a) * flat, down, libm::sinf(a) * flat).normalize();
             let off = (map.sample(way) - smooth(way)).abs().max_element();
-            // A kink at each edge of the octahedron, of a texel's width; a wrong neighbour is off by 0.1 and more.
+            // A kink at each edge of the octahedron, of a texel's width; a wrong neighbor is off by 0.1 and more.
             assert!(off < 0.025, "{way}: {off}");
         }
     }

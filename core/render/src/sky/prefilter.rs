@@ -1,13 +1,13 @@
-//! Prefiltered environment maps: the first half of the split sum (Karis, "Real Shading in Unreal Engine 4", 2013), the light of
-//! the GGX lobe about a direction, viewed along it. Importance samples are filtered as widely as the solid angle of each
-//! (Křivánek & Colbert, "Real-time Shading with Filtered Importance Sampling", 2008).
+//! Prefiltered environment maps, the first half of the split sum (Karis, "Real Shading in Unreal Engine 4", 2013): light of the
+//! GGX lobe about a direction, viewed along that direction. Each importance sample is filtered over its solid angle (Křivánek &
+//! Colbert, "Real-time Shading with Filtered Importance Sampling", 2008).
 
 use crate::sky::octahedral::{OctahedralMap, direction};
 use choreo_asset::Panorama;
 use glam::{Vec2, Vec3};
 use std::f32::consts::PI;
 
-/// Radiance in a direction, by bilinear interpolation.
+/// Radiance of a panorama in a direction, by bilinear interpolation.
 pub fn radiance(panorama: &Panorama, way: Vec3) -> Vec3 {
     let [width, height] = panorama.size().map(|s| s as f32);
     let u = 0.5 + libm::atan2f(way.x, -way.z) / (2.0 * PI);
@@ -19,7 +19,7 @@ pub fn radiance(panorama: &Panorama, way: Vec3) -> Vec3 {
     row(y) * (1.0 - t.y) + row(y + 1) * t.y
 }
 
-/// A panorama as an octahedral map: each texel is the mean of what it covers, so that small suns keep their light.
+/// A panorama as an octahedral map. Each texel is the mean over its area, so that small suns keep their light.
 pub fn base(panorama: &Panorama, size: u32) -> OctahedralMap {
     // An octahedral map has half as many texels from pole to pole as its side.
     let each = (2 * panorama.size()[1]).div_ceil(size).clamp(2, 16);
@@ -44,7 +44,7 @@ pub(crate) fn pyramid(base: OctahedralMap) -> Vec<OctahedralMap> {
     levels
 }
 
-/// One direction of light about +Z, its weight, and the level of the pyramid whose texels have its solid angle.
+/// One direction of light about +Z, its weight, and the level of the pyramid whose texels have the sample's solid angle.
 struct Sample {
     way: Vec3,
     weight: f32,
@@ -70,14 +70,14 @@ fn samples(roughness: f32, count: u32, size: u32) -> Vec<Sample> {
         let d = cos2 * (alpha * alpha - 1.0) + 1.0;
         let density = alpha * alpha / (PI * d * d) / 4.0;
         let solid = 1.0 / (count as f32 * density);
-        // One level more blurs the steps between samples.
+        // One level higher, to blur the steps between samples.
         let level = 0.5 * libm::log2f(solid / texel) + 1.0;
         all.push(Sample { way, weight: way.z, level: level.max(0.0) });
     }
     all
 }
 
-/// Light of the specular lobe of a roughness about each direction; the sky itself for roughness 0.
+/// Specular light of a roughness about each direction; the sky itself for roughness 0.
 pub(crate) fn level(pyramid: &[OctahedralMap], roughness: f32, size: u32, count: u32) -> OctahedralMap {
     if roughness == 0.0 {
         let same = pyramid.iter().find(|l| l.size == size).cloned();

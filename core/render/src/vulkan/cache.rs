@@ -1,4 +1,4 @@
-//! The pipeline cache on disk: a checksum, then the driver's data, whose header must name this very driver and device.
+//! The pipeline cache on disk: a checksum, then the driver's data, whose header must name this driver and device.
 
 use super::context::Context;
 use super::error::Named;
@@ -21,7 +21,7 @@ impl PipelineCache {
             f.join(format!("pipelines-{:04x}-{:04x}-{:08x}.bin", p.vendor_id, p.device_id, p.driver_version))
         });
         let data = file.as_ref().and_then(|f| std::fs::read(f).ok()).unwrap_or_default();
-        // A cache only saves time: one that cannot be read or is not ours counts as empty.
+        // A cache only saves time, so a file that cannot be read or is invalid counts as empty.
         let usable = usable(&data, p.vendor_id, p.device_id, &p.pipeline_cache_uuid).unwrap_or(&[]);
         let info = vk::PipelineCacheCreateInfo::default().initial_data(usable);
         // SAFETY: the data was written by this driver for this device, its checksum holds; destroyed by `destroy`.
@@ -29,7 +29,7 @@ impl PipelineCache {
         Ok(PipelineCache { raw, file })
     }
 
-    /// Written beside and renamed. Failure to write is not the user's error: the next start is slower.
+    /// Saves the cache: writes a new file and renames it. A failure is not reported, because it only makes the next start slower.
     pub fn save(&self, gpu: &Context) {
         let Some(file) = &self.file else { return };
         // SAFETY: the cache belongs to this device.
@@ -51,7 +51,7 @@ impl PipelineCache {
     }
 }
 
-/// The driver's data, where checksum and header (Vulkan, "Pipeline Cache Header") say that it is ours.
+/// The driver's data, if the checksum and the header (Vulkan, "Pipeline Cache Header") match this driver and device.
 fn usable<'a>(file: &'a [u8], vendor: u32, device: u32, uuid: &[u8; 16]) -> Option<&'a [u8]> {
     let (checksum, data) = file.split_at_checked(CHECKSUM)?;
     if blake3::hash(data).as_bytes() != checksum {

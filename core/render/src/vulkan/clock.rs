@@ -1,4 +1,4 @@
-//! How long the device is busy with frames, measured with timestamps at the first and at the last command of each.
+//! Measures how long the device is busy with frames, by timestamps at the first and the last command of each.
 
 use super::context::Context;
 use super::error::Named;
@@ -7,7 +7,7 @@ use ash::vk;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Counts on while frames are collected; clones of the `Arc` see the same.
+/// Total device time of collected frames. Clones of the `Arc` share one counter.
 #[derive(Debug, Default)]
 pub struct DeviceTime {
     frames: AtomicU64,
@@ -15,7 +15,8 @@ pub struct DeviceTime {
 }
 
 impl DeviceTime {
-    /// Frames, and seconds of all of them together. A frame whose commands were sent in parts counts with its last part.
+    /// Number of frames, and their total time in seconds. A frame whose commands were sent in parts counts only with its last
+    /// part.
     pub fn total(&self) -> (u64, f64) {
         (self.frames.load(Ordering::Relaxed), self.nanos.load(Ordering::Relaxed) as f64 * 1e-9)
     }
@@ -32,12 +33,12 @@ pub struct Clock {
     time: Arc<DeviceTime>,
     /// Nanoseconds of one tick.
     nanos: f64,
-    /// Bits of a timestamp that count.
+    /// Number of valid bits of a timestamp.
     bits: u32,
 }
 
 impl Clock {
-    /// `None` where times are not requested, or the queue has no clock.
+    /// The clock; `None` if times are not requested, or the queue has no timestamps.
     pub fn new(
         gpu: &Context,
         time: Option<Arc<DeviceTime>>,
@@ -52,7 +53,7 @@ impl Clock {
         Ok(Some(Clock { pool, time, nanos: f64::from(gpu.limits().timestamp_period), bits }))
     }
 
-    /// Writes the time stamp before the first command of a frame in this slot.
+    /// Writes the timestamp before the first command of a frame in this slot.
     pub fn begin(&self, gpu: &Context, commands: vk::CommandBuffer, slot: usize) {
         let first = 2 * slot as u32;
         // SAFETY: the command buffer is being recorded, outside a pass; the slot's last frame is done.
@@ -62,7 +63,7 @@ impl Clock {
         }
     }
 
-    /// After the last one.
+    /// Writes the timestamp after the last command of the frame.
     pub fn end(&self, gpu: &Context, commands: vk::CommandBuffer, slot: usize) {
         let second = 2 * slot as u32 + 1;
         // SAFETY: as above.
@@ -72,21 +73,21 @@ impl Clock {
         }
     }
 
-    /// The slot's frame is done.
+    /// Adds the time of the slot's frame, which must be done.
     pub fn read(&self, gpu: &Context, slot: usize) -> Result<(), RenderError> {
         let mut ticks = [0u64; 2];
         let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
         // SAFETY: both were written by commands that are done.
         unsafe { gpu.device.get_query_pool_results(self.pool, 2 * slot as u32, &mut ticks, flags) }
             .named("timestamps")?;
-        // A clock of few bits starts again at 0.
+        // A timestamp with few bits wraps around to 0.
         let mask = u64::MAX >> (64 - self.bits.min(64));
         let busy = ticks[1].wrapping_sub(ticks[0]) & mask;
         self.time.add((busy as f64 * self.nanos) as u64);
         Ok(())
     }
 
-    /// No frame may be in flight.
+    /// Destroys the queries. No frame may be in flight.
     pub fn destroy(&self, gpu: &Context) {
         // SAFETY: made from this device, no longer used.
         unsafe { gpu.device.destroy_query_pool(self.pool, None) };

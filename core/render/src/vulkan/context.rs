@@ -1,4 +1,4 @@
-//! Loader, instance, validation, device, queue, allocator.
+//! The Vulkan objects that everything else needs: loader, instance, validation, device, queue, allocator.
 
 use super::device_features::{Abilities, Ability};
 use super::error::Named;
@@ -17,8 +17,8 @@ pub type Messages = Arc<Mutex<Vec<String>>>;
 
 const LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// The validation layer looks up its state of an instance or a device in a map that it does not lock (`layer_data_map`,
-/// seen in 1.3.239). Written while an instance or device is created or destroyed, read during all other calls.
+/// Lock for the validation layer's state of instances and devices, a map that the layer does not lock itself (`layer_data_map`,
+/// seen in 1.3.239). Locked for writing while an instance or device is created or destroyed, for reading during all other calls.
 static LAYER_STATE: RwLock<()> = RwLock::new(());
 
 fn layer_changes() -> RwLockWriteGuard<'static, ()> {
@@ -36,30 +36,30 @@ pub struct Context {
     pub device: ash::Device,
     pub queue: vk::Queue,
     pub queue_family: u32,
-    /// Valid bits of the queue's clock; 0: it has none.
+    /// Number of valid bits of the queue's timestamps; 0: it has none.
     pub timestamp_bits: u32,
     pub abilities: Abilities,
     /// `None` only while being dropped.
     allocator: Option<Arc<Mutex<Allocator>>>,
     pub info: DeviceInfo,
     faults: Faults,
-    /// Whether a fault has occurred: a lost device answers nothing any more.
+    /// Whether a test fault has lost the device: every later call then fails.
     lost: AtomicBool,
 }
 
 pub(crate) struct ContextOptions<'a> {
     pub validation: bool,
-    /// Part of a device's name, any case.
+    /// Part of a device's name, in any case.
     pub device: Option<&'a str>,
-    /// Further extensions for a window system (none for a renderer without a window).
+    /// Further extensions for a window system; none for a renderer without a window.
     pub instance_extensions: &'a [CString],
     pub device_extensions: &'a [CString],
-    /// Small blocks of memory: less is left over in them.
+    /// Uses small blocks of memory, which waste less.
     pub frugal: bool,
     pub faults: Faults,
     /// Abilities to ignore, for tests.
     pub without: &'a [Ability],
-    /// Limit of `maxStorageBufferRange`, for tests.
+    /// Replaces the limit `maxStorageBufferRange`, for tests.
     pub storage_range: Option<u32>,
 }
 
@@ -67,7 +67,7 @@ fn no_vulkan(why: impl Into<String>) -> RenderError {
     RenderError::NoVulkan { why: why.into() }
 }
 
-/// Kind and name of the device that a `Context` would choose, without making one.
+/// Kind and name of the device that a `Context` would choose, without creating it.
 pub fn chosen_device() -> Result<DeviceInfo, RenderError> {
     let options = ContextOptions {
         validation: false,
@@ -87,15 +87,15 @@ pub fn chosen_device() -> Result<DeviceInfo, RenderError> {
     info
 }
 
-/// Sets the number of threads that Mesa's software rasterizer (lavapipe) starts; it reads it when its driver is loaded. Call it
-/// before the program starts threads of its own.
+/// Sets the number of threads that Mesa's software rasterizer (lavapipe) starts. The driver reads it while it is loaded. Call
+/// this before the program starts threads.
 pub fn limit_software_threads(count: usize) {
     // SAFETY: the caller has started no thread that reads the environment without the lock of std.
     unsafe { std::env::set_var("LP_NUM_THREADS", count.to_string()) };
 }
 
 fn load() -> Result<ash::Entry, RenderError> {
-    // SAFETY: libvulkan is the system's loader; the caller keeps the entry for as long as anything of it is used.
+    // SAFETY: libvulkan is the system's loader; the caller keeps the entry as long as its functions are used.
     unsafe { ash::Entry::load() }.map_err(|e| {
         no_vulkan(format!(
             "no Vulkan loader ({e}); install libvulkan1 and a driver (Debian: mesa-vulkan-drivers)"
@@ -132,9 +132,9 @@ impl Context {
         let timestamp_bits = families[queue_family as usize].timestamp_valid_bits;
         // SAFETY: the family and index 0 are those the device was created with.
         let queue = unsafe { device.get_device_queue(queue_family, 0) };
-        // Small blocks: memory of a driver that runs on the CPU is the machine's own.
+        // Blocks are small on CPU drivers, whose memory is the machine's own.
         let block = match properties.device_type {
-            // The least that the allocator takes.
+            // The smallest block that the allocator supports.
             _ if options.frugal => 4 << 20,
             vk::PhysicalDeviceType::CPU => 16 << 20,
             _ => 64 << 20,
@@ -175,12 +175,13 @@ impl Context {
         })
     }
 
-    /// The lock that is held during calls of the device, once a thread: under validation, no other thread creates or destroys one meanwhile.
+    /// Lock that each thread holds while it calls the device: with validation, no other thread may create or destroy a device
+    /// meanwhile.
     pub fn calls(&self) -> Option<RwLockReadGuard<'static, ()>> {
         self.messenger.is_some().then(|| LAYER_STATE.read().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Lets a test make a call fail here.
+    /// Fails if a test has requested a fault at this place.
     pub fn fault(&self, place: FaultPlace) -> Result<(), vk::Result> {
         if self.lost.load(Ordering::Relaxed) {
             return Err(vk::Result::ERROR_DEVICE_LOST);
@@ -202,11 +203,11 @@ impl Context {
         allocator.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Gives an object the name under which the validation layer speaks of it.
+    /// Gives an object the name that validation messages show.
     pub fn name<T: vk::Handle>(&self, object: T, name: &str) {
         if let (Some(names), Ok(name)) = (&self.names, CString::new(name)) {
             let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
-            // A name that cannot be set is no reason to stop.
+            // Names are only for debugging, so a failure is ignored.
             // SAFETY: the handle belongs to this device.
             let _ = unsafe { names.set_debug_utils_object_name(&info) };
         }
@@ -240,14 +241,14 @@ impl Drop for Context {
     }
 }
 
-/// Lavapipe allocates and frees its vertex buffers of some megabytes for every draw. By default glibc gives such blocks
-/// back to the kernel each time, and a fifth of a frame of 25 characters went into page faults.
+/// Changes glibc's allocator thresholds. Lavapipe allocates and frees vertex buffers of some megabytes for every draw. By default
+/// glibc returns such blocks to the kernel each time, and a fifth of a frame of 25 characters went into page faults.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 fn keep_freed_memory() {
     unsafe extern "C" {
         fn mallopt(parameter: std::ffi::c_int, value: std::ffi::c_int) -> std::ffi::c_int;
     }
-    // malloc.h: M_TRIM_THRESHOLD and M_MMAP_THRESHOLD; 32 MB is the largest that the latter takes.
+    // Constants of malloc.h: M_TRIM_THRESHOLD and M_MMAP_THRESHOLD, whose largest value is 32 MB.
     const TRIM: std::ffi::c_int = -1;
     const MMAP: std::ffi::c_int = -3;
     // SAFETY: glibc's own function, safe to call at any time; it changes when memory is given back, nothing else.
@@ -260,8 +261,8 @@ fn keep_freed_memory() {
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
 fn keep_freed_memory() {}
 
-/// Returns the memory freed by importing and compiling to the kernel, from the heaps of all threads: other threads cannot use a
-/// thread's own heap, and [`keep_freed_memory`] keeps memory for the frames only.
+/// Returns the memory freed by importing and compiling to the kernel, from the heaps of all threads: no thread can use another
+/// thread's heap, and [`keep_freed_memory`] is meant for frames only.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 pub(crate) fn give_back_freed_memory() {
     unsafe extern "C" {
@@ -344,7 +345,7 @@ fn create_instance(
     }
 }
 
-/// The layer calls this from whatever thread made the mistake.
+/// Collects a validation message. The layer calls this on the thread that made the mistake.
 unsafe extern "system" fn on_message(
     _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
     _kind: vk::DebugUtilsMessageTypeFlagsEXT,
@@ -358,14 +359,14 @@ unsafe extern "system" fn on_message(
         (messages, text.unwrap_or_default())
     };
     let mut messages = messages.lock().unwrap_or_else(PoisonError::into_inner);
-    // One mistake a draw would fill the memory.
+    // A mistake in every draw would otherwise fill the memory.
     if messages.len() < 100 {
         messages.push(text);
     }
     vk::FALSE
 }
 
-/// Discrete before integrated before CPU; only devices with Vulkan 1.3 and a graphics queue.
+/// Chooses a device: discrete before integrated before CPU. Only devices with Vulkan 1.3 and a graphics queue qualify.
 fn choose_device(
     instance: &ash::Instance,
     wanted: Option<&str>,

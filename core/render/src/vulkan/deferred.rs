@@ -1,4 +1,4 @@
-//! The G-buffer until it is lit: its images, the pass that fills them and the draw that lights it.
+//! The G-buffer on the device: its images, the pass that fills them and the draw that lights it.
 
 use super::context::Context;
 use super::descriptors::{Layouts, Pools, write_buffer, write_image};
@@ -14,11 +14,11 @@ use crate::renderer::DeviceKind;
 use crate::shader::uniforms::RebuiltUniform;
 use ash::vk;
 
-/// Normals and shares, colors, depth: see shaders/deferred.wgsl. Vulkan promises these formats, and as many images, on
-/// every device (Vulkan 1.3, "Required Format Support", `maxColorAttachments`).
+/// Formats of the G-buffer: normals and factors, colors, depth; see shaders/deferred.wgsl. Vulkan guarantees these formats and
+/// this number of color attachments on every device (Vulkan 1.3, "Required Format Support", `maxColorAttachments`).
 pub const FORMATS: [vk::Format; 3] =
     [vk::Format::R32G32B32A32_UINT, vk::Format::R32G32B32A32_UINT, vk::Format::R32_SFLOAT];
-/// Bytes of a pixel, in their order.
+/// Bytes per pixel of each image.
 pub(crate) const BYTES: [u64; 3] = [16, 16, 4];
 
 /// Bindings of set 3 in the lighting pass.
@@ -57,7 +57,7 @@ impl VulkanRenderer {
             no_compute: !has(Ability::Compute),
             kept_maps: 0,
         };
-        // An answer to the script, not to the plan's own choice.
+        // The note answers a script that requests deferred shading; the planner's own choice needs none.
         let asked = plan.deferred.as_ref().is_some_and(|d| d.cause == DeferredCause::Requested);
         if asked && no_deferred && !std::mem::replace(&mut self.told_forward, true) {
             let ability = Ability::ColorAttachments;
@@ -73,7 +73,7 @@ impl VulkanRenderer {
 }
 
 impl FrameInFlight {
-    /// `buffer`: where how places are rebuilt lies in the frame's data.
+    /// Writes the G-buffer's descriptor set. `buffer`: buffer and offset of the [`RebuiltUniform`].
     pub(super) fn write_kept(
         &mut self,
         gpu: &Context,
@@ -96,7 +96,7 @@ impl FrameInFlight {
 }
 
 impl Execution<'_> {
-    /// Begins the G-buffer pass. Where nothing is drawn the G-buffer stays undefined; the depth marks these pixels.
+    /// Begins the G-buffer pass. Pixels without a surface stay undefined; their depth stays 0, which marks them.
     pub(super) fn begin_geometry(&self) -> Result<(), RenderError> {
         let targets = self.targets;
         let (Some(depth), true) = (&targets.depth, targets.needs.kept) else {

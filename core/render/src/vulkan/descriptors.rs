@@ -12,26 +12,28 @@ use ash::vk;
 use choreo_plugin::ImagePass;
 use std::collections::BTreeMap;
 
-/// Set 0: per frame. Set 1: morph offsets of a primitive. Set 2: shadow maps, the image behind glass, the sky. Set 3: per material, last because its layout
-/// differs with the textures that a shader reads and must disturb no other. Set 0 of a post pass.
+/// Descriptor sets of scene pipelines: 0 per frame; 1 morph offsets of a primitive; 2 shadow maps, scene color copy, sky; 3 per
+/// material. Set 3 is last because its layout differs with the textures that a shader reads and must not disturb the other sets.
+/// A full-screen pass has only set 0.
 pub(crate) struct Layouts {
     pub frame: vk::DescriptorSetLayout,
     materials: BTreeMap<u32, MaterialLayout>,
     pub morphs: vk::DescriptorSetLayout,
     pub shadow: vk::DescriptorSetLayout,
     pub post: vk::DescriptorSetLayout,
-    /// Set 3 of the pass that lights the G-buffer, where a frame has one.
+    /// Set 3 of the pass that lights the G-buffer, if a frame has had one.
     light: Option<MaterialLayout>,
-    /// Meshes to be pre-skinned and their vertices: set 3 of the compute stage, after the frame's, morph offsets and the mesh.
+    /// Meshes to pre-skin and their output vertices: set 3 of the compute stage, after the sets of the frame, the morph offsets
+    /// and the source mesh.
     pub posed: vk::DescriptorSetLayout,
     pub posed_pipeline: vk::PipelineLayout,
 }
 
-/// Layout of the materials of which a shader reads the same textures.
+/// Layout of materials whose shaders read the same textures.
 #[derive(Clone, Copy)]
 pub(crate) struct MaterialLayout {
     pub set: vk::DescriptorSetLayout,
-    /// Pipeline layout with the sets before it.
+    /// Pipeline layout with this set and the three before it.
     pub pipeline: vk::PipelineLayout,
 }
 
@@ -99,14 +101,14 @@ impl Layouts {
                 (2, T::SAMPLER, fragment),
                 (3, T::SAMPLED_IMAGE, fragment),
                 (4, T::SAMPLER, fragment),
-                // The sky: numbers, maps, their sampler, the panorama itself.
+                // Sky: uniform, maps, sampler of the maps, panorama.
                 (5, T::UNIFORM_BUFFER, fragment),
                 (6, T::SAMPLED_IMAGE, fragment),
                 (7, T::SAMPLER, fragment),
                 (8, T::SAMPLED_IMAGE, fragment),
-                // Layers under the scene.
+                // 2D layers behind the scene.
                 (9, T::SAMPLED_IMAGE, fragment),
-                // Depths of the layer before, of transparent surfaces.
+                // Depths of the peeled layer before.
                 (10, T::SAMPLED_IMAGE, fragment),
             ];
             layouts.shadow = create(gpu, "shadow set layout", &shadow)?;
@@ -132,14 +134,14 @@ impl Layouts {
         }
     }
 
-    /// Makes the layout of materials with these textures (a bit a slot), where it is not there.
+    /// Creates the layout of materials with these textures (one bit for each slot), if it does not exist.
     pub(crate) fn prepare_material(&mut self, gpu: &Context, slots: u32) -> Result<(), RenderError> {
         if self.materials.contains_key(&slots) {
             return Ok(());
         }
         use vk::DescriptorType as T;
         let fragment = vk::ShaderStageFlags::FRAGMENT;
-        // Outlines are as wide as the vertex shader makes them.
+        // The vertex shader reads the width of outlines.
         let vertex = vk::ShaderStageFlags::VERTEX;
         let mut bindings = vec![(0, T::UNIFORM_BUFFER, vertex | fragment)];
         for slot in (0..TEXTURE_SLOTS as u32).filter(|slot| slots & (1 << slot) != 0) {
@@ -155,7 +157,7 @@ impl Layouts {
         Ok(())
     }
 
-    /// Makes the layout of the G-buffer, where a recording has any and it is not there.
+    /// Creates the layout of the G-buffer, if a recording uses one and it does not exist.
     pub(crate) fn prepare_light(&mut self, gpu: &Context, recording: &Recording) -> Result<(), RenderError> {
         if self.light.is_none() && recording.commands.contains(&Command::BeginGeometry) {
             self.light = Some(self.with_set(gpu, "kept set layout", &super::deferred::BINDINGS)?);
@@ -163,12 +165,12 @@ impl Layouts {
         Ok(())
     }
 
-    /// Prepared before.
+    /// Layout of the G-buffer. Fails unless it was prepared.
     pub fn light(&self) -> Result<MaterialLayout, RenderError> {
         self.light.ok_or_else(|| RenderError::Usage("the layout of the G-buffer was not prepared".into()))
     }
 
-    /// A set after the three that all scene pipelines share.
+    /// Creates a set layout, and a pipeline layout with it after the three sets that all scene pipelines share.
     fn with_set(
         &self,
         gpu: &Context,
@@ -192,7 +194,7 @@ impl Layouts {
         }
     }
 
-    /// Prepared before.
+    /// Layout of materials with these textures. Fails unless it was prepared.
     pub fn material(&self, slots: u32) -> Result<MaterialLayout, RenderError> {
         let known = self.materials.get(&slots).copied();
         known.ok_or_else(|| RenderError::Usage("a material's layout was not prepared".into()))
@@ -217,7 +219,7 @@ impl Layouts {
     }
 }
 
-/// A set and the pool it goes back to.
+/// A descriptor set, and the pool that it is returned to.
 #[derive(Clone, Copy)]
 pub struct Set {
     pub raw: vk::DescriptorSet,
@@ -256,7 +258,7 @@ impl Pools {
 
     fn grow(&mut self, gpu: &Context) -> Result<vk::DescriptorPool, RenderError> {
         let size = |ty, each: u32| vk::DescriptorPoolSize { ty, descriptor_count: each * SETS_PER_POOL };
-        // Enough of each kind for a pool full of the set that has most of it.
+        // Enough descriptors of each kind for a pool full of the set that has most of them.
         let sizes = [
             size(vk::DescriptorType::UNIFORM_BUFFER, 4),
             size(vk::DescriptorType::STORAGE_BUFFER, 7),
@@ -273,7 +275,7 @@ impl Pools {
         Ok(pool)
     }
 
-    /// The caller sees to it that no frame in flight uses the set.
+    /// Frees a set. No frame in flight may use it.
     pub fn free(&mut self, gpu: &Context, set: Set) {
         // SAFETY: allocated from this pool, which allows freeing. The call cannot fail (it only returns success).
         let _ = unsafe { gpu.device.free_descriptor_sets(set.pool, &[set.raw]) };
@@ -299,7 +301,7 @@ fn allocate(
     Ok(Set { raw: sets[0], pool })
 }
 
-/// One write of a whole buffer range.
+/// Writes a buffer range to a binding.
 pub(crate) fn write_buffer(
     gpu: &Context,
     set: vk::DescriptorSet,
@@ -319,7 +321,7 @@ pub(crate) fn write_buffer(
     unsafe { gpu.device.update_descriptor_sets(&[write], &[]) };
 }
 
-/// An image in shader-read layout, or a sampler.
+/// Writes an image in shader-read layout, or a sampler, to a binding.
 pub(crate) fn write_image(
     gpu: &Context,
     set: vk::DescriptorSet,

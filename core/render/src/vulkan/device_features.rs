@@ -1,20 +1,20 @@
-//! Features that choreo uses where a device has them, and what it does without them.
+//! Optional device features that choreo uses, and the fallback without each.
 
 use ash::vk;
 
-/// One that a device may lack. What every Vulkan 1.3 device has, four samples per pixel among it, is not here.
+/// A feature that a device may lack. Features of every Vulkan 1.3 device, such as four samples per pixel, are not listed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Ability {
     /// `alphaToOne`. Without it cut-outs keep or lose whole pixels.
     AlphaToOne,
     /// `samplerAnisotropy`. Without it textures are filtered alike in both directions.
     SamplerAnisotropy,
-    /// `sampleRateShading`. Without it transparent surfaces are sorted where there are several samples per pixel.
+    /// `sampleRateShading`. Without it transparent surfaces are sorted if there are several samples per pixel.
     SampleRateShading,
-    /// Images that surfaces are kept in until they are lit. Without them they are lit as they are drawn. Vulkan promises them,
-    /// so that this is for drivers that break the promise.
+    /// Color attachments in the G-buffer's formats. Without them surfaces are shaded forward. Vulkan guarantees them, so this is
+    /// for drivers that break the guarantee.
     ColorAttachments,
-    /// A queue that draws and computes. Without it every pass poses its vertices.
+    /// A queue with graphics and compute. Without it every pass skins its vertices.
     Compute,
     /// `fragmentStoresAndAtomics` and `vertexPipelineStoresAndAtomics`. Without them no warning names a faulty effect.
     ShaderStores,
@@ -30,7 +30,7 @@ impl Ability {
         Ability::ShaderStores,
     ];
 
-    /// Vulkan's name of it.
+    /// Vulkan's name of the feature.
     pub fn name(self) -> &'static str {
         match self {
             Ability::AlphaToOne => "alphaToOne",
@@ -42,7 +42,7 @@ impl Ability {
         }
     }
 
-    /// The fallback of a frame without it.
+    /// Fallback of a frame without the feature, in words.
     pub fn fallback(self) -> &'static str {
         match self {
             Ability::AlphaToOne => "cut-outs keep or lose whole pixels",
@@ -76,12 +76,12 @@ impl Ability {
     }
 }
 
-/// The abilities of a device.
+/// The optional features of a device, one bit each.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Abilities(u8);
 
 impl Abilities {
-    /// `color_attachments`: as [`super::deferred::color_attachments`] tells. `queue`: what the queue can do.
+    /// `color_attachments`: the result of [`super::deferred::color_attachments`]. `queue`: capabilities of the queue.
     pub fn of(
         features: &vk::PhysicalDeviceFeatures,
         color_attachments: bool,

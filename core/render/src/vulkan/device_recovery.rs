@@ -1,6 +1,6 @@
-//! A Vulkan renderer that survives its device: lost, out of memory or silent for too long, the frames that were not yet
-//! collected are drawn again, once, on a device made afresh that is asked for less. The same plans on the same device give the
-//! same bytes, so nobody sees it in the images.
+//! A Vulkan renderer that survives the failure of its device. If the device is lost, out of memory or silent for too long, the
+//! frames that were not yet collected are drawn again, once, on a newly created device with reduced demands. The same plans on
+//! the same device give the same bytes, so the images do not show it.
 
 use super::{GpuOptions, VulkanRenderer};
 use crate::error::RenderError;
@@ -13,16 +13,16 @@ use std::sync::Arc;
 
 pub struct SteadyRenderer {
     options: GpuOptions,
-    /// `None` only after a device could not be made again.
+    /// `None` only after a device could not be created again.
     inner: Option<VulkanRenderer>,
     info: DeviceInfo,
     frames_in_flight: usize,
     resources: Option<Arc<SceneResources>>,
-    /// Submitted and not collected, the oldest first.
+    /// Plans submitted and not yet collected, the oldest first.
     plans: VecDeque<Plan>,
-    /// How many of them the inner renderer has.
+    /// Number of these plans that the inner renderer has received.
     inside: usize,
-    /// The error of the failed device, until a later frame was collected.
+    /// The error of the failed device, until a later frame is collected.
     failed: Option<RenderError>,
     notes: Vec<String>,
 }
@@ -48,7 +48,7 @@ impl SteadyRenderer {
         self.inner.as_mut().ok_or_else(|| RenderError::Usage(format!("{name} failed twice and was given up")))
     }
 
-    /// Hands plans on as far as the inner renderer takes them.
+    /// Submits plans to the inner renderer, as many as it accepts.
     fn feed(&mut self) -> Result<(), RenderError> {
         while let Some(plan) = self.plans.get(self.inside) {
             let Some(inner) = &mut self.inner else { return Ok(()) };
@@ -61,7 +61,7 @@ impl SteadyRenderer {
         Ok(())
     }
 
-    /// Tries an operation until it succeeds or has failed twice.
+    /// Repeats an operation until it succeeds or has failed twice.
     fn steadily<T>(
         &mut self,
         mut what: impl FnMut(&mut SteadyRenderer) -> Result<T, RenderError>,
@@ -82,7 +82,7 @@ impl SteadyRenderer {
         self.notes.push(format!("{error}; drawn again on a fresh device, one frame at a time"));
         self.failed = Some(error);
         self.options.frugal = true;
-        // The same one: another would draw other bytes.
+        // The same device as before: another would draw different bytes.
         self.options.device = Some(self.info.name.clone());
         let mut again = || {
             let inner = VulkanRenderer::new(self.options.clone())?;
@@ -99,7 +99,7 @@ impl SteadyRenderer {
         })
     }
 
-    /// The oldest plan is done.
+    /// Removes the oldest plan, which has been collected.
     fn collected(&mut self) {
         self.plans.pop_front();
         self.inside = self.inside.saturating_sub(1);
@@ -110,8 +110,8 @@ impl SteadyRenderer {
         self.inside = 0;
         let Some(inner) = self.inner.take() else { return };
         if matches!(error, RenderError::TimedOut { .. }) {
-            // The driver may still be at it, so nothing of it may be freed, and waiting for it could take for ever: it stays
-            // until the program ends.
+            // The driver may still use its objects, so they must not be freed, and waiting could take forever: the renderer is
+            // leaked until the program ends.
             std::mem::forget(inner);
         }
     }
@@ -176,7 +176,7 @@ impl Renderer for SteadyRenderer {
 
     fn set_effects(&mut self, effects: &[Effect]) -> Result<(), RenderError> {
         self.options.effects = effects.to_vec();
-        // A fresh device gets them from the options.
+        // A new device gets the effects from the options.
         self.steadily(|this| this.inner()?.set_effects(effects))
     }
 

@@ -1,4 +1,4 @@
-//! Textures of effects on the device, made as soon as a frame requests one.
+//! Textures of effects on the device, created when a frame first requests one.
 
 use super::VulkanRenderer;
 use super::memory::Buffer;
@@ -10,7 +10,7 @@ use choreo_plugin::Effect;
 use gpu_allocator::MemoryLocation;
 
 impl VulkanRenderer {
-    /// Makes them where the recording's effects have any.
+    /// Creates the buffer of effect textures, if the recording's effects have any.
     pub(super) fn prepare_texels(&mut self, recording: &Recording) -> Result<(), RenderError> {
         let effects = self.pipelines.effects();
         let has =
@@ -38,7 +38,7 @@ impl VulkanRenderer {
         Ok(())
     }
 
-    /// Forgets the G-buffer's texels if the effects differ. No frame may be in flight.
+    /// Destroys the buffer of effect textures if the new effects have different ones. No frame may be in flight.
     pub(super) fn forget_texels(&mut self, effects: &[Effect]) {
         let of = |all: &[Effect]| all.iter().flat_map(|e| e.textures().to_vec()).collect::<Vec<_>>();
         if self.texels.is_some()

@@ -1,4 +1,4 @@
-//! A `vk::Result` becomes an error that names the object.
+//! Converts a `vk::Result` to an error that names the object.
 
 use super::TIMEOUT_SECS;
 use crate::error::RenderError;

@@ -1,4 +1,4 @@
-//! A recording, command by command, into a Vulkan command buffer.
+//! Executes a recording, command by command, into a Vulkan command buffer.
 
 use super::context::Context;
 use super::descriptors::{Layouts, POST_TEXTURES, write_image};
@@ -37,7 +37,7 @@ impl Execution<'_> {
             id.and_then(|id| self.pipelines.get(id)).ok_or_else(|| missing("a pipeline"))
         };
         let mut index_count = 0;
-        // The image that the effect pass before has read: it is still in the layout for reading.
+        // The image that the effect pass before has read, which is still in the layout for reading.
         let mut read = None;
         for (i, command) in recording.commands.iter().enumerate() {
             match command {
@@ -113,7 +113,7 @@ impl Execution<'_> {
                 self.bind_scene_sets();
             }
             Command::BeginPeel { layer, area, .. } => {
-                // The scene's depths before the first layer, then those of even and odd layers in turn.
+                // The depth that the pass reads: the scene's for the first layer, then that of even and odd layers in turn.
                 let set = self.slot.peel_sets.get(if *layer == 0 { 0 } else { 2 - *layer as usize % 2 });
                 let set = set.ok_or_else(|| missing("a set of layers"))?;
                 self.begin_peel(*layer, *area)?;
@@ -158,7 +158,7 @@ impl Execution<'_> {
         Ok(())
     }
 
-    /// Gives the number of indices.
+    /// Binds a mesh and returns its number of indices.
     fn bind_mesh(&self, primitive: u32, layout: VertexLayout, morphs: bool) -> Result<u32, RenderError> {
         let (device, commands) = (&self.gpu.device, self.slot.commands);
         let hash = self.scene_resources.primitives[primitive as usize].hash;
@@ -214,7 +214,7 @@ impl Execution<'_> {
         unsafe { self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info) };
     }
 
-    /// The whole image from the host's gradient.
+    /// Copies the background from the host over the whole image.
     fn copy_background(&self) {
         let (picture, Some(rows)) = (&self.targets.picture, self.targets.background()) else { return };
         self.barriers(&[color_barrier(picture)
@@ -239,12 +239,12 @@ impl Execution<'_> {
         vk::BufferImageCopy::default().image_subresource(layer).image_extent(extent)
     }
 
-    /// Depth alone, into the part of the image that the maps lie in.
+    /// Begins the depth-only pass of the shadow maps, in the used part of their image.
     fn begin_shadows(&self, [width, height]: [u32; 2], clear: bool) -> Result<(), RenderError> {
         let Some(target) = &self.targets.shadow else {
             return Err(RenderError::Usage("the shadow maps were not prepared".into()));
         };
-        // The frame before may still read it.
+        // The frame before may still read the maps.
         let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
         let barrier = to_depth(&target.image);
         let barrier = barrier.src_stage_mask(barrier.src_stage_mask | read);
@@ -261,7 +261,7 @@ impl Execution<'_> {
         Ok(())
     }
 
-    /// Clears a part of the depth image that is drawn into.
+    /// Clears a part of the depth attachment within the current pass.
     fn clear_depth(&self, at: [u32; 2], [width, height]: [u32; 2]) {
         let clear = vk::ClearAttachment::default().aspect_mask(vk::ImageAspectFlags::DEPTH);
         let offset = vk::Offset2D { x: at[0] as i32, y: at[1] as i32 };
@@ -271,7 +271,7 @@ impl Execution<'_> {
         unsafe { self.gpu.device.cmd_clear_attachments(self.slot.commands, &[clear], &[rect]) };
     }
 
-    /// Viewport and scissor.
+    /// Sets viewport and scissor.
     pub(super) fn set_area(&self, at: [u32; 2], [width, height]: [u32; 2]) {
         let viewport = vk::Viewport {
             x: at[0] as f32,
@@ -290,7 +290,7 @@ impl Execution<'_> {
         }
     }
 
-    /// `after_geometry`: the depth is complete, and the G-buffer is read.
+    /// Begins a pass of the scene. `after_geometry`: the G-buffer pass has completed the depth, and the G-buffer is read.
     fn begin_scene(
         &self,
         target: Target,
@@ -326,14 +326,15 @@ impl Execution<'_> {
         self.begin(&[color], depth.as_ref(), area);
     }
 
-    /// Puts the images of a scene's pass into their layouts. `clears_all`: the pass clears the whole image; `resumed`: it goes on
-    /// after a copy or layers.
+    /// Transitions the images of a scene pass to their layouts. `clears_all`: the pass clears the whole image; `resumed`: it
+    /// continues after a copy or after peeled layers.
     fn begin_scene_barriers(&self, resolved: &Image, clears_all: bool, resumed: bool, after_geometry: bool) {
         let mut barriers = vec![match clears_all {
-            // The copy left the image to be drawn into; with several samples it is only resolved into.
+            // The copy left the image in the layout for drawing; a multisampled pass only resolves into it.
             _ if resumed => again(to_color(resolved), vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL),
             true => to_color(resolved),
-            // The copy of the background left it in this layout: the whole image, or the part around the area.
+            // The copy of the background left the image in the transfer layout; it fills the whole image or surrounds the render
+            // area.
             false => color_barrier(resolved)
                 .src_stage_mask(vk::PipelineStageFlags2::COPY)
                 .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
@@ -386,18 +387,18 @@ impl Execution<'_> {
         unsafe { self.gpu.device.cmd_set_scissor(self.slot.commands, 0, &[area]) };
     }
 
-    /// `is_new`: what it reads was drawn by the pass before.
+    /// Runs a full-screen pass. `is_new`: its input was drawn by the pass before and is not yet in the layout for reading.
     fn post(&self, pipeline: vk::Pipeline, command: &Command, is_new: bool) {
         let Command::PostPass { index, from, original, textures, to, size: [w, h], .. } = command else {
             return;
         };
-        // A later pass of an effect finds its first pass's input in the layout for reading already.
+        // Later passes of an effect find the effect's input in the layout for reading already.
         let (from, original) = (self.targets.image(*from), self.targets.image(*original));
         let set = self.slot.post_sets[*index].raw;
         let sampled = vk::DescriptorType::SAMPLED_IMAGE;
         write_image(self.gpu, set, 1, sampled, from.view, vk::Sampler::null());
         write_image(self.gpu, set, 2, sampled, original.view, vk::Sampler::null());
-        // Every binding is written: an image that does not exist is replaced by one that does, and is not read.
+        // Every binding is written. A missing image is replaced by another one, which is not read.
         for (binding, i) in [(5, 0), (6, 1)] {
             let view = self.targets.inputs.get(i).map_or(from.view, |image| image.view);
             write_image(self.gpu, set, binding, sampled, view, vk::Sampler::null());
@@ -422,7 +423,7 @@ impl Execution<'_> {
             self.gpu.device.cmd_draw(self.slot.commands, 3, 1, 0, 0);
             self.gpu.device.cmd_end_rendering(self.slot.commands);
         }
-        // Several passes may read a texture.
+        // Several passes may read a texture, so it is made readable at once.
         if matches!(to, Target::Texture(_)) {
             self.barriers(&[from_color(target)]);
         }
@@ -441,10 +442,10 @@ impl Execution<'_> {
         self.copy_to_host(picture, readback.raw, 0);
     }
 
-    /// Copies a whole image, which is in the layout of a source of copies, into a buffer from a byte on.
+    /// Copies a whole image, in the layout of a transfer source, to a buffer from the offset `at` on.
     pub(super) fn copy_to_host(&self, image: &Image, buffer: vk::Buffer, at: u64) {
         let region = [self.whole_picture().buffer_offset(at)];
-        // The image, and what shaders recorded.
+        // The barrier covers the image and the fault records of shaders.
         let shaders = vk::PipelineStageFlags2::VERTEX_SHADER | vk::PipelineStageFlags2::FRAGMENT_SHADER;
         let to_host = [vk::MemoryBarrier2::default()
             .src_stage_mask(vk::PipelineStageFlags2::COPY | shaders)
@@ -485,7 +486,7 @@ pub(super) fn from_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
         .new_layout(vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL)
 }
 
-/// The barrier with the image's contents kept, which are in this layout.
+/// Changes a barrier to keep the image's contents, which are in this layout.
 pub(super) fn again(
     barrier: vk::ImageMemoryBarrier2<'static>,
     layout: vk::ImageLayout,
@@ -493,7 +494,7 @@ pub(super) fn again(
     barrier.old_layout(layout)
 }
 
-/// Barrier before drawing: the contents are dropped, after all uses by the frame before.
+/// Barrier before drawing: discards the contents, and waits for all uses by the frame before.
 pub(super) fn to_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     color_barrier(image)
         .src_stage_mask(
@@ -507,7 +508,7 @@ pub(super) fn to_color(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
         .new_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
 }
 
-/// An image that a pass draws to; `load` and `store` decide about its contents.
+/// A color attachment of a pass; `load` and `store` decide about its contents.
 pub(super) fn color_attachment(
     view: vk::ImageView,
     load: vk::AttachmentLoadOp,
@@ -520,7 +521,7 @@ pub(super) fn color_attachment(
         .store_op(store)
 }
 
-/// The depth of a pass; cleared, it is infinitely far.
+/// The depth attachment of a pass; if cleared, it is infinitely far.
 pub(super) fn depth_attachment(
     image: &Image,
     load: vk::AttachmentLoadOp,
@@ -550,7 +551,7 @@ fn after_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
         .src_access_mask(vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE)
 }
 
-/// Barrier before drawing: the depth is dropped, after all uses by the frame before.
+/// Barrier before drawing: discards the depth, and waits for all uses by the frame before.
 pub(super) fn to_depth(image: &Image) -> vk::ImageMemoryBarrier2<'static> {
     after_depth(image)
         .dst_stage_mask(DEPTH_STAGES)

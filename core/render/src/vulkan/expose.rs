@@ -1,5 +1,5 @@
-//! Exposures: frames that are the mean of several. Each of those is drawn as any frame and read back linear; the host adds
-//! them up and runs what comes over the image, by the functions that are the passes' specification.
+//! Frames that need several drawings (sub-frames of a shutter, dissolves, floats). Each part is drawn as any frame and read back
+//! linear; the host accumulates them and runs the full-screen passes by their CPU functions.
 
 use super::VulkanRenderer;
 use super::context;
@@ -16,8 +16,8 @@ use glam::Vec4;
 use std::collections::VecDeque;
 
 impl VulkanRenderer {
-    /// Whether a plan waits before it is handed to the device: one with an exposure needs all frames in flight, and those after
-    /// it wait.
+    /// Whether a plan is kept on the host until it is collected: a frame of several drawings needs all frames in flight, and
+    /// plans submitted after it wait, too.
     pub(super) fn waits(&self, plan: &Plan) -> bool {
         plan.wish != FrameWish::Bytes
             || !plan.subframes.is_empty()
@@ -26,7 +26,7 @@ impl VulkanRenderer {
             || !self.later.is_empty()
     }
 
-    /// The oldest of the plans that wait. Nothing is in flight.
+    /// Draws the oldest waiting plan. Nothing may be in flight.
     pub(super) fn collect_later(&mut self, plan: Plan, reuse: Option<Frame>) -> Result<Frame, RenderError> {
         dissolved(plan, reuse, |plan, reuse| self.collect_exposed(plan, reuse))
     }
@@ -54,7 +54,7 @@ impl VulkanRenderer {
             if done < plan.subframes.len() {
                 self.add_oldest(&mut sum)?;
             } else {
-                // A sum of one is the image itself.
+                // The sum of one image is the image itself.
                 let mut one = Accumulated::new(width as usize * height as usize);
                 self.add_oldest(&mut one)?;
                 before.push(one.mean());
@@ -73,7 +73,7 @@ impl VulkanRenderer {
         Ok(frame)
     }
 
-    /// Waits for the oldest frame in flight, a linear one.
+    /// Waits for the oldest frame in flight, a linear one, and adds it to `sum`.
     fn add_oldest(&mut self, sum: &mut Accumulated) -> Result<(), RenderError> {
         let mapped = self.finished(8, [0, 0])?;
         let pixel = |bytes: &[u8; 8]| {
@@ -84,7 +84,7 @@ impl VulkanRenderer {
         self.gpu.check_messages()
     }
 
-    /// The bytes of the oldest frame in flight, once it is done. `at`: where it lies in the whole image.
+    /// Waits for the oldest frame in flight and returns its bytes. `at`: position of its part in the whole image.
     pub(super) fn finished(&mut self, bytes_a_pixel: usize, at: [u32; 2]) -> Result<&[u8], RenderError> {
         let index = *self
             .pending
@@ -125,7 +125,7 @@ impl VulkanRenderer {
 }
 
 impl VulkanRenderer {
-    /// The oldest of the plans that wait, whose wish is not bytes. Nothing is in flight.
+    /// Draws the oldest waiting plan, which requests floats. Nothing may be in flight.
     pub(super) fn collect_floats_later(&mut self) -> Result<FloatFrame, RenderError> {
         match self.later.pop_front() {
             Some(plan) if self.pending.is_empty() => float_frame(&plan, self),

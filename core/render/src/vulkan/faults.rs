@@ -1,5 +1,4 @@
-//! Vulkan failures on purpose, for tests: nobody has a driver that fails when asked. Without them a check is one look at
-//! an empty option.
+//! Vulkan failures on purpose, for tests, since no driver fails on request. Without faults a check only looks at an empty option.
 
 use ash::vk;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -7,9 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Places at which a call to the driver can be made to fail.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultPlace {
-    /// Making the device.
+    /// Creating the device.
     Device,
-    /// Memory of a buffer or image.
+    /// Allocating the memory of a buffer or image.
     Memory,
     Pipeline,
     Submit,
@@ -28,19 +27,19 @@ pub enum FaultKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fault {
     pub place: FaultPlace,
-    /// The index of the call there, over all devices made with these faults.
+    /// Index of the failing call at this place, counted over all devices created with these faults.
     pub nth: usize,
     pub kind: FaultKind,
 }
 
-/// Clones count together.
+/// Faults to inject. Clones share the counts of calls.
 #[derive(Clone, Default)]
 pub struct Faults(Option<Arc<Mutex<FaultCounts>>>);
 
 #[derive(Default)]
 struct FaultCounts {
     faults: Vec<Fault>,
-    /// Calls by place.
+    /// Number of calls at each place.
     calls: [usize; 5],
 }
 
@@ -49,7 +48,7 @@ impl Faults {
         Faults(Some(Arc::new(Mutex::new(FaultCounts { faults, ..FaultCounts::default() }))))
     }
 
-    /// Calls at a place until now.
+    /// Number of calls at a place so far.
     pub fn calls(&self, place: FaultPlace) -> usize {
         let state = self.0.as_ref().map(|s| s.lock().unwrap_or_else(PoisonError::into_inner));
         state.map_or(0, |s| s.calls[place as usize])

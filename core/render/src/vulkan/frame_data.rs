@@ -1,4 +1,4 @@
-//! The data of one frame: where each part lies in the frame's mapped buffer, and its contents.
+//! The data of one frame: the position of each part in the frame's mapped buffer, and its contents.
 
 use super::context::Context;
 use super::targets::FrameImages;
@@ -24,13 +24,13 @@ pub struct Block {
 }
 
 impl Block {
-    /// A descriptor must be bound to something, though nothing reads it.
+    /// A range for a descriptor, which must not be empty even if nothing reads it.
     pub(crate) fn or_any(self) -> Block {
         if self.bytes > 0 { self } else { Block { at: 0, bytes: 16 } }
     }
 }
 
-/// Lays blocks out one after the other.
+/// Allocates blocks one after the other.
 struct Blocks {
     end: u64,
     align: u64,
@@ -51,7 +51,7 @@ impl Blocks {
         Block { at, bytes: bytes as u64 }
     }
 
-    /// Room for `count` values of a type, or none.
+    /// Allocates `count` values of a type if `is_there`, else an empty block.
     fn take_if<T>(&mut self, is_there: bool, count: usize) -> Block {
         self.take(if is_there { count * size_of::<T>() } else { 0 })
     }
@@ -64,16 +64,16 @@ struct Stored<'a> {
     data: &'a [u8],
 }
 
-/// The places of a frame's data.
+/// Positions of all parts of a frame's data.
 pub struct FrameData<'a> {
     pub reads: Reads,
-    /// Bytes of all.
+    /// Total size in bytes.
     pub bytes: u64,
     light_count: u32,
     pub frame: Block,
-    /// The frame's uniform as seen from the light of each shadow map.
+    /// The frame's uniform with the view of each shadow map in place of the camera.
     pub views: Vec<Block>,
-    /// The uniform of each changed material and that of its layers.
+    /// The uniform of each overridden material and that of its layers.
     pub materials: Vec<[Block; 2]>,
     pub shadow_lookups: Block,
     pub sky: Block,
@@ -86,7 +86,7 @@ pub struct FrameData<'a> {
     pub surface: Block,
     pub overlay: Block,
     pub light_clusters: Block,
-    /// Records of faults of effects.
+    /// Fault records of effects.
     pub faults: Block,
     stored: [Stored<'a>; 6],
 }
@@ -121,10 +121,10 @@ impl<'a> FrameData<'a> {
         let sky = images.sky.is_some() && reads.sky && plan.sky.is_some();
         let frame = blocks.take(size_of::<FrameUniform>());
         let instances = blocks.take(instance_data.len());
-        // A shader may be made for morphs that no instance has; what it is bound to must not be empty.
+        // A shader may be compiled for morphs although no instance has any; its binding must not be empty.
         let morphs = blocks.take(morph_data.len().max(16));
         let joints = blocks.take(joint_bytes);
-        // Uniform arrays have a fixed length in the shader; what lies behind the used part is never read.
+        // Uniform arrays have a fixed length in the shader; elements after the used ones are never read.
         let light_block = blocks.take_if::<PlanLight>(reads.lights, MAX_LIGHTS);
         let overlay = blocks.take(overlay_data.len());
         let light_clusters = blocks.take(cluster_data.len());
@@ -166,7 +166,7 @@ impl<'a> FrameData<'a> {
         Ok(data)
     }
 
-    /// An error if a shader reads more from one buffer than the device's limit.
+    /// Fails if a shader would read more from one buffer than the device's limit.
     fn check(&self, limit: u64) -> Result<(), RenderError> {
         match self.stored.iter().find(|s| s.data.len() as u64 > limit) {
             Some(Stored { what, data, .. }) => {
@@ -177,7 +177,7 @@ impl<'a> FrameData<'a> {
         }
     }
 
-    /// Uniforms of the frame and of each shadow view.
+    /// Blocks of the uniforms of the frame and of each shadow view.
     pub(crate) fn frame_and_views(&self) -> impl Iterator<Item = Block> {
         std::iter::once(self.frame).chain(self.views.iter().copied())
     }
@@ -231,13 +231,13 @@ impl<'a> FrameData<'a> {
                 bytemuck::bytes_of(&PostUniform::new(pass, before, plan.size, scales, &plan.effect_frame)),
             );
             put(block.at + size_of::<PostUniform>() as u64, bytemuck::cast_slice(PostUniform::rest(pass)));
-            // Passes with textures read the image that the first of them got.
+            // All passes of an effect with textures read the image that the effect received.
             before = if pass.texture.is_some() { before } else { pass.shrink };
         }
     }
 }
 
-/// How many times smaller than the whole the textures are that a pass reads.
+/// Factors by which the textures that a pass reads are smaller than the whole image.
 fn scales_of(pass: &PostPass, before: &[PostPass]) -> [f32; ImagePass::MOST_READ] {
     let mut scales = [1.0; ImagePass::MOST_READ];
     for (scale, number) in scales.iter_mut().zip(&pass.reads) {

@@ -1,4 +1,4 @@
-//! The objects of one frame in flight: commands, the mapped buffer of its data, descriptor sets, the buffer it is read back from.
+//! The objects of one frame in flight: commands, mapped buffer of its data, descriptor sets, read-back buffer.
 
 use super::context::Context;
 use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
@@ -25,17 +25,18 @@ pub(crate) struct FrameInFlight {
     pub commands: vk::CommandBuffer,
     ring: Option<Buffer>,
     pub frame_set: Set,
-    /// The frame's set as seen from the light of each shadow map.
+    /// The frame's set with the view of each shadow map in place of the camera.
     pub view_sets: Vec<Set>,
-    /// Shadow maps, the scene color copy, the sky and layers under the scene, and which of them it was made for.
+    /// Set 2 (shadow maps, scene color copy, sky, 2D layers behind the scene), and which of these four it was created with.
     pub light_set: Option<(Set, [bool; 4])>,
-    /// Sets of the same layout, with the depths of the scene, of even peeled layers and of odd ones.
+    /// Sets with the same layout, with the depths of the scene, of even peeled layers and of odd ones.
     pub peel_sets: Vec<Set>,
     /// The G-buffer, for the pass that lights it.
     pub kept_set: Option<Set>,
-    /// The frame's changed materials: where their uniforms lie, which of them with which textures, and their sets.
+    /// Uniform blocks of the frame's overridden materials. `changed`, `changed_sets`: override and texture slots of each set, and
+    /// the sets.
     changed_at: Vec<[Block; 2]>,
-    /// 2D layers under the scene, by their content.
+    /// 2D layers behind the scene, with their content hash.
     under: Option<([u8; 32], Image)>,
     /// 2D layers over the frame.
     pub over: Option<Arc<LayerImage>>,
@@ -43,19 +44,19 @@ pub(crate) struct FrameInFlight {
     changed_sets: Vec<Set>,
     pub post_sets: Vec<Set>,
     pub readback: Option<Buffer>,
-    /// Staging buffer, kept until this frame is done.
+    /// Staging buffer, kept until the frame is done.
     pub staging: Option<Buffer>,
     /// Pre-skinned vertices.
     pub posed: Posing,
     pub size: [u32; 2],
-    /// Records of faults of effects, in the frame's data.
+    /// Block of the fault records of effects in the frame's data.
     faults: Block,
-    /// Value of the timeline at which the frame is done.
+    /// Value of the timeline semaphore at which the frame is done.
     pub done_at: u64,
 }
 
-/// Set 0: frame, instances, joints, morphs, lights, joints as a uniform buffer, parameters of effects on surfaces, what effects draw,
-/// textures of effects, lists of lights, faults of effects.
+/// Bindings of set 0: frame, instances, joints, morphs, lights, joints as a uniform buffer, parameters of effects on surfaces,
+/// overlay vertices, textures of effects, light clusters, fault records of effects.
 pub(crate) const FRAME_BINDINGS: [(u32, vk::DescriptorType); 11] = [
     (0, vk::DescriptorType::UNIFORM_BUFFER),
     (1, vk::DescriptorType::STORAGE_BUFFER),
@@ -136,7 +137,7 @@ impl FrameInFlight {
         data.write(plan, &images, mapped);
         let Block { at, bytes } = data.instances;
         self.posed.place(&mut mapped[at as usize..][..bytes as usize]);
-        // The frame's own data where effects have no textures: see `prepare_buffer`.
+        // If there are no effect textures, the binding points at the frame's own data: see `prepare_buffer`.
         let texels = images.texels.map_or((raw, 16), |b| (b.raw, b.size));
         self.write_frame_sets(gpu, &data, raw, texels);
         self.write_scene_set(gpu, layouts, pools, &images, &data, raw)?;
@@ -156,7 +157,7 @@ impl FrameInFlight {
         self.prepare_readback(gpu, plan)
     }
 
-    /// A buffer that is large enough, and sets of shadow views.
+    /// Prepares a buffer that is large enough, and the sets of shadow views.
     fn prepare_buffer(
         &mut self,
         gpu: &Context,
@@ -175,8 +176,8 @@ impl FrameInFlight {
             let usage = vk::BufferUsageFlags::UNIFORM_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER;
             let size = data.bytes.next_power_of_two();
             let ring = Buffer::new(gpu, "frame data", size, usage, MemoryLocation::CpuToGpu)?;
-            // Every binding, read or not: lavapipe (22.3) follows what a bound set holds, and a descriptor of the buffer
-            // that was just destroyed, legal where no shader reads it, crashes it.
+            // Every binding is written, read or not: lavapipe (22.3) dereferences all descriptors of a bound set and crashes on a
+            // buffer that was just destroyed, although that is legal if no shader reads it.
             fill(gpu, &self.frame_set, ring.raw);
             self.view_sets.iter().for_each(|set| fill(gpu, set, ring.raw));
             self.ring = Some(ring);
@@ -186,7 +187,7 @@ impl FrameInFlight {
         Ok(())
     }
 
-    /// Set 0 of the frame and of each shadow view.
+    /// Writes set 0 of the frame and of each shadow view.
     fn write_frame_sets(&self, gpu: &Context, data: &FrameData, raw: vk::Buffer, texels: (vk::Buffer, u64)) {
         let reads = &data.reads;
         let joints = if reads.joints_uniform { 5 } else { 2 };
@@ -214,7 +215,7 @@ impl FrameInFlight {
         }
     }
 
-    /// Set 2: shadow maps, the scene color copy, the sky and the 2D layers under the scene.
+    /// Writes set 2: shadow maps, the scene color copy, the sky and the 2D layers behind the scene.
     fn write_scene_set(
         &mut self,
         gpu: &Context,
@@ -227,7 +228,8 @@ impl FrameInFlight {
         use vk::DescriptorType as T;
         let under = self.under.as_ref().filter(|_| data.reads.layers_behind).map(|(_, image)| image.view);
         let sky = images.sky.filter(|_| data.sky.bytes > 0);
-        // Made anew where another of them is there: lavapipe (22.3) follows what a bound set holds, read or not.
+        // A new set is allocated if other images exist than before: lavapipe (22.3) dereferences all descriptors of a bound set,
+        // read or not.
         let has = [images.shadow.is_some(), images.behind.is_some(), sky.is_some(), under.is_some()];
         if let Some((set, _)) = self.light_set.take_if(|(_, had)| *had != has) {
             pools.free(gpu, set);
@@ -235,11 +237,11 @@ impl FrameInFlight {
         if self.light_set.is_none() && has != [false; 4] {
             self.light_set = Some((pools.allocate(gpu, layouts.shadow, "shadows, glass and sky")?, has));
         }
-        // Every binding: what is not there has the place of what is, and is not read.
+        // Every binding is written: an existing image takes the place of a missing one, and is not read.
         let shadows = images.shadow.map(|t| ([t.image.view; 2], t.sampler));
         let glass = images.behind.map(|t| ([t.image.view; 2], t.sampler));
         let of_sky = sky.and_then(|images| Some((images.views()?, images.sampler)));
-        // No sampler reads it.
+        // The layers are read without a sampler.
         let of_under = under.map(|view| ([view; 2], vk::Sampler::null()));
         let any = shadows.or(glass).or(of_sky).or(of_under);
         let (Some((set, _)), Some(any)) = (self.light_set, any) else { return Ok(()) };
@@ -261,7 +263,7 @@ impl FrameInFlight {
         Ok(())
     }
 
-    /// Set 2 of the passes that find peeled layers: the depths of the layer before.
+    /// Writes set 2 of the passes that find peeled layers: the depths of the layer before.
     fn write_peel_sets(
         &mut self,
         gpu: &Context,
@@ -290,7 +292,7 @@ impl FrameInFlight {
         Ok(())
     }
 
-    /// Faults of effects as the frame's shaders recorded them; the frame must be done.
+    /// Fault records of effects, written by the frame's shaders. The frame must be done.
     pub(crate) fn fault_records(&self) -> &[u8] {
         let Block { at, bytes } = self.faults;
         let mapped = self.ring.as_ref().map_or(&[][..], |ring| ring.mapped());
@@ -316,7 +318,7 @@ impl FrameInFlight {
         Ok(())
     }
 
-    /// The image of what lies under the scene, where it is another than this slot has; keeps what lies over it.
+    /// Uploads the 2D layers behind the scene if this slot holds different ones, and keeps the layers in front for the host.
     pub(crate) fn prepare_flats(
         &mut self,
         gpu: &Context,
@@ -335,14 +337,15 @@ impl FrameInFlight {
         Ok(())
     }
 
-    /// Drops the image of the layers under the scene, which a failed upload did not fill.
+    /// Drops the image of the layers behind the scene, after its upload has failed.
     pub(crate) fn forget_flats(&mut self, gpu: &Context) {
         if let Some((_, mut image)) = self.under.take() {
             image.destroy(gpu);
         }
     }
 
-    /// Sets of the materials that are not as in the scene resources; after `write`, and after the resources are prepared.
+    /// Writes the sets of materials that are overridden in this frame. Call it after `write`, and after the resources are
+    /// prepared.
     pub(crate) fn write_changed(
         &mut self,
         gpu: &Context,
@@ -353,7 +356,8 @@ impl FrameInFlight {
         resources: &mut Resources,
     ) -> Result<(), RenderError> {
         self.changed.clear();
-        // Made anew each frame: lavapipe (22.3) follows what a bound set holds, textures that are gone and not read included.
+        // Sets are allocated anew in each frame: lavapipe (22.3) dereferences all descriptors of a bound set, even destroyed
+        // textures that are not read.
         self.changed_sets.drain(..).for_each(|set| pools.free(gpu, set));
         for command in &recording.commands {
             let Command::BindMaterial { material, material_override: Some(changed), slots } = command else {
@@ -389,7 +393,7 @@ impl FrameInFlight {
         }
     }
 
-    /// The frame must be done. Its sets go with the pools.
+    /// Destroys the objects. The frame must be done; its sets are destroyed with the pools.
     pub fn destroy(&mut self, gpu: &Context) {
         self.release_staging(gpu);
         self.posed.destroy(gpu);
@@ -402,7 +406,7 @@ impl FrameInFlight {
     }
 }
 
-/// Every binding of a set like the frame's, whatever its shaders read.
+/// Points every binding of a set with the frame's layout at a buffer.
 fn fill(gpu: &Context, set: &Set, buffer: vk::Buffer) {
     for (binding, kind) in FRAME_BINDINGS {
         write_buffer(gpu, set.raw, binding, kind, buffer, 0, 16);

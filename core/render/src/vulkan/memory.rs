@@ -1,4 +1,4 @@
-//! Buffers and images with their memory.
+//! Buffers and images with their device memory.
 
 use super::context::Context;
 use super::error::Named;
@@ -34,8 +34,8 @@ impl Buffer {
         Buffer::with_scheme(gpu, name, size, usage, location, |_| AllocationScheme::GpuAllocatorManaged)
     }
 
-    /// Host-visible, in memory of its own that goes back to the driver with the buffer: all meshes and textures pass through
-    /// once, and part of a larger block would stay theirs.
+    /// A host-visible staging buffer with dedicated memory, which returns to the driver with the buffer. All meshes and textures
+    /// pass through once, and a larger block would keep the memory.
     pub fn staging(gpu: &Context, size: u64) -> Result<Buffer, RenderError> {
         let usage = vk::BufferUsageFlags::TRANSFER_SRC;
         let scheme = AllocationScheme::DedicatedBuffer;
@@ -75,7 +75,7 @@ impl Buffer {
         }
     }
 
-    /// The bytes of a host-visible buffer; empty where it is not mapped.
+    /// The bytes of a host-visible buffer; empty if it is not mapped.
     pub fn mapped(&self) -> &[u8] {
         self.allocation.as_ref().and_then(|a| a.mapped_slice()).unwrap_or(&[])
     }
@@ -84,13 +84,13 @@ impl Buffer {
         self.allocation.as_mut().and_then(|a| a.mapped_slice_mut()).unwrap_or(&mut [])
     }
 
-    /// The caller sees to it that no frame in flight uses it.
+    /// Destroys the buffer. No frame in flight may use it.
     pub fn destroy(&mut self, gpu: &Context) {
         // SAFETY: made from this device, no longer used; null after the first call.
         unsafe { gpu.device.destroy_buffer(self.raw, None) };
         self.raw = vk::Buffer::null();
         if let Some(a) = self.allocation.take() {
-            // Fails only for an allocation of another allocator.
+            // Fails only for an allocation from another allocator.
             let _ = gpu.allocator().free(a);
         }
     }
@@ -174,7 +174,7 @@ impl Image {
         Ok(())
     }
 
-    /// The caller sees to it that no frame in flight uses it.
+    /// Destroys the image. No frame in flight may use it.
     pub fn destroy(&mut self, gpu: &Context) {
         // SAFETY: made from this device, no longer used; null after the first call.
         unsafe {
@@ -184,13 +184,13 @@ impl Image {
         self.view = vk::ImageView::null();
         self.raw = vk::Image::null();
         if let Some(a) = self.allocation.take() {
-            // Fails only for an allocation of another allocator.
+            // Fails only for an allocation from another allocator.
             let _ = gpu.allocator().free(a);
         }
     }
 }
 
-/// All levels of the one layer.
+/// Subresource range of all mip levels.
 pub fn range(aspect: vk::ImageAspectFlags) -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange {
         aspect_mask: aspect,

@@ -1,11 +1,12 @@
-//! How many textures a material may have on this device, and what is left out of those that have more.
+//! The number of textures that a material may have on this device, and the textures that are left out of materials with more.
 
 use super::VulkanRenderer;
 use crate::commands::textures_beyond;
 use crate::scene_resources::material::MaterialResource;
 
 impl VulkanRenderer {
-    /// Textures that a material's shader may read here, beside the shadow map, the image behind glass, the sky's two and the layers under the scene.
+    /// Largest number of textures of a material's shader on this device, beside five other images: the shadow maps, the scene
+    /// color copy, two of the sky, and the 2D layers behind the scene.
     pub(super) fn textures(&self) -> u32 {
         let limits = self.gpu.limits();
         let images = limits.max_per_stage_descriptor_sampled_images;
@@ -13,7 +14,7 @@ impl VulkanRenderer {
         self.most_textures.map_or(room, |most| room.min(most))
     }
 
-    /// A line for each material of the scene resources that has more textures than this device can bind.
+    /// A message for each material of the scene resources that has more textures than this device can bind.
     pub(super) fn textures_left_out(&self) -> Vec<String> {
         let most = self.textures();
         let line = |m: &MaterialResource| {

@@ -1,9 +1,9 @@
 //! The Vulkan renderer: executes recordings on a Vulkan 1.3 device, without a window.
 //!
-//! Compromises, on one page: one queue, one primary command buffer a frame; targets shared by the frames in flight (the
-//! queue runs them in order anyway), everything a frame writes from the host in one mapped buffer of its own;
-//! resources are made when a frame first draws them and kept by content; `load` waits for the device. What fails here is not
-//! tried again here: `device_recovery` does, with a new device that is asked for less.
+//! Design decisions: one queue, and one primary command buffer per frame. Frames in flight share their targets, since the queue
+//! runs them in order anyway. Each frame has a mapped buffer of its own for all data that the host writes. Resources are created
+//! when a frame first draws them and kept by content; `load` waits for the device. Failed operations are not repeated here:
+//! `device_recovery` does that, on a new device with reduced demands.
 
 mod cache;
 mod clock;
@@ -69,11 +69,11 @@ use std::sync::Arc;
 use targets::{FrameImages, Needs, Targets};
 use upload::Uploads;
 
-/// A frame that takes longer is given up: a driver that hangs must not hang the program. Five minutes: a driver that draws
-/// on a busy CPU takes seconds for a large frame, and drivers of GPUs give up by themselves after some seconds.
+/// Time after which a frame is given up, so that a hanging driver does not hang the program. Five minutes: a driver on a busy CPU
+/// takes seconds for a large frame, and GPU drivers give up by themselves after some seconds.
 pub(crate) const TIMEOUT_SECS: u64 = 300;
 
-/// Bytes that a frugal renderer sends to the device at once.
+/// Largest upload of a frugal renderer in bytes.
 const FRUGAL_UPLOAD: usize = 8 << 20;
 
 pub struct VulkanRenderer {
@@ -88,13 +88,13 @@ pub struct VulkanRenderer {
     slots: Vec<FrameInFlight>,
     /// Indices into `slots`, the oldest first.
     pending: VecDeque<usize>,
-    /// Submitted after those, and drawn when they are collected; the oldest first.
+    /// Plans submitted after those, and drawn when they are collected; the oldest first.
     later: VecDeque<Plan>,
     timeline: vk::Semaphore,
     submitted: u64,
     scene_resources: Arc<SceneResources>,
     last: Option<Recording>,
-    /// No frame of these scene resources was collected yet: their uploads and pipelines still leave freed memory behind.
+    /// Whether no frame of these scene resources was collected yet: their uploads and pipelines still leave freed memory behind.
     fresh: bool,
     frugal: bool,
     /// Notes for the user about what was left out.
@@ -134,7 +134,8 @@ impl VulkanRenderer {
         let usual = if gpu.info.kind == DeviceKind::VulkanGpu { 16.0 } else { 1.0 };
         let mut resources = Resources::default();
         resources.anisotropy = options.anisotropy.unwrap_or(usual);
-        // A renderer that is dropped after an error destroys its device: what it holds must be given back before.
+        // Dropping the renderer after an error destroys its device, which takes the write lock, so the read lock is released
+        // first.
         drop(calls);
         let mut renderer = VulkanRenderer {
             gpu,
@@ -160,7 +161,7 @@ impl VulkanRenderer {
             longest_side: options.longest_side.unwrap_or(u32::MAX).max(1),
             frugal: options.frugal,
         };
-        // From here on `drop` frees everything.
+        // `drop` frees everything from here on.
         let _calls = renderer.gpu.calls();
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
@@ -178,27 +179,27 @@ impl VulkanRenderer {
         Ok(renderer)
     }
 
-    /// The commands of the frame submitted last.
+    /// The recording of the frame submitted last.
     pub fn last_recording(&self) -> Option<&Recording> {
         self.last.as_ref()
     }
 
-    /// Pipelines made so far.
+    /// Number of pipelines that exist.
     pub fn pipeline_count(&self) -> usize {
         self.pipelines.count()
     }
 
-    /// Meshes, textures and materials on the device.
+    /// Numbers of meshes, textures and materials on the device.
     pub fn resource_counts(&self) -> [usize; 3] {
         self.resources.counts()
     }
 
-    /// Outlives the renderer: what the validation layer says while it is dropped can still be read.
+    /// Validation messages. They outlive the renderer, so that messages during its destruction can be read.
     pub fn validation_messages(&self) -> Arc<std::sync::Mutex<Vec<String>>> {
         self.gpu.messages.clone()
     }
 
-    /// Bytes of device memory in use, by what the allocator handed out.
+    /// Bytes of device memory in use, by the allocator's sum.
     pub fn allocated_bytes(&self) -> u64 {
         self.gpu.allocator().generate_report().total_allocated_bytes
     }
@@ -258,7 +259,7 @@ impl VulkanRenderer {
             Background::Color(color) => (color, color),
         };
         if copied && self.targets.as_ref().is_some_and(|t| !t.has_background(top, bottom)) {
-            // Rows are shared by the frames in flight: a gradient that changes with time waits for them.
+            // The frames in flight share the background rows, so a gradient that changes over time waits for them.
             self.wait_idle()?;
             if let Some(targets) = &mut self.targets {
                 targets.set_background(&self.gpu, top, bottom)?;
@@ -267,7 +268,7 @@ impl VulkanRenderer {
         Ok(())
     }
 
-    /// Records into the slot's command buffer.
+    /// Executes a recording into the slot's command buffer.
     fn record_commands(
         &mut self,
         index: usize,
@@ -320,7 +321,7 @@ impl VulkanRenderer {
         Ok(())
     }
 
-    /// Sends the slot's commands to the device.
+    /// Submits the slot's commands to the queue.
     fn run(&mut self, index: usize) -> Result<(), RenderError> {
         let value = self.submitted + 1;
         let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(self.slots[index].commands)];
@@ -371,7 +372,7 @@ impl VulkanRenderer {
             recording = record(plan, options, triangles);
         }
         if options.kept_maps != 0 && !self.has_targets(&recording) {
-            // New images hold no maps.
+            // New targets hold no shadow maps from before.
             recording = record(plan, RecordOptions { kept_maps: 0, ..options }, triangles);
         }
         let ids = pipelines::ids(&recording);
@@ -385,7 +386,7 @@ impl VulkanRenderer {
         }
         self.pipelines.prepare(&self.gpu, &self.layouts, &ids)?;
         if let Err(e) = self.upload_and_queue(index, plan, &recording, &ids) {
-            // The uploads never arrived: forget the resources, so that the next frame creates them again.
+            // The uploads were not executed: the resources are dropped, so that the next frame creates them again.
             self.wait_idle()?;
             self.resources.forget(&self.gpu);
             self.slots[index].forget_flats(&self.gpu);
@@ -397,7 +398,7 @@ impl VulkanRenderer {
         }
         self.last = Some(recording);
         if let Err(e) = self.gpu.check_messages() {
-            // An error means that nothing was submitted.
+            // An error means that the frame was not submitted.
             self.wait_idle()?;
             self.pending.pop_back();
             return Err(e);
@@ -448,7 +449,7 @@ impl Renderer for VulkanRenderer {
         self.resources.retain(&self.gpu, &scene_resources);
         self.scene_resources = scene_resources;
         self.notes.extend(self.textures_left_out());
-        // Where nothing goes and nothing comes there is nothing to give back.
+        // If resources neither come nor go, no memory was freed.
         if before == [0; 3] || self.resources.counts() != before {
             self.fresh = true;
             context::give_back_freed_memory();
@@ -487,7 +488,7 @@ impl Renderer for VulkanRenderer {
     fn usage(&self) -> DeviceUsage {
         let memory = self.gpu.allocator().generate_report();
         DeviceUsage {
-            // Each has memory of its own.
+            // Each buffer and image has one allocation.
             memory_objects: memory.allocations.len(),
             memory_blocks: memory.blocks.len(),
             bytes: memory.total_capacity_bytes,

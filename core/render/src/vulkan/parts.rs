@@ -1,4 +1,4 @@
-//! Uploads of a renderer that has little memory.
+//! Uploads of a frugal renderer.
 
 use super::error::Named;
 use super::upload::Uploads;
@@ -7,7 +7,7 @@ use crate::error::RenderError;
 use ash::vk;
 
 impl VulkanRenderer {
-    /// Sends uploads ahead of their frame in small parts, each done before the next is made.
+    /// Sends uploads ahead of their frame in small parts, and waits for each before the next is made.
     pub(super) fn upload_in_parts(&mut self, index: usize, uploads: Uploads) -> Result<(), RenderError> {
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         for part in uploads.split(FRUGAL_UPLOAD) {

@@ -1,4 +1,4 @@
-//! Layers of transparent surfaces: passes that find their depths, and passes that mix them into the image.
+//! Depth peeling: passes that find the depths of a layer of transparent surfaces, and passes that blend it into the image.
 
 use super::execute::{Execution, again, color_attachment, depth_attachment, from_depth, to_color, to_depth};
 use super::memory::Image;
@@ -12,7 +12,8 @@ impl Execution<'_> {
         self.targets.layers.get(layer as usize % 2).ok_or_else(missing)
     }
 
-    /// Depth alone, cleared to the nearest: the farthest beyond what the shader reads stays.
+    /// Begins the depth-only pass that finds a layer. Depth is cleared to the nearest, so that of all surfaces nearer than the
+    /// layer before the farthest stays.
     pub(super) fn begin_peel(&self, layer: u32, area: Option<[u32; 4]>) -> Result<(), RenderError> {
         let missing = || RenderError::Usage("the depth was not prepared".into());
         let before = match layer {
@@ -20,7 +21,7 @@ impl Execution<'_> {
             _ => self.layer(layer - 1)?,
         };
         let image = self.layer(layer)?;
-        // The layer before it was found by reading this image.
+        // The layer before was found by reading this image.
         let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
         let barrier = to_depth(image);
         self.barriers(&[from_depth(before), barrier.src_stage_mask(barrier.src_stage_mask | read)]);
@@ -31,7 +32,7 @@ impl Execution<'_> {
         Ok(())
     }
 
-    /// The image goes on: where depths are those of the layer, or (`rest`) nearer.
+    /// Begins the pass that blends surfaces at the depth of a layer, or (`rest`) all nearer ones.
     pub(super) fn begin_layer(
         &self,
         layer: u32,
@@ -46,7 +47,7 @@ impl Execution<'_> {
             again(to_depth(image), vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL),
         ];
         if let (0, false, Some(depth)) = (layer, rest, &self.targets.depth) {
-            // The first layer was found from it; what follows the layers tests against it.
+            // The first layer was found by reading the scene's depth; later passes test against it.
             let read = vk::PipelineStageFlags2::FRAGMENT_SHADER;
             barriers.push(again(
                 to_depth(depth).src_stage_mask(read).src_access_mask(vk::AccessFlags2::NONE),

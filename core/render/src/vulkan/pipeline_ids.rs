@@ -1,4 +1,4 @@
-//! The keys of all pipelines, and those that a recording binds.
+//! The keys of all pipelines, and the pipelines that a recording binds.
 
 use crate::commands::preskin::PreskinVariant;
 use crate::commands::{Command, EffectOnSurfaces, Recording, Target};
@@ -7,15 +7,16 @@ use crate::shader::SceneVariant;
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Id {
-    /// Vertices into their poses.
+    /// A compute pipeline for pre-skinning.
     Pose(PreskinVariant),
-    /// `surface`: the effects on it.
+    /// A pipeline of surfaces. `surface`: the effects that its shader calls.
     Scene { variant: SceneVariant, samples: u32, float: bool, surface: Vec<EffectOnSurfaces> },
-    /// `surface`: the effects on it.
+    /// A pipeline of backgrounds. `surface`: the effects that its shader calls.
     Background { samples: u32, float: bool, depth: bool, what: Backdrop, surface: Vec<EffectOnSurfaces> },
-    /// `over`: not hidden by what is nearer.
+    /// A pipeline of overlays. `over`: without a depth test.
     Overlay { samples: u32, float: bool, over: bool },
-    /// One for each run of an effect: drivers that draw on the CPU execute both sides of a branch.
+    /// A full-screen pass, with a pipeline for each pass of an effect: drivers that draw on the CPU execute both sides of a
+    /// branch.
     Post { effect: String, number: u32, float: bool },
 }
 
@@ -23,9 +24,9 @@ pub enum Id {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Backdrop {
     Gradient,
-    /// The sky, with those of [`Features::DISPLAY`] that the frame has.
+    /// The sky, with the frame's features of [`Features::DISPLAY`].
     Sky(Features),
-    /// Layers under the scene, over either.
+    /// 2D layers over the gradient or the sky.
     LayersBehind,
 }
 
@@ -75,7 +76,7 @@ pub fn ids(recording: &Recording) -> Vec<Option<Id>> {
     recording.commands.iter().map(id).collect()
 }
 
-/// The effects of a set of bits.
+/// The effects whose bits are set.
 fn on_surface(recording: &Recording, bits: u8) -> Vec<EffectOnSurfaces> {
     recording.scene_effects.iter().filter(|effect| bits >> effect.bit & 1 == 1).cloned().collect()
 }

@@ -1,4 +1,4 @@
-//! Pipelines by what they are for, made when a frame first asks, several at once.
+//! Pipelines by key, compiled when a frame first requests them, several in parallel.
 
 use super::cache::PipelineCache;
 use super::context::Context;
@@ -35,10 +35,10 @@ pub struct Pipelines {
     pub post_layout: vk::PipelineLayout,
     sources: ShaderSources,
     effects: Vec<Effect>,
-    /// Shaders record faults of effects.
+    /// Whether shaders record faults of effects.
     records_faults: bool,
     made: HashMap<Id, vk::Pipeline>,
-    /// How many were ever made.
+    /// Number of pipelines created so far.
     created: u64,
 }
 
@@ -90,7 +90,7 @@ impl Pipelines {
         self.made.len()
     }
 
-    /// Makes those that are missing, on all cores.
+    /// Compiles the missing pipelines on all cores.
     pub fn prepare(
         &mut self,
         gpu: &Context,
@@ -105,7 +105,7 @@ impl Pipelines {
         Ok(())
     }
 
-    /// All or none: where one fails the others are destroyed again.
+    /// Compiles all pipelines or none: if one fails the others are destroyed again.
     fn create_all(
         &self,
         gpu: &Context,
@@ -133,18 +133,18 @@ impl Pipelines {
         }
     }
 
-    /// How many were ever made.
+    /// Number of pipelines created so far.
     pub fn created(&self) -> u64 {
         self.created
     }
 
-    /// Replaces the effects. Pipelines of effects whose text has changed are made again when a frame needs them.
+    /// Replaces the effects. Pipelines of effects whose text has changed are dropped, and compiled again when a frame needs them.
     /// No frame may be in flight.
     pub fn set_effects(&mut self, gpu: &Context, effects: &[Effect]) {
         let old = std::mem::replace(&mut self.effects, effects.to_vec());
         let text = |all: &[Effect], name: &str| {
             let effect = all.iter().find(|e| e.manifest().name == name)?;
-            // Where its textures lie is written into its functions.
+            // The generated functions contain the positions of the effect's textures in the buffer.
             let textures = texture_functions(all, effect);
             let wgsl = effect.shader().map(|shader| shader.wgsl().to_string());
             let textures = (textures, effect.named_passes().to_vec());
@@ -167,8 +167,8 @@ impl Pipelines {
         });
     }
 
-    /// Compiles every pipeline in use again from the shader folder; on an error the last good ones stay.
-    /// No frame may be in flight.
+    /// Compiles all existing pipelines again from the shader folder. After an error the last good ones stay. No frame may be in
+    /// flight.
     pub fn reload(&mut self, gpu: &Context, layouts: &Layouts) -> Result<(), RenderError> {
         let before = self.sources.clone();
         self.sources = ShaderSources::read(before.folder.clone())?;
@@ -176,7 +176,7 @@ impl Pipelines {
         let made = match self.create_all(gpu, layouts, &ids.iter().collect::<Vec<_>>()) {
             Ok(made) => made,
             Err(error) => {
-                // A pipeline that a later frame requests comes from what worked, too.
+                // Pipelines that later frames request are also compiled from the last good sources.
                 self.sources = before;
                 return Err(error);
             }
@@ -206,7 +206,7 @@ impl Pipelines {
                     name: "background pipeline".into(),
                     samples: *samples,
                     color: Some(format_of(*float)),
-                    // Only where the depth is still the cleared 0.
+                    // Drawn only where the depth is still the cleared 0.
                     depth: depth.then_some((vk::CompareOp::EQUAL, false)),
                     mix: if *what == Backdrop::LayersBehind { Mix::Over } else { Mix::Replace },
                     ..PipelineState::full_screen(self.layout)
@@ -296,7 +296,7 @@ impl Pipelines {
         compile(&files, &on, &stages("post_vs", "post_fs"), false)
     }
 
-    /// The functions of effects on surfaces, and what calls them.
+    /// WGSL texts with the functions of effects on surfaces, and the calls of them.
     fn surface_texts(&self, surface: &[EffectOnSurfaces]) -> Result<Vec<SourceFile>, RenderError> {
         if surface.is_empty() {
             return Ok(Vec::new());
@@ -327,7 +327,7 @@ impl Pipelines {
         surface.iter().any(|effect| reads(&effect.name))
     }
 
-    /// The text of an effect with the functions of its textures.
+    /// The WGSL of an effect, followed by the functions of its textures.
     fn wgsl(&self, effect: &Effect) -> Result<String, RenderError> {
         let name = &effect.manifest().name;
         let shader = effect.shader();
@@ -336,7 +336,7 @@ impl Pipelines {
         Ok(format!("{}{}", shader.wgsl(), texture_functions(&self.effects, effect)))
     }
 
-    /// Bytes of the records of faults.
+    /// Size of all fault records in bytes.
     pub(crate) fn fault_bytes(&self) -> usize {
         if self.records_faults { self.effects.len() * RECORDS as usize * size_of::<u32>() } else { 0 }
     }
@@ -431,14 +431,14 @@ impl Pipelines {
             .layout(state.layout)
             .push_next(&mut rendering)];
         gpu.fault(FaultPlace::Pipeline).named(&state.name)?;
-        // SAFETY: modules, layout and cache belong to this device; the cache is synchronised by the driver.
+        // SAFETY: modules, layout and cache belong to this device; the cache is synchronized by the driver.
         let made = unsafe { gpu.device.create_graphics_pipelines(self.cache.raw, &info, None) };
         let pipeline = made.map_err(|(_, r)| r).named(&state.name)?[0];
         gpu.name(pipeline, &state.name);
         Ok(pipeline)
     }
 
-    /// No frame may be in flight.
+    /// Saves the cache and destroys all pipelines. No frame may be in flight.
     pub fn destroy(&mut self, gpu: &Context) {
         if !self.made.is_empty() {
             self.cache.save(gpu);
@@ -455,7 +455,7 @@ impl Pipelines {
     }
 }
 
-/// The place of an effect's first record of faults.
+/// Index of an effect's first fault record.
 fn first_record(effects: &[Effect], name: &str) -> u32 {
     effects.iter().take_while(|e| e.manifest().name != name).count() as u32 * RECORDS
 }

@@ -22,10 +22,10 @@ use naga::ShaderStage;
 use std::collections::HashMap;
 use std::mem::offset_of;
 
-/// Invocations of a work group, as in the shader.
+/// Number of invocations of a work group, as in the shader.
 const GROUP: u32 = 64;
 
-/// A pre-skinned mesh as the shader reads it.
+/// Parameters of one pre-skinned mesh (a mesh with one deformation), as the shader reads them.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Job {
@@ -33,7 +33,7 @@ pub struct Job {
     pub first_joint: u32,
     pub first_morph: u32,
     pub morph_count: u32,
-    /// Index of its first vertex in the output buffer.
+    /// Index of the mesh's first number in the output buffer.
     pub first: u32,
 }
 
@@ -42,14 +42,14 @@ pub struct Job {
 pub struct Posing {
     jobs: Option<Buffer>,
     vertices: Option<Buffer>,
-    /// Sets: both buffers for the compute stage; the vertices for all passes.
+    /// Descriptor sets: `write` has both buffers for the compute stage; `read` has the vertices for all passes.
     write: Option<Set>,
     read: Option<Set>,
-    /// The first number and the number of vertices of each instance that reads them.
+    /// Each instance that reads pre-skinned vertices, with its first number in the vertex buffer and its number of vertices.
     placed: Vec<(u32, [u32; 2])>,
 }
 
-/// Grows a buffer, which never shrinks; `true` if it was replaced.
+/// Grows a buffer if it is too small; returns `true` if it was replaced.
 fn grow(
     gpu: &Context,
     buffer: &mut Option<Buffer>,
@@ -70,7 +70,8 @@ fn grow(
 }
 
 impl Posing {
-    /// Assigns ranges to each mesh's vertices. After the resources are prepared; the slot's last frame must be done.
+    /// Assigns an output range to each pre-skinned mesh. Call it after the resources are prepared; the slot's last frame must be
+    /// done.
     pub fn prepare(
         &mut self,
         gpu: &Context,
@@ -132,7 +133,7 @@ impl Posing {
         Ok(())
     }
 
-    /// Writes to the instances, which lie in these bytes, that what they read is pre-skinned.
+    /// Patches the instances in these bytes to refer to their pre-skinned vertices.
     pub fn place(&self, instances: &mut [u8]) {
         for (instance, place) in &self.placed {
             let at = *instance as usize * size_of::<Instance>() + offset_of!(Instance, first_joint);
@@ -142,7 +143,7 @@ impl Posing {
         }
     }
 
-    /// The frame must be done. Its sets go with the pools.
+    /// Destroys the buffers. The frame must be done; its sets are destroyed with the pools.
     pub fn destroy(&mut self, gpu: &Context) {
         for mut buffer in self.jobs.take().into_iter().chain(self.vertices.take()) {
             buffer.destroy(gpu);
@@ -150,13 +151,13 @@ impl Posing {
     }
 }
 
-/// Bytes of a buffer that is to grow, all of which are bound: no more than the device binds, and no less than are requested.
+/// Size of a grown buffer, all of which is bound: at most the device's limit, at least the requested bytes.
 fn room(bytes: u64, limit: u64) -> u64 {
     bytes.next_power_of_two().min(limit).max(bytes)
 }
 
 impl VulkanRenderer {
-    /// Whether what the compute stage reads and writes can be bound here; else every pass poses its vertices.
+    /// Whether all inputs and outputs of the compute stage can be bound on this device. Otherwise every pass skins its vertices.
     pub(super) fn can_pose(&self, recording: &Recording) -> bool {
         let limit = u64::from(self.gpu.limits().max_storage_buffer_range);
         let mesh = |command: &Command| match command {
@@ -176,11 +177,11 @@ fn missing(what: &str) -> RenderError {
     RenderError::Usage(format!("{what} was not prepared"))
 }
 
-/// Sets of meshes that the compute stage reads.
+/// Sets of the source meshes of the compute stage.
 pub type Sources = HashMap<([u8; 16], VertexLayout), Set>;
 
 impl Resources {
-    /// Makes the sets of a recording's meshes, which must exist.
+    /// Creates the sets of a recording's source meshes, which must be loaded.
     pub(super) fn prepare_sources(
         &mut self,
         gpu: &Context,
@@ -195,7 +196,8 @@ impl Resources {
                 continue;
             }
             let mesh = self.mesh(key.0, key.1).ok_or_else(|| missing("a pre-skinned mesh"))?;
-            // Indices lie behind the vertices; an empty mesh has neither.
+            // Only the vertices are bound, which precede the indices. An empty mesh has neither, so at least four bytes are
+            // bound.
             let (raw, bytes) = (mesh.buffer.raw, mesh.indices_at.max(4));
             let set = self.pools.allocate(gpu, layouts.morphs, "set of a pre-skinned mesh")?;
             write_buffer(gpu, set.raw, 0, vk::DescriptorType::STORAGE_BUFFER, raw, 0, bytes);
@@ -204,7 +206,7 @@ impl Resources {
         Ok(())
     }
 
-    /// Drops the sets of meshes that go. No frame may be in flight.
+    /// Drops the sets of meshes that are not kept. No frame may be in flight.
     pub(super) fn retain_sources(&mut self, gpu: &Context, keep: impl Fn(&[u8; 16]) -> bool) {
         let pools = &mut self.pools;
         self.sources.retain(|(hash, _), set| {
@@ -218,7 +220,7 @@ impl Resources {
 }
 
 impl Execution<'_> {
-    /// The characters of one mesh. `primitive`: of the scene resources.
+    /// Dispatches the pre-skinning of the deformations of one mesh. `primitive`: index in the scene resources.
     pub(super) fn pose(
         &self,
         pipeline: vk::Pipeline,
@@ -265,7 +267,7 @@ impl Execution<'_> {
         Ok(())
     }
 
-    /// All meshes are posed before a vertex is read.
+    /// Barrier: all meshes are pre-skinned before a vertex is read.
     pub(super) fn end_poses(&self) {
         let written = [vk::MemoryBarrier2::default()
             .src_stage_mask(vk::PipelineStageFlags2::COMPUTE_SHADER)
@@ -277,7 +279,7 @@ impl Execution<'_> {
         unsafe { self.gpu.device.cmd_pipeline_barrier2(self.slot.commands, &info) };
     }
 
-    /// Vertices that are posed, in the place of morph targets.
+    /// Binds the pre-skinned vertices, in the place of morph targets.
     pub(super) fn bind_posed(&self) -> Result<(), RenderError> {
         let set = self.slot.posed.read.ok_or_else(|| missing("a set of posed vertices"))?;
         self.bind_set(self.pipelines.layout, 1, set.raw);
@@ -285,7 +287,7 @@ impl Execution<'_> {
     }
 }
 
-/// The compute pipeline of a way of posing.
+/// Creates the compute pipeline of a pre-skinning variant.
 pub fn pipeline(
     gpu: &Context,
     layouts: &Layouts,

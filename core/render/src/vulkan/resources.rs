@@ -1,4 +1,4 @@
-//! Meshes, textures, samplers and materials on the device: made when a frame first needs them, kept by content.
+//! Meshes, textures, samplers and materials on the device, created when a frame first needs them and kept by content.
 
 use super::context::Context;
 use super::descriptors::{Layouts, Pools, Set, write_buffer, write_image};
@@ -41,7 +41,7 @@ struct Morphs {
     set: Set,
 }
 
-/// The greatest that Vulkan lets a device require (`minUniformBufferOffsetAlignment`).
+/// Largest alignment that a device may require (`minUniformBufferOffsetAlignment`).
 const UNIFORM_ALIGNMENT: u64 = 256;
 
 struct Material {
@@ -50,7 +50,7 @@ struct Material {
     set: Set,
 }
 
-/// Content, sRGB, with mipmaps.
+/// Content hash, whether sRGB, whether with mipmaps.
 pub(super) type TextureKey = (Hash, bool, bool);
 
 #[derive(Default)]
@@ -61,14 +61,14 @@ pub(crate) struct Resources {
     samplers: HashMap<Sampler, vk::Sampler>,
     /// The requested anisotropy; see `GpuOptions::anisotropy`.
     pub anisotropy: f32,
-    /// Materials by content and by which texture slots the shader reads.
+    /// Materials by content and by the texture slots that the shader reads.
     materials: HashMap<(Hash, u32), Material>,
     white: Option<Image>,
     pub sky: Option<SkyImages>,
     pub(super) pools: Pools,
     pub(super) sources: Sources,
     pub(super) streams: Streams,
-    /// Counts of the objects created so far.
+    /// Numbers of objects created so far.
     pub work: CreatedCounts,
 }
 
@@ -85,7 +85,7 @@ impl Resources {
         self.materials.get(&(material, slots)).map(|m| m.set.raw)
     }
 
-    /// How many meshes, textures and materials are on the device.
+    /// Numbers of meshes, textures and materials on the device.
     pub fn counts(&self) -> [usize; 3] {
         [self.meshes.len(), self.textures.len(), self.materials.len()]
     }
@@ -94,7 +94,7 @@ impl Resources {
         self.pools.count()
     }
 
-    /// Makes what the recording binds and is not there yet.
+    /// Creates the resources that a recording binds and that do not exist yet.
     pub fn prepare(
         &mut self,
         gpu: &Context,
@@ -124,7 +124,7 @@ impl Resources {
                 _ => {}
             }
         }
-        // Sorted: uploads in the same order in every run.
+        // Sorted, so that uploads have the same order in every run.
         let mut meshes: Vec<_> = meshes.into_iter().collect();
         meshes.sort_unstable();
         let mut materials: Vec<_> = materials.into_iter().collect();
@@ -316,7 +316,7 @@ impl Resources {
         self.write_textures(gpu, resources, index, slots, set.raw)
     }
 
-    /// Textures and samplers of a material, prepared before, into a set of the materials' layout.
+    /// Writes the textures and samplers of a material to a descriptor set. They must be prepared.
     pub(crate) fn write_textures(
         &mut self,
         gpu: &Context,
@@ -373,7 +373,7 @@ impl Resources {
                 Some(true) => vk::SamplerMipmapMode::LINEAR,
                 _ => vk::SamplerMipmapMode::NEAREST,
             })
-            // Without mipmaps, only level 0 is read, but still minified where the level of detail says so
+            // A texture without mipmaps is read at level 0 only, but with the minification filter if the level of detail says so
             // (Vulkan, "VkSamplerCreateInfo", the table of GL equivalents).
             .max_lod(if s.mip_linear.is_some() { vk::LOD_CLAMP_NONE } else { 0.25 })
             .anisotropy_enable(anisotropy > 1.0)
@@ -385,7 +385,7 @@ impl Resources {
         Ok(sampler)
     }
 
-    /// Drops everything that new scene resources do not hold. No frame may be in flight.
+    /// Drops all resources that the new scene resources do not contain. No frame may be in flight.
     pub fn retain(&mut self, gpu: &Context, resources: &SceneResources) {
         let primitives: HashSet<Hash> = resources.primitives.iter().map(|p| p.hash).collect();
         let textures: HashSet<TextureKey> =
@@ -429,7 +429,7 @@ impl Resources {
         });
     }
 
-    /// No frame that uses it may be in flight.
+    /// Drops a material. No frame in flight may use it.
     pub(super) fn forget_material(&mut self, gpu: &Context, material: Hash) {
         let pools = &mut self.pools;
         self.materials.retain(|(hash, _), m| {
@@ -442,14 +442,14 @@ impl Resources {
         });
     }
 
-    /// No frame that uses it may be in flight.
+    /// Drops a texture. No frame in flight may use it.
     pub(super) fn forget_texture(&mut self, gpu: &Context, key: &TextureKey) {
         if let Some(mut image) = self.textures.remove(key) {
             image.destroy(gpu);
         }
     }
 
-    /// Everything that holds uploaded bytes. No frame may be in flight.
+    /// Drops all objects with uploaded bytes. No frame may be in flight.
     pub fn forget(&mut self, gpu: &Context) {
         self.retain(gpu, &SceneResources::default());
         if let Some(mut white) = self.white.take() {
@@ -457,7 +457,7 @@ impl Resources {
         }
     }
 
-    /// No frame may be in flight.
+    /// Destroys all objects. No frame may be in flight.
     pub fn destroy(&mut self, gpu: &Context) {
         self.forget(gpu);
         for (_, sampler) in self.samplers.drain() {

@@ -1,4 +1,4 @@
-//! An image that the device draws and then reads through a sampler of its own.
+//! An image that the device draws and then samples, with its own sampler.
 
 use super::context::Context;
 use super::error::Named;
@@ -12,7 +12,7 @@ pub(crate) struct SampledImage {
 }
 
 impl SampledImage {
-    /// Coordinates beyond its edges are those of the edge.
+    /// Creates the image and a sampler that clamps to the edge.
     pub fn new(
         gpu: &Context,
         desc: &ImageDesc<'_>,
@@ -34,7 +34,7 @@ impl SampledImage {
         }
     }
 
-    /// No frame may be in flight.
+    /// Destroys the image and its sampler. No frame may be in flight.
     pub fn destroy(&mut self, gpu: &Context) {
         self.image.destroy(gpu);
         // SAFETY: made from this device, no longer used.

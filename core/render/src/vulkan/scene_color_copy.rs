@@ -1,4 +1,4 @@
-//! The image behind glass that bends light: a copy with as many levels as the roughest such glass blurs with.
+//! The scene color copy for refraction, with enough mip levels for the blur of the roughest refracting surface.
 
 use super::context::Context;
 use super::execute::{Execution, color_barrier};
@@ -9,7 +9,7 @@ use crate::commands::Target;
 use crate::error::RenderError;
 use ash::vk;
 
-/// The copy, in floats whatever format the image has, so that no level rounds the one above it.
+/// Creates the copy. Its format is float, whatever the image's, so that the levels do not accumulate rounding.
 pub(crate) fn behind_glass(
     gpu: &Context,
     [width, height]: [u32; 2],
@@ -35,7 +35,7 @@ pub(crate) fn behind_glass(
 }
 
 impl Execution<'_> {
-    /// Copies the scene color between two passes; the target stays as it is.
+    /// Copies the scene color between two passes. The target keeps its contents.
     pub(super) fn copy_behind(&self, from: Target) -> Result<(), RenderError> {
         let (Some(behind), Some(levels)) = (&self.targets.behind, self.targets.needs.behind) else {
             return Err(RenderError::Usage("the image behind glass was not prepared".into()));
@@ -50,7 +50,7 @@ impl Execution<'_> {
                 .dst_access_mask(A::TRANSFER_READ)
                 .old_layout(L::COLOR_ATTACHMENT_OPTIMAL)
                 .new_layout(L::TRANSFER_SRC_OPTIMAL),
-            // The frame before may still read it.
+            // The frame before may still read the copy.
             color_barrier(copy)
                 .src_stage_mask(S::FRAGMENT_SHADER)
                 .dst_stage_mask(S::BLIT)
@@ -91,7 +91,7 @@ impl Execution<'_> {
         Ok(())
     }
 
-    /// A whole level of one image onto a whole level of another: (level, texels).
+    /// Copies a whole level of one image to a whole level of another, scaling if the sizes differ. (level, size in texels).
     fn blit(
         &self,
         from: &Image,

@@ -1,5 +1,5 @@
-//! The inputs of effects on images: their targets, the pass that draws them, and their way to the host, where effects run on the
-//! mean of several images or on an image put together from tiles.
+//! The inputs of effects on images: their targets, the pass that draws them, and the read-back to the host, where effects run on
+//! the mean of several images or on an image assembled from tiles.
 
 use super::VulkanRenderer;
 use super::execute::{
@@ -14,9 +14,9 @@ use ash::vk;
 use choreo_plugin::SceneImages;
 use glam::Vec4;
 
-/// The format of each color target. Vulkan guarantees it as a color target on every device.
+/// Format of the color targets, which Vulkan guarantees as a color attachment on every device.
 pub const FORMAT: vk::Format = vk::Format::R32G32B32A32_SFLOAT;
-/// Bytes of a pixel of one.
+/// Bytes per pixel of one target.
 const BYTES: usize = 16;
 
 impl Execution<'_> {
@@ -41,7 +41,7 @@ impl Execution<'_> {
         Ok(())
     }
 
-    /// Ends it: effects read the targets from now on.
+    /// Ends the pass of the inputs and makes its targets readable.
     pub(super) fn end_inputs(&self) {
         // SAFETY: `begin_inputs` began it.
         unsafe { self.gpu.device.cmd_end_rendering(self.slot.commands) };
@@ -67,7 +67,7 @@ impl Execution<'_> {
 }
 
 impl VulkanRenderer {
-    /// The inputs of a plan's effects on the host; empty if none reads any. Nothing is in flight.
+    /// Draws the inputs of a plan's effects and reads them back; empty if no effect reads any. Nothing may be in flight.
     pub(super) fn inputs_on_host(&mut self, plan: &Plan) -> Result<InputImages, RenderError> {
         let Some(inputs) = plan.of_inputs() else { return Ok(InputImages::default()) };
         let count = plan.size[0] as usize * plan.size[1] as usize;

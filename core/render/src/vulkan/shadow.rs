@@ -1,4 +1,4 @@
-//! The image of all shadow maps, how shaders compare with it, and the maps in it that the next frame keeps.
+//! The image of all shadow maps, its comparison sampler, and the maps in it that the next frame keeps.
 
 use super::context::Context;
 use super::memory::ImageDesc;
@@ -22,13 +22,13 @@ pub(crate) fn shadow_maps(gpu: &Context, [width, height]: [u32; 2]) -> Result<Sa
         usage: vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT | vk::ImageUsageFlags::SAMPLED,
         aspect: vk::ImageAspectFlags::DEPTH,
     };
-    // Gathers compare texel by texel: lit where what is asked is as near to the light as what is stored, or nearer.
+    // Comparisons are per texel: a point is lit if it is as near to the light as the stored depth, or nearer.
     let sampler =
         vk::SamplerCreateInfo::default().compare_enable(true).compare_op(vk::CompareOp::GREATER_OR_EQUAL);
     SampledImage::new(gpu, &desc, sampler)
 }
 
-/// A map in the image: the key of its content, where it lies, and its size, texels.
+/// A map in the image: key of its content, position and size in texels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct HeldMap {
     key: Option<MapKey>,
@@ -36,7 +36,7 @@ pub(crate) struct HeldMap {
     size: [u32; 2],
 }
 
-/// The maps of a plan.
+/// The shadow maps that a plan requests.
 pub(super) fn maps_of(plan: &Plan, resources: &SceneResources) -> Vec<HeldMap> {
     let Some(shadows) = plan.shadow_maps.as_ref().filter(|_| !plan.inputs_only) else { return Vec::new() };
     let keys = map_keys(shadows, plan, resources).into_iter();
@@ -44,14 +44,14 @@ pub(super) fn maps_of(plan: &Plan, resources: &SceneResources) -> Vec<HeldMap> {
 }
 
 impl VulkanRenderer {
-    /// Draws all maps anew: other shaders may draw others.
+    /// Marks all maps to be drawn again, because new shaders may draw different ones.
     pub(super) fn forget_maps(&mut self) {
         if let Some(targets) = &mut self.targets {
             targets.shadow_maps.clear();
         }
     }
 
-    /// A bit for each of these maps that the image holds at its place.
+    /// One bit for each of these maps that the image already holds at the same position.
     pub(super) fn kept_maps(&self, plan: &Plan, maps: &[HeldMap]) -> u32 {
         let image = plan.shadow_maps.as_ref().map(|shadows| shadows.image);
         let same_image = |targets: &&Targets| targets.needs.shadow == image;

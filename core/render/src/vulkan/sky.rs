@@ -1,4 +1,4 @@
-//! Images of 16-bit floats on the device: the maps of a sky, layers under the scene.
+//! Images of 16-bit floats on the device: the maps and the panorama of a sky, and 2D layers behind the scene.
 
 use super::context::Context;
 use super::error::Named;
@@ -37,7 +37,7 @@ impl SkyImages {
         panorama.is_some_and(|p| p.hash() == self.hash)
     }
 
-    /// Uploads the images that the plan reads and that are not on the device yet.
+    /// Uploads those images of the sky that the plan reads and that are not on the device yet.
     pub fn prepare(
         &mut self,
         gpu: &Context,
@@ -57,14 +57,14 @@ impl SkyImages {
         Ok(())
     }
 
-    /// The views of both images. If only one exists it takes both places, so that no binding stays empty.
+    /// The views of maps and panorama. If only one exists it takes both places, so that no binding stays empty.
     pub fn views(&self) -> Option<[vk::ImageView; 2]> {
         let maps = self.maps.as_ref().map(|(_, image)| image.view);
         let picture = self.picture.as_ref().map(|image| image.view);
         Some([maps.or(picture)?, picture.or(maps)?])
     }
 
-    /// No frame may be in flight.
+    /// Destroys the images. No frame may be in flight.
     pub fn destroy(&mut self, gpu: &Context) {
         for mut image in self.maps.take().map(|(_, image)| image).into_iter().chain(self.picture.take()) {
             image.destroy(gpu);
@@ -100,7 +100,7 @@ fn upload(
     Ok(image)
 }
 
-/// Image of a whole 2D layer, alpha not multiplied in.
+/// Image of all 2D layers behind the scene, at the size of the frame, with straight alpha.
 pub(crate) fn flat_image(
     gpu: &Context,
     flat: &LayerImage,

@@ -17,18 +17,18 @@ pub struct PipelineState {
     pub topology: vk::PrimitiveTopology,
     pub clockwise: bool,
     pub samples: u32,
-    /// `None`: depth alone.
+    /// Format of the color target; `None`: depth only.
     pub color: Option<vk::Format>,
-    /// Renders to the G-buffer instead.
+    /// Whether the pipeline renders to the G-buffer instead.
     pub gbuffer: bool,
-    /// Renders the inputs of effects instead: as many targets.
+    /// Number of targets of effect inputs that it renders to instead.
     pub inputs: usize,
-    /// Comparison and whether it writes; `None` without a depth image.
+    /// Depth comparison, and whether depth is written; `None` without a depth image.
     pub depth: Option<(vk::CompareOp, bool)>,
     pub mix: Mix,
-    /// The fragment's alpha says how many samples it keeps.
+    /// Alpha to coverage: the fragment's alpha gives the number of samples that it keeps.
     pub coverage: bool,
-    /// The comparison of depths is set when the pass begins.
+    /// Whether the depth comparison is dynamic, set when the pass begins.
     pub any_compare: bool,
 }
 
@@ -58,7 +58,7 @@ impl Mix {
 }
 
 impl PipelineState {
-    /// The state of a scene pipeline with one sample a pixel.
+    /// The state of a scene pipeline with one sample per pixel.
     pub fn scene(
         variant: &SceneVariant,
         float: bool,
@@ -90,9 +90,9 @@ impl PipelineState {
             color: (!variant.shadow_pass && !peel && !gbuffer && inputs == 0).then(|| format_of(float)),
             gbuffer,
             inputs,
-            // Reversed Z: nearer is greater. Of a peeled layer the farthest stays.
+            // Reversed Z: nearer is greater. A peeling pass keeps the farthest surface.
             depth: Some(match peel {
-                // The lighting pass draws a triangle at depth 0, which passes where anything was drawn.
+                // The lighting pass draws a triangle at depth 0, which passes the test where a surface was drawn.
                 _ if light => (vk::CompareOp::LESS, false),
                 true => (vk::CompareOp::LESS, true),
                 false => (vk::CompareOp::GREATER, key.writes_depth()),
@@ -109,7 +109,7 @@ impl PipelineState {
         })
     }
 
-    /// Attributes of a vertex and their binding; none without vertices.
+    /// Vertex attributes and their binding; empty without a vertex buffer.
     pub(crate) fn vertex_input(
         &self,
     ) -> (Vec<vk::VertexInputAttributeDescription>, Vec<vk::VertexInputBindingDescription>) {

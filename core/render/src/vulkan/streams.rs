@@ -1,22 +1,22 @@
-//! Textures that are there only as long as frames show them.
+//! Streamed textures, which stay on the device only while recent frames show them.
 
 use super::context::Context;
 use super::resources::{Resources, TextureKey, texture_key};
 use crate::commands::{Command, Recording};
 use crate::scene_resources::SceneResources;
 
-/// Frames for which an unused texture is kept: more than can be in flight, sub-frames of an exposure included.
+/// Number of frames for which an unused texture is kept: more than can be in flight, sub-frames included.
 const KEPT: u64 = 8;
 
 #[derive(Default)]
 pub struct Streams {
     frame: u64,
-    /// Texture, material that shows it, and when it was last used.
+    /// Texture, material that shows it, and number of the frame that used it last.
     used: Vec<(TextureKey, [u8; 16], u64)>,
 }
 
 impl Resources {
-    /// After a frame's resources were prepared.
+    /// Counts a frame and drops textures that have not been used recently. Call it after the frame's resources are prepared.
     pub(super) fn age(&mut self, gpu: &Context, scene_resources: &SceneResources, recording: &Recording) {
         self.streams.frame += 1;
         let frame = self.streams.frame;
@@ -44,7 +44,7 @@ impl Resources {
         }
     }
 
-    /// Drops the records of textures that new scene resources do not hold; the textures are gone already.
+    /// Drops the records of textures that new scene resources do not contain; the textures have been destroyed already.
     pub(super) fn keep_streams(&mut self, held: impl Fn(&TextureKey) -> bool) {
         self.streams.used.retain(|(key, ..)| held(key));
     }

@@ -1,4 +1,4 @@
-//! Color, depth and float images of one size; made again when size, samples or the need for them change.
+//! Color, depth and float images of one size, created again when size, samples or needs change.
 
 use super::context::Context;
 use super::error::Named;
@@ -33,19 +33,19 @@ pub struct Needs {
     pub samples: u32,
     pub scene: Target,
     pub depth: bool,
-    /// 0 to 3.
+    /// Number of float targets, 0 to 3.
     pub floats: usize,
-    /// Sizes of the textures of passes.
+    /// Sizes of the textures of effect passes.
     pub textures: Vec<[u32; 2]>,
-    /// Texels of the image of shadow maps.
+    /// Size in texels of the image of shadow maps.
     pub shadow: Option<[u32; 2]>,
-    /// Levels of the image behind glass.
+    /// Mip levels of the scene color copy.
     pub behind: Option<u32>,
-    /// Depths of layers of transparent surfaces.
+    /// Whether depths of peeled layers are needed.
     pub layers: bool,
-    /// The G-buffer until it is lit.
+    /// Whether a G-buffer is needed.
     pub kept: bool,
-    /// Color targets of the inputs of effects: 0 to 2.
+    /// Number of color targets of effect inputs, 0 to 2.
     pub inputs: usize,
 }
 
@@ -83,7 +83,7 @@ impl Needs {
                 }
                 Command::PostPass { from, to, size, .. } => {
                     needs.floats = needs.floats.max(float(from)).max(float(to));
-                    // Their numbers begin with 0, and each is written before it is read.
+                    // Texture numbers begin with 0, and each texture is written before it is read.
                     if matches!(to, Target::Texture(slot) if usize::from(*slot) == needs.textures.len()) {
                         needs.textures.push(*size);
                     }
@@ -102,38 +102,38 @@ pub struct Targets {
     /// Textures of passes of effects.
     pub textures: Vec<Image>,
     pub depth: Option<Image>,
-    /// Depths of two layers of transparent surfaces, in turns.
+    /// Depths of two peeled layers, used alternately.
     pub layers: Vec<Image>,
-    /// The G-buffer until it is lit.
+    /// Images of the G-buffer.
     pub kept: Vec<Image>,
-    /// Inputs of effects, and the depth of their pass.
+    /// Targets of effect inputs, and the depth image of their pass.
     pub inputs: Vec<Image>,
     pub input_depth: Option<Image>,
-    /// Reads nothing: lavapipe (22.3) follows every binding of a bound set.
+    /// Sampler that no shader uses: lavapipe (22.3) dereferences every binding of a bound set.
     sampler: vk::Sampler,
-    /// Multisampled target with more than one sample, resolved into the scene's target.
+    /// Multisampled target, resolved into the scene's target; `None` with one sample per pixel.
     pub multisampled: Option<Image>,
     pub shadow: Option<SampledImage>,
-    /// The maps that it holds.
+    /// The shadow maps that the image holds.
     pub shadow_maps: Vec<HeldMap>,
     pub behind: Option<SampledImage>,
-    /// The background's rows as encoded bytes, and what they were made from.
+    /// Rows of the background as encoded bytes, and the two colors that they were made from.
     background: Option<(Buffer, [Vec4; 2])>,
 }
 
-/// Images of this frame that shaders of the scene read.
+/// Images of a frame that scene shaders read.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct FrameImages<'a> {
     pub shadow: Option<&'a SampledImage>,
     pub behind: Option<&'a SampledImage>,
     pub sky: Option<&'a SkyImages>,
-    /// Depths of the scene and of even and odd layers of transparent surfaces.
+    /// Depths of the scene and of even and odd peeled layers.
     pub layers: Option<([vk::ImageView; 3], vk::Sampler)>,
     /// The G-buffer.
     pub kept: Option<[vk::ImageView; 3]>,
     /// Textures of effects.
     pub texels: Option<&'a Buffer>,
-    /// Bytes of the records of faults of effects.
+    /// Size of the fault records of effects in bytes.
     pub faults: usize,
 }
 
@@ -216,7 +216,7 @@ impl Targets {
         }
     }
 
-    /// Images that shaders read, beside materials; the sky is among the resources.
+    /// Images that scene shaders read, except those of materials and of the sky, which are resources.
     pub fn seen(&self) -> FrameImages<'_> {
         let layers = match (&self.depth, &self.layers[..]) {
             (Some(depth), [even, odd]) => Some(([depth.view, even.view, odd.view], self.sampler)),
@@ -239,12 +239,13 @@ impl Targets {
         }
     }
 
-    /// Whether the background's rows are there and are these.
+    /// Whether the background's rows exist and have these colors.
     pub(crate) fn has_background(&self, top: Vec4, bottom: Vec4) -> bool {
         self.background.as_ref().is_some_and(|(_, colors)| *colors == [top, bottom])
     }
 
-    /// The background as background.wgsl draws it, encoded: mix(top, bottom, (y + ½) / height). No frame may be in flight.
+    /// Computes the background's rows as background.wgsl draws them, encoded: mix(top, bottom, (y + ½) / height). No frame may be
+    /// in flight.
     pub(crate) fn set_background(
         &mut self,
         gpu: &Context,
@@ -265,7 +266,7 @@ impl Targets {
         for (y, row) in rows.enumerate() {
             let t = (y as f32 + 0.5) / height as f32;
             let color = top * (1.0 - t) + bottom * t;
-            // Gradients are dithered; a row repeats itself.
+            // Gradients are dithered, with a pattern that repeats along a row.
             let pixels: [[u8; 4]; dither::SIDE] = std::array::from_fn(|x| {
                 let shown = if top == bottom { color } else { dithered(color, x, y) };
                 let [r, g, b] = shown.truncate().to_array().map(linear_to_srgb8);
@@ -285,7 +286,7 @@ impl Targets {
         self.background.as_ref().map(|(buffer, _)| buffer.raw)
     }
 
-    /// No frame may be in flight.
+    /// Destroys the images. No frame may be in flight.
     pub fn destroy(&mut self, gpu: &Context) {
         self.picture.destroy(gpu);
         if let Some((mut buffer, _)) = self.background.take() {

@@ -1,5 +1,5 @@
-//! Images larger than the device draws: tile after tile, put together on the host, where what comes over the image runs on
-//! the whole, as of exposures.
+//! Images larger than the device can draw: drawn tile by tile and assembled on the host, which runs the full-screen passes on the
+//! whole image, as with sub-frames.
 
 use super::VulkanRenderer;
 use crate::cpu::image_passes;
@@ -11,7 +11,7 @@ use choreo_plugin::Frame;
 use glam::Vec4;
 
 impl VulkanRenderer {
-    /// Pixels of the longest side that is drawn at once.
+    /// Longest image side in pixels that is drawn at once.
     pub(super) fn longest_side(&self) -> u32 {
         let limits = self.gpu.limits();
         let viewport = limits.max_viewport_dimensions[0].min(limits.max_viewport_dimensions[1]);
@@ -29,7 +29,7 @@ impl VulkanRenderer {
         side_of_tiles(plan.size, self.longest_side(), whole)
     }
 
-    /// A plan that [`VulkanRenderer::is_tiled`]. Nothing is in flight.
+    /// Draws a plan for which [`VulkanRenderer::is_tiled`] holds. Nothing may be in flight.
     pub(super) fn collect_tiled(&mut self, plan: &Plan, reuse: Option<Frame>) -> Result<Frame, RenderError> {
         let [width, height] = plan.size;
         let count = width as usize * height as usize;
@@ -68,7 +68,7 @@ impl VulkanRenderer {
         Ok(pixels)
     }
 
-    /// Each pixel once: where it lies in the image, and its bytes.
+    /// Draws all tiles and calls `put` once for each pixel, with its index in the image and its bytes.
     fn draw_tiles<const BYTES: usize>(
         &mut self,
         plan: &Plan,

@@ -1,4 +1,4 @@
-//! Bytes on their way to the device: collected while a frame is prepared, copied through one staging buffer at its start.
+//! Uploads to the device: collected while a frame is prepared, and copied through one staging buffer at its start.
 
 use super::context::Context;
 use super::memory::{Buffer, range};
@@ -15,7 +15,7 @@ pub(crate) struct Uploads {
 struct ImageUpload {
     image: vk::Image,
     levels: Vec<vk::BufferImageCopy>,
-    /// Bytes of a texel.
+    /// Bytes per texel.
     texel: usize,
 }
 
@@ -25,7 +25,7 @@ impl Uploads {
     }
 
     fn append(&mut self, bytes: &[u8]) -> u64 {
-        // Copies into images of 4-byte texels want offsets that are multiples of 4; 16 suits every device.
+        // Copies into images of 4-byte texels need offsets that are multiples of 4; 16 suits every device.
         self.bytes.resize(self.bytes.len().next_multiple_of(16), 0);
         let at = self.bytes.len() as u64;
         self.bytes.extend_from_slice(bytes);
@@ -37,7 +37,7 @@ impl Uploads {
         self.buffers.push((to, at, bytes.len() as u64));
     }
 
-    /// (width, height, bytes) of each level, the largest first.
+    /// Adds an image: (width, height, bytes) of each level, the largest first.
     pub fn image<'a>(&mut self, to: vk::Image, levels: impl Iterator<Item = (u32, u32, &'a [u8])>) {
         let mut texel = 4;
         let levels = levels
@@ -59,7 +59,7 @@ impl Uploads {
         self.images.push(ImageUpload { image: to, levels, texel });
     }
 
-    /// The same in parts of at most `bytes` each, where no single buffer or image is larger.
+    /// Splits the uploads into parts of at most `bytes` each, unless a single buffer or image is larger.
     pub fn split(self, bytes: usize) -> Vec<Uploads> {
         let mut all = Vec::new();
         let mut open = Uploads::default();

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 /// and deferred"). GPUs are not measured: the G-buffer moves 72 bytes of memory per pixel, which by their ratio of arithmetic to
 /// bandwidth is worth 10 lights or more; the image is the same there and either order is fast.
 const GBUFFER_COST: f32 = 4.0;
-/// Number of lights from which the cost is estimated: with fewer, surfaces hardly overlap enough for deferred shading to pay.
+/// Number of lights from which the cost is estimated: with fewer, surfaces rarely overlap enough for deferred shading to pay.
 const FEWEST: usize = 2;
 
 /// Whether the G-buffer describes a surface: opaque metallic-roughness without layers.
@@ -41,7 +41,7 @@ impl Planner<'_> {
         lights: (usize, Option<&LightClusters>),
     ) -> Result<Deferred, NotNeeded> {
         let cause = self.deferred_cause(lights)?;
-        // The lighting pass casts shadows on all that it lights.
+        // The lighting pass either applies shadows to all its surfaces or to none.
         let shadow = |d: &Draw| d.pipeline.features.has(Features::SHADOW);
         let shadows = draws.iter().any(shadow);
         let fits = |d: &Draw| {

@@ -1,5 +1,5 @@
-//! How a frame's light becomes colors: exposure and view transform, surface by surface or, where an effect on images needs light,
-//! as a pass over the image.
+//! Display of a frame's light: exposure and view transform, as part of shading or, if an effect on images needs light, as a pass
+//! over the image.
 
 use crate::plan::build::effects::{effect_parameters, uses};
 use crate::plan::options::PlanOptions;
@@ -30,9 +30,9 @@ impl Display {
         };
         let replaced = is_on(ViewOrder::Replaces);
         let pass = curve.filter(|_| !replaced && is_on(ViewOrder::Before));
-        // Without an effect that implements the view transform there is no pass.
+        // The pass needs an effect that implements the view transform.
         let pass = pass.filter(|curve| view_effect(options.effects, curve).is_some());
-        // A frame of light is transformed by whom it is made for.
+        // A frame of light is delivered without a view transform; its user applies one.
         let light = matches!(options.wish, FrameWish::Scene(_));
         let linear = replaced || pass.is_some() || light;
         let features = Features::EXPOSURE.when(settings.exposure != 0.0);
@@ -75,7 +75,7 @@ pub(super) fn keep_light(passes: &mut Vec<PostPass>, options: &PlanOptions) -> V
     first.map(left_out).collect()
 }
 
-/// The background as the image begins with it. Images of floats are premultiplied.
+/// The background as drawn into the image: premultiplied in float images.
 pub(super) fn background(background: Background, wish: FrameWish) -> Background {
     match background {
         Background::Color(color) if wish != FrameWish::Bytes => {
@@ -85,7 +85,7 @@ pub(super) fn background(background: Background, wish: FrameWish) -> Background 
     }
 }
 
-/// The effect that has a view transform as one of its curves, with its parameters for it.
+/// The effect with a view transform of this name among its curves, and its parameters for that.
 fn view_effect<'a>(effects: &'a [Effect], name: &str) -> Option<(&'a Effect, Vec<f32>)> {
     effects.iter().filter(|e| e.view_order() == ViewOrder::Replaces).find_map(|effect| {
         effect.manifest().options.iter().find_map(|option| {

@@ -12,17 +12,17 @@ use choreo_stage::{EffectState, EffectTarget, EffectUse, Snapshot, Stage};
 /// Largest number of effects in the scene's shaders: one for each bit. Further ones are reported in `left_out`.
 const MOST_SURFACE_EFFECTS: usize = 8;
 
-/// An effect in the scene's shaders, with what has it (empty: everything).
+/// An effect in the scene's shaders, with its targets in `on` (empty: everything).
 pub(super) struct SceneEffect {
     pub used: PostPass,
     hook: Hook,
     needs: SurfaceInputs,
-    /// Largest displacement in metres.
+    /// Largest displacement in meters.
     pub reach: f32,
     on: Vec<EffectTarget>,
 }
 
-/// The effects of one surface, a bit each, and what they read together.
+/// The effects of one surface, one bit each, and the union of their inputs.
 #[derive(Default)]
 pub(super) struct SurfaceEffects {
     pub surface: u8,
@@ -31,7 +31,7 @@ pub(super) struct SurfaceEffects {
     pub needs: SurfaceInputs,
     /// Inputs of displacements, which shadow maps need, too.
     displacement_needs: SurfaceInputs,
-    /// Largest displacement in metres.
+    /// Largest displacement in meters.
     pub reach: f32,
 }
 
@@ -79,12 +79,13 @@ impl Planner<'_> {
     }
 }
 
-/// An effect's parameters as numbers, clamped to their ranges; defaults where the script gives none. Without the numbers of the frame.
+/// Numeric parameters of an effect, clamped to their ranges; defaults where the script gives none. Does not include the frame's
+/// numbers.
 pub fn effect_parameters(effect: &Effect, given: &[(String, f64)]) -> Vec<f32> {
     effect.manifest().parameters(given)
 }
 
-/// The effect that draws a use.
+/// The effect plugin that draws an effect of the stage.
 fn drawn_by<'a>(used: &EffectUse, effects: &'a [Effect]) -> Option<&'a Effect> {
     let name = used.drawn_by();
     effects.iter().find(|e| e.manifest().name == name)
@@ -104,7 +105,7 @@ pub(crate) fn uses<'a>(
     })
 }
 
-/// Shutter of the last active effect that sets one.
+/// The shutter of the last active effect that sets one.
 pub(crate) fn exposure_of(stage: &Stage, snapshot: &Snapshot, effects: &[Effect]) -> Option<Shutter> {
     let last = shutters(stage, snapshot, effects).last().map(|(_, shutter)| shutter);
     last.filter(|s| s.samples > 1 && s.open > 0.0 && s.open.is_finite() && s.before.is_finite())
@@ -124,7 +125,7 @@ fn shutters<'a>(
     })
 }
 
-/// Faults of the active effects on the shutter.
+/// Faults in the shutters that active effects set.
 pub(super) fn shutter_faults<'a>(
     stage: &'a Stage,
     snapshot: &'a Snapshot,
@@ -238,7 +239,7 @@ fn reads_of(pass: &ImagePass, number: u32) -> impl Iterator<Item = u32> + '_ {
     pass.reads.iter().copied().filter(move |read| *read < number).take(ImagePass::MOST_READ)
 }
 
-/// Which passes run: the last one, and those whose textures one that runs reads.
+/// Which passes run: the last one, and those whose textures are read by a pass that runs.
 fn runs(passes: &[ImagePass]) -> Vec<bool> {
     let mut runs = vec![false; passes.len()];
     if let Some(last) = runs.last_mut() {

@@ -13,14 +13,14 @@ pub(super) struct DrawItem {
     pub pipeline: PipelineKey,
     pub entry: PrimitiveEntry,
     pub material_override: Option<u32>,
-    /// Metres in front of the camera.
+    /// Meters in front of the camera.
     pub depth: f32,
     /// The smallest depth among the copies that share its draw.
     pub nearest: f32,
     /// Number of indices, as in [`Draw::watertight`].
     pub watertight: u32,
     pub instance: Instance,
-    /// The instance one frame before, where an effect reads motion.
+    /// The instance one frame before, if an effect reads motion.
     pub before: Option<Instance>,
     pub actor: u32,
     /// Index into `Planner::transparent`, if it is transparent.
@@ -42,10 +42,10 @@ impl DrawItem {
     }
 }
 
-/// Sorts into drawing order, and gives the index of the first transparent item.
+/// Sorts items into drawing order, and returns the index of the first transparent one.
 pub(super) fn sort(items: &mut [DrawItem]) -> usize {
     // Few state changes first; within one state near primitives before far ones and near copies before far
-    // ones, so that the depth test spares the shading of what is hidden. Stable: equal keys stay in actor order.
+    // ones, so that the depth test saves the shading of hidden surfaces. Stable: equal keys stay in actor order.
     items.sort_by(|a, b| a.state().cmp(&b.state()).then(a.depth.total_cmp(&b.depth)));
     let mut nearest = f32::INFINITY;
     for i in 0..items.len() {
@@ -89,7 +89,7 @@ impl<S: PartialEq> DrawMerger<S> {
 }
 
 impl Planner<'_> {
-    /// Index of a material's override, if it is not as in the scene resources in this frame.
+    /// Index of the override of a material that differs from the scene resources in this frame.
     pub fn material_override(&mut self, entry: &PrimitiveEntry, state: &ActorState) -> Option<u32> {
         let index = entry.animated?;
         let known = self.overrides_of_actor.iter().find(|(m, r, _)| (*m, *r) == (index, entry.material));
@@ -104,7 +104,7 @@ impl Planner<'_> {
         Some(at)
     }
 
-    /// Draw calls of the sorted items, their instances, and the features of all.
+    /// Draw calls of the sorted items, their instances, and the union of their features.
     pub fn draws(&self) -> (Vec<Draw>, Vec<Instance>, Features) {
         let mut merger = DrawMerger::new(self.options.no_instancing);
         let mut instances = Vec::with_capacity(self.items.len());

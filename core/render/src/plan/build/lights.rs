@@ -14,7 +14,7 @@ pub(super) fn plan_lights(
     (out, shadows, dark)
 }
 
-/// `None` if neither a surface nor the background shows the sky.
+/// The sky as the plan stores it; `None` if neither a surface nor the background shows it.
 pub(super) fn plan_sky(sky: &SkyState, lights: bool) -> Option<PlanSky> {
     let turn = [libm::cos(sky.turn) as f32, libm::sin(sky.turn) as f32];
     let finite = turn.iter().all(|v| v.is_finite()) && sky.strength.is_finite();

@@ -14,14 +14,14 @@ use glam::{Affine3A, DAffine3};
 #[derive(Clone, Default)]
 pub(super) struct ActorLevels<'a> {
     pub levels: &'a [LodLevel],
-    /// Index into `levels` of the model at each of its places; `None`: all triangles.
+    /// Index into `levels` for each placement of the model; `None`: full detail.
     of_places: Vec<Option<usize>>,
-    /// How much longer the pose makes a metre of the model at rest.
+    /// Largest stretch of the pose relative to the rest pose.
     stretch: f32,
 }
 
 impl<'a> Planner<'a> {
-    /// Chooses one level for the whole model at each of its places: a part at another level could come through those around it.
+    /// Chooses one level for the whole model at each placement: parts at different levels could intersect.
     pub(super) fn actor_levels(
         &mut self,
         index: usize,
@@ -64,14 +64,14 @@ impl<'a> Planner<'a> {
         if bounds.is_empty() {
             return None;
         }
-        // Pixels that a metre of the model covers where the copy is nearest.
+        // Pixels that a meter of the model covers at the copy's nearest point.
         let nearest = self.view.depth(bounds.center()) - (bounds.max - bounds.min).length() * 0.5;
         let pixels_per_meter = self.view.pixels_per_meter(nearest, self.options.size);
         let scale = stretch * levels.stretch * pixels_per_meter;
         levels.levels.iter().rposition(|level| level.error * scale <= TOLERANCE)
     }
 
-    /// A primitive at the level of one copy; `None` where nothing of it is left.
+    /// A primitive at the level of one copy; `None` if that level has no triangles of it.
     pub(super) fn at_level(
         &mut self,
         entry: &PrimitiveEntry,
@@ -82,7 +82,7 @@ impl<'a> Planner<'a> {
         let levels = &self.levels;
         let level = match mesh.instance.copies.is_empty() {
             true => levels.of_places.get(place).copied().flatten(),
-            // Copies of a part stand all over the model.
+            // Instanced parts are spread over the model, so each copy gets its own level.
             false => self.level_of(levels, bounds, relative_from_mesh.largest_stretch()),
         };
         let Some(level) = level else { return Some(*entry) };
@@ -92,7 +92,7 @@ impl<'a> Planner<'a> {
     }
 }
 
-/// Largest stretch of a joint's space against that at rest.
+/// Largest scale of a joint's space relative to the rest pose.
 fn stretch_of_pose(asset: &Asset, model_from_joint: &[Affine3A]) -> f32 {
     let square = |a: &Affine3A| {
         let m = a.matrix3;

@@ -26,7 +26,7 @@ pub(super) struct MeshContext<'a> {
     /// Index into `Planner::skins`.
     pub skin: Option<usize>,
     pub weights: &'a [f32],
-    /// Range of the mesh's active morph targets among the plan's, once they are added.
+    /// Range of the mesh's active morph targets in the plan's list, once they are added.
     pub morphs: Option<(u32, u32)>,
 }
 
@@ -48,7 +48,7 @@ pub(super) struct PrimitiveContext<'a> {
     effects: SurfaceEffects,
     pen: Option<LineStyle>,
     tint: Vec4,
-    /// Bounds in model space, of a skinned model that its file places several times.
+    /// Bounds in model space, for a skinned model that its file places several times.
     bounds_in_model: Option<Aabb>,
     smooth_cutouts: bool,
 }
@@ -60,11 +60,11 @@ struct CopyContext {
     /// Line width as in [`Instance::width`].
     width: f32,
     bounds: Aabb,
-    /// Bounds with outlines and thick lines in metres.
+    /// Bounds widened by outlines and thick lines whose width is in meters.
     drawn_bounds: Aabb,
-    /// Outlines and thick lines around these, as a share of the image's height.
+    /// Margin around `drawn_bounds` for outlines and thick lines whose width is on screen, as a share of the image's height.
     drawn_margin: f32,
-    /// Outside the view.
+    /// Whether the copy is outside the view.
     culled: bool,
 }
 
@@ -84,7 +84,7 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// Features with which effects on a surface sample the sky behind it.
+    /// Features for effects on a surface that sample the sky behind it.
     fn sky_of_effects(&self, effects: &SurfaceEffects) -> Features {
         let sampled = effects.surface != 0 && self.sky && self.sky_background;
         Features::SKY.with(self.display.features).when(sampled)
@@ -156,7 +156,7 @@ impl<'a> Planner<'a> {
         Some(context)
     }
 
-    /// `None` if the copy is neither drawn nor casts a shadow.
+    /// Plans one copy; `None` if it is neither drawn nor casts a shadow.
     fn copy(
         &mut self,
         p: &PrimitiveContext,
@@ -187,7 +187,7 @@ impl<'a> Planner<'a> {
         let bounds = grown(bounds, p.effects.reach);
         let (outline_meters, outline_share) = self.outline_width(&p.entry, p.material_override, mesh.actor);
         let drawn_bounds = grown(bounds, outline_meters + (-width).max(0.0));
-        // Half the line width to each side, and no less than half a pixel.
+        // Half the line width on each side, at least half a pixel.
         let line_share = if p.pen.is_some() { (0.5 * width + 1.0) / size[1] as f32 } else { 0.0 };
         let drawn_margin = outline_share.max(line_share);
         let margin = Vec2::new(drawn_margin * size[1] as f32 / size[0].max(1) as f32, drawn_margin) * 2.0;
@@ -305,12 +305,12 @@ impl<'a> Planner<'a> {
         let CopyContext { relative_from_mesh, width, culled, .. } = *copy;
         let mut instance = Instance { relative_from_mesh, tint: p.tint, width, ..Instance::default() };
         if let Some(s) = p.skin {
-            // The matrices of a mere caster are added once a shadow map shows it.
+            // The matrices of a copy that only casts a shadow are added once a shadow map shows it.
             if !culled {
                 instance.first_joint = self.first_joint(s);
             }
         } else if self.options.force_all {
-            // A skin of one joint, to which every vertex is bound with weight 1.
+            // The instance gets a skin of one joint, to which every vertex is bound with weight 1.
             instance.first_joint = self.joint_matrices.len() as u32;
             self.joint_matrices.push(relative_from_mesh);
         }
@@ -330,7 +330,7 @@ impl<'a> Planner<'a> {
     }
 
     /// Number of a copy's indices ([`crate::scene_resources::watertight::WatertightOrder::indices`]) that belong to watertight
-    /// surfaces. `one_handed`: no joint mirrors or flattens what others do not.
+    /// surfaces. `one_handed`: the determinants of all joints have the same sign.
     fn watertight(&self, primitive: u32, key: &PipelineKey, one_handed: bool) -> u32 {
         let solid = key.topology == TopologyKey::Triangles
             && key.double_sided
@@ -344,7 +344,7 @@ impl<'a> Planner<'a> {
     }
 }
 
-/// The material's base color where clips animate it, else white.
+/// The material's base color if clips animate it, else white.
 fn animated_base_color(entry: &PrimitiveEntry, asset: &Asset, state: &ActorState) -> Vec4 {
     entry.animated_color.map_or(Vec4::ONE, |m| {
         let rest = asset.materials.get(m as usize).map_or(Vec4::ONE, |m| m.base_color);
@@ -352,7 +352,7 @@ fn animated_base_color(entry: &PrimitiveEntry, asset: &Asset, state: &ActorState
     })
 }
 
-/// relative-from-mesh; relative-from-model if the copy's transform is applied after the skin.
+/// relative-from-mesh; relative-from-model if the transform is applied after the skin.
 pub(super) fn copy_transform(
     p: &PrimitiveContext,
     mesh: &MeshContext,

@@ -1,4 +1,4 @@
-//! Snapshot → plan: what is in view, which pipelines and matrices it needs, and in which order it is drawn.
+//! Snapshot → plan: what is in view, the pipelines and matrices that it needs, and the order of drawing.
 
 mod deferred;
 mod display;
@@ -51,7 +51,7 @@ use glam::{DAffine3, Vec3};
 use std::sync::Arc;
 
 impl Plan {
-    /// The same input gives the same plan, bit for bit.
+    /// Plans a frame. The same input gives the same plan, bit for bit.
     pub fn new(
         resources: &SceneResources,
         stage: &Stage,
@@ -116,13 +116,13 @@ struct Planner<'a> {
     view: View,
     time: Time,
     display: Display,
-    /// Point or spot lights shine.
+    /// Whether point or spot lights shine.
     local_lights: bool,
-    /// Some light falls off by a polynomial.
+    /// Whether some light has a polynomial falloff.
     polynomial: bool,
-    /// The sky lights surfaces.
+    /// Whether the sky lights surfaces.
     sky: bool,
-    /// The sky is drawn behind everything.
+    /// Whether the sky is drawn as the background.
     sky_background: bool,
     stage: &'a Stage,
     snapshot: &'a Snapshot,
@@ -137,15 +137,15 @@ struct Planner<'a> {
     overrides_of_actor: Vec<(u32, u32, u32)>,
     /// Levels of detail of the current actor.
     levels: ActorLevels<'a>,
-    /// Some light casts shadows, so that casters outside the view count, too.
+    /// Whether some light casts shadows, so that casters outside the view count, too.
     casting: bool,
     casters: Vec<ShadowCaster>,
-    /// Outlines and wireframes of effects, and what has them (empty: everything).
+    /// Outlines and wireframes of effects with their targets (empty: everything).
     effect_lines: Vec<(SurfaceLine, Vec<EffectTarget>)>,
     scene_effects: Vec<SceneEffect>,
     /// Faults of effects that were found so far.
     effect_faults: Vec<PlanFault>,
-    /// Set if an effect reads motion.
+    /// Set if an effect reads motion vectors.
     before: Option<FrameBefore<'a>>,
     /// Index into `material_overrides` of each outline material made so far.
     outline_materials: Vec<(OutlineKey, u32)>,
@@ -205,7 +205,7 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// A material as it is in this frame.
+    /// A material with its override in this frame, if any.
     fn material(&self, material: u32, material_override: Option<u32>) -> &MaterialResource {
         match material_override {
             Some(at) => &self.material_overrides[at as usize],
@@ -213,14 +213,14 @@ impl<'a> Planner<'a> {
         }
     }
 
-    /// Items that are lit and whose actors receive shadows read the shadow maps.
+    /// Adds the shadow feature to lit items whose actors receive shadows.
     fn receive_shadows(&mut self) {
         let receives = |i: &DrawItem| self.stage.actors[i.actor as usize].shadow.receive;
         let lit = self.items.iter_mut().filter(|i| i.pipeline.features.is_lit() && receives(i));
         lit.for_each(|i| i.pipeline.features = i.pipeline.features.with(Features::SHADOW));
     }
 
-    // The plan's list of fields makes it longer than 80 lines.
+    // Longer than 80 lines, because the plan has many fields.
     fn finish(mut self, snapshot: &Snapshot, mut lights: Vec<PlanLight>, shadows: &[Option<Shadow>]) -> Plan {
         let (stage, options) = (self.stage, self.options);
         let lit = self.facts.lit_drawn || options.force_all;

@@ -27,7 +27,7 @@ pub(super) enum SurfaceLine {
 pub(super) type OutlineKey = (usize, u32, Option<u32>);
 
 impl SurfaceLine {
-    /// A wireframe keeps its color where an outline's is.
+    /// The outline of this line's material. A wireframe only has a color.
     fn outline(&self) -> Outline {
         match self {
             SurfaceLine::Outline(outline) => outline.clone(),
@@ -42,7 +42,7 @@ impl SurfaceLine {
     }
 }
 
-/// Outlines and wireframes of the active effects, and what has them; faulty ones are reported.
+/// Outlines and wireframes of the active effects with their targets. Faulty ones are reported and left out.
 pub(super) fn effect_lines(
     stage: &Stage,
     snapshot: &Snapshot,
@@ -81,7 +81,7 @@ pub(super) fn effect_lines(
 }
 
 impl Planner<'_> {
-    /// Largest outline width around a primitive of an actor: metres, and a share of the image's height.
+    /// Largest outline width around a primitive of an actor: in meters, and as a share of the image's height.
     pub(crate) fn outline_width(
         &self,
         entry: &PrimitiveEntry,
@@ -120,7 +120,7 @@ impl Planner<'_> {
             let topology = if wireframe { TopologyKey::Lines } else { key.topology };
             let features = features.with(vertex_features);
             let pipeline = PipelineKey { features, topology, double_sided: wireframe, ..key }.of_lit();
-            // An outline of a transparent surface is drawn before it, to show around it and not through it.
+            // The outline of a transparent surface is drawn before it, so that it shows around the surface but not through it.
             let behind = item.phase == DrawPhase::Transparent && !wireframe;
             let depth = if behind { item.depth.next_up() } else { item.depth };
             self.items.push(DrawItem { pipeline, material_override, depth, watertight: 0, ..*item });

@@ -13,7 +13,7 @@ use choreo_asset::Aabb;
 use choreo_stage::Pipeline;
 use glam::Vec2;
 
-/// Share of its box's screen rectangle that a mesh fills: a sphere 0.79, a quad that faces the camera 1, a person half.
+/// Share of its screen rectangle that a mesh fills: a sphere 0.79, a quad that faces the camera 1, a person half.
 const FILLED: f32 = 0.7;
 /// Number of depth slices that are sampled for a box.
 const SLICE_SAMPLES: u32 = 4;
@@ -24,37 +24,37 @@ type Batch = (PipelineKey, u32, Option<u32>);
 /// Bounds of lit opaque copies in view.
 pub(super) struct OverdrawEstimate(Vec<(Batch, Aabb)>);
 
-/// Means over the screen tiles that anything covers.
+/// Means over the covered screen tiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct WastedLights {
-    /// Lights that a surface evaluates.
+    /// Lights that each shaded surface evaluates.
     pub lights: f32,
-    /// Overlapping surfaces in random order.
+    /// Number of overlapping surfaces in random order.
     pub surfaces: f32,
     /// Light evaluations per pixel that forward shading wastes.
     pub wasted: f32,
 }
 
-/// Coverage of a screen tile, in shares of it.
+/// Coverage of a screen tile by boxes, as shares of its area.
 #[derive(Clone, Copy, Default)]
 struct TileCoverage {
-    /// Coverage by batches, each at most 1.
+    /// Sum over the batches, each at most 1.
     surfaces: f32,
-    /// The current batch.
+    /// Sum over the boxes of the current batch.
     of_batch: f32,
-    /// All boxes.
+    /// Sum over all boxes.
     all: f32,
-    /// All boxes, each times the lights that it evaluates.
+    /// Sum over all boxes of their share times the lights that they evaluate.
     lights: f32,
 }
 
 impl OverdrawEstimate {
-    /// `None` if no estimate is needed.
+    /// An empty estimate; `None` if none is needed.
     pub fn of(pipeline: Pipeline, options: &PlanOptions) -> Option<OverdrawEstimate> {
         (pipeline == Pipeline::Auto && options.samples == 1).then(|| OverdrawEstimate(Vec::new()))
     }
 
-    /// `lights`: their number, and the clusters of those with a range.
+    /// Estimates the waste of forward shading. `lights`: their number, and the clusters of those with a range.
     pub fn wasted(
         &self,
         view: &View,
@@ -137,7 +137,7 @@ fn shares(
 }
 
 impl Planner<'_> {
-    /// Notes the bounds of an actor's copy in view, if it is lit. `material`: its material and override.
+    /// Records the bounds of an actor's copy in view, if it is lit. `material`: its material and override.
     pub(crate) fn add_receiver(
         &mut self,
         actor: usize,

@@ -1,4 +1,4 @@
-//! Triangles, lines, points and grids of effects as triangles on the screen, the same for both renderers.
+//! Overlays of effects (triangles, lines, points and grids) as screen triangles, the same for both renderers.
 
 use crate::effect_faults::{FaultPlace, PlanFault};
 use crate::layers_2d::ScreenLabel;
@@ -9,7 +9,7 @@ use choreo_plugin::{Effect, EffectScene, Label, Lattice, Overlay, Stroke, Triang
 use choreo_stage::{Snapshot, Stage};
 use glam::{DVec3, Vec2, Vec4, Vec4Swizzles};
 
-/// Largest number of labels: nobody could read more.
+/// Largest number of labels; more would be unreadable.
 const MOST_LABELS: usize = 2_000;
 
 /// The overlays of a frame.
@@ -36,7 +36,7 @@ pub(crate) fn overlays(
         let mut drawn = drawing
             .overlay(&EffectScene { stage, snapshot, before: options.before, on: &used.on }, &parameters);
         leave_out_faulty(effect, &mut drawn, faults);
-        // Six vertices of 64 bytes for each stroke: 38 MB.
+        // Six vertices of 64 bytes for each stroke: 38 MB at most.
         let most = Overlay::MOST;
         let counts = [("lines and points", drawn.strokes.len()), ("triangles", drawn.triangles.len())];
         let many = counts.into_iter().filter(|(_, count)| *count > most);
@@ -64,7 +64,7 @@ pub(crate) fn overlays(
     all
 }
 
-/// Takes parts whose numbers are not finite out of an overlay, and reports one fault for each kind.
+/// Removes parts of an overlay whose numbers are not finite, and reports one fault for each kind.
 fn leave_out_faulty(effect: &Effect, drawn: &mut Overlay, faults: &mut Vec<PlanFault>) {
     let mut is_good = |result: &[f32], places: &[DVec3], place: FaultPlace| {
         let far = places.iter().all(|place| place.is_finite());
@@ -88,7 +88,7 @@ fn leave_out_faulty(effect: &Effect, drawn: &mut Overlay, faults: &mut Vec<PlanF
     drawn.labels.retain(|l| is_good(&with(l.color, [l.size, l.beside, 0.0]), &[l.at], FaultPlace::Label));
 }
 
-/// A label at its position in the image; `None` outside of it.
+/// A label at its position in the image; `None` if that is outside the image.
 fn label(l: Label, view: &View) -> Option<ScreenLabel> {
     let clip = view.clip_from_relative * (l.at - view.position).as_vec3().extend(1.0);
     let seen = clip.w > 1e-6 && clip.z <= clip.w && clip.x.abs() <= clip.w && clip.y.abs() <= clip.w;
@@ -103,7 +103,7 @@ fn label(l: Label, view: &View) -> Option<ScreenLabel> {
     })
 }
 
-/// Triangles in view, back to front by the depth of their centers; with equal depths in the given order.
+/// Triangles in view, back to front by the depth of their centers; those of equal depth keep their order.
 fn triangles(all: &[Triangle], view: &View, out: &mut Vec<OverlayVertex>) {
     let mut seen: Vec<(f32, [Vec4; 3], Vec4)> = Vec::new();
     for t in all.iter().filter(|t| t.color.is_finite() && t.color.w > 0.0) {
@@ -123,14 +123,14 @@ fn triangles(all: &[Triangle], view: &View, out: &mut Vec<OverlayVertex>) {
     out.extend(seen.into_iter().flat_map(|(_, clip, color)| clip.map(|clip| vertex(clip, color))));
 }
 
-/// A rectangle in the image plane around the visible part of a line, larger by half its width and a pixel.
+/// The visible part of a line as a rectangle in the image plane, larger on all sides by half the line's width and a pixel.
 fn stroke(s: &Stroke, view: &View, size: Vec2, out: &mut Vec<OverlayVertex>) {
     let clip = |world: DVec3| {
         let relative = (world - view.position).as_vec3();
         view.clip_from_relative * relative.extend(1.0)
     };
     let Some([a, b]) = clipped(clip(s.from), clip(s.to)) else { return };
-    // Interpolated linearly in the image.
+    // Attributes are interpolated linearly in the image, so w is divided out here.
     let flat = |c: Vec4| (c.xyz() / c.w).extend(1.0);
     let (a, b) = (flat(a), flat(b));
     if !a.is_finite() || !b.is_finite() || !s.color.is_finite() {
@@ -159,7 +159,7 @@ fn stroke(s: &Stroke, view: &View, size: Vec2, out: &mut Vec<OverlayVertex>) {
     out.extend([0, 1, 2, 2, 1, 3].map(|i| vertices[i]));
 }
 
-/// The part of a segment between the near and the far plane, and not far outside the image.
+/// The part of a segment between the near and far planes and within twice the image.
 fn clipped(a: Vec4, b: Vec4) -> Option<[Vec4; 2]> {
     // Reversed Z: nearer than the near plane is z > w. Thick lines reach into the image from outside.
     let planes = |c: Vec4| {
@@ -179,8 +179,8 @@ fn clipped(a: Vec4, b: Vec4) -> Option<[Vec4; 2]> {
     (from <= to).then(|| [a + (b - a) * from, a + (b - a) * to])
 }
 
-/// A square of a grid's plane around the point below the camera. Positions count cells from a thick line nearby, so that they
-/// are small wherever the camera is.
+/// A square of a grid's plane around the point below the camera. Positions count cells from a nearby thick line, so that they are
+/// small wherever the camera is.
 fn lattice(l: &Lattice, view: &View, out: &mut Vec<OverlayVertex>) {
     let good = l.cell > 0.0 && l.cell.is_finite() && l.fade > 0.0 && l.fade.is_finite();
     if !good || !l.origin.is_finite() || !l.along.iter().all(|a| a.is_finite()) {
@@ -189,8 +189,8 @@ fn lattice(l: &Lattice, view: &View, out: &mut Vec<OverlayVertex>) {
     let every = f64::from(l.every.max(1));
     let period = l.cell * every;
     let beside = view.position - l.origin;
-    // The crossing of thick lines next to the point below the camera, and that point from there; in f64, so exact far from the
-    // origin.
+    // The crossing of thick lines nearest to the point below the camera, and that point relative to the crossing, in f64, so
+    // exact far from the origin.
     let foot = l.along.map(|a| beside.dot(a));
     let crossing = foot.map(|f| libm::floor(f / period + 0.5) * period);
     let middle = l.origin + l.along[0] * crossing[0] + l.along[1] * crossing[1];

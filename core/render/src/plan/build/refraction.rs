@@ -1,4 +1,4 @@
-//! The scene color copy of a frame: whether one is needed, and how far it is blurred.
+//! The scene color copy of a frame: whether one is needed, and its number of mip levels.
 
 use crate::plan::build::Planner;
 use crate::plan::scene_color_copy::blur;
@@ -10,7 +10,7 @@ impl Planner<'_> {
         let refracting = self.items.iter().filter(|i| i.pipeline.glass == Glass::Refract);
         let blurs = refracting.map(|item| {
             let material = &self.material(item.entry.material, item.material_override).material;
-            // A roughness texture only reduces it.
+            // A roughness texture can only reduce the roughness.
             material.layers.as_deref().map_or(0.0, |l| blur(material.roughness, l.iors().max_element()))
         });
         let most = blurs.reduce(f32::max)?;

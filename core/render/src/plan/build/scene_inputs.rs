@@ -1,4 +1,4 @@
-//! Inputs of effects on images: which of them the frame draws and computes, and the draws of their pass.
+//! Inputs of effects on images: which of them the frame draws and computes, and the draws of the pass.
 
 use crate::affine::Affine3x4;
 use crate::plan::build::Planner;
@@ -19,7 +19,7 @@ use glam::{DAffine3, DMat4, Vec3, Vec4};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// The inputs from the scene that the active effects on images read, and those that are passes of the frame.
+/// The scene inputs that the active effects on images read, and those that the passes of the frame need.
 pub(crate) fn inputs_of(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> SceneInputs {
     let images = uses(stage, snapshot, options.effects).filter(|(effect, ..)| effect.hook() == Hook::Image);
     let wanted = match options.wish {
@@ -31,7 +31,7 @@ pub(crate) fn inputs_of(stage: &Stage, snapshot: &Snapshot, options: &PlanOption
     images.fold(wanted, |all, (effect, ..)| all.union(effect.scene_inputs()))
 }
 
-/// Whether motion vectors are read: ids are drawn with them, but do without the frame before.
+/// Whether motion vectors are read. ID passes are drawn with them, but do not need the frame before.
 pub(crate) fn reads_motion(stage: &Stage, snapshot: &Snapshot, options: &PlanOptions) -> bool {
     let wish = match options.wish {
         FrameWish::Scene(passes) => FrameWish::Scene(Passes { id: false, ..passes }),
@@ -44,7 +44,7 @@ pub(crate) fn reads_motion(stage: &Stage, snapshot: &Snapshot, options: &PlanOpt
 pub(super) struct FrameBefore<'a> {
     snapshot: &'a Snapshot,
     view: View,
-    /// Skins of the current actor as they were, by their number in its asset, with their first joint.
+    /// Skins of the current actor in the frame before: index of the skin in the asset, and its first joint in the plan.
     skins: Vec<(u32, u32)>,
 }
 
@@ -55,12 +55,13 @@ impl<'a> FrameBefore<'a> {
 }
 
 impl<'a> Planner<'a> {
-    /// The next actor begins.
+    /// Forgets the skins of the actor before, when the next one begins.
     pub(super) fn forget_skins_before(&mut self) {
         self.before.iter_mut().for_each(|before| before.skins.clear());
     }
 
-    /// A copy's instance as it was one frame before; an actor that was not in view then as it is now, seen by the camera of then.
+    /// A copy's instance one frame before, relative to the camera of that frame. An actor that was not in view then keeps its
+    /// current state.
     pub(super) fn instance_before(
         &mut self,
         p: &PrimitiveContext,
@@ -112,7 +113,8 @@ impl<'a> Planner<'a> {
         instance.morph_count = self.morphs.len() as u32 - instance.first_morph;
     }
 
-    /// The pass of the inputs, with instances that follow those of the frame; `None` if no effect reads depth or motion.
+    /// The pass of the inputs, whose instances are appended to those of the frame; `None` if nothing reads depth, normals or
+    /// motion.
     pub(super) fn input_pass(
         &self,
         inputs: SceneInputs,
@@ -150,7 +152,7 @@ impl<'a> Planner<'a> {
             instance_actors.push(item.actor);
         }
         if inputs.motion {
-            // In the first frame nothing has moved.
+            // The first frame has no motion.
             instances.extend(drawn.iter().map(|item| item.before.unwrap_or(item.instance)));
             instance_actors.extend(drawn.iter().map(|item| item.actor));
         }
@@ -174,7 +176,7 @@ impl<'a> Planner<'a> {
         reads.map(|(effect, ..)| effect.manifest().name.clone()).collect()
     }
 
-    /// The pipeline key of an item in the pass of the inputs.
+    /// Pipeline key of an item in the pass of the inputs.
     fn input_key(&self, item: &DrawItem) -> PipelineKey {
         let key = item.pipeline;
         let shape = self.resources.primitives[item.entry.primitive as usize].primitive();
@@ -205,7 +207,7 @@ impl MaterialNames {
         all.add(UNNAMED);
         let mut last: Option<&Arc<Asset>> = None;
         for asset in stage.actors.iter().map(|actor| &actor.asset) {
-            // A crowd shares its model.
+            // Consecutive actors of a crowd share one model.
             if !last.is_some_and(|last| Arc::ptr_eq(last, asset)) {
                 asset.materials.iter().for_each(|material| all.add(&material.name));
             }
@@ -225,7 +227,7 @@ impl MaterialNames {
         let materials = &stage.actors[item.actor as usize].asset.materials;
         let material = item.entry.of_asset.and_then(|index| materials.get(index as usize));
         let name = material.map_or("", |material| material.name.as_str());
-        // The first is that of materials without one.
+        // Number 1 is the name of materials without one.
         self.numbers.get(name).copied().unwrap_or(1)
     }
 }
@@ -233,13 +235,13 @@ impl MaterialNames {
 /// The name of materials that have none, and of surfaces without a material.
 const UNNAMED: &str = "unnamed";
 
-/// Opaque and cut-out triangles, without outlines and the edges of wireframes.
+/// Whether the pass of the inputs draws a key: opaque and cut-out triangles, without outlines and wireframes.
 fn in_inputs(key: &PipelineKey) -> bool {
     let lines = Features::OUTLINE.with(Features::WIREFRAME).with(Features::THICK_LINES);
     key.topology == TopologyKey::Triangles && !key.is_transparent() && !key.features.has_any(lines)
 }
 
-/// Time and number of the frame.
+/// Time in seconds and number of the frame.
 pub(super) fn frame_times(stage: &Stage, snapshot: &Snapshot) -> EffectFrame {
     let fps = stage.settings.fps;
     EffectFrame {

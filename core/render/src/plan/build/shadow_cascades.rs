@@ -1,5 +1,5 @@
-//! Fits shadow maps: a directional light's to where its shadows can be seen, in cascades if these reach far; a spot light has one
-//! map, a point light up to six.
+//! Fits shadow maps. A directional light gets maps that cover its visible shadows, in cascades if these reach far; a spot light
+//! gets one map, a point light up to six.
 //!
 //! Texels of a directional light's map lie on a grid that is fixed in the world, and their size changes in steps, so that shadows
 //! do not swim.
@@ -21,7 +21,7 @@ const MAX_CASCADES: usize = 5;
 const FILTER: f64 = 3.0;
 /// Margin on each side in texels: the filter's reach and the offset along the normal.
 const MARGIN: f64 = 6.0;
-/// Near plane of point and spot lights in metres: casters nearer than this (the bulb) throw no shadow.
+/// Near plane of point and spot lights in meters. Casters nearer than this (the bulb) cast no shadow.
 const NEAR: f64 = 0.05;
 
 /// Everything in view and everything that casts shadows, in camera-relative space.
@@ -34,7 +34,7 @@ pub(super) struct ShadowRegion<'a> {
     pub casters: &'a [CasterBounds],
 }
 
-/// A shadow map before it has its place in the image.
+/// A shadow map before it is placed in the shared image.
 pub(super) struct FittedMap {
     pub clip_from_relative: Mat4,
     pub size: [u32; 2],
@@ -45,7 +45,7 @@ pub(super) struct FittedMap {
     pub casters: Vec<usize>,
 }
 
-/// Shadow maps of one light; none if nothing casts on what it lights.
+/// Shadow maps of one light; none if no caster shadows a receiver.
 pub(super) fn fit(light: &PlanLight, shadow: Shadow, region: &ShadowRegion<'_>) -> Vec<FittedMap> {
     let direction = light.direction.as_dvec3().normalize_or(DVec3::NEG_Y);
     let most = f64::from(shadow.size.clamp(*Shadow::SIZES.start(), *Shadow::SIZES.end()) / 16 * 16);
@@ -60,7 +60,7 @@ pub(super) fn fit(light: &PlanLight, shadow: Shadow, region: &ShadowRegion<'_>) 
     }
 }
 
-/// Right, up and forward of a light, as a camera's: orthonormal.
+/// Right, up and forward axes of a light, orthonormal, as a camera's.
 #[derive(Clone, Copy)]
 pub(super) struct Axes {
     pub right: DVec3,
@@ -130,10 +130,10 @@ fn slice(region: &ShadowRegion<'_>, from: f64, to: f64) -> (DVec3, f64) {
     (back * -depth, radius)
 }
 
-/// How wide the edges of a directional light's shadows are.
+/// Width of the shadow edges of a directional light.
 #[derive(Clone, Copy)]
 enum Edge {
-    /// Metres.
+    /// Fixed width in meters.
     Fixed(f64),
     /// Penumbra of the sun's disc: width per distance between caster and receiver.
     Sun(f64),
@@ -147,7 +147,7 @@ impl Edge {
         }
     }
 
-    /// Texels beside a map that its lookups reach: half the filter, and the offset along the normal.
+    /// Texels around a map that its lookups reach: half the filter, and the offset along the normal.
     fn margin(self) -> f64 {
         match self {
             Edge::Fixed(_) => MARGIN,
@@ -155,7 +155,7 @@ impl Edge {
         }
     }
 
-    /// Finer texels than this show nothing more. `pixel`: its size where the map begins.
+    /// Finest useful texel size in meters. `pixel`: size of a pixel at the beginning of the map, in meters.
     fn finest(self, pixel: f64) -> f64 {
         match self {
             Edge::Fixed(softness) => softness / FILTER,
@@ -163,14 +163,15 @@ impl Edge {
         }
     }
 
-    /// The coarsest texels that a map may have before another follows: the first one edges of 6 pixels, the others of 12.
+    /// Coarsest texel size that a map may have before another cascade begins: edges of 6 pixels in the first cascade, of 12 in
+    /// others.
     fn coarsest(self, cascade: usize, pixel: f64) -> f64 {
         let pixels = if cascade == 0 { 2.0 } else { 4.0 };
         (pixels * pixel).max(1.2 * self.finest(0.0))
     }
 }
 
-/// Depths at which a cascade may end behind `from`, in steps that are fixed so that small movements change nothing.
+/// Depths beyond `from` at which a cascade may end, in fixed steps, so that small movements change nothing.
 fn ends(from: f64, view: &View) -> impl Iterator<Item = f64> {
     let perspective = view.eye.w != 0.0;
     let start =
@@ -183,9 +184,9 @@ fn ends(from: f64, view: &View) -> impl Iterator<Item = f64> {
 }
 
 /// Cascades from near to far (Zhang et al., "Parallel-Split Shadow Maps for Large-scale Virtual Environments", 2006), fitted to
-/// where shadows can be seen, as sample distribution shadow maps (Lauritzen et al. 2010) are to what a depth buffer shows, which the
-/// planner does not have. A cascade ends where its texels would become too coarse for where it begins, and the next one begins
-/// where a shadow volume goes on; so nothing farther away changes a cascade, however large the scene is.
+/// visible shadows. Sample distribution shadow maps (Lauritzen et al. 2010) fit to a depth buffer, which the planner does not
+/// have. A cascade ends before its texels become too coarse for its near end, and the next one begins where a shadow volume
+/// continues, so nothing farther away changes a cascade, however large the scene is.
 fn cascades(axes: Axes, most: f64, edge: Edge, region: &ShadowRegion<'_>) -> Vec<FittedMap> {
     let spread = if let Edge::Sun(spread) = edge { spread } else { 0.0 };
     let volumes = shadow_volumes(&axes, spread, region);
@@ -202,7 +203,7 @@ fn cascades(axes: Axes, most: f64, edge: Edge, region: &ShadowRegion<'_>) -> Vec
         let Some(nearest) = rest.iter().map(|v| v.view_depths.0[0]).reduce(f64::min) else { break };
         let farthest = rest.iter().map(|v| v.view_depths.0[1]).fold(nearest, f64::max);
         from = nearest.max(from);
-        // A volume around the camera would begin at the near plane, which demands far more sharpness than its visible part needs.
+        // A volume around the camera begins at the near plane, which would demand far finer texels than its visible part needs.
         let sharp =
             |v: &&ShadowVolume| v.view_depths.0[0] * if v.at_camera && perspective { 64.0 } else { 1.0 };
         let sharpest = rest.iter().map(sharp).fold(f64::INFINITY, f64::min).max(from);
@@ -227,7 +228,7 @@ fn cascades(axes: Axes, most: f64, edge: Edge, region: &ShadowRegion<'_>) -> Vec
     maps
 }
 
-/// Extents of shadow volumes between two depths, along the axes of the light.
+/// Extents of the shadow volumes between two depths, along the axes of the light.
 struct DepthRange<'a> {
     across: Span,
     up: Span,
@@ -257,17 +258,17 @@ impl<'a> DepthRange<'a> {
         }
     }
 
-    /// The longer side.
+    /// The longer side in meters.
     fn side(&self) -> f64 {
         self.across.length().max(self.up.length())
     }
 
-    /// `None` if nothing casts in it.
+    /// The map of this range; `None` if nothing casts a shadow in it.
     fn map(&self, axes: &Axes, texel: f64, edge: Edge, region: &ShadowRegion<'_>) -> Option<FittedMap> {
         if !(self.across.length() >= 0.0 && self.up.length() >= 0.0 && self.deep.length() >= 0.0) {
             return None;
         }
-        // Texel borders lie at whole multiples of a texel in the world.
+        // Texel borders lie at multiples of the texel size in world space.
         let margin = edge.margin() * texel;
         let grid = |v: f64, world: f64, round: fn(f64) -> f64| round((v + world) / texel) * texel - world;
         let (at_x, at_y) = (axes.right.dot(region.view.position), axes.up.dot(region.view.position));
@@ -283,7 +284,7 @@ impl<'a> DepthRange<'a> {
             let beside =
                 v.across.0[1] < left || v.across.0[0] > right || v.up.0[1] < bottom || v.up.0[0] > top;
             let z = Span::of(&region.casters[v.caster].bounds, axes.forward);
-            // A caster behind everything lit shades nothing.
+            // A caster behind all receivers shadows nothing.
             if beside || z.0[0] > self.deep.0[1] || !z.is_finite() {
                 continue;
             }
@@ -319,7 +320,7 @@ fn fitted(rows: [DVec4; 4], size: [u32; 2], texel: f64, casters: Vec<usize>) -> 
     })
 }
 
-/// Maps of a spot light's cone, or of the faces of a cube around a light that see casters.
+/// Maps of a spot light's cone, or of the cube faces of a light in which casters lie.
 fn perspective_maps(
     light: &PlanLight,
     direction: DVec3,
@@ -329,7 +330,7 @@ fn perspective_maps(
 ) -> Vec<FittedMap> {
     let position = light.position.as_dvec3();
     let cos_outer = f64::from(light.cos_outer()).clamp(-1.0, 1.0);
-    // The maps must be sharp at the distance of the center of what is lit.
+    // Texel sizes are chosen for the distance to the center of the receivers.
     let middle = region.receivers.iter().fold(DVec3::ZERO, |sum, b| sum + b.center().as_dvec3())
         / region.receivers.len() as f64;
     let distance = middle.distance(position).max(0.1);
@@ -351,7 +352,7 @@ fn perspective_maps(
         nearest.distance_squared(position) <= lit.min(range)
     };
     let map = |axes: Axes, tan: f64, side: f64| {
-        // Wider by the margin, so that the filter has its texels at the edge of the cone or face.
+        // Widened by the margin, so that the filter finds texels at the edge of the cone or face.
         let tan = tan * side / (side - 2.0 * MARGIN);
         let row = |axis: DVec3| axis.extend(-axis.dot(position));
         let depth = DVec4::new(0.0, 0.0, 0.0, NEAR);
@@ -365,7 +366,7 @@ fn perspective_maps(
         }
         fitted(rows, [side as u32; 2], 2.0 * tan / side, casters)
     };
-    // One map suffices up to 60° to each side; wider ones would spend their texels on the rim.
+    // One map suffices for cones up to 60° to each side; a wider one would spend its texels on the rim.
     if cos_outer >= 0.5 {
         let tan = (1.0 - cos_outer * cos_outer).sqrt() / cos_outer;
         return map(Axes::along(direction), tan.max(1e-3), side(tan)).into_iter().collect();
@@ -456,7 +457,7 @@ mod tests {
                 assert!(p.x.abs() < 1.0 && p.y.abs() < 1.0 && (0.0..=1.0).contains(&p.z), "{p}");
             }
         }
-        // Nearer to the light is greater.
+        // Reversed Z: a place nearer to the light has a greater depth.
         assert!(place(DVec3::Y).z > place(DVec3::ZERO).z);
     }
 
@@ -511,7 +512,7 @@ mod tests {
                 assert_eq!((large.len(), large[0].texel, large[0].size), (1, small[0].texel, small[0].size));
             }
         }
-        // A shelf at the same height shades what is under it and seen.
+        // A `shelf` at the same height shades the floor under it, which is visible.
         let shelf = Aabb { min: Vec3::new(-0.5, -0.5, -8.5), max: Vec3::new(0.5, -0.5, -7.5) };
         let filled = Some([shelf.center().as_dvec3(), DVec3::X * 0.5, DVec3::ZERO, DVec3::Z * 0.5]);
         let floor = Aabb { min: Vec3::new(-9.0, -1.0, -19.0), max: Vec3::new(9.0, -1.0, 9.0) };
@@ -547,7 +548,7 @@ mod tests {
         }
     }
 
-    /// Along the ground ahead, the map that a shader samples is fine enough, or as fine as with a smaller shadow map.
+    /// The map that a shader samples on the ground ahead is fine enough, or as fine as with a smaller shadow map.
     #[test]
     fn more_texels_are_nowhere_coarser_than_fewer() {
         let sun = a_sun();
@@ -575,7 +576,7 @@ mod tests {
                 // A map with coarser texels has a wider margin, so that it ends a little later.
                 let near = &smaller[i.saturating_sub(3)..(i + 4).min(smaller.len())];
                 let few = near.iter().copied().fold(0.0, f32::max);
-                // Eight pixels, or nearly a texel of the softness; sizes increase in steps of a quarter octave.
+                // Fine enough is eight pixels, or nearly a texel of the softness; sizes increase in steps of a quarter octave.
                 let pixel = 2.0 * depth * libm::tanf(0.35) / 1440.0;
                 let fine = (8.0 * pixel).max(1.2 * softness / 3.0) * 1.19;
                 assert!(*many <= few.max(fine), "at {depth} m {many}, with fewer {few}, fine is {fine}");
@@ -620,7 +621,7 @@ mod tests {
         assert!((p.x / p.w).abs() < 1e-5 && (p.w - 3.0).abs() < 1e-4, "{p}");
         let lamp = fit_in(&v, &light(LightType::Point, Vec3::NEG_Y, at, Vec2::ZERO), 3.0);
         assert_eq!(lamp.len(), 1, "the caster is below; nothing else is in reach of the other faces");
-        // Beyond the light's range nothing casts.
+        // No caster counts beyond the light's range.
         let lamp = light(LightType::Point, Vec3::NEG_Y, at, Vec2::ZERO);
         let short = PlanLight { inverse_range_squared: 1.0, ..lamp };
         assert!(fit_in(&v, &short, 3.0).is_empty());

@@ -14,18 +14,18 @@ use glam::Vec4;
 pub(super) struct ShadowCaster {
     pub entry: PrimitiveEntry,
     pub material_override: Option<u32>,
-    /// Pipeline key of its depth pass.
+    /// Pipeline key of the caster's depth pass.
     pub key: PipelineKey,
     pub instance: Instance,
     pub bounds: CasterBounds,
-    /// Number of indices of watertight surfaces, for lights outside of it.
+    /// Number of indices of watertight surfaces, whose back faces are culled for lights outside the caster.
     pub watertight: u32,
     /// Index into `Planner::skins`.
     pub skin: Option<usize>,
     pub actor: u32,
 }
 
-/// A light's shadow map at its place in the image.
+/// A light's shadow map with its position in the shared image.
 pub(super) struct PlacedMap {
     light: u32,
     at: [u32; 2],
@@ -33,7 +33,7 @@ pub(super) struct PlacedMap {
 }
 
 impl Planner<'_> {
-    /// Shadow maps of all lights, as many as there is room for; each light gets the range of its views.
+    /// Fits the shadow maps of all lights, as many as fit the image, and gives each light the range of its views.
     pub(crate) fn fit_shadow_maps(
         &mut self,
         lights: &mut [PlanLight],
@@ -65,7 +65,7 @@ impl Planner<'_> {
         all
     }
 
-    /// Draws of each map, whose instances follow those of the frame.
+    /// The maps with their draws, whose instances are appended to those of the frame.
     pub fn shadow_maps(
         &mut self,
         maps: Vec<PlacedMap>,
@@ -81,7 +81,7 @@ impl Planner<'_> {
         let mut views = Vec::with_capacity(maps.len());
         for PlacedMap { light, at, map } in maps {
             let state = |c: &ShadowCaster| {
-                // Materials count only where they cut holes.
+                // Depth depends on a material only if that cuts holes.
                 let cut_out = c.key.features.has(Features::ALPHA_MASK);
                 let material = if cut_out { (c.entry.material, c.material_override) } else { (0, None) };
                 let outside = is_before(c.bounds.bounds, &map.clip_from_relative);

@@ -1,7 +1,7 @@
-//! Shadow volumes of a directional light: where in view the shadow of each caster can fall.
+//! Shadow volumes of a directional light: where in view each caster's shadow can fall.
 //!
-//! A caster's box is swept along the light through the box of all receivers. What of this is in view must lie in a shadow map;
-//! nothing else needs texels, however large the ground is.
+//! Each caster's box is swept along the light through the bounds of all receivers. The visible part of this volume must lie in a
+//! shadow map; nothing else needs texels, however large the ground is.
 
 use crate::plan::View;
 use crate::plan::build::shadow_cascades::{Axes, ShadowRegion, Span};
@@ -27,13 +27,13 @@ pub(super) struct ShadowVolume {
     pub across: Span,
     pub up: Span,
     pub deep: Span,
-    /// Depths in view.
+    /// Depths of the visible part, in meters in front of the camera.
     pub view_depths: Span,
-    /// Whether it reaches the near plane.
+    /// Whether the volume reaches the near plane.
     pub at_camera: bool,
 }
 
-/// Volumes of all casters whose shadow can be seen, the nearest first. `spread`: width of a penumbra per distance.
+/// Volumes of all casters with a visible shadow, the nearest first. `spread`: width of a penumbra per distance.
 pub(super) fn shadow_volumes(axes: &Axes, spread: f64, region: &ShadowRegion<'_>) -> Vec<ShadowVolume> {
     let lit = region.receivers.iter().fold(Aabb::EMPTY, |all, b| all.union(*b));
     let lit_across = Span::of(&lit, axes.right);
@@ -65,7 +65,7 @@ pub(super) fn shadow_volumes(axes: &Axes, spread: f64, region: &ShadowRegion<'_>
     all
 }
 
-/// Bounds of a box swept along a direction within another box, and how far it goes; `None` if it misses that.
+/// Bounds of a box swept along a direction through another box, and the swept distance; `None` if it misses that box.
 fn swept(b: &Aabb, forward: DVec3, within: &Aabb) -> Option<(Aabb, f64)> {
     let (min, max) = (b.min.as_dvec3(), b.max.as_dvec3());
     let (low, high) = (within.min.as_dvec3(), within.max.as_dvec3());
@@ -89,7 +89,7 @@ fn swept(b: &Aabb, forward: DVec3, within: &Aabb) -> Option<(Aabb, f64)> {
     Some((Aabb { min: start.max(low).as_vec3(), max: end.min(high).as_vec3() }, to))
 }
 
-/// Faces of a box, by vertices whose bits are the axes.
+/// Faces of a box as vertex indices, whose bits 0 to 2 select the maximum along x, y and z.
 pub(crate) const FACES: [[usize; 4]; 6] =
     [[0, 2, 6, 4], [1, 3, 7, 5], [0, 1, 5, 4], [2, 3, 7, 6], [0, 1, 3, 2], [4, 5, 7, 6]];
 
@@ -100,14 +100,14 @@ pub(crate) fn near_depth(view: &View) -> f64 {
     if view.eye.w == 0.0 { (m.w_axis.z - 1.0) / m.z_axis.z } else { m.w_axis.z / (1.0 + m.z_axis.z) }
 }
 
-/// Depths at which a box is in view, and whether it reaches the near plane; `None` if it is outside.
+/// Depths between which a box is in view, and whether it reaches the near plane; `None` if it is outside the view.
 fn visible_depths(b: &Aabb, view: &View) -> Option<(Span, bool)> {
     if outside(*b, &view.clip_from_relative, Vec2::ZERO) {
         return None;
     }
     let near = near_depth(view);
     let depths = Span::of(b, -view.view_from_relative.row(2).truncate().as_dvec3());
-    // A small box is not worth the exact intersection.
+    // The exact intersection does not pay for a box that is short in depth.
     if depths.0[0] > near && depths.0[1] < 2.0 * depths.0[0] {
         return Some((depths, false));
     }
@@ -142,8 +142,8 @@ fn corner_of_near_plane(view: &View, near: f64, b: &Aabb) -> bool {
     })
 }
 
-/// The part of a polygon that is in view: clip coordinates of its vertices, and something that is linear on it (Sutherland &
-/// Hodgman 1974).
+/// The part of a polygon that is in view: clip coordinates of its vertices, each with a value that is linear on the polygon
+/// (Sutherland & Hodgman 1974).
 pub(crate) fn in_frustum<T>(mut polygon: Vec<(DVec4, T)>) -> Vec<(DVec4, T)>
 where
     T: Copy + Add<Output = T> + Sub<Output = T> + Mul<f64, Output = T>,
@@ -168,9 +168,9 @@ where
     polygon
 }
 
-/// Whether a filled rectangle or box throws a shadow on anything but itself that can be seen. It is convex, so that its lit faces
-/// are not in its own shadow. What it shades lies behind one of these faces, and is hidden where the camera sees the face
-/// in front of it: a ground whose shadow falls on the soles that dip into it needs no shadow map.
+/// Whether a filled rectangle or box casts a visible shadow on anything but itself. It is convex, so that its lit faces are not
+/// in its own shadow. Everything that it shades lies behind one of these faces, and is hidden if the camera sees that face in
+/// front of it: a ground that shades the soles dipping into it needs no shadow map.
 fn shades_others(filled: &[DVec3; 4], own: &Aabb, to_light: DVec3, receivers: &[&Aabb], view: &View) -> bool {
     let faces = LitFace::of(filled, to_light);
     let hidden =
@@ -200,13 +200,14 @@ impl LitFace {
         (0..3).filter(|k| flat.is_none_or(|flat| flat == *k)).filter_map(face).collect()
     }
 
-    /// Heights of a box's vertices over a plane through a point of the face. What rounding may have moved counts as above.
+    /// Heights of a box's vertices over a plane through a point of the face, raised by the rounding error, so that a touching
+    /// vertex counts as above.
     fn heights(&self, b: &Aabb, normal: DVec3, through: DVec3) -> [f64; 8] {
         let rounding = 1e-5 * b.min.abs().max(b.max.abs()).max_element() as f64;
         b.corners().map(|c| normal.dot(c.as_dvec3() - through) + rounding)
     }
 
-    /// False if the box is beside what the face shades.
+    /// Whether the face can shade the box; false if the box lies beside its shadow.
     fn shades(&self, b: &Aabb, to_light: DVec3) -> bool {
         let [u, v] = self.sides;
         let side = |along: DVec3, out: DVec3| {
@@ -217,7 +218,7 @@ impl LitFace {
         planes.iter().all(|(normal, through)| self.heights(b, *normal, *through).iter().any(|h| *h < 0.0))
     }
 
-    /// Whether the face covers what is behind its plane.
+    /// Whether the face hides from the camera the part of the box behind its plane.
     fn hides_what_is_behind(&self, b: &Aabb, view: &View) -> bool {
         let corners = b.corners().map(|c| c.as_dvec3());
         let heights = self.heights(b, self.normal, self.center);
@@ -230,7 +231,7 @@ impl LitFace {
         behind.chain(crossing).all(|p| self.covers(p, view))
     }
 
-    /// Whether the camera sees the face in front of a point.
+    /// Whether the face hides a point from the camera.
     fn covers(&self, p: DVec3, view: &View) -> bool {
         // The direction from the point to the camera.
         let way = if view.eye.w == 0.0 { view.eye.truncate().as_dvec3() } else { -p };

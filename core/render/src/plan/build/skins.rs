@@ -16,17 +16,18 @@ pub(super) struct SkinMatrices {
     pub matrices: Vec<Affine3x4>,
     /// One for each joint, model-from-mesh, with dual-quaternion skinning; else empty.
     pub dual_quaternions: Vec<StretchedDualQuaternion>,
-    /// The file places the model several times: matrices lead to model space, and each copy has a transform from there.
+    /// Whether the file places the model several times. Matrices then lead to model space, and each copy has a transform from
+    /// there.
     pub placed: bool,
-    /// First entry in the plan's `joint_matrices`, once they are added.
+    /// Index of the first matrix in the plan's `joint_matrices`, once they are added.
     first_joint: Option<u32>,
 }
 
 impl SkinMatrices {
-    /// World · model-from-joint · inverse bind (glTF 2.0 §3.7.3.3), computed in f64.
+    /// Computes relative-from-model · model-from-joint · inverse bind (glTF 2.0 §3.7.3.3) in f64.
     pub fn new(relative_from_model: DAffine3, asset: &Asset, skin: u32, state: &ActorState) -> SkinMatrices {
         let placed = !asset.placements.is_empty();
-        // The places of the model are applied after the skin.
+        // Placements of the model are applied after the skin.
         let relative_from_model = if placed { DAffine3::IDENTITY } else { relative_from_model };
         let mut all = SkinMatrices {
             skin,
@@ -59,8 +60,8 @@ impl SkinMatrices {
 }
 
 impl Planner<'_> {
-    /// The determinant whose sign distinguishes a copy's front faces from its back faces, and whether all of its joints have that
-    /// sign.
+    /// The determinant whose sign distinguishes a copy's front faces from its back faces, and whether the determinants of all its
+    /// joints have that sign.
     pub(crate) fn handedness(
         &self,
         info: &PrimitiveInfo,
@@ -71,10 +72,10 @@ impl Planner<'_> {
             return (relative_from_mesh.determinant(), relative_from_mesh.determinant() != 0.0);
         };
         let skin = &self.skins[skin];
-        // If joints lead to model space, the transform of the place counts, too.
+        // If joints lead to model space, the transform of the placement counts, too.
         let place = if skin.placed { relative_from_mesh.determinant() } else { 1.0 };
         let used = || info.joint_bounds.iter().map(|(j, _)| skin.matrices[*j as usize].determinant() * place);
-        // The first joint in use that does not flatten.
+        // The first joint in use that is not singular.
         let first = used().find(|d| *d != 0.0).unwrap_or(1.0);
         (first, used().all(|d| d * first > 0.0))
     }
@@ -93,7 +94,7 @@ impl Planner<'_> {
     }
 }
 
-/// Inverse bind matrix of a skin's joint.
+/// Inverse bind matrix of a joint of a skin.
 pub(crate) fn bind_of(skin: &Skin, joint: usize) -> DAffine3 {
     let bind = skin.inverse_bind.get(joint).copied().unwrap_or(glam::Mat4::IDENTITY);
     DAffine3 {

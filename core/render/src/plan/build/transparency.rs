@@ -1,8 +1,8 @@
 //! Whether transparent surfaces can be sorted mesh by mesh, or must be depth-peeled pixel by pixel.
 //!
-//! Sorted, each copy is blended as a whole, by the depth of its bounds' center. That is right wherever a plane separates two
-//! copies and the nearer side is drawn later. It fails where they intersect, where the center of a large one is farther than its
-//! part in front of a small one, and within a surface that is not flat and shows both faces. Skinned, morphed and displaced
+//! Sorted, each copy is blended as a whole, by the depth of its bounds' center. This is correct if a plane separates each pair of
+//! copies and the nearer one is drawn later. It fails if two copies intersect, if a large copy reaches in front of a small one
+//! although its center is farther, and within a surface that is not flat and shows both faces. Skinned, morphed and displaced
 //! copies count by their deformed bounds, actor against actor.
 
 use crate::affine::Affine3x4;
@@ -23,11 +23,11 @@ const LAYERS_OF_LOOSE: u32 = 4;
 
 /// One transparent copy.
 pub(super) struct TransparentCopy {
-    /// Corners of its bounds, camera-relative: bits 0 to 2 of the index are x, y, z of the mesh.
+    /// Corners of a box around the copy, camera-relative: bits 0 to 2 of the index are x, y, z of the mesh.
     corners: [Vec3; 8],
-    /// The bounds are oriented with the copy.
+    /// Whether the box is oriented with the copy.
     rigid: bool,
-    /// Number of its surfaces that one ray meets, as far as known.
+    /// Largest number of the copy's surfaces along one ray, as far as known.
     layers: u32,
     actor: u32,
     /// Index among the actor's copies.
@@ -36,7 +36,8 @@ pub(super) struct TransparentCopy {
 }
 
 impl TransparentCopy {
-    /// Left, top, right and bottom in normalized device coordinates; everything if a corner is not in front of the camera.
+    /// Screen rectangle: left, top, right and bottom in normalized device coordinates. Everything if a corner is not in front of
+    /// the camera.
     fn on_screen(&self, clip_from_relative: &Mat4) -> [f32; 4] {
         let mut all = [f32::INFINITY, f32::INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY];
         for corner in self.corners {
@@ -61,7 +62,7 @@ impl TransparentCopy {
         [y.cross(z), z.cross(x), x.cross(y)].map(Vec3::normalize_or_zero)
     }
 
-    /// Smallest and largest height over a plane through the origin.
+    /// Smallest and largest height over a plane through the camera.
     fn span(&self, normal: Vec3) -> [f32; 2] {
         let heights = self.corners.map(|c| c.dot(normal));
         [
@@ -71,7 +72,7 @@ impl TransparentCopy {
     }
 }
 
-/// Whether `far` may be drawn before `near`: a plane separates them, and the camera is not on the far one's side.
+/// Whether `far` may be drawn before `near`: some plane separates them, and the camera is not on the side of `far`.
 fn in_order(far: &TransparentCopy, near: &TransparentCopy, eye: &Eye) -> bool {
     let faces = far.normals().into_iter().chain(near.normals());
     faces.chain([eye.forward]).filter(|n| *n != Vec3::ZERO).any(|n| {
@@ -90,7 +91,7 @@ struct Eye {
 }
 
 impl Eye {
-    /// Height over a plane through the origin; `None` if the camera lies in every plane of that normal.
+    /// Height over a plane with this normal through the origin; `None` if rays are parallel to the plane.
     fn height(&self, normal: Vec3) -> Option<f32> {
         match self.to_viewer.map(|to_viewer| to_viewer.dot(normal)) {
             None => Some(0.0),
@@ -113,19 +114,19 @@ impl Pairs<'_> {
         a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
     }
 
-    /// Copies that must be sorted are no reason to peel.
+    /// Whether a copy may request peeling: not if its transparency is set to sorted.
     fn may_peel(&self, i: usize) -> bool {
         self.copies[i].setting != Transparency::Sorted
     }
 
     fn sorting_fails(&self, i: usize, k: usize) -> bool {
         let (a, b) = (self.copies[i], self.copies[k]);
-        // Bounds of the skinned parts of one copy say too little.
+        // The parts of one skinned copy have loose bounds, which cannot prove that sorting fails.
         let distinct = (a.rigid && b.rigid) || (a.actor, a.copy) != (b.actor, b.copy);
         distinct && self.may_peel(i) && self.may_peel(k) && self.overlap(i, k) && !in_order(a, b, &self.eye)
     }
 
-    /// The largest number of layers over each other, and why sorting fails. `requested`: a cause that is known.
+    /// The largest number of overlapping layers, and why sorting fails. `requested`: a cause known already.
     fn layers(&self, requested: Option<PeelCause>) -> (u32, Option<PeelCause>) {
         let (mut cause, mut layers) = (requested, 1);
         let count = self.copies.len();
@@ -146,14 +147,14 @@ impl Pairs<'_> {
 }
 
 impl Planner<'_> {
-    /// Whether cut-outs of a surface keep samples (alpha to coverage).
+    /// Whether cut-outs of a surface use alpha to coverage.
     pub(crate) fn smooth_cutouts(&self, actor: usize, material: Option<u32>) -> bool {
         let (actor, settings) = (&self.stage.actors[actor], &self.stage.settings);
         self.options.samples > 1 && actor.cutouts(material, settings) == Cutouts::Smooth
     }
 
-    /// Adds a transparent copy and gives its index. `own`: bounds in mesh space and the transform from there, if it is rigid.
-    /// `of`: actor and copy, the asset's material.
+    /// Adds a transparent copy and returns its index. `own`: bounds in mesh space and the transform from there, for a rigid copy.
+    /// The last argument: actor and copy, and the asset's material.
     pub(crate) fn add_transparent(
         &mut self,
         bounds: Aabb,
@@ -182,7 +183,7 @@ impl Planner<'_> {
         self.transparent.len() as u32 - 1
     }
 
-    /// Whether to peel, and why; or why not. `first`: the first transparent item, of those sorted back to front.
+    /// Whether to peel, and why; or why not. `first`: index of the first transparent item.
     pub fn depth_peeling(&self, first: usize) -> Result<DepthPeeling, NotNeeded> {
         let items = &self.items[first..];
         if items.is_empty() {
