@@ -2,10 +2,8 @@
 
 use crate::commands::{Command, Recording};
 use crate::explain::{CostKind, Costs};
+use crate::vulkan::preskin::Job;
 use std::collections::BTreeSet;
-
-/// Size in bytes of the parameters of one pre-skinned mesh, as the compute shader reads them.
-const JOB_BYTES: u64 = 64;
 
 impl Costs<'_> {
     /// Adds the compute pass, its pipelines, and the buffers of its vertices.
@@ -31,7 +29,7 @@ impl Costs<'_> {
         }
         let bytes = recording.preskinned_bytes(self.resources);
         self.add(CostKind::FrameData, "pre-skinned vertices".into(), Some(bytes), requested_by.clone());
-        let bytes = JOB_BYTES * meshes as u64;
+        let bytes = (size_of::<Job>() * meshes) as u64;
         self.add(CostKind::FrameData, "parameters of pre-skinning".into(), Some(bytes), requested_by);
     }
 }

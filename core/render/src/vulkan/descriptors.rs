@@ -12,6 +12,31 @@ use ash::vk;
 use choreo_plugin::ImagePass;
 use std::collections::BTreeMap;
 
+const FRAGMENT: vk::ShaderStageFlags = vk::ShaderStageFlags::FRAGMENT;
+
+/// Bindings of the set with the shadow maps, the scene color copy, the sky, the 2D layers behind the scene and the peeled depth.
+const SHADOW_SET: [(u32, vk::DescriptorType, vk::ShaderStageFlags); 11] = [
+    (0, vk::DescriptorType::UNIFORM_BUFFER, FRAGMENT),
+    (1, vk::DescriptorType::SAMPLED_IMAGE, FRAGMENT),
+    (2, vk::DescriptorType::SAMPLER, FRAGMENT),
+    (3, vk::DescriptorType::SAMPLED_IMAGE, FRAGMENT),
+    (4, vk::DescriptorType::SAMPLER, FRAGMENT),
+    // Sky: uniform, maps, sampler of the maps, panorama.
+    (5, vk::DescriptorType::UNIFORM_BUFFER, FRAGMENT),
+    (6, vk::DescriptorType::SAMPLED_IMAGE, FRAGMENT),
+    (7, vk::DescriptorType::SAMPLER, FRAGMENT),
+    (8, vk::DescriptorType::SAMPLED_IMAGE, FRAGMENT),
+    // 2D layers behind the scene.
+    (9, vk::DescriptorType::SAMPLED_IMAGE, FRAGMENT),
+    // Depths of the peeled layer before.
+    (10, vk::DescriptorType::SAMPLED_IMAGE, FRAGMENT),
+];
+
+/// Number of sampled images that are bound for fragment shaders of surfaces beside the textures of the material.
+pub(super) fn images_beside_material() -> u32 {
+    SHADOW_SET.iter().filter(|(_, kind, _)| *kind == vk::DescriptorType::SAMPLED_IMAGE).count() as u32
+}
+
 /// Descriptor sets of scene pipelines: 0 per frame; 1 morph offsets of a primitive; 2 shadow maps, scene color copy, sky; 3 per
 /// material. Set 3 is last because its layout differs with the textures that a shader reads and must not disturb the other sets.
 /// A full-screen pass has only set 0.
@@ -95,23 +120,7 @@ impl Layouts {
         let made = (|| {
             layouts.frame = create(gpu, "frame set layout", &frame)?;
             layouts.morphs = create(gpu, "morph set layout", &[(0, T::STORAGE_BUFFER, poses)])?;
-            let shadow = [
-                (0, T::UNIFORM_BUFFER, fragment),
-                (1, T::SAMPLED_IMAGE, fragment),
-                (2, T::SAMPLER, fragment),
-                (3, T::SAMPLED_IMAGE, fragment),
-                (4, T::SAMPLER, fragment),
-                // Sky: uniform, maps, sampler of the maps, panorama.
-                (5, T::UNIFORM_BUFFER, fragment),
-                (6, T::SAMPLED_IMAGE, fragment),
-                (7, T::SAMPLER, fragment),
-                (8, T::SAMPLED_IMAGE, fragment),
-                // 2D layers behind the scene.
-                (9, T::SAMPLED_IMAGE, fragment),
-                // Depths of the peeled layer before.
-                (10, T::SAMPLED_IMAGE, fragment),
-            ];
-            layouts.shadow = create(gpu, "shadow set layout", &shadow)?;
+            layouts.shadow = create(gpu, "shadow set layout", &SHADOW_SET)?;
             layouts.post = create(gpu, "post set layout", &post)?;
             let posed = [(0, T::STORAGE_BUFFER, compute), (1, T::STORAGE_BUFFER, compute)];
             layouts.posed = create(gpu, "set layout of meshes to be pre-skinned", &posed)?;

@@ -1,16 +1,16 @@
 //! The number of textures that a material may have on this device, and the textures that are left out of materials with more.
 
 use super::VulkanRenderer;
+use super::descriptors::images_beside_material;
 use crate::commands::textures_beyond;
 use crate::scene_resources::material::MaterialResource;
 
 impl VulkanRenderer {
-    /// Largest number of textures of a material's shader on this device, beside five other images: the shadow maps, the scene
-    /// color copy, two of the sky, and the 2D layers behind the scene.
+    /// Largest number of textures of a material's shader on this device.
     pub(super) fn textures(&self) -> u32 {
         let limits = self.gpu.limits();
         let images = limits.max_per_stage_descriptor_sampled_images;
-        let room = images.min(limits.max_per_stage_descriptor_samplers).saturating_sub(5);
+        let room = images.min(limits.max_per_stage_descriptor_samplers).saturating_sub(images_beside_material());
         self.most_textures.map_or(room, |most| room.min(most))
     }
 

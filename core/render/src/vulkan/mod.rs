@@ -26,7 +26,7 @@ mod parts;
 mod peel;
 mod pipeline_ids;
 mod pipelines;
-mod preskin;
+pub(crate) mod preskin;
 mod resources;
 mod sampled_image;
 mod scene_color_copy;
