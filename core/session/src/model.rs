@@ -23,7 +23,7 @@ pub fn stage(asset: Arc<Asset>, clip: Option<&str>) -> Result<Stage, UnknownClip
         Some(name) => Some(find_clip(&asset, name)?.clone()),
     };
     let mut stage = Stage::default();
-    // Without motion the stage is one frame long.
+    // The stage is one frame long if nothing moves.
     stage.settings.length = stage.settings.fps.time_of(1);
     add(&mut stage, "model", asset, clip);
     Ok(stage)

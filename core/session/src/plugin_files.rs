@@ -221,7 +221,7 @@ fn places(named: &[PathBuf], inputs: &[&Path]) -> Result<Vec<PluginFolder>, Fold
         match folder.is_dir() {
             true => {}
             false if must_exist => return Err(FolderError::Missing { flag, folder }),
-            // Without installed plugins the folder need not exist, and its parent is not watched.
+            // The folder need not exist if no plugins are installed, and its parent is not watched.
             false => continue,
         }
         places.push(PluginFolder::new(&folder, "", FolderKind::Named));

@@ -148,7 +148,7 @@ impl<'a> ScriptObject<'a> {
     fn last_mention(&self) -> usize {
         let (text, depth) = (&self.text, self.depth());
         let Some(name) = self.variable.as_deref() else { return self.last_at };
-        // In another block the name may belong to something else.
+        // The name may belong to something else in another block.
         let is_called = |at: usize| {
             depth == 0
                 && text[text.skip(at + name.len())..].starts_with('.')

@@ -70,7 +70,7 @@ mod tests {
             ("2.0", "1.0, 2.0, 0.5", "1.0, 2.0, 0.5"),
             ("true", "2.0", "2.0"),
             ("\"1\", 2", "\"3.0\", 4.0", "\"3.0\", 4"),
-            // Without points the script would divide integers.
+            // The script would divide integers if the numbers had no points.
             ("2", "4.0 / 3.0", "4.0 / 3.0"),
             ("6 / 2", "9.0", "9.0"),
             ("6 / 2", "9.0 / 4.0", "9.0 / 4.0"),

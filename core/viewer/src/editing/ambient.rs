@@ -1,4 +1,4 @@
-//! Ambient light as the script states it: by its own call, else as an option of the stage.
+//! Ambient light as the script states it: by a call of its own, else as an option of the stage.
 
 use super::{EditError, FieldChange};
 use crate::app::Viewer;

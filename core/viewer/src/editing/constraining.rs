@@ -48,7 +48,7 @@ impl ConstraintCall {
     /// Offset of the target point from the joint: forward and up, in heights of the character.
     fn way(self) -> [f64; 2] {
         match self {
-            // Within the reach of a hanging arm.
+            // The point is within the reach of a hanging arm.
             ConstraintCall::Reach => [0.15, 0.1],
             ConstraintCall::LookAt | ConstraintCall::Aim => [0.6, 0.0],
         }

@@ -184,7 +184,7 @@ impl Viewer {
         let by = secs - bar.start.as_secs();
         let mut steps = self.move_steps(&layer, &|index| index == at, by)?;
         steps.push(self.time_step(bar, CueTime::FadeIn, overlap));
-        // On an upper layer a fade also sets the fade-out, so the former fade-out is stated.
+        // A fade on an upper layer also sets the fade-out, so the former fade-out is stated.
         let hands_over = layer.get(at + 1).is_some_and(|next| next.start <= bar.end);
         let is_upper = matches!(what, Selected::Cue { layer: 1.., .. });
         if is_upper && !hands_over && self.written(what, "fade_out").is_none() {

@@ -185,7 +185,7 @@ mod tests {
             slipped(&bar(length, strip), &strip, by)
         };
         for repeat in [Repeat::Once, Repeat::Loop, Repeat::PingPong] {
-            // Without a trim, and cut short by the end of the bar, the visible part keeps its length.
+            // The visible part of a clip without a trim, cut short by the end of the bar, keeps its length.
             assert_eq!(slip(1.0, [0.0, 3.0], 1.0, repeat, 0.25), Some([0.25, 3.0]));
             assert_eq!(slip(1.0, [0.0, 3.0], 1.0, repeat, 9.0), Some([2.0, 3.0]));
             assert_eq!(slip(1.0, [0.0, 3.0], 2.0, repeat, 9.0), Some([1.0, 3.0]));

@@ -65,7 +65,7 @@ pub fn moved(stage: &Stage, shown: &Snapshot, rig: &Rig, to: DVec3) -> Option<Ri
             let distance = offset.length();
             let elevation = libm::asin((offset.y / distance).clamp(-1.0, 1.0));
             let wanted = libm::atan2(offset.x, offset.z) - speed * shown.time.as_secs();
-            // Of equivalent azimuths, the one nearest to the stated azimuth.
+            // The equivalent azimuth that is nearest to the stated one.
             let turn = (wanted - azimuth + PI).rem_euclid(TAU) - PI;
             (distance > 0.0).then(|| Rig::Orbit {
                 target: *target,

@@ -26,7 +26,7 @@ pub struct Subject {
     pub file: PathBuf,
     /// Name of a clip in the file. `None`: the first clip, or the scene of a script.
     pub clip: Option<String>,
-    /// For a preview: name of the character that plays the clip, and the version of its scene.
+    /// Name of the character that plays the clip in a preview, and the version of its scene.
     pub on: Option<(String, u64)>,
 }
 

@@ -455,7 +455,7 @@ pub(super) fn of_field<T>(
         FieldValue::Vector(v) => v.to_array().to_vec(),
         FieldValue::Rotation(q) => euler_degrees_near(q, DVec3::ZERO).to_array().to_vec(),
         FieldValue::Pair(v) => v.to_array().to_vec(),
-        // Without keys the value is unknown.
+        // The value is unknown if there are no keys.
         FieldValue::Unset | FieldValue::Time(_) if channels.is_empty() => return None,
         FieldValue::Unset | FieldValue::Time(_) => Vec::new(),
     };

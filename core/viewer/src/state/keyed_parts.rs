@@ -80,7 +80,7 @@ pub(super) fn cue(what: &Selected, actor: &Actor, [layer, cue]: [usize; 2]) -> V
         let method = format!(".{name}");
         match Cue::field(name) {
             Some(field) => of_field(what, field, cue, &method, keys),
-            // Without keys the displayed time of the clip is unknown.
+            // The displayed time of the clip is unknown if there are no keys.
             None if keys.is_empty() => None,
             None => {
                 Some(KeyedProperty { unit: "s", range: [-1e6, 1e6], ..named(what, &method, keys, vec![0.0]) })

@@ -40,7 +40,7 @@ impl Orbit {
             }
             perspective => perspective,
         };
-        // For a camera that looks straight up or down, its right vector determines the azimuth.
+        // The right vector of a camera that looks straight up or down determines its azimuth.
         let level = DVec2::new(back.x, back.z).length() > 1e-6;
         let azimuth = match level {
             true => libm::atan2(back.x, back.z),
@@ -74,7 +74,7 @@ impl Orbit {
             Projection::Perspective { yfov, near, far } => {
                 Projection::Perspective { yfov, near: near.min(near_limit.max(1e-4)), far }
             }
-            // In parallel projection a shorter distance shows a smaller area.
+            // A shorter distance shows a smaller area in parallel projection.
             Projection::Orthographic { height, near, .. } => {
                 let height = (self.distance * f64::from(height)) as f32;
                 Projection::Orthographic { height, near, far: 10_000.0 }

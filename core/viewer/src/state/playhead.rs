@@ -107,7 +107,7 @@ impl Playhead {
 
     /// Starts playback. `now`: clock of the caller, seconds.
     pub fn play(&mut self, now: f64) {
-        // At the end, playback starts again from the beginning.
+        // Playback starts again from the beginning if the playhead is at the end.
         let (first, end) = self.ends();
         if self.time < first || self.fps.time_of(self.frame() + 1) >= end {
             self.time = first;

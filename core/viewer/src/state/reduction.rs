@@ -41,7 +41,7 @@ impl Reduction {
     /// Records a displayed frame. `playing`: whether the next one should be its successor.
     pub fn shown(&mut self, frame: i64, playing: bool) {
         match (self.last, playing) {
-            // At the start of a loop the difference is negative.
+            // The difference is negative at the start of a loop.
             (Some(last), true) => self.dropped += (frame - last - 1).max(0),
             (None, true) => self.dropped = 0,
             (_, false) => {}

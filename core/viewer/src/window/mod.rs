@@ -85,7 +85,7 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     #[cfg(unix)]
     {
         let proxy = proxy.clone();
-        // Without the watcher the signal ends the program as usual.
+        // The signal ends the program as usual if it cannot be watched.
         let _ = termination::watch(move || drop(proxy.send_event(News::Close)));
     }
     let registry = program.registry.clone();
@@ -149,7 +149,7 @@ pub fn run(asked: ViewerOptions, program: &App) -> Result<(), ViewerError> {
     let ran = start::run(events, &mut app);
     app.remember();
     if let Err(error) = ran {
-        // After an error the objects of the window system can no longer be freed.
+        // The objects of the window system can no longer be freed after an error.
         #[cfg(target_os = "linux")]
         lost_display::leave(&error);
         #[cfg(not(target_os = "linux"))]
@@ -207,7 +207,7 @@ struct ViewerWindow {
     open: Option<Open>,
     /// Rendered frames that are not on the screen yet, by view.
     frames: BTreeMap<usize, Frame>,
-    /// Number of shader changes that the renderer was told to reload.
+    /// Number of shader changes that were passed on to the renderer.
     reloads: u64,
     clock: Instant,
     last_asked: Option<Instant>,

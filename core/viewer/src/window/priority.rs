@@ -13,7 +13,7 @@ pub(crate) fn after_the_window() {
 
 /// Lowers the priority of the calling thread.
 pub(crate) fn lower() {
-    // On Linux each thread has its own nice value. If it cannot be changed, all threads have equal priority.
+    // Each thread has its own nice value on Linux. If it cannot be changed, all threads have equal priority.
     #[cfg(target_os = "linux")]
     let _ = rustix::process::nice(STEPS);
 }
