@@ -729,7 +729,7 @@ fn materials(ui: &mut Ui, asset: &Asset) {
     });
 }
 
-/// List of joints with their rotations relative to the rest pose, degrees.
+/// List of joints: rotation angle from the rest pose in degrees, and position in model space.
 fn joints(ui: &mut Ui, asset: &Asset, state: &ActorState) {
     let count = asset.skeleton.len();
     if state.model_from_joint.len() < count {
